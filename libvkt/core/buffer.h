@@ -1,0 +1,48 @@
+// Memory that knows where it lives: host pages advised to be huge, device memory, or both, migrated on demand.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/view.h"
+
+#include <cstddef>
+#include <cstdint>
+
+namespace vkt {
+
+/// Owns bytes with up to two residencies. Reading on a device copies there if needed and keeps the other copy valid;
+/// writing invalidates the other. Moves are cheap; copies do not exist. Host memory is 64-byte aligned and comes in
+/// huge pages from 2 MiB up, because freshly touched 4 KiB pages cost more than most kernels.
+class Buffer {
+public:
+    Buffer() = default;
+    explicit Buffer(std::size_t bytes) { reserve(bytes); }
+    ~Buffer();
+    Buffer(Buffer&& other) noexcept;
+    Buffer& operator=(Buffer&& other) noexcept;
+    Buffer(Buffer const&) = delete;
+    Buffer& operator=(Buffer const&) = delete;
+
+    std::size_t bytes() const { return bytes_; }
+    /// Grows to at least `bytes`; contents are lost when it grows. Throws Error{resources}.
+    void reserve(std::size_t bytes);
+
+    std::byte* write(Space space);            ///< the memory there; other copies become stale
+    std::byte* update(Space space);           ///< like write, but present contents are brought along first
+    std::byte const* read(Space space);       ///< the contents there, migrated if they are elsewhere
+    bool resident(Space space) const { return space == Space::host ? host_valid_ : device_valid_; }
+
+private:
+    void release();
+    std::byte* memory(Space space);
+
+    std::byte* host_ = nullptr;
+    std::byte* device_ = nullptr;
+    std::size_t bytes_ = 0;
+    bool host_valid_ = false, device_valid_ = false;
+};
+
+/// Aligned, huge-page-advised host memory. Throws Error{resources} when there is none.
+std::byte* allocate_host(std::size_t bytes);
+void free_host(std::byte* data, std::size_t bytes);
+
+} // namespace vkt

@@ -1,0 +1,83 @@
+// Everything a stream says about a volume before its voxels: kind, extent, type, geometry, value map, history.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/geometry.h"
+#include "libvkt/core/types.h"
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+enum class Kind : std::uint8_t { structured, hierarchical };
+
+/// physical value = slope * stored value + intercept.
+struct ValueMap {
+    double slope = 1, intercept = 0;
+    double physical(double stored) const { return slope * stored + intercept; }
+    double stored(double physical) const { return (physical - intercept) / slope; }
+    friend bool operator==(ValueMap const&, ValueMap const&) = default;
+};
+
+/// One step of the past: the words of a command and what it read. A tree, since commands may have several inputs.
+struct History {
+    std::vector<std::string> command;
+    std::vector<History> inputs;
+    friend bool operator==(History const&, History const&) = default;
+};
+
+/// This volume is a part of a larger one: the whole's dims, where this part starts, and how much of it is halo.
+struct Part {
+    Index3 global_dims, offset, halo;
+    friend bool operator==(Part const&, Part const&) = default;
+};
+
+/// One brick of a hierarchical volume. lower counts cells of the finest level (level 0); a cell is 2^level of them wide.
+struct Brick {
+    Index3 lower;
+    Index3 dims;
+    int level = 0;
+
+    std::int64_t cell_width() const { return std::int64_t{1} << level; }
+    std::int64_t cells() const { return dims.x * dims.y * dims.z; }
+    friend bool operator==(Brick const&, Brick const&) = default;
+};
+
+struct Header {
+    Kind kind = Kind::structured;
+    Index3 dims{1, 1, 1}; ///< voxels; for hierarchical volumes the extent of the logical grid in finest cells
+    DataType dtype = DataType::uint8;
+    Geometry geometry;     ///< for hierarchical volumes that of the logical grid
+    ValueMap values;
+    std::string units;     ///< of the physical values, e.g. "HU"
+    std::map<std::string, std::string> attributes; ///< free key/value pairs that travel along
+    std::optional<Part> part;
+    std::optional<History> history;
+    std::int64_t brick_count = 0; ///< hierarchical: how many bricks follow
+    std::int64_t cell_count = 0;  ///< hierarchical: how many cells these bricks hold
+    int level_count = 0;          ///< hierarchical: 1 + coarsest level
+    bool dry_run = false;         ///< only the plan travels; no voxels follow
+    bool timing = false;          ///< stages downstream are asked to report their times
+
+    /// Voxels or cells that follow this header, and their bytes.
+    std::int64_t voxels() const { return kind == Kind::structured ? dims.x * dims.y * dims.z : cell_count; }
+    std::size_t bytes() const { return static_cast<std::size_t>(voxels()) * size_of(dtype); }
+    friend bool operator==(Header const&, Header const&) = default;
+};
+
+/// Largest extent along an axis and largest number of bytes a header may state: beyond them every reader refuses.
+inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
+
+/// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
+void check(Header const& header);
+
+std::string to_json(Header const& header);     ///< one object, two-space indent, fixed key order
+Header header_from_json(std::string_view text); ///< throws Error{data}; unknown keys are ignored
+
+/// The pipeline that a history tree describes, as a line a POSIX shell (with process substitution) runs.
+std::string history_as_shell(History const& history);
+
+} // namespace vkt

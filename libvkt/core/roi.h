@@ -1,0 +1,28 @@
+// Regions as users write them: "X0:X1,Y0:Y1,Z0:Z1", half-open, with edges, negatives, sizes and per cent.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/types.h"
+
+#include <array>
+#include <string>
+#include <string_view>
+
+namespace vkt {
+
+/// One range per axis. "" is the edge, "-3" counts from the end, "A:+N" is N voxels from A, "25%" is a share of the
+/// extent (rounded to the nearest voxel), a single "7" is the slice 7:8.
+struct Roi {
+    std::string text;
+    bool empty() const { return text.empty(); }
+    /// The box in a volume of these dims. Throws Error{usage} if it is malformed, empty, or leaves the volume.
+    Box resolve(Index3 dims) const;
+};
+
+/// The same in world coordinates: "X0:X1,Y0:Y1,Z0:Z1" in world units; voxels whose centres lie inside are taken.
+struct WorldRoi {
+    std::string text;
+    bool empty() const { return text.empty(); }
+};
+
+} // namespace vkt

@@ -1,0 +1,51 @@
+// Text helpers: joining values into messages, numbers that round-trip, sizes, nearest-name suggestions.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/types.h"
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vkt {
+
+std::string to_text(double value); ///< shortest decimal that reads back to the same double
+std::string to_text(float value);
+std::string to_text(std::int64_t value);
+std::string to_text(std::uint64_t value);
+std::string to_text(Index3 value);    ///< "x y z"
+std::string to_text(Vec3 value);      ///< "x y z"
+std::string to_text(Box const& box);  ///< "x0:x1,y0:y1,z0:z1"
+inline std::string to_text(int value) { return to_text(static_cast<std::int64_t>(value)); }
+inline std::string to_text(std::string_view value) { return std::string(value); }
+inline std::string to_text(char const* value) { return value; }
+inline std::string to_text(std::string const& value) { return value; }
+inline std::string to_text(DataType type) { return std::string(name_of(type)); }
+
+/// Concatenates the texts of its arguments.
+template <class... Args>
+std::string text(Args const&... args) {
+    std::string result;
+    (result.append(to_text(args)), ...);
+    return result;
+}
+
+std::string bytes_text(double bytes); ///< "12.0 MiB"
+std::string lower_case(std::string_view text);
+std::vector<std::string> split(std::string_view text, char separator);
+std::string join(std::vector<std::string> const& parts, std::string_view separator);
+/// Quotes a word for a POSIX shell if it needs quoting.
+std::string shell_quoted(std::string_view word);
+/// Splits like a POSIX shell does for words: quotes, backslashes, blanks. Throws Error{usage} on an open quote.
+std::vector<std::string> shell_words(std::string_view line);
+
+/// The candidate nearest to a word (edit distance at most a third of its length, at least 1), or empty.
+std::string nearest_name(std::string_view word, std::vector<std::string> const& candidates);
+
+/// Numbers must be consumed whole; throw Error{usage} naming the text. parse_size reads "512", "64KiB", "1.5G".
+double parse_double(std::string_view text);
+std::int64_t parse_integer(std::string_view text);
+std::uint64_t parse_size(std::string_view text);
+
+} // namespace vkt

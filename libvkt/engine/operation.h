@@ -1,0 +1,85 @@
+// The operation description: one class serves CLI, C API, dry run, streaming engine, CPU and GPU.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/header.h"
+#include "libvkt/core/parameters.h"
+#include "libvkt/core/view.h"
+#include "libvkt/engine/source.h"
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vkt {
+
+/// What an operation does to the lattice. The engine derives from it what may stream and how hierarchical volumes are
+/// treated: pointwise runs brick by brick, reductions weight by cell volume, the others say so when they cannot.
+enum class Shape : std::uint8_t {
+    source,        ///< no input
+    pointwise,     ///< output voxel depends on the input voxel(s) at its position
+    neighbourhood, ///< … on a box around its position (a halo)
+    geometric,     ///< moves voxels: crop, flip, resample
+    reduction,     ///< no output volume
+};
+
+/// All that is known before any voxel moves.
+struct Plan {
+    Header output;                    ///< ignored for reductions
+    Access access = Access::forward;  ///< random: ascending output slabs need input slabs in another order
+    bool scans = false;               ///< wants scan() over the whole input before the first run()
+    Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
+    double border_value = 0;             ///< stored value for Boundary::border
+    std::int64_t slab_hint = 0;       ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
+    std::string method;               ///< name of the chosen method, e.g. "direct FIR, radius 8"
+    bool exact = true;                ///< permutation, integer or correctly rounded result
+    double error_bound = 0;           ///< if not exact: bound (or estimate) of |error| as a share of the value range
+    bool error_is_estimate = false;
+    double cost = 1;                  ///< multiply-adds per output voxel, for --explain and --device auto
+    std::size_t state_bytes = 0;      ///< memory held besides slabs
+};
+
+/// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.
+struct Remark {
+    std::string message;
+    bool lossy = true;
+};
+
+/// One instance is configured once (parameters), planned per volume, and then run on regions, always from one thread at
+/// a time. Results must not depend on how the output is cut into regions.
+class Operation {
+public:
+    virtual ~Operation() = default;
+
+    virtual std::string_view name() const = 0;
+    virtual Shape shape() const = 0;
+    virtual int inputs() const { return shape() == Shape::source ? 0 : 1; }
+
+    /// Declares the parameters and binds them to members.
+    virtual void parameters(Parameters&) {}
+    /// Checks that need no input, right after parsing; throws Error{usage}.
+    virtual void check() const {}
+
+    /// Validates against the inputs' headers and describes the output; called once per volume, resets all state.
+    virtual Plan plan(std::span<Header const> inputs) = 0;
+    /// Input region that an output region needs; may reach outside the input, where the boundary rule fills it.
+    virtual Box footprint(Box const& output, int /*input*/) const { return output; }
+
+    /// First pass, if the plan asks for it: sees every slab of the input once, in z order, full rows and slices.
+    virtual void scan(ConstView /*slab*/, Execution const&) {}
+    virtual void scan_end() {}
+
+    /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
+    virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;
+
+    /// True if run() works on device memory.
+    virtual bool runs_on_gpu() const { return false; }
+    /// What was clipped, not a number, … in the volume just finished.
+    virtual std::vector<Remark> remarks() const { return {}; }
+};
+
+} // namespace vkt

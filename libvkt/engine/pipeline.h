@@ -1,0 +1,52 @@
+// The engine: chains operations onto sources, slides windows, fills borders, spools, prefetches, drains into sinks.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/volume.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/engine/source.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+/// Notices of the engine and remarks of operations go here: (stage, message, lossy).
+using Listener = std::function<void(std::string const& stage, std::string const& message, bool lossy)>;
+
+/// What a stage is to the engine besides its operation.
+struct StageInfo {
+    std::string name;                    ///< for messages: "vkt crop"
+    std::vector<std::string> words;      ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
+    Listener listener;                   ///< may be empty
+    std::function<void(Plan const&, std::vector<Header> const& inputs)> on_plan; ///< sees the plan of every volume; may be empty
+};
+
+/// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input
+/// cannot be read again. The operation must outlive the result.
+std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
+                               Execution const& execution, StageInfo info);
+
+/// Runs a reduction over the current volume of a source: plan, scan of every slab, scan_end, finish.
+void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info);
+
+/// Moves all volumes of a source into a sink and closes it. On failure the sink is told and nothing is closed.
+void drain(Source& source, Sink& sink, Execution const& execution);
+/// Moves the current volume only: begin, slabs, end.
+void drain_volume(Source& source, Sink& sink, Execution const& execution);
+
+/// Reads the rest of the current volume into memory and finishes it. Throws Error{resources} beyond the budget.
+Volume load(Source& source, Execution const& execution);
+/// A source over volumes in memory; random access, lends in place.
+std::unique_ptr<Source> volume_source(std::vector<Volume> volumes);
+/// Wraps a random-access or forward source so that a thread reads ahead within `needed` (the volume if empty).
+std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const& execution);
+/// Convenience for library users: applies one operation to volumes in memory.
+Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution);
+
+/// Slab height the engine uses for a volume: near 2 MiB, at least `hint`, within the memory budget.
+std::int64_t slab_height(Header const& header, std::int64_t hint, Execution const& execution);
+
+} // namespace vkt

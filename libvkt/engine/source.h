@@ -1,0 +1,63 @@
+// Source and Sink: where voxels come from and where they go, slab by slab. Files, pipes, operations are all of this shape.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/core/header.h"
+#include "libvkt/core/view.h"
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace vkt {
+
+/// Whether regions may be asked for in any order, or only with z moving forward (skipping is allowed, going back is not).
+enum class Access : std::uint8_t { forward, random };
+
+/// A sequence of volumes, each read region by region. Call order: next_volume, header, read…, finish, next_volume, …
+class Source {
+public:
+    virtual ~Source() = default;
+
+    /// Moves to the next volume; false when the sequence has ended properly. Must be called before header().
+    virtual bool next_volume() = 0;
+    virtual Header const& header() const = 0;
+    virtual Access access() const = 0;
+
+    /// Copies the voxels of out.box (inside the volume) to `out`, which lies in space().
+    virtual void read(AnyView out) = 0;
+    /// The region in place, if it happens to lie in memory as it is; valid until the next call. Never does work.
+    virtual std::optional<ConstView> borrow(Box const& /*region*/) { return std::nullopt; }
+    /// Slab height in which the source hands out slices most cheaply; 0 if all heights are alike.
+    virtual std::int64_t natural_slab() const { return 0; }
+    /// Where read() expects its output and borrow() hands it out.
+    virtual Space space() const { return Space::host; }
+
+    /// Consumes what is left of the current volume and proves that it is whole. Throws Error{data} otherwise.
+    virtual void finish() = 0;
+};
+
+/// Takes volumes slab by slab in z order. Call order: begin, (acquire, commit)…, end, begin, …, close.
+/// Destruction without close() discards everything that was not yet promised: no partial output remains.
+class Sink {
+public:
+    virtual ~Sink() = default;
+
+    virtual void begin(Header const& header) = 0;
+    /// Memory for the next slab: full rows and slices, z-ranges ascending without gaps. Blocks under back-pressure.
+    virtual AnyView acquire(Box const& slab) = 0;
+    /// The slab last acquired is complete.
+    virtual void commit() = 0;
+    /// The volume is complete.
+    virtual void end() = 0;
+    /// The sequence is complete: outputs appear under their final names.
+    virtual void close() = 0;
+    /// Slab height that the sink prefers; 0 if it has no preference.
+    virtual std::int64_t natural_slab() const { return 0; }
+    virtual Space space() const { return Space::host; }
+    /// Tells a reader downstream why no more will come. Files need nothing.
+    virtual void fail(std::string const& /*stage*/, std::string const& /*message*/) {}
+};
+
+} // namespace vkt

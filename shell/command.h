@@ -1,0 +1,111 @@
+// What a command is to the framework: help texts, parameters, and one of four shapes. Commands touch nothing else.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/core/parameters.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/source.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vkt::shell {
+
+/// A command line that help shows first and tests execute (with $DATA as the directory of sample volumes).
+struct Example {
+    std::string what;
+    std::string line;
+};
+
+struct Texts {
+    std::string summary;      ///< one sentence, capital first, full stop last
+    std::string description;  ///< paragraphs for help; may be empty
+    std::vector<Example> examples;
+};
+
+/// What a command's body may use besides its parameters and inputs.
+class Context {
+public:
+    virtual ~Context() = default;
+    virtual Execution const& execution() const = 0;
+    virtual StageInfo stage_info() const = 0; ///< name, history words and listener of this stage
+    virtual bool json() const = 0;            ///< --json was given
+    virtual bool quiet() const = 0;
+    virtual std::string const& output() const = 0; ///< -o, "-" by default
+    virtual bool force() const = 0;
+    /// Prints a report to standard output (or -o). The only way for a command to print.
+    virtual void print(std::string const& report) = 0;
+    /// One line on standard error, prefixed with the stage, unless --quiet.
+    virtual void note(std::string const& message) = 0;
+    /// Opens an input: any format, "-", FIFO or stream.
+    virtual std::unique_ptr<Source> open(std::string const& path) = 0;
+};
+
+/// Reads volumes and reports on them or turns them into something that is no volume.
+class Consumer {
+public:
+    virtual ~Consumer() = default;
+    virtual void parameters(Parameters&) {}
+    virtual void check() const {}
+    virtual int inputs() const { return 1; }
+    /// True if `--json` has a meaning. Adds the option.
+    virtual bool reports() const { return false; }
+    /// True if -o names a file that this command writes itself (picture, volume file). Adds -o and --force.
+    virtual bool writes() const { return false; }
+    /// Returns the exit code. Must finish() each volume that it reads; framework moves no volume itself.
+    virtual int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) = 0;
+};
+
+/// Opens something that yields volumes (read).
+class Opener {
+public:
+    virtual ~Opener() = default;
+    virtual void parameters(Parameters&) {}
+    virtual void check() const {}
+    virtual std::unique_ptr<Source> open(Context& context) = 0;
+};
+
+/// Does something else entirely (help, completion, pipe); gets its raw words.
+using Body = std::function<int(std::vector<std::string> const& words)>;
+
+struct Command {
+    Texts texts;
+    /// Exactly one of these is set. Makers, because each use (also within `vkt pipe`) needs its own parameters.
+    std::function<std::unique_ptr<Operation>()> operation;
+    std::function<std::unique_ptr<Consumer>()> consumer;
+    std::function<std::unique_ptr<Opener>()> opener;
+    Body body;
+    std::vector<std::pair<std::string, Command>> verbs; ///< sub-verbs: filter gaussian, make sphere
+};
+
+template <class T>
+Command operation_command(Texts texts) {
+    Command c;
+    c.texts = std::move(texts);
+    c.operation = [] { return std::make_unique<T>(); };
+    return c;
+}
+template <class T>
+Command consumer_command(Texts texts) {
+    Command c;
+    c.texts = std::move(texts);
+    c.consumer = [] { return std::make_unique<T>(); };
+    return c;
+}
+template <class T>
+Command opener_command(Texts texts) {
+    Command c;
+    c.texts = std::move(texts);
+    c.opener = [] { return std::make_unique<T>(); };
+    return c;
+}
+
+/// All commands by verb, in alphabetical order; generated at configure time from the files in commands/.
+std::vector<std::pair<std::string, Command>> const& commands();
+
+} // namespace vkt::shell

@@ -1,0 +1,34 @@
+# Common to all bats files: vkt on PATH, a scratch directory per test, sample data, short checks.
+VKT_ROOT="${VKT_ROOT:-$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)}"
+VKT_DATA="${VKT_DATA:-$VKT_ROOT/../shared/data}"
+export VKT_ROOT VKT_DATA
+bats_require_minimum_version 1.5.0
+
+setup() {
+    cd "$BATS_TEST_TMPDIR" || exit 1
+    command -v vkt >/dev/null || { echo "vkt is not on PATH" >&2; return 1; }
+    if declare -F setup_more >/dev/null; then setup_more; fi
+}
+
+# fails_with CODE TEXT COMMAND…: the command exits with the code, says TEXT on stderr, and nothing on stdout.
+fails_with() {
+    local code="$1" text="$2"
+    shift 2
+    run --separate-stderr "$@"
+    [ "$status" -eq "$code" ] || { echo "status $status, not $code; stderr: $stderr" >&2; return 1; }
+    [[ "$stderr" == *"$text"* ]] || { echo "stderr lacks '$text': $stderr" >&2; return 1; }
+    [ -z "$output" ] || { echo "stdout is not empty: $output" >&2; return 1; }
+}
+
+# needs_data FILE: skips, saying so, where the sample volumes are absent.
+needs_data() {
+    [ -e "$VKT_DATA/$1" ] || skip "sample volume $1 is absent (set VKT_DATA)"
+}
+
+# python_with MODULE…: the system's python has these modules, or the test is skipped with the reason.
+python_with() {
+    local module
+    for module in "$@"; do
+        /usr/bin/python3 -c "import $module" 2>/dev/null || skip "python3 has no $module"
+    done
+}
