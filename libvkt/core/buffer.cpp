@@ -1,0 +1,111 @@
+// Host pages in huge-page-advised mappings, device memory through the device runtime, migration between them.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/buffer.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/device.h"
+
+#include <cstdlib>
+#include <new>
+#include <sys/mman.h>
+#include <utility>
+
+namespace vkt {
+namespace {
+
+constexpr std::size_t huge_page = std::size_t{2} << 20;
+constexpr std::size_t alignment = 64;
+
+std::size_t rounded(std::size_t bytes, std::size_t unit) { return (bytes + unit - 1) / unit * unit; }
+
+[[noreturn]] void no_memory(std::size_t bytes) {
+    throw Error(ErrorKind::resources, text("cannot allocate ", bytes_text(static_cast<double>(bytes)), " of memory"));
+}
+
+} // namespace
+
+std::byte* allocate_host(std::size_t bytes) {
+    if (bytes == 0) bytes = 1;
+    if (bytes > (std::size_t{1} << 62)) no_memory(bytes);
+    if (bytes < huge_page) {
+        void* data = std::aligned_alloc(alignment, rounded(bytes, alignment));
+        if (data == nullptr) no_memory(bytes);
+        return static_cast<std::byte*>(data);
+    }
+    // Over-map and trim so that the block starts on a huge page; otherwise up to 2 MiB at either end fall back to 4 KiB.
+    std::size_t const size = rounded(bytes, huge_page);
+    void* const mapping = mmap(nullptr, size + huge_page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (mapping == MAP_FAILED) no_memory(bytes);
+    auto* const begin = static_cast<std::byte*>(mapping);
+    std::size_t const head = rounded(reinterpret_cast<std::uintptr_t>(begin), huge_page) - reinterpret_cast<std::uintptr_t>(begin);
+    if (head > 0) munmap(begin, head);
+    if (head < huge_page) munmap(begin + head + size, huge_page - head);
+    madvise(begin + head, size, MADV_HUGEPAGE);
+    return begin + head;
+}
+
+void free_host(std::byte* data, std::size_t bytes) {
+    if (data == nullptr) return;
+    if (bytes < huge_page)
+        std::free(data);
+    else
+        munmap(data, rounded(bytes, huge_page));
+}
+
+Buffer::~Buffer() { release(); }
+
+Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
+
+Buffer& Buffer::operator=(Buffer&& other) noexcept {
+    std::swap(host_, other.host_);
+    std::swap(device_, other.device_);
+    std::swap(bytes_, other.bytes_);
+    std::swap(host_valid_, other.host_valid_);
+    std::swap(device_valid_, other.device_valid_);
+    return *this;
+}
+
+void Buffer::release() {
+    free_host(host_, bytes_);
+    if (device_ != nullptr) device_free(device_);
+    host_ = device_ = nullptr;
+    host_valid_ = device_valid_ = false;
+}
+
+void Buffer::reserve(std::size_t bytes) {
+    if (bytes <= bytes_) return;
+    release();
+    bytes_ = bytes;
+}
+
+std::byte* Buffer::memory(Space space) {
+    if (space == Space::host) {
+        if (host_ == nullptr) host_ = allocate_host(bytes_);
+        return host_;
+    }
+    if (device_ == nullptr) device_ = device_allocate(bytes_ == 0 ? 1 : bytes_);
+    return device_;
+}
+
+std::byte* Buffer::write(Space space) {
+    std::byte* const data = memory(space);
+    host_valid_ = space == Space::host;
+    device_valid_ = space == Space::device;
+    return data;
+}
+
+std::byte const* Buffer::read(Space space) {
+    std::byte* const data = memory(space);
+    if (space == Space::device && !device_valid_ && host_valid_) copy_to_device(device_, host_, bytes_);
+    if (space == Space::host && !host_valid_ && device_valid_) copy_to_host(host_, device_, bytes_);
+    (space == Space::host ? host_valid_ : device_valid_) = true;
+    return data;
+}
+
+std::byte* Buffer::update(Space space) {
+    read(space);
+    return write(space);
+}
+
+} // namespace vkt

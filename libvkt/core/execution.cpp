@@ -1,0 +1,122 @@
+// What this machine offers: instruction sets, CPUs in the affinity mask, memory within the cgroup.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/execution.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/device.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+#include <sched.h>
+#include <string>
+#include <unistd.h>
+
+namespace vkt {
+namespace {
+
+std::optional<std::string> environment(char const* name) {
+    char const* const value = std::getenv(name);
+    if (value == nullptr || *value == 0) return std::nullopt;
+    return std::string(value);
+}
+
+/// A CPU quota of the cgroup in whole CPUs, or 0 for none.
+int quota_cpus() {
+    std::ifstream file("/sys/fs/cgroup/cpu.max");
+    double quota = 0;
+    double period = 0;
+    if (file >> quota >> period && period > 0) return std::max(1, static_cast<int>(quota / period));
+    return 0;
+}
+
+/// The tightest cgroup memory limit, or 0 for none.
+std::size_t cgroup_memory() {
+    for (char const* path : {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
+        std::ifstream file(path);
+        std::size_t limit = 0;
+        if (file >> limit && limit < (std::size_t{1} << 60)) return limit;
+    }
+    return 0;
+}
+
+std::optional<int> threads_from(char const* name) {
+    auto const value = environment(name);
+    if (!value) return std::nullopt;
+    // OMP_NUM_THREADS may be a list for nested regions; the first entry counts.
+    try {
+        std::int64_t const n = parse_integer(split(*value, ',').front());
+        if (n >= 1 && n <= 4096) return static_cast<int>(n);
+    } catch (Error const&) {
+    }
+    throw Error(ErrorKind::usage, text(name, "='", *value, "' is not a number of threads"));
+}
+
+} // namespace
+
+InstructionSet best_instruction_set() {
+    auto best = InstructionSet::baseline;
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) best = InstructionSet::avx2;
+    if (best == InstructionSet::avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd"))
+        best = InstructionSet::avx512;
+#endif
+    if (auto const asked = environment("VKT_INSTRUCTION_SET")) {
+        for (auto set : {InstructionSet::baseline, InstructionSet::avx2, InstructionSet::avx512})
+            if (*asked == name_of(set)) return std::min(best, set);
+        throw Error(ErrorKind::usage, text("VKT_INSTRUCTION_SET='", *asked, "' is not baseline, avx2 or avx512"));
+    }
+    return best;
+}
+
+std::string_view name_of(InstructionSet set) {
+    switch (set) {
+    case InstructionSet::avx2: return "avx2";
+    case InstructionSet::avx512: return "avx512";
+    case InstructionSet::baseline: break;
+    }
+    return "baseline";
+}
+
+int default_threads() {
+    for (char const* name : {"VKT_THREADS", "OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"})
+        if (auto const n = threads_from(name)) return *n;
+    cpu_set_t set;
+    int n = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
+    if (int const quota = quota_cpus(); quota > 0) n = std::min(n, quota);
+    return std::max(1, n);
+}
+
+std::size_t default_memory() {
+    if (auto const asked = environment("VKT_MEMORY")) return parse_size(*asked);
+    auto const pages = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PHYS_PAGES)));
+    auto const page = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PAGESIZE)));
+    std::size_t total = pages * page;
+    if (std::size_t const limit = cgroup_memory(); limit > 0) total = std::min(total, limit);
+    return total / 4; // stages of one pipeline share the machine
+}
+
+Execution default_execution() {
+    Execution execution;
+    execution.threads = default_threads();
+    execution.memory = default_memory();
+    execution.instructions = best_instruction_set();
+    execution.temporary_directory = environment("TMPDIR").value_or("/tmp");
+    return execution;
+}
+
+int gpu_count() { return device_count(); }
+
+bool built_with_cuda() {
+#ifdef VKT_CUDA
+    return true;
+#else
+    return false;
+#endif
+}
+
+} // namespace vkt

@@ -1,0 +1,115 @@
+// Parsing and resolving regions.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/roi.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <cmath>
+
+namespace vkt {
+namespace {
+
+char axis_name(int axis) { return "xyz"[axis]; }
+
+/// One bound: empty, integer, negative from the end, or per cent of the extent.
+std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty) {
+    if (word.empty()) return if_empty;
+    if (word.back() == '%') {
+        double const share = parse_double(word.substr(0, word.size() - 1));
+        if (!(share >= 0 && share <= 100)) throw Error(ErrorKind::usage, text("'", word, "' is not between 0% and 100%"));
+        return std::llround(share / 100 * static_cast<double>(n));
+    }
+    std::int64_t const value = parse_integer(word);
+    return word.front() == '-' ? n + value : value;
+}
+
+void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t& lower, std::int64_t& upper) {
+    std::size_t const colon = range.find(':');
+    if (colon == std::string_view::npos) {
+        if (range.empty()) {
+            lower = 0;
+            upper = n;
+            return;
+        }
+        lower = bound(range, n, 0);
+        upper = lower + 1;
+    } else {
+        std::string_view const end = range.substr(colon + 1);
+        lower = bound(range.substr(0, colon), n, 0);
+        if (!end.empty() && end.front() == '+') {
+            std::int64_t const size = bound(end.substr(1), n, 0);
+            if (size > max_roi_extent) throw Error(ErrorKind::usage, text("--roi ", range, " is out of range"));
+            upper = lower + size;
+        } else {
+            upper = bound(end, n, n);
+        }
+    }
+    if (lower < 0 || upper > n)
+        throw Error(ErrorKind::usage,
+                    text("--roi ", lower, ":", upper, " leaves the volume (", std::string(1, axis_name(axis)), " has ", n, " voxels)"));
+    if (upper <= lower)
+        throw Error(ErrorKind::usage, text("--roi ", lower, ":", upper, " is empty along ", std::string(1, axis_name(axis))),
+                    "ranges are half-open: 3:4 is one voxel");
+}
+
+} // namespace
+
+Box Roi::resolve(Index3 dims) const {
+    if (text.empty()) return box_of(dims);
+    auto const ranges = split(text, ',');
+    if (ranges.size() != 3)
+        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"), "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
+    return box;
+}
+
+Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
+    if (text.empty()) return box_of(dims);
+    auto const ranges = split(text, ',');
+    if (ranges.size() != 3)
+        throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"), "write X0:X1,Y0:Y1,Z0:Z1 in world units");
+    Vec3 corner[2];
+    bool open[2][3];
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const ends = split(ranges[static_cast<std::size_t>(axis)], ':');
+        if (ends.size() != 2) throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"));
+        for (int i = 0; i < 2; ++i) {
+            std::string const& end = ends[static_cast<std::size_t>(i)];
+            open[i][axis] = end.empty();
+            corner[i][axis] = end.empty() ? 0 : parse_double(end);
+        }
+    }
+    // The index box that encloses the world box: its eight corners, or the volume's edge where a bound is open.
+    constexpr double infinity = 1e300;
+    Vec3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};
+    for (int axis = 0; axis < 3; ++axis) {
+        if (!open[0][axis] && !open[1][axis]) continue;
+        // An open bound reaches beyond every voxel: take the extreme world coordinates of the volume's corners.
+        for (int c = 0; c < 8; ++c) {
+            Vec3 const index{(c & 1) != 0 ? static_cast<double>(dims.x) : -1.0, (c & 2) != 0 ? static_cast<double>(dims.y) : -1.0,
+                             (c & 4) != 0 ? static_cast<double>(dims.z) : -1.0};
+            double const w = index_to_world(geometry, index)[axis];
+            if (open[0][axis]) corner[0][axis] = c == 0 ? w : std::min(corner[0][axis], w);
+            if (open[1][axis]) corner[1][axis] = c == 0 ? w : std::max(corner[1][axis], w);
+        }
+    }
+    for (int c = 0; c < 8; ++c) {
+        Vec3 const index = world_to_index(geometry, {corner[c & 1].x, corner[(c >> 1) & 1].y, corner[(c >> 2) & 1].z});
+        for (int axis = 0; axis < 3; ++axis) {
+            low[axis] = std::min(low[axis], index[axis]);
+            high[axis] = std::max(high[axis], index[axis]);
+        }
+    }
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const n = static_cast<double>(dims[axis]);
+        box.lower[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(low[axis] - 1e-9), 0.0, n));
+        box.upper[axis] = static_cast<std::int64_t>(std::clamp(std::floor(high[axis] + 1e-9) + 1, 0.0, n));
+    }
+    if (box.empty()) throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not meet the volume"));
+    return box;
+}
+
+} // namespace vkt

@@ -1,0 +1,191 @@
+// Text helpers.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/text.h"
+
+#include "libvkt/core/error.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <numeric>
+
+namespace vkt {
+namespace {
+
+template <class T>
+std::string chars(T value) {
+    std::array<char, 40> buffer{};
+    auto const result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+    return {buffer.data(), result.ptr};
+}
+
+template <class T>
+T parse_whole(std::string_view word, char const* what) {
+    T value{};
+    std::string_view digits = word;
+    if (!digits.empty() && digits.front() == '+') digits.remove_prefix(1);
+    auto const result = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (digits.empty() || result.ec == std::errc::invalid_argument || result.ptr != digits.data() + digits.size())
+        throw Error(ErrorKind::usage, text("'", word, "' is not ", what));
+    if (result.ec == std::errc::result_out_of_range) throw Error(ErrorKind::usage, text("'", word, "' is out of range"));
+    return value;
+}
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+    std::vector<std::size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 1; i <= a.size(); ++i) {
+        std::size_t diagonal = row[0];
+        row[0] = i;
+        for (std::size_t j = 1; j <= b.size(); ++j) {
+            std::size_t const substitution = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+            diagonal = row[j];
+            row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitution});
+        }
+    }
+    return row.back();
+}
+
+} // namespace
+
+std::string to_text(double value) { return chars(value); }
+std::string to_text(float value) { return chars(value); }
+std::string to_text(std::int64_t value) { return chars(value); }
+std::string to_text(std::uint64_t value) { return chars(value); }
+std::string to_text(Index3 v) { return text(v.x, " ", v.y, " ", v.z); }
+std::string to_text(Vec3 v) { return text(v.x, " ", v.y, " ", v.z); }
+std::string to_text(Box const& b) {
+    return text(b.lower.x, ":", b.upper.x, ",", b.lower.y, ":", b.upper.y, ",", b.lower.z, ":", b.upper.z);
+}
+
+std::string bytes_text(double bytes) {
+    std::array const units{"B", "KiB", "MiB", "GiB", "TiB"};
+    std::size_t unit = 0;
+    while (bytes >= 1024 && unit + 1 < units.size()) {
+        bytes /= 1024;
+        ++unit;
+    }
+    std::array<char, 48> buffer{};
+    std::snprintf(buffer.data(), buffer.size(), unit == 0 ? "%.0f %s" : "%.1f %s", bytes, units[unit]);
+    return buffer.data();
+}
+
+std::string lower_case(std::string_view word) {
+    std::string result(word);
+    for (char& c : result) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c + 32 : c);
+    return result;
+}
+
+std::vector<std::string> split(std::string_view line, char separator) {
+    std::vector<std::string> parts;
+    std::size_t begin = 0;
+    for (std::size_t end = line.find(separator); end != std::string_view::npos; end = line.find(separator, begin)) {
+        parts.emplace_back(line.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    parts.emplace_back(line.substr(begin));
+    return parts;
+}
+
+std::string join(std::vector<std::string> const& parts, std::string_view separator) {
+    std::string result;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        if (i > 0) result.append(separator);
+        result.append(parts[i]);
+    }
+    return result;
+}
+
+std::string shell_quoted(std::string_view word) {
+    bool plain = !word.empty();
+    for (char c : word) {
+        bool const letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+        plain = plain && (letter || std::string_view("_-./:,+=%@").find(c) != std::string_view::npos);
+    }
+    if (plain) return std::string(word);
+    std::string quoted = "'";
+    for (char c : word) {
+        if (c == '\'')
+            quoted += "'\\''";
+        else
+            quoted += c;
+    }
+    return quoted + "'";
+}
+
+std::vector<std::string> shell_words(std::string_view line) {
+    std::vector<std::string> words;
+    std::string word;
+    bool in_word = false;
+    char quote = 0;
+    for (std::size_t i = 0; i < line.size(); ++i) {
+        char const c = line[i];
+        if (quote != 0) {
+            if (c == quote)
+                quote = 0;
+            else if (quote == '"' && c == '\\' && i + 1 < line.size())
+                word += line[++i];
+            else
+                word += c;
+        } else if (c == '\'' || c == '"') {
+            quote = c;
+            in_word = true;
+        } else if (c == '\\' && i + 1 < line.size()) {
+            word += line[++i];
+            in_word = true;
+        } else if (c == ' ' || c == '\t' || c == '\n') {
+            if (in_word) words.push_back(std::move(word));
+            word.clear();
+            in_word = false;
+        } else {
+            word += c;
+            in_word = true;
+        }
+    }
+    if (quote != 0) throw Error(ErrorKind::usage, text("missing closing ", std::string(1, quote), " in: ", line));
+    if (in_word) words.push_back(std::move(word));
+    return words;
+}
+
+std::string nearest_name(std::string_view word, std::vector<std::string> const& candidates) {
+    std::string best;
+    std::size_t best_distance = std::max<std::size_t>(1, word.size() / 3) + 1;
+    for (auto const& candidate : candidates) {
+        std::size_t const distance = edit_distance(word, candidate);
+        if (distance < best_distance) {
+            best_distance = distance;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+double parse_double(std::string_view word) {
+    double const value = parse_whole<double>(word, "a number");
+    if (std::isnan(value)) throw Error(ErrorKind::usage, text("'", word, "' is not a number"));
+    return value;
+}
+
+std::int64_t parse_integer(std::string_view word) { return parse_whole<std::int64_t>(word, "an integer"); }
+
+std::uint64_t parse_size(std::string_view word) {
+    std::size_t const end = word.find_first_not_of("0123456789.");
+    double const number = parse_double(word.substr(0, end));
+    std::string unit = lower_case(end == std::string_view::npos ? "" : word.substr(end));
+    if (!unit.empty() && unit.back() == 'b') unit.pop_back();
+    if (!unit.empty() && unit.back() == 'i') unit.pop_back();
+    double factor = 0;
+    if (unit.empty()) factor = 1;
+    if (unit == "k") factor = 1024.0;
+    if (unit == "m") factor = 1024.0 * 1024;
+    if (unit == "g") factor = 1024.0 * 1024 * 1024;
+    if (unit == "t") factor = 1024.0 * 1024 * 1024 * 1024;
+    double const bytes = number * factor;
+    if (factor == 0 || !(bytes >= 1) || bytes > 9e18)
+        throw Error(ErrorKind::usage, text("'", word, "' is not a size"), "write bytes or a unit: 512M, 2GiB");
+    return static_cast<std::uint64_t>(bytes);
+}
+
+} // namespace vkt
