@@ -183,7 +183,7 @@ EOF
     mkdir tmp
     export TMPDIR="$BATS_TEST_TMPDIR/tmp"
     mkfifo first second
-    { head -c 60000 stream.vkt; sleep 20; } >first &
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
     feeder=$!
     vkt filter gaussian --sigma 1 <first >second 2>/dev/null &
     victim=$!
@@ -193,7 +193,6 @@ EOF
     kill -9 $victim
     status=0
     wait $last || status=$?
-    pkill -P $feeder || true
     kill $feeder 2>/dev/null || true
     [ "$status" -eq 3 ]
     grep -q 'ended early' stderr
@@ -204,14 +203,13 @@ EOF
 @test "a killed writer leaves no file" {
     make_stream
     mkfifo first
-    { head -c 60000 stream.vkt; sleep 20; } >first &
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
     feeder=$!
     vkt write out/killed.nrrd <first 2>/dev/null &
     victim=$!
     sleep 0.5
     kill -9 $victim
     wait $victim || true
-    pkill -P $feeder || true
     kill $feeder 2>/dev/null || true
     [ -z "$(ls -A out)" ]
 }
@@ -220,7 +218,7 @@ EOF
     make_stream
     for signal in TERM HUP; do
         mkfifo first
-        { head -c 60000 stream.vkt; sleep 20; } >first &
+        { head -c 60000 stream.vkt; exec sleep 20; } >first &
         feeder=$!
         vkt write out/killed.nrrd <first 2>/dev/null &
         victim=$!
@@ -228,7 +226,6 @@ EOF
         kill -$signal $victim
         status=0
         wait $victim || status=$?
-        pkill -P $feeder || true
         kill $feeder 2>/dev/null || true
         [ "$status" -gt 128 ]
         [ -z "$(ls -A out)" ]
@@ -240,7 +237,7 @@ EOF
     make_stream
     ls -A /dev/shm | sort >before
     mkfifo first second
-    { head -c 60000 stream.vkt; sleep 20; } >first &
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
     feeder=$!
     vkt filter gaussian --sigma 1 --transport shm <first >second 2>/dev/null &
     victim=$!
@@ -249,7 +246,6 @@ EOF
     sleep 0.5
     kill -9 $victim
     wait $last || true
-    pkill -P $feeder || true
     kill $feeder 2>/dev/null || true
     ls -A /dev/shm | sort >after
     comm -13 before after | grep vkt >left || true
