@@ -34,6 +34,8 @@ struct Plan {
     bool scans = false;               ///< wants scan() over the whole input before the first run()
     Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
     double border_value = 0;             ///< stored value for Boundary::border
+    /// Output voxel p is input voxel p + shift, bit for bit (crop, header edits): the engine hands the input through.
+    std::optional<Index3> shift;
     std::int64_t slab_hint = 0;       ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
     std::string method;               ///< name of the chosen method, e.g. "direct FIR, radius 8"
     bool exact = true;                ///< permutation, integer or correctly rounded result
@@ -58,6 +60,8 @@ public:
     virtual std::string_view name() const = 0;
     virtual Shape shape() const = 0;
     virtual int inputs() const { return shape() == Shape::source ? 0 : 1; }
+    /// Paths of the inputs, for operations that take them among their own arguments; otherwise the framework asks.
+    virtual std::vector<std::string> input_names() const { return {}; }
 
     /// Declares the parameters and binds them to members.
     virtual void parameters(Parameters&) {}

@@ -16,18 +16,29 @@ namespace vkt {
 /// Notices of the engine and remarks of operations go here: (stage, message, lossy).
 using Listener = std::function<void(std::string const& stage, std::string const& message, bool lossy)>;
 
+/// Where a stage's time goes, in seconds, and what it moved.
+struct StageTimes {
+    double compute = 0;    ///< in Operation::run and scan
+    double input = 0;      ///< waiting for and copying input
+    std::int64_t voxels = 0;
+};
+
 /// What a stage is to the engine besides its operation.
 struct StageInfo {
     std::string name;                    ///< for messages: "vkt crop"
     std::vector<std::string> words;      ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
     Listener listener;                   ///< may be empty
     std::function<void(Plan const&, std::vector<Header> const& inputs)> on_plan; ///< sees the plan of every volume; may be empty
+    std::shared_ptr<StageTimes> times;   ///< filled in if set
 };
 
 /// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input
 /// cannot be read again. The operation must outlive the result.
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info);
+
+/// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.
+void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times);
 
 /// Runs a reduction over the current volume of a source: plan, scan of every slab, scan_end, finish.
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info);
@@ -41,7 +52,7 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution);
 Volume load(Source& source, Execution const& execution);
 /// A source over volumes in memory; random access, lends in place.
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes);
-/// Wraps a random-access or forward source so that a thread reads ahead within `needed` (the volume if empty).
+/// Wraps a random-access source so that a thread reads ahead, slab by slab, within what the consumer expects.
 std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const& execution);
 /// Convenience for library users: applies one operation to volumes in memory.
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution);

@@ -29,6 +29,8 @@ public:
     virtual void read(AnyView out) = 0;
     /// The region in place, if it happens to lie in memory as it is; valid until the next call. Never does work.
     virtual std::optional<ConstView> borrow(Box const& /*region*/) { return std::nullopt; }
+    /// The consumer will ask for nothing outside this region of the current volume: a chance to read ahead.
+    virtual void expect(Box const& /*region*/) {}
     /// Slab height in which the source hands out slices most cheaply; 0 if all heights are alike.
     virtual std::int64_t natural_slab() const { return 0; }
     /// Where read() expects its output and borrow() hands it out.

@@ -1,0 +1,63 @@
+// One operation as a source: plans per volume, fetches footprints through windows, spools where it must, runs.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/spool.h"
+#include "libvkt/engine/window.h"
+
+namespace vkt {
+
+class Link : public Source {
+public:
+    Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution, StageInfo info);
+
+    bool next_volume() override;
+    Header const& header() const override { return plan_.output; }
+    Access access() const override;
+    void read(AnyView out) override;
+    std::optional<ConstView> borrow(Box const& region) override;
+    void expect(Box const& region) override;
+    std::int64_t natural_slab() const override;
+    Space space() const override { return execution_.space(); }
+    void finish() override;
+
+private:
+    /// An input as the operation sees it: the source itself, or a spool of its current volume.
+    class Input : public Source {
+    public:
+        explicit Input(std::unique_ptr<Source> source) : source_(std::move(source)) {}
+        bool next_volume() override;
+        Header const& header() const override { return source_->header(); }
+        Access access() const override { return spool_ ? Access::random : source_->access(); }
+        void read(AnyView out) override;
+        std::optional<ConstView> borrow(Box const& region) override;
+        void expect(Box const& region) override;
+        std::int64_t natural_slab() const override { return source_->natural_slab(); }
+        Space space() const override { return spool_ ? Space::host : source_->space(); }
+        void finish() override;
+        void spool(Execution const& execution, StageInfo const& info);
+
+        Window window;
+
+    private:
+        std::unique_ptr<Source> source_;
+        std::unique_ptr<Spool> spool_;
+    };
+
+    void plan_volume();
+    void scan();
+    void run(AnyView out);
+    ConstView fetch(std::size_t i, Box const& footprint);
+    Box moved(Box const& region) const { return {region.lower + *plan_.shift, region.upper + *plan_.shift}; }
+
+    std::vector<std::unique_ptr<Input>> inputs_;
+    Operation& operation_;
+    Execution requested_, execution_;
+    StageInfo info_;
+    Plan plan_;
+    Buffer staging_;
+    bool generated_ = false; ///< a source operation yields exactly one volume
+};
+
+} // namespace vkt

@@ -1,0 +1,122 @@
+// Sliding windows.
+// SPDX-License-Identifier: MIT
+#include "libvkt/engine/window.h"
+
+#include "libvkt/kernel/border.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace vkt {
+
+ConstView Window::fetch(Source& source, Box const& region, Execution const& execution) {
+    Box kept{};
+    bool const same_columns = held_.lower.x == region.lower.x && held_.upper.x == region.upper.x &&
+                              held_.lower.y == region.lower.y && held_.upper.y == region.upper.y;
+    if (same_columns) kept = intersect(held_, region);
+    if (kept.empty()) kept = {region.lower, {region.upper.x, region.upper.y, region.lower.z}};
+    shift_to(region, kept, execution.space());
+
+    // Slices inside the volume that are new, below and above those kept.
+    std::int64_t const first = std::max<std::int64_t>(region.lower.z, 0);
+    std::int64_t const last = std::min(region.upper.z, rule_.volume_dims.z);
+    if (kept.lower.z == kept.upper.z) {
+        read_slices(source, first, last, execution);
+    } else {
+        read_slices(source, first, std::min(kept.lower.z, last), execution);
+        read_slices(source, std::max(kept.upper.z, first), last, execution);
+    }
+    fill_outer_slices(source, kept.lower.z, kept.upper.z, execution);
+    held_ = region;
+    return whole_;
+}
+
+void Window::shift_to(Box const& region, Box const& kept, Space space) {
+    Index3 const n = region.dims();
+    std::size_t const size = size_of(rule_.type);
+    std::size_t const bytes = static_cast<std::size_t>(n.x * n.y * n.z) * size;
+    bool const keep = kept.lower.z < kept.upper.z;
+    if (keep && bytes <= buffer_.bytes() && space == Space::host) {
+        // Whole slices: one move of contiguous memory.
+        std::size_t const slice = static_cast<std::size_t>(n.x * n.y) * size;
+        std::byte* const data = buffer_.update(space);
+        std::memmove(data + static_cast<std::size_t>(kept.lower.z - region.lower.z) * slice,
+                     data + static_cast<std::size_t>(kept.lower.z - held_.lower.z) * slice,
+                     static_cast<std::size_t>(kept.upper.z - kept.lower.z) * slice);
+    } else if (keep) {
+        spare_.reserve(bytes);
+        AnyView const next = dense_view(spare_.write(space), rule_.type, region, space);
+        Execution on{};
+        on.device = space == Space::device ? Device::gpu : Device::cpu;
+        copy_region(whole_.part(kept), next.part(kept), on);
+        std::swap(buffer_, spare_);
+    } else {
+        buffer_.reserve(bytes);
+    }
+    whole_ = dense_view(keep ? buffer_.update(space) : buffer_.write(space), rule_.type, region, space);
+}
+
+void Window::read_slices(Source& source, std::int64_t z0, std::int64_t z1, Execution const& execution) {
+    if (z0 >= z1) return;
+    Box slices = whole_.box;
+    slices.lower.z = z0;
+    slices.upper.z = z1;
+    Box const inside = intersect(slices, box_of(rule_.volume_dims));
+    read_part(source, inside, z0, execution);
+    if (!(inside == slices))
+        fill_border(view(slices), inside, rule_.volume_dims, rule_.boundary, rule_.border_value, execution);
+}
+
+/// Reads `part` of the source to the window's slices that begin at target_z.
+void Window::read_part(Source& source, Box const& part, std::int64_t target_z, Execution const& execution) {
+    Box target = part;
+    target.lower.z = target_z;
+    target.upper.z = target_z + part.dims().z;
+    AnyView const to = view(target).moved_to(part.lower);
+    if (source.space() == to.space) {
+        if (auto const lent = source.borrow(part))
+            copy_region(*lent, to, execution);
+        else
+            source.read(to);
+        return;
+    }
+    staging_.reserve(to.bytes());
+    AnyView const staged = dense_view(staging_.write(source.space()), rule_.type, part, source.space());
+    source.read(staged);
+    copy_region(staged, to, execution);
+}
+
+/// Slices of the window that lie below or above the volume and were not kept.
+void Window::fill_outer_slices(Source& source, std::int64_t kept0, std::int64_t kept1, Execution const& execution) {
+    Box const region = whole_.box;
+    for (std::int64_t z = region.lower.z; z < region.upper.z; ++z) {
+        if (z >= 0 && z < rule_.volume_dims.z) {
+            z = rule_.volume_dims.z - 1;
+            continue;
+        }
+        if (z >= kept0 && z < kept1) continue;
+        Box slice = region;
+        slice.lower.z = z;
+        slice.upper.z = z + 1;
+        std::int64_t const from = fold(z, rule_.volume_dims.z, rule_.boundary);
+        if (from >= region.lower.z && from < region.upper.z) {
+            Box twin = slice;
+            twin.lower.z = from;
+            twin.upper.z = from + 1;
+            copy_region(view(twin), view(slice).moved_to(twin.lower), execution);
+            continue;
+        }
+        Box inside{};
+        if (from >= 0) {
+            inside = intersect({{region.lower.x, region.lower.y, from}, {region.upper.x, region.upper.y, from + 1}},
+                               box_of(rule_.volume_dims));
+            read_part(source, inside, z, execution);
+            inside.lower.z = z;
+            inside.upper.z = z + 1;
+        }
+        fill_border(view(slice), inside, rule_.volume_dims, rule_.boundary, rule_.border_value, execution);
+    }
+}
+
+} // namespace vkt

@@ -1,0 +1,43 @@
+// A sliding, padded copy of a source's region: keeps the slices it shares with the last request, fills borders.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/engine/source.h"
+
+namespace vkt {
+
+/// How a window continues outside its volume, and where it lies.
+struct WindowRule {
+    Index3 volume_dims;
+    DataType type = DataType::uint8;
+    Boundary boundary = Boundary::clamp;
+    double border_value = 0;
+};
+
+/// Regions that reach outside the volume are filled by the boundary rule here and nowhere else: kernels test no border.
+class Window {
+public:
+    /// Forgets what it holds (a new volume begins).
+    void reset(WindowRule const& rule) {
+        rule_ = rule;
+        held_ = {};
+    }
+    /// A view that covers `region`, read from the source (slices already held are not read again).
+    ConstView fetch(Source& source, Box const& region, Execution const& execution);
+
+private:
+    void shift_to(Box const& region, Box const& kept, Space space);
+    void read_slices(Source& source, std::int64_t z0, std::int64_t z1, Execution const& execution);
+    void read_part(Source& source, Box const& part, std::int64_t target_z, Execution const& execution);
+    void fill_outer_slices(Source& source, std::int64_t kept0, std::int64_t kept1, Execution const& execution);
+    AnyView view(Box const& part) const { return whole_.part(part); }
+
+    WindowRule rule_;
+    Buffer buffer_, spare_, staging_;
+    AnyView whole_;
+    Box held_; ///< what the window holds, borders included
+};
+
+} // namespace vkt
