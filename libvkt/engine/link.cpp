@@ -148,6 +148,7 @@ void Link::plan_volume() {
 void Link::scan() {
     Input& input = *inputs_.front();
     scan_volume(input, operation_, requested_, info_.times.get());
+    operation_.after_scan(plan_.output);
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }
 
