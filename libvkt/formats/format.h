@@ -103,15 +103,21 @@ public:
 
     int descriptor() const { return descriptor_; }
     std::string const& path() const { return path_; }
+    /// Pipes, devices and standard output are written as they are: there is nothing to replace and nothing to seek in.
+    bool in_place() const { return in_place_; }
     void write(void const* data, std::size_t n); ///< all of it, or Error{io} with the reason (disk full, …)
+    void write_at(std::int64_t position, void const* data, std::size_t n); ///< not if in_place()
     void commit();
 
 private:
+    void open_temporary();
+
     std::string path_;
-    std::string temporary_; ///< empty for an unnamed file or standard output
+    std::string temporary_; ///< empty for an unnamed file
     bool force_ = false;
-    bool to_stdout_ = false;
+    bool in_place_ = false;
     int descriptor_ = -1;
+    int slot_ = -1; ///< where a temporary name is remembered for signal handlers
 };
 
 } // namespace vkt

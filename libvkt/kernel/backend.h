@@ -33,7 +33,8 @@
 #define VKT_DEVICE
 #endif
 
-#if defined(__x86_64__)
+// Defined by the build where the other instruction sets are compiled too.
+#ifdef VKT_X86_BACKENDS
 #define VKT_IN_X86_BACKENDS(...)                                                                                       \
     namespace avx2 {                                                                                                   \
     __VA_ARGS__;                                                                                                       \

@@ -1,0 +1,12 @@
+// Every format that is built in; format.cpp lists them in the order in which contents are tried.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/formats/format.h"
+
+namespace vkt {
+
+Format nrrd_format();
+Format raw_format();
+
+} // namespace vkt

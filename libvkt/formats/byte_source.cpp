@@ -1,0 +1,197 @@
+// Sequential and positioned reading of one descriptor, with look-ahead so that pipes can be sniffed.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/formats/system_error.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vkt {
+
+namespace {
+
+constexpr std::size_t look_ahead = std::size_t{16} << 10;
+constexpr std::size_t longest_line = std::size_t{1} << 20;
+/// Linux moves at most this much per call; asking for more is not an error, but short.
+constexpr std::size_t largest_read = std::size_t{1} << 30;
+
+std::size_t read_some(int descriptor, void* to, std::size_t n, std::string const& name) {
+    for (;;) {
+        ssize_t const got = ::read(descriptor, to, std::min(n, largest_read));
+        if (got >= 0) return static_cast<std::size_t>(got);
+        if (errno != EINTR) throw system_error(text("cannot read '", name, "'"));
+    }
+}
+
+} // namespace
+
+ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descriptor), name_(std::move(name)) {
+    struct stat status {};
+    if (::fstat(descriptor_, &status) != 0) return;
+    off_t const here = ::lseek(descriptor_, 0, SEEK_CUR);
+    if (here < 0) return;
+    if (S_ISREG(status.st_mode)) {
+        // Files of the kernel (/proc, /sys) claim to be empty; reading to the end is right for them and for empty
+        // files.
+        if (status.st_size > 0) size_ = status.st_size;
+    } else if (S_ISBLK(status.st_mode)) {
+        off_t const end = ::lseek(descriptor_, 0, SEEK_END);
+        if (end > 0 && ::lseek(descriptor_, here, SEEK_SET) == here) size_ = end;
+    }
+    // A shell may hand over a file that others have read from: `{ head -1; vkt read -; } < file`.
+    if (size_ >= 0) position_ = here;
+}
+
+ByteSource::~ByteSource() {
+    if (descriptor_ > STDERR_FILENO) {
+        ::close(descriptor_);
+    } else if (descriptor_ >= 0) {
+        // A standard descriptor must not become the next file that is opened.
+        int const null = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+        if (null >= 0) {
+            ::dup2(null, descriptor_);
+            ::close(null);
+        }
+    }
+}
+
+std::span<std::byte const> ByteSource::peek(std::size_t n) {
+    while (ahead_.size() - ahead_begin_ < n) {
+        if (ahead_begin_ > 0) {
+            ahead_.erase(ahead_.begin(), ahead_.begin() + static_cast<std::ptrdiff_t>(ahead_begin_));
+            ahead_begin_ = 0;
+        }
+        // Takes whatever is there up to a block, but waits for no more than was asked.
+        std::size_t const held = ahead_.size();
+        ahead_.resize(std::max(n, held + look_ahead));
+        std::size_t got = 0;
+        try {
+            got = read_some(descriptor_, ahead_.data() + held, ahead_.size() - held, name_);
+        } catch (...) {
+            ahead_.resize(held);
+            throw;
+        }
+        ahead_.resize(held + got);
+        if (got == 0) break;
+    }
+    std::size_t const count = std::min(n, ahead_.size() - ahead_begin_);
+    return {ahead_.data() + ahead_begin_, count};
+}
+
+std::size_t ByteSource::read(void* to, std::size_t n) {
+    std::size_t done = std::min(n, ahead_.size() - ahead_begin_);
+    if (done > 0) {
+        std::memcpy(to, ahead_.data() + ahead_begin_, done);
+        ahead_begin_ += done;
+        if (ahead_begin_ == ahead_.size()) {
+            ahead_.clear();
+            ahead_begin_ = 0;
+        }
+    }
+    while (done < n) {
+        std::size_t const got = read_some(descriptor_, static_cast<std::byte*>(to) + done, n - done, name_);
+        if (got == 0) break;
+        done += got;
+    }
+    position_ += static_cast<std::int64_t>(done);
+    return done;
+}
+
+void ByteSource::read_exactly(void* to, std::size_t n) {
+    std::size_t const got = read(to, n);
+    if (got < n)
+        throw Error(ErrorKind::data, text("'", name_, "' ended early: ", bytes_text(static_cast<double>(got)), " of ",
+                                          bytes_text(static_cast<double>(n)), " were there"));
+}
+
+std::optional<std::string> ByteSource::read_line() {
+    std::string line;
+    for (;;) {
+        std::span<std::byte const> const head = peek(1);
+        if (head.empty()) {
+            if (line.empty()) return std::nullopt;
+            break;
+        }
+        char const* const begin = reinterpret_cast<char const*>(ahead_.data() + ahead_begin_);
+        std::size_t const count = ahead_.size() - ahead_begin_;
+        void const* const newline = std::memchr(begin, '\n', count);
+        std::size_t const taken = newline ? static_cast<std::size_t>(static_cast<char const*>(newline) - begin) : count;
+        if (line.size() + taken > longest_line)
+            throw Error(ErrorKind::data, text("'", name_, "': a header line is longer than 1 MiB"));
+        line.append(begin, taken);
+        ahead_begin_ += taken + (newline ? 1 : 0);
+        position_ += static_cast<std::int64_t>(taken) + (newline ? 1 : 0);
+        if (newline) break;
+    }
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    return line;
+}
+
+void ByteSource::skip(std::int64_t n) {
+    std::int64_t left = n;
+    std::int64_t const held = std::min<std::int64_t>(left, static_cast<std::int64_t>(ahead_.size() - ahead_begin_));
+    ahead_begin_ += static_cast<std::size_t>(held);
+    position_ += held;
+    left -= held;
+    if (left == 0) return;
+    if (seekable()) {
+        if (left > size_ - position_)
+            throw Error(ErrorKind::data, text("'", name_, "' ended early: it has ", size_, " bytes"));
+        if (::lseek(descriptor_, left, SEEK_CUR) < 0) throw system_error(text("cannot seek in '", name_, "'"));
+        position_ += left;
+        return;
+    }
+    std::vector<std::byte> waste(static_cast<std::size_t>(std::min<std::int64_t>(left, 1 << 20)));
+    while (left > 0) {
+        std::size_t const want = static_cast<std::size_t>(std::min<std::int64_t>(left, std::ssize(waste)));
+        std::size_t const got = read(waste.data(), want);
+        if (got < want) throw Error(ErrorKind::data, text("'", name_, "' ended early after ", position_, " bytes"));
+        left -= static_cast<std::int64_t>(got);
+    }
+}
+
+void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
+    std::size_t done = 0;
+    while (done < n) {
+        ssize_t const got = ::pread(descriptor_, static_cast<std::byte*>(to) + done, std::min(n - done, largest_read),
+                                    position + static_cast<std::int64_t>(done));
+        if (got < 0) {
+            if (errno == EINTR) continue;
+            throw system_error(text("cannot read '", name_, "'"));
+        }
+        if (got == 0)
+            throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),
+                                              " bytes needed, ", position + static_cast<std::int64_t>(done), " there"));
+        done += static_cast<std::size_t>(got);
+    }
+}
+
+std::vector<std::byte> ByteSource::take_lookahead() {
+    std::vector<std::byte> rest(ahead_.begin() + static_cast<std::ptrdiff_t>(ahead_begin_), ahead_.end());
+    position_ += std::ssize(rest);
+    ahead_.clear();
+    ahead_begin_ = 0;
+    return rest;
+}
+
+std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
+    bool const standard_input = path == "-";
+    int const descriptor = standard_input ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    std::string const name = standard_input ? "standard input" : path;
+    if (descriptor < 0) throw system_error(text("cannot open '", name, "'"));
+    auto bytes = std::make_unique<ByteSource>(descriptor, name);
+    struct stat status {};
+    if (::fstat(descriptor, &status) != 0) throw system_error(text("cannot open '", name, "'"));
+    if (S_ISDIR(status.st_mode))
+        throw Error(ErrorKind::io, text("cannot read '", name, "': it is a directory"), "name a file in it");
+    return bytes;
+}
+
+} // namespace vkt

@@ -1,0 +1,40 @@
+// Deflate compression on the way to a file, on several threads, with the same bytes for any number of them.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/error.h"
+#include "libvkt/formats/format.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace vkt {
+
+/// Writes one gzip member (RFC 1952) or zlib stream (RFC 1950). The input is cut into blocks of fixed size, each
+/// compressed on its own with the 32 KiB before it as dictionary and joined on byte boundaries, so that the bytes
+/// depend neither on the sizes of write() nor on the number of threads.
+class DeflateWriter {
+public:
+    enum class Wrapper : std::uint8_t { gzip, zlib };
+
+    DeflateWriter(OutputFile& file, Wrapper wrapper);
+    void write(std::byte const* data, std::size_t n);
+    void finish();                                          ///< writes what is held and the checksum
+    std::int64_t bytes_written() const { return written_; } ///< compressed, wrapper included
+
+private:
+    void compress(bool last);
+    void put(void const* data, std::size_t n);
+
+    OutputFile& file_;
+    Wrapper wrapper_;
+    int threads_;
+    std::vector<std::byte> held_; ///< dictionary_ bytes that are written already, then whole and partial blocks
+    std::size_t dictionary_ = 0;
+    unsigned long checksum_;
+    std::uint64_t read_ = 0;
+    std::int64_t written_ = 0;
+};
+
+} // namespace vkt

@@ -1,0 +1,99 @@
+// Which format a file has, and which one it shall get.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/format.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+
+namespace vkt {
+
+namespace {
+
+constexpr std::size_t head_bytes = 4096;
+
+/// The format with the longest extension that `name` ends in.
+Format const* by_name(std::string const& name) {
+    std::string const lower = lower_case(name);
+    Format const* best = nullptr;
+    std::size_t longest = 0;
+    for (auto const& format : formats())
+        for (auto const& extension : format.extensions)
+            if (lower.size() > extension.size() && lower.ends_with(extension) && extension.size() > longest) {
+                best = &format;
+                longest = extension.size();
+            }
+    return best;
+}
+
+Format const& by_format_name(std::string const& name) {
+    std::vector<std::string> names;
+    for (auto const& format : formats()) {
+        if (format.name == lower_case(name)) return format;
+        names.push_back(format.name);
+    }
+    std::string const near = nearest_name(lower_case(name), names);
+    throw Error(ErrorKind::usage, text("'", name, "' is not a format; known are ", join(names, " ")),
+                near.empty() ? "" : text("did you mean '", near, "'?"));
+}
+
+/// The user describes bare voxels; that beats what the bytes look like.
+bool describes_raw(ReadOptions const& options) {
+    return options.dims || options.dtype || options.skip != 0 || options.big_endian;
+}
+
+std::string writable_extensions() {
+    std::vector<std::string> all;
+    for (auto const& format : formats())
+        if (format.create) all.insert(all.end(), format.extensions.begin(), format.extensions.end());
+    return join(all, " ");
+}
+
+} // namespace
+
+std::vector<Format> const& formats() {
+    static std::vector<Format> const list{nrrd_format(), raw_format()};
+    return list;
+}
+
+std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    Format const* format = nullptr;
+    if (!options.format.empty()) {
+        format = &by_format_name(options.format);
+        if (!format->open) throw Error(ErrorKind::usage, text("format ", format->name, " can only be written"));
+        if (format->name != "raw" && describes_raw(options))
+            throw Error(ErrorKind::usage, text("dims, dtype, skip and endian describe raw files, not ", format->name));
+    } else if (describes_raw(options)) {
+        format = &by_format_name("raw");
+    } else {
+        auto const head = bytes->peek(head_bytes);
+        for (auto const& candidate : formats())
+            if (candidate.open && candidate.recognise && candidate.recognise(head)) {
+                format = &candidate;
+                break;
+            }
+        // A file whose name promises a format that would have been recognised is damaged: its reader says how.
+        if (!format) format = by_name(bytes->name());
+        if (!format || !format->open) {
+            if (head.empty()) throw Error(ErrorKind::data, text("'", bytes->name(), "' is empty"));
+            throw Error(ErrorKind::data, text("'", bytes->name(), "' has no format that vkt knows"),
+                        "for bare voxels say --dims X Y Z --dtype TYPE");
+        }
+    }
+    if (options.spacing && format->name != "raw")
+        throw Error(ErrorKind::usage, text("'", bytes->name(), "' states its spacing"),
+                    text("change it afterwards: vkt set --spacing ", options.spacing->x, ",", options.spacing->y, ",",
+                         options.spacing->z));
+    return format->open(std::move(bytes), options);
+}
+
+std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const& options) {
+    Format const* const format = options.format.empty() ? by_name(path) : &by_format_name(options.format);
+    if (!format)
+        throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
+                    text("say --format, or use one of ", writable_extensions()));
+    if (!format->create) throw Error(ErrorKind::usage, text("format ", format->name, " can only be read"));
+    return format->create(path, options);
+}
+
+} // namespace vkt

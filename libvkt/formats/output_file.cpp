@@ -1,0 +1,217 @@
+// Files that appear whole or not at all: unnamed until committed where the file system can, else under a temporary
+// name. SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/formats/system_error.h"
+#include "libvkt/formats/temporaries.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <random>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vkt {
+
+namespace {
+
+constexpr int slots = 64;
+/// The names outlive every object, since a signal may come between any two instructions.
+std::array<std::atomic<char*>, slots> temporaries{};
+
+std::string directory_of(std::string const& path) {
+    std::size_t const slash = path.rfind('/');
+    if (slash == std::string::npos) return ".";
+    return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+std::string file_of(std::string const& path) {
+    std::size_t const slash = path.rfind('/');
+    return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+/// A name in the directory of `path` that no other process and no other call uses.
+std::string temporary_name(std::string const& path) {
+    std::random_device random;
+    std::array<char, 17> nonce{};
+    std::snprintf(nonce.data(), nonce.size(), "%08x%08x", random(), random());
+    // The name may not exceed the longest that file systems take.
+    return text(directory_of(path), "/.", file_of(path).substr(0, 200), ".vkt-", static_cast<std::int64_t>(::getpid()),
+                "-", nonce.data());
+}
+
+std::string unnamed_link(int descriptor) { return text("/proc/self/fd/", descriptor); }
+
+Error exists_already(std::string const& path) {
+    return Error(ErrorKind::io, text("cannot write '", path, "': the file exists"), "overwrite it with --force");
+}
+
+/// Pipes, terminals and devices have no contents to protect: they are written in place.
+bool written_in_place(struct stat const& status, bool force) {
+    return S_ISFIFO(status.st_mode) || S_ISCHR(status.st_mode) || S_ISSOCK(status.st_mode) ||
+           (S_ISBLK(status.st_mode) && force);
+}
+
+/// Gives `from` its final name unless that is taken; false if the file system has no way to link.
+bool link_without_overwriting(std::string const& from, std::string const& to, bool unnamed) {
+    if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), unnamed ? AT_SYMLINK_FOLLOW : 0) == 0) return true;
+    if (errno == EEXIST) throw exists_already(to);
+    if (unnamed || (errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS && errno != EMLINK))
+        throw system_error(text("cannot write '", to, "'"));
+    return false;
+}
+
+} // namespace
+
+int remember_temporary(std::string const& path) {
+    char* const copy = ::strdup(path.c_str());
+    if (!copy) return -1;
+    for (int i = 0; i < slots; ++i) {
+        char* expected = nullptr;
+        if (temporaries[static_cast<std::size_t>(i)].compare_exchange_strong(expected, copy)) return i;
+    }
+    std::free(copy);
+    return -1;
+}
+
+void forget_temporary(int slot) {
+    if (slot >= 0) std::free(temporaries[static_cast<std::size_t>(slot)].exchange(nullptr));
+}
+
+void remove_temporaries() noexcept {
+    for (auto& slot : temporaries)
+        if (char const* const path = slot.load()) ::unlink(path);
+}
+
+OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), force_(force) {
+    if (path_ == "-") {
+        in_place_ = true;
+        descriptor_ = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
+        if (descriptor_ < 0) throw system_error("cannot write standard output");
+        if (::isatty(descriptor_)) {
+            ::close(descriptor_);
+            throw Error(ErrorKind::usage, "refusing to write binary data to the terminal",
+                        "name a file, or pipe into another command");
+        }
+        return;
+    }
+    if (path_.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");
+    struct stat status {};
+    if (::stat(path_.c_str(), &status) == 0) {
+        if (S_ISDIR(status.st_mode))
+            throw Error(ErrorKind::io, text("cannot write '", path_, "': it is a directory"), "name a file in it");
+        if (written_in_place(status, force_)) {
+            in_place_ = true;
+            descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
+            if (descriptor_ < 0) throw system_error(text("cannot write '", path_, "'"));
+            return;
+        }
+        if (!force_) throw exists_already(path_);
+    }
+    open_temporary();
+}
+
+void OutputFile::open_temporary() {
+    std::string const directory = directory_of(path_);
+    if (::access("/proc/self/fd", X_OK) == 0) {
+        descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+        if (descriptor_ >= 0) return;
+    }
+    // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
+    temporary_ = temporary_name(path_);
+    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) {
+        int const code = errno;
+        std::string hint;
+        if (code == ENOENT) hint = text("make the directory '", directory, "' first");
+        throw system_error(text("cannot write '", path_, "'"), code, hint);
+    }
+    slot_ = remember_temporary(temporary_);
+}
+
+OutputFile::~OutputFile() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+    forget_temporary(slot_);
+}
+
+void OutputFile::write(void const* data, std::size_t n) {
+    std::byte const* next = static_cast<std::byte const*>(data);
+    while (n > 0) {
+        ssize_t const done = ::write(descriptor_, next, std::min(n, std::size_t{1} << 30));
+        if (done < 0) {
+            if (errno == EINTR) continue;
+            throw system_error(path_ == "-" ? "cannot write standard output" : text("cannot write '", path_, "'"));
+        }
+        next += done;
+        n -= static_cast<std::size_t>(done);
+    }
+}
+
+void OutputFile::write_at(std::int64_t position, void const* data, std::size_t n) {
+    std::byte const* next = static_cast<std::byte const*>(data);
+    while (n > 0) {
+        ssize_t const done = ::pwrite(descriptor_, next, n, position);
+        if (done < 0) {
+            if (errno == EINTR) continue;
+            throw system_error(text("cannot write '", path_, "'"));
+        }
+        next += done;
+        position += done;
+        n -= static_cast<std::size_t>(done);
+    }
+}
+
+void OutputFile::commit() {
+    if (in_place_) {
+        int const descriptor = std::exchange(descriptor_, -1);
+        if (::close(descriptor) != 0) throw system_error(text("cannot write '", path_, "'"));
+        return;
+    }
+    bool const unnamed = temporary_.empty();
+    if (!unnamed) {
+        // Network file systems tell about a full disk only here, so before the name is given away.
+        int const descriptor = std::exchange(descriptor_, -1);
+        if (::close(descriptor) != 0) throw system_error(text("cannot write '", path_, "'"));
+    }
+    std::string const from = unnamed ? unnamed_link(descriptor_) : temporary_;
+    if (!force_) {
+        if (!link_without_overwriting(from, path_, unnamed) &&
+            ::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
+            if (errno == EEXIST) throw exists_already(path_);
+            if (errno != EINVAL && errno != ENOSYS) throw system_error(text("cannot write '", path_, "'"));
+            // A file system with neither links nor exclusive renaming: look before renaming is the best there is.
+            if (::access(path_.c_str(), F_OK) == 0) throw exists_already(path_);
+            if (::rename(from.c_str(), path_.c_str()) != 0) throw system_error(text("cannot write '", path_, "'"));
+        }
+    } else {
+        // An existing file is replaced in one step: named aside first, then renamed over it.
+        std::string aside = temporary_;
+        if (unnamed) {
+            aside = temporary_name(path_);
+            if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, aside.c_str(), AT_SYMLINK_FOLLOW) != 0)
+                throw system_error(text("cannot write '", path_, "'"));
+        }
+        if (::rename(aside.c_str(), path_.c_str()) != 0) {
+            Error const error = system_error(text("cannot write '", path_, "'"));
+            ::unlink(aside.c_str());
+            throw error;
+        }
+    }
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+    if (!temporary_.empty()) {
+        ::unlink(temporary_.c_str());
+        temporary_.clear();
+    }
+}
+
+} // namespace vkt

@@ -1,0 +1,123 @@
+// Bare voxels: dims and type stand in the name, as in the Open SciVis data sets, or come from the user.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/encode.h"
+#include "libvkt/formats/raw_name.h"
+#include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/slab_sink.h"
+
+#include <charconv>
+#include <optional>
+#include <vector>
+
+namespace vkt {
+
+namespace {
+
+/// "64x32x16"; nullopt if the word is anything else.
+std::optional<Index3> parse_extents(std::string_view word) {
+    Index3 dims;
+    char const* next = word.data();
+    char const* const end = next + word.size();
+    for (int axis = 0; axis < 3; ++axis) {
+        if (axis > 0 && (next == end || (*next++ | 0x20) != 'x')) return std::nullopt;
+        auto const result = std::from_chars(next, end, dims[axis]);
+        if (result.ec != std::errc{} || dims[axis] < 1) return std::nullopt;
+        next = result.ptr;
+    }
+    return next == end ? std::optional(dims) : std::nullopt;
+}
+
+std::optional<DataType> parse_type(std::string_view word) {
+    if (word.empty() || word.size() > 8) return std::nullopt;
+    try {
+        return parse_data_type(word);
+    } catch (Error const&) {
+        return std::nullopt;
+    }
+}
+
+bool is_gzip(std::string const& name) { return lower_case(name).ends_with(".gz"); }
+
+std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    RawName const name = parse_raw_name(bytes->name());
+    RawLayout layout;
+    if (!options.dims && !name.dims)
+        throw Error(ErrorKind::usage, text("'", bytes->name(), "': dims are unknown"),
+                    "say --dims X Y Z --dtype TYPE, or name it like engine_256x256x128_uint8.raw");
+    if (!options.dtype && !name.dtype)
+        throw Error(ErrorKind::usage, text("'", bytes->name(), "': the data type is unknown"),
+                    "say --dtype TYPE, or name it like engine_256x256x128_uint8.raw");
+    if (options.skip < 0) throw Error(ErrorKind::usage, text("cannot skip ", options.skip, " bytes"));
+    layout.header.dims = options.dims ? *options.dims : *name.dims;
+    layout.header.dtype = options.dtype ? *options.dtype : *name.dtype;
+    if (options.spacing) layout.header.geometry.spacing = *options.spacing;
+    layout.encoding = is_gzip(bytes->name()) ? Encoding::deflate : Encoding::raw;
+    layout.byte_skip = options.skip;
+    layout.big_endian = options.big_endian;
+    layout.exact = true;
+    return raw_source(std::move(bytes), std::move(layout));
+}
+
+class RawWriter : public VolumeWriter {
+public:
+    RawWriter(std::string const& path, WriteOptions const& options) : file_(path, options.force) {
+        if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip);
+    }
+    void begin(Header const& header) override {
+        if (header.kind != Kind::structured)
+            throw Error(ErrorKind::usage, "a raw file cannot hold bricks", "make a grid of them first: vkt resample");
+        if (begun_ && (header.dims != dims_ || header.dtype != dtype_))
+            throw Error(ErrorKind::usage, "a raw file cannot hold volumes of different dims or types");
+        dims_ = header.dims;
+        dtype_ = header.dtype;
+        begun_ = true;
+    }
+    void write(std::byte const* voxels, std::size_t n) override {
+        if (deflate_)
+            deflate_->write(voxels, n);
+        else
+            file_.write(voxels, n);
+    }
+    void close() override {
+        if (deflate_) deflate_->finish();
+        file_.commit();
+    }
+
+private:
+    OutputFile file_;
+    std::optional<DeflateWriter> deflate_;
+    Index3 dims_;
+    DataType dtype_ = DataType::uint8;
+    bool begun_ = false;
+};
+
+std::unique_ptr<Sink> create_raw(std::string const& path, WriteOptions const& options) {
+    return slab_sink(std::make_unique<RawWriter>(path, options));
+}
+
+} // namespace
+
+RawName parse_raw_name(std::string_view path) {
+    RawName result;
+    std::size_t const slash = path.rfind('/');
+    std::string_view const name = slash == std::string_view::npos ? path : path.substr(slash + 1);
+    constexpr std::string_view separators = "_-. ,()[]";
+    for (std::size_t begin = 0; begin < name.size();) {
+        std::size_t const end = std::min(name.find_first_of(separators, begin), name.size());
+        std::string_view const word = name.substr(begin, end - begin);
+        // The last word of its kind wins: a name may begin with anything.
+        if (auto const dims = parse_extents(word)) result.dims = dims;
+        if (auto const type = parse_type(word)) result.dtype = type;
+        begin = end + 1;
+    }
+    return result;
+}
+
+Format raw_format() {
+    return {"raw", "bare voxels, little-endian, x fastest", {".raw", ".raw.gz"}, nullptr, open_raw, create_raw};
+}
+
+} // namespace vkt

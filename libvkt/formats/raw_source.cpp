@@ -1,0 +1,330 @@
+// Regions out of files of plain or encoded voxels.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/raw_source.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/system_error.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <limits>
+
+#include <sys/stat.h>
+
+namespace vkt {
+
+namespace {
+
+/// Rows are read together with what lies between them if that is less than this: a call costs as much as 8 KiB of
+/// copying.
+constexpr std::int64_t cheap_gap = 4096;
+/// Rows that are read together come in pieces that stay in the cache.
+constexpr std::int64_t piece = std::int64_t{256} << 10;
+/// What is skipped in a stream is read into a block of this size.
+constexpr std::int64_t waste_block = std::int64_t{128} << 10;
+
+template <class T> void swap_all(std::byte* data, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) {
+        T value;
+        std::memcpy(&value, data + i * sizeof(T), sizeof(T));
+        if constexpr (sizeof(T) == 2)
+            value = __builtin_bswap16(value);
+        else if constexpr (sizeof(T) == 4)
+            value = __builtin_bswap32(value);
+        else
+            value = __builtin_bswap64(value);
+        std::memcpy(data + i * sizeof(T), &value, sizeof(T));
+    }
+}
+
+std::int64_t product(std::int64_t a, std::int64_t b, std::string const& name) {
+    std::int64_t result = 0;
+    if (__builtin_mul_overflow(a, b, &result) || result < 0)
+        throw Error(ErrorKind::data, text("'", name, "' claims more bytes than any file can have"));
+    return result;
+}
+
+class RawSource : public Source {
+public:
+    RawSource(std::unique_ptr<ByteSource> bytes, RawLayout layout);
+
+    bool next_volume() override;
+    Header const& header() const override { return layout_.header; }
+    Access access() const override { return random_ ? Access::random : Access::forward; }
+    void read(AnyView out) override;
+    void finish() override;
+
+private:
+    std::size_t file_count() const { return std::max<std::size_t>(layout_.files.size(), 1); }
+    std::string const& file_name(std::size_t i) const { return layout_.files.empty() ? name_ : layout_.files[i]; }
+    bool all_regular() const;
+    void check_sizes();
+    void check_size(std::string const& name, std::int64_t available) const;
+    void open(std::size_t file);
+    void start_stream(std::size_t file);
+    void end_stream();
+    void fetch(std::int64_t position, std::byte* to, std::int64_t n);
+    void fetch_random(std::int64_t position, std::byte* to, std::int64_t n);
+    void fetch_forward(std::int64_t position, std::byte* to, std::int64_t n);
+    void advance(std::byte* to, std::int64_t n);
+    void skip_to(std::int64_t position);
+    void read_rows(AnyView const& out, std::int64_t z);
+    void order_bytes(AnyView const& out) const;
+    [[noreturn]] void ended_early(std::int64_t got) const;
+
+    RawLayout layout_;
+    std::string name_;
+    std::unique_ptr<ByteSource> bytes_; ///< the file that is open now; at first the one that holds the header
+    std::unique_ptr<ByteStream> stream_;
+    std::int64_t volume_bytes_ = 0, share_ = 0; ///< bytes of one volume, and of all volumes in one file
+    std::int64_t index_ = -1;                   ///< of the current volume
+    std::int64_t position_ = 0;                 ///< forward: decoded bytes consumed since the first voxel
+    std::size_t open_file_ = std::numeric_limits<std::size_t>::max();
+    std::int64_t offset_ = 0; ///< random: of the first voxel in the open file
+    bool random_ = false;
+    std::vector<std::byte> scratch_;
+};
+
+RawSource::RawSource(std::unique_ptr<ByteSource> bytes, RawLayout layout)
+    : layout_(std::move(layout)), name_(bytes->name()), bytes_(std::move(bytes)) {
+    check(layout_.header);
+    if (layout_.volumes < 1 || layout_.line_skip < 0 || layout_.byte_skip < -1)
+        throw Error(ErrorKind::data, text("'", name_, "': a negative count in the header"));
+    if (layout_.byte_skip == -1 && layout_.encoding != Encoding::raw)
+        throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs plain raw data"));
+    volume_bytes_ = static_cast<std::int64_t>(layout_.header.bytes());
+    std::int64_t const total = product(volume_bytes_, layout_.volumes, name_);
+    if (total % static_cast<std::int64_t>(file_count()) != 0)
+        throw Error(ErrorKind::data, text("'", name_, "': the voxels cannot be shared out evenly among ",
+                                          static_cast<std::int64_t>(file_count()), " files"));
+    share_ = total / static_cast<std::int64_t>(file_count());
+    random_ = layout_.encoding == Encoding::raw && (layout_.files.empty() ? bytes_->seekable() : all_regular());
+    if (layout_.byte_skip == -1 && !random_)
+        throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs a file, not a pipe"));
+}
+
+bool RawSource::all_regular() const {
+    return std::all_of(layout_.files.begin(), layout_.files.end(), [](std::string const& file) {
+        struct stat status {};
+        return ::stat(file.c_str(), &status) != 0 || S_ISREG(status.st_mode); // what is missing is told later
+    });
+}
+
+void RawSource::check_size(std::string const& name, std::int64_t available) const {
+    std::int64_t const skipped = layout_.encoding == Encoding::raw ? std::max<std::int64_t>(layout_.byte_skip, 0) : 0;
+    std::int64_t const needed = least_encoded_bytes(layout_.encoding, share_, layout_.header.dtype);
+    if (available - skipped < needed)
+        throw Error(ErrorKind::data, layout_.encoding == Encoding::raw
+                                         ? text("'", name, "' ended early: ", needed, " bytes expected, ",
+                                                std::max<std::int64_t>(available - skipped, 0), " found")
+                                         : text("'", name, "' ended early: its ", available, " bytes cannot hold ",
+                                                share_, " encoded ones"));
+    if (layout_.exact && layout_.encoding == Encoding::raw && available - skipped > needed && layout_.byte_skip >= 0)
+        throw Error(ErrorKind::data,
+                    text("'", name, "' does not fit: ", needed, " bytes expected, ", available - skipped, " found"),
+                    "say the right --dims, --dtype and --skip");
+}
+
+void RawSource::check_sizes() {
+    if (layout_.files.empty()) {
+        if (bytes_->seekable()) check_size(name_, bytes_->size() - bytes_->position());
+        return;
+    }
+    for (auto const& file : layout_.files) {
+        struct stat status {};
+        if (::stat(file.c_str(), &status) != 0)
+            throw system_error(text("cannot open '", file, "' that '", name_, "' names"));
+        if (S_ISREG(status.st_mode)) check_size(file, status.st_size);
+    }
+}
+
+/// Makes a file the open one and moves behind the lines to be skipped.
+void RawSource::open(std::size_t file) {
+    if (open_file_ == file) return;
+    if (!layout_.files.empty()) bytes_ = open_bytes(layout_.files[file]);
+    open_file_ = file;
+    for (std::int64_t i = 0; i < layout_.line_skip; ++i)
+        if (!bytes_->read_line())
+            throw Error(ErrorKind::data, text("'", bytes_->name(), "' ended early: lines to skip are missing"));
+    if (!random_) return;
+    if (layout_.byte_skip < 0) {
+        offset_ = bytes_->size() - share_;
+    } else {
+        check_size(bytes_->name(), bytes_->size() - bytes_->position());
+        offset_ = bytes_->position() + layout_.byte_skip;
+    }
+}
+
+void RawSource::start_stream(std::size_t file) {
+    open(file);
+    // Plain and text files are skipped as they are, the others once decoded.
+    bool const decoded = layout_.encoding == Encoding::deflate || layout_.encoding == Encoding::bzip2;
+    if (!decoded) bytes_->skip(layout_.byte_skip);
+    stream_ = decode(*bytes_, layout_.encoding, layout_.header.dtype);
+    if (!decoded) return;
+    std::vector<std::byte> waste(static_cast<std::size_t>(std::min(layout_.byte_skip, waste_block)));
+    for (std::int64_t left = layout_.byte_skip; left > 0;) {
+        std::size_t const want = static_cast<std::size_t>(std::min(left, waste_block));
+        if (stream_->read(waste.data(), want) < want) ended_early(0);
+        left -= static_cast<std::int64_t>(want);
+    }
+}
+
+/// Proves that the encoded file is whole: checksums stand behind the last voxel.
+void RawSource::end_stream() {
+    if (!stream_ || (layout_.encoding == Encoding::raw && !layout_.exact)) return;
+    std::vector<std::byte> rest(static_cast<std::size_t>(waste_block));
+    std::size_t const surplus = stream_->read(rest.data(), rest.size());
+    if (layout_.exact && surplus > 0)
+        throw Error(ErrorKind::data,
+                    text("'", bytes_->name(), "' does not fit: ", share_, " bytes expected, ",
+                         surplus == rest.size() ? "at least " : "", share_ + static_cast<std::int64_t>(surplus),
+                         " found"),
+                    "say the right --dims, --dtype and --skip");
+}
+
+void RawSource::ended_early(std::int64_t got) const {
+    throw Error(ErrorKind::data,
+                text("'", bytes_->name(), "' ended early: ", share_, " bytes expected, ", got, " found (",
+                     bytes_text(static_cast<double>(got)), " of ", bytes_text(static_cast<double>(share_)), ")"));
+}
+
+bool RawSource::next_volume() {
+    if (index_ < 0) check_sizes();
+    if (index_ + 1 >= layout_.volumes) {
+        index_ = layout_.volumes;
+        return false;
+    }
+    ++index_;
+    return true;
+}
+
+void RawSource::finish() {
+    if (random_ || index_ < 0 || index_ >= layout_.volumes) return;
+    skip_to((index_ + 1) * volume_bytes_);
+    if (index_ + 1 == layout_.volumes) end_stream();
+}
+
+void RawSource::fetch(std::int64_t position, std::byte* to, std::int64_t n) {
+    position += index_ * volume_bytes_;
+    if (random_)
+        fetch_random(position, to, n);
+    else
+        fetch_forward(position, to, n);
+}
+
+void RawSource::fetch_random(std::int64_t position, std::byte* to, std::int64_t n) {
+    while (n > 0) {
+        std::int64_t const inside = position % share_;
+        std::int64_t const count = std::min(n, share_ - inside);
+        open(static_cast<std::size_t>(position / share_));
+        bytes_->read_at(offset_ + inside, to, static_cast<std::size_t>(count));
+        position += count;
+        to += count;
+        n -= count;
+    }
+}
+
+void RawSource::fetch_forward(std::int64_t position, std::byte* to, std::int64_t n) {
+    if (position < position_)
+        throw Error(ErrorKind::failure, text("'", name_, "' can only be read forward, and its slices ahead are gone"));
+    skip_to(position);
+    advance(to, n);
+}
+
+void RawSource::skip_to(std::int64_t position) {
+    if (position <= position_) return;
+    std::vector<std::byte> waste(static_cast<std::size_t>(std::min(position - position_, waste_block)));
+    while (position_ < position) advance(waste.data(), std::min(position - position_, waste_block));
+}
+
+/// Takes the next n bytes of the sequence of files.
+void RawSource::advance(std::byte* to, std::int64_t n) {
+    while (n > 0) {
+        std::int64_t const inside = position_ % share_;
+        if (inside == 0) {
+            end_stream();
+            start_stream(static_cast<std::size_t>(position_ / share_));
+        }
+        std::int64_t const count = std::min(n, share_ - inside);
+        std::size_t const got = stream_->read(to, static_cast<std::size_t>(count));
+        if (static_cast<std::int64_t>(got) < count) ended_early(inside + static_cast<std::int64_t>(got));
+        position_ += count;
+        to += count;
+        n -= count;
+    }
+}
+
+void RawSource::read(AnyView out) {
+    Index3 const dims = layout_.header.dims;
+    if (out.box.empty()) return;
+    if (!box_of(dims).contains(out.box) || index_ < 0 || index_ >= layout_.volumes)
+        throw Error(ErrorKind::failure, text("region ", out.box, " is outside of '", name_, "'"));
+    std::int64_t const row = dims.x * static_cast<std::int64_t>(size_of(layout_.header.dtype));
+    Index3 const size = out.dims();
+    if (size.x == dims.x && out.row == size.x && size.y == dims.y && (out.slice == size.x * size.y || size.z == 1)) {
+        fetch(out.box.lower.z * row * dims.y, out.data, row * dims.y * size.z);
+    } else {
+        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z) read_rows(out, z);
+    }
+    order_bytes(out);
+}
+
+/// The rows of one slice of `out`.
+void RawSource::read_rows(AnyView const& out, std::int64_t z) {
+    auto const element = static_cast<std::int64_t>(size_of(out.type));
+    Index3 const dims = layout_.header.dims;
+    Box const& box = out.box;
+    std::int64_t const row = dims.x * element, wanted = box.dims().x * element;
+    auto const position = [&](std::int64_t y) { return (z * dims.y + y) * row + box.lower.x * element; };
+    if (wanted == row && out.row == dims.x) {
+        fetch(position(box.lower.y), out.at(box.lower.x, box.lower.y, z), row * box.dims().y);
+        return;
+    }
+    // A stream has to be read through anyway.
+    bool const together = !random_ || row - wanted <= cheap_gap;
+    std::int64_t const rows = together ? std::clamp<std::int64_t>(piece / row, 1, box.dims().y) : 1;
+    for (std::int64_t y = box.lower.y; y < box.upper.y; y += rows) {
+        std::int64_t const count = std::min(rows, box.upper.y - y);
+        if (count == 1) {
+            fetch(position(y), out.at(box.lower.x, y, z), wanted);
+            continue;
+        }
+        std::int64_t const span = (count - 1) * row + wanted;
+        if (std::ssize(scratch_) < span) scratch_.resize(static_cast<std::size_t>(span));
+        fetch(position(y), scratch_.data(), span);
+        for (std::int64_t i = 0; i < count; ++i)
+            std::memcpy(out.at(box.lower.x, y + i, z), scratch_.data() + i * row, static_cast<std::size_t>(wanted));
+    }
+}
+
+void RawSource::order_bytes(AnyView const& out) const {
+    std::size_t const size = size_of(out.type);
+    bool const native = layout_.big_endian == (std::endian::native == std::endian::big);
+    if (size == 1 || native || layout_.encoding == Encoding::text) return;
+    for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
+        for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; ++y)
+            swap_bytes(out.at(out.box.lower.x, y, z), static_cast<std::size_t>(out.dims().x), size);
+}
+
+} // namespace
+
+std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout) {
+    return std::make_unique<RawSource>(std::move(bytes), std::move(layout));
+}
+
+void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {
+    if (size == 2) swap_all<std::uint16_t>(data, n);
+    if (size == 4) swap_all<std::uint32_t>(data, n);
+    if (size == 8) swap_all<std::uint64_t>(data, n);
+}
+
+std::string beside(std::string const& header_name, std::string const& file) {
+    std::size_t const slash = header_name.rfind('/');
+    if (file.starts_with('/') || slash == std::string::npos) return file;
+    return header_name.substr(0, slash + 1) + file;
+}
+
+} // namespace vkt

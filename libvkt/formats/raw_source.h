@@ -1,0 +1,40 @@
+// The source behind every format whose voxels lie in files in order, x fastest: regions, byte order, several files.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/source.h"
+#include "libvkt/formats/decode.h"
+#include "libvkt/formats/format.h"
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+/// Where the voxels of one or several equal volumes lie.
+struct RawLayout {
+    Header header;            ///< of every volume
+    std::int64_t volumes = 1; ///< that follow one another
+    Encoding encoding = Encoding::raw;
+    bool big_endian = false; ///< no meaning for text
+    /// Files that hold equal shares, in order; empty if the voxels are in the file that was opened, at its position.
+    std::vector<std::string> files;
+    std::int64_t line_skip = 0; ///< lines before the voxels of each file, of the encoded file
+    /// Bytes before the voxels of each file, of the decoded file; -1 (raw only): the voxels are the file's last bytes.
+    std::int64_t byte_skip = 0;
+    bool exact = false; ///< bytes behind the last voxel are an error
+};
+
+/// Access::random if everything is a regular file of encoding raw, reading only the bytes that a region needs;
+/// otherwise Access::forward. Sizes are checked against the files before next_volume() returns. Throws Error{data, io}.
+std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout);
+
+/// Reverses the bytes of n samples of `size` bytes each, in place.
+void swap_bytes(std::byte* data, std::size_t n, std::size_t size);
+
+/// `file` as seen from the directory of `header_name`; absolute names stay.
+std::string beside(std::string const& header_name, std::string const& file);
+
+} // namespace vkt
