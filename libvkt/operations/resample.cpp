@@ -270,6 +270,17 @@ void sum_columns(Taps const& x, std::int64_t x0, std::int64_t x1, double const* 
     }
 }
 
+void scale_row(double* values, std::int64_t n, double divisor, double scale, double offset) {
+    if (divisor != 1) {
+#pragma omp simd
+        for (std::int64_t i = 0; i < n; ++i) values[i] /= divisor;
+    }
+    if (scale != 1 || offset != 0) {
+#pragma omp simd
+        for (std::int64_t i = 0; i < n; ++i) values[i] = values[i] * scale + offset;
+    }
+}
+
 template <class T>
 void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tally& tally, Execution const& execution) {
     View<T const> const in = from.as<T>();
@@ -292,12 +303,8 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tall
                 values = row.data();
             }
             std::int64_t const n = x1 - x0;
-            double const divisor = sum.divisor;
-            if (divisor != 1) {
-#pragma omp simd
-                for (std::int64_t i = 0; i < n; ++i) values[i] /= divisor;
-            }
-            driver::add(tally, store_row(out.type, values, out.at(x0, y, z), n, sum.scale, sum.offset));
+            scale_row(values, n, sum.divisor, sum.scale, sum.offset);
+            driver::add(tally, store_row(out.type, static_cast<double const*>(values), out.at(x0, y, z), n));
         };
     });
 }
