@@ -36,6 +36,7 @@ public:
     virtual StageInfo stage_info() const = 0; ///< name, history words and listener of this stage
     virtual bool json() const = 0;            ///< --json was given
     virtual bool quiet() const = 0;
+    virtual bool verbose() const = 0;
     virtual std::string const& output() const = 0; ///< -o, "-" by default
     virtual bool force() const = 0;
     /// Prints a report to standard output (or -o). The only way for a command to print.

@@ -58,7 +58,7 @@ std::optional<int> threads_from(char const* name) {
 
 InstructionSet best_instruction_set() {
     auto best = InstructionSet::baseline;
-#if defined(__x86_64__)
+#ifdef VKT_X86_BACKENDS
     __builtin_cpu_init();
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) best = InstructionSet::avx2;
     if (best == InstructionSet::avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&

@@ -33,6 +33,34 @@ private:
 /// Below this many multiply-adds per moved byte a GPU loses to the transfers (measured: 55 GB/s against ~40 Gop/s a core).
 constexpr double gpu_cost_threshold = 60;
 
+constexpr char placeholder_mark = '\x02';
+
+/// The history step of a stage: its words with placeholders replaced, and the histories of its inputs.
+History history_step(StageInfo const& info, std::vector<Header> const& headers) {
+    History step;
+    bool any = false;
+    for (auto const& header : headers) {
+        step.inputs.push_back(header.history.value_or(History{}));
+        any = any || header.history.has_value();
+    }
+    if (!any) step.inputs.clear();
+    for (auto const& word : info.words) {
+        if (word.size() < 3 || word.front() != placeholder_mark) {
+            step.command.push_back(word);
+            continue;
+        }
+        auto const i = static_cast<std::size_t>(parse_integer(word.substr(2)));
+        if (i >= headers.size() || i >= info.input_names.size()) continue;
+        if (!headers[i].history)
+            step.command.push_back(info.input_names[i]);
+        else if (i > 0)
+            step.command.emplace_back("<(…)");
+        else if (word[1] == 'e')
+            step.command.emplace_back("-");
+    }
+    return step;
+}
+
 Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
     if (execution.device == Device::automatic) {
         double const work = plan.cost * static_cast<double>(plan.output.voxels());
@@ -44,6 +72,10 @@ Execution resolve_device(Execution execution, Operation const& operation, Plan c
 }
 
 } // namespace
+
+std::string input_placeholder(std::size_t i, bool explicit_word) {
+    return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));
+}
 
 bool Link::Input::next_volume() {
     spool_.reset();
@@ -100,12 +132,7 @@ void Link::plan_volume() {
         plan_.output.dry_run = headers.front().dry_run;
         plan_.output.timing = headers.front().timing;
     }
-    if (!info_.words.empty()) {
-        History step{info_.words, {}};
-        for (auto const& header : headers) step.inputs.push_back(header.history.value_or(History{}));
-        if (step.inputs.size() == 1 && step.inputs.front().command.empty()) step.inputs.clear();
-        plan_.output.history = std::move(step);
-    }
+    if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     if (plan_.output.dry_run) return;
 
@@ -121,6 +148,7 @@ void Link::plan_volume() {
 void Link::scan() {
     Input& input = *inputs_.front();
     scan_volume(input, operation_, requested_, info_.times.get());
+    operation_.after_scan(plan_.output);
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }
 

@@ -76,6 +76,9 @@ public:
     /// First pass, if the plan asks for it: sees every slab of the input once, in z order, full rows and slices.
     virtual void scan(ConstView /*slab*/, Execution const&) {}
     virtual void scan_end() {}
+    /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose
+    /// dims and type are fixed by then.
+    virtual void after_scan(Header& /*output*/) const {}
 
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;

@@ -37,6 +37,13 @@ private:
 
 } // namespace
 
+Volume Source::load_hierarchical() { throw Error(ErrorKind::failure, "the source yields no hierarchical volumes"); }
+
+void Sink::put_hierarchical(Volume const&) {
+    throw Error(ErrorKind::usage, "this output cannot hold a hierarchical volume",
+                "make a grid of it with 'vkt resample', or write a .vkt or .vdb file");
+}
+
 std::int64_t slab_height(Header const& header, std::int64_t hint, Execution const& execution) {
     std::int64_t const n = header.dims.z;
     if (execution.slab > 0) return std::min(execution.slab, n);

@@ -27,10 +27,15 @@ struct StageTimes {
 struct StageInfo {
     std::string name;                    ///< for messages: "vkt crop"
     std::vector<std::string> words;      ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
+    std::vector<std::string> input_names; ///< what input_placeholder words stand for
     Listener listener;                   ///< may be empty
     std::function<void(Plan const&, std::vector<Header> const& inputs)> on_plan; ///< sees the plan of every volume; may be empty
     std::shared_ptr<StageTimes> times;   ///< filled in if set
 };
+
+/// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of its
+/// own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
+std::string input_placeholder(std::size_t i, bool explicit_word);
 
 /// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input
 /// cannot be read again. The operation must outlive the result.

@@ -5,6 +5,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/header.h"
 #include "libvkt/core/view.h"
+#include "libvkt/core/volume.h"
 
 #include <memory>
 #include <optional>
@@ -36,6 +37,9 @@ public:
     /// Where read() expects its output and borrow() hands it out.
     virtual Space space() const { return Space::host; }
 
+    /// The whole current volume of kind hierarchical, finished; such volumes are not read region by region.
+    virtual Volume load_hierarchical();
+
     /// Consumes what is left of the current volume and proves that it is whole. Throws Error{data} otherwise.
     virtual void finish() = 0;
 };
@@ -55,6 +59,9 @@ public:
     virtual void end() = 0;
     /// The sequence is complete: outputs appear under their final names.
     virtual void close() = 0;
+    /// A whole volume of kind hierarchical, between begin and end, instead of slabs. Throws Error{usage} where the
+    /// format cannot hold one.
+    virtual void put_hierarchical(Volume const& volume);
     /// Slab height that the sink prefers; 0 if it has no preference.
     virtual std::int64_t natural_slab() const { return 0; }
     virtual Space space() const { return Space::host; }

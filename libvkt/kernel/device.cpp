@@ -1,27 +1,102 @@
-// Stubs for builds without CUDA; libvkt/cuda/device.cu replaces them otherwise.
+// The device runtime over the CUDA runtime API, or its absence.
 // SPDX-License-Identifier: MIT
 #include "libvkt/kernel/device.h"
 
-#ifndef VKT_CUDA
-
 #include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/backend.h"
+
+#ifdef VKT_CUDA
+#include <cuda_runtime_api.h>
+#endif
 
 namespace vkt {
+
+void throw_without_cuda() {
+    throw Error(ErrorKind::resources, "this build of vkt has no CUDA", "use --device cpu, or build with -DVKT_CUDA=ON");
+}
+
+#ifdef VKT_CUDA
+
 namespace {
 
-[[noreturn]] void no_cuda() {
-    throw Error(ErrorKind::resources, "this vkt was built without CUDA", "use --device cpu, or build with -DVKT_CUDA=ON");
+void must(cudaError_t status, char const* what) {
+    if (status == cudaSuccess) return;
+    (void)cudaGetLastError(); // what is reported here must not be reported again by the next call
+    throw Error(ErrorKind::resources, text("GPU: ", what, ": ", cudaGetErrorString(status)),
+                status == cudaErrorMemoryAllocation ? "use --device cpu or a smaller --memory" : "use --device cpu");
 }
 
 } // namespace
 
-int device_count() { return 0; }
-std::byte* device_allocate(std::size_t) { no_cuda(); }
-void device_free(std::byte*) noexcept {}
-void copy_to_device(void*, void const*, std::size_t) { no_cuda(); }
-void copy_to_host(void*, void const*, std::size_t) { no_cuda(); }
-void device_synchronize() {}
+int device_count() {
+    int count = 0;
+    if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
+    (void)cudaGetLastError();
+    return 0;
+}
 
-} // namespace vkt
+void device_select(int device) { must(cudaSetDevice(device), "cannot be selected"); }
+
+std::byte* device_allocate(std::size_t bytes) {
+    void* data = nullptr;
+    must(cudaMalloc(&data, (bytes + 255) / 256 * 256), "cannot allocate memory");
+    return static_cast<std::byte*>(data);
+}
+
+void device_free(std::byte* data) noexcept { (void)cudaFree(data); }
+
+std::byte* pinned_allocate(std::size_t bytes) {
+    void* data = nullptr;
+    must(cudaMallocHost(&data, bytes), "cannot allocate page-locked host memory");
+    return static_cast<std::byte*>(data);
+}
+
+void pinned_free(std::byte* data) noexcept { (void)cudaFreeHost(data); }
+
+void copy_to_device(void* device, void const* host, std::size_t bytes) {
+    must(cudaMemcpy(device, host, bytes, cudaMemcpyHostToDevice), "copy to the device failed");
+}
+void copy_to_host(void* host, void const* device, std::size_t bytes) {
+    must(cudaMemcpy(host, device, bytes, cudaMemcpyDeviceToHost), "copy from the device failed");
+}
+void copy_to_device_async(void* device, void const* host, std::size_t bytes) {
+    must(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, nullptr), "copy to the device failed");
+}
+void copy_to_host_async(void* host, void const* device, std::size_t bytes) {
+    must(cudaMemcpyAsync(host, device, bytes, cudaMemcpyDeviceToHost, nullptr), "copy from the device failed");
+}
+void copy_on_device(void* to, void const* from, std::size_t bytes) {
+    must(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, nullptr), "copy on the device failed");
+}
+void device_clear(void* device, std::size_t bytes) {
+    must(cudaMemsetAsync(device, 0, bytes, nullptr), "cannot clear device memory");
+}
+void device_synchronize() { must(cudaDeviceSynchronize(), "a kernel failed"); }
+void check_launch(char const* kernel) {
+    cudaError_t const status = cudaGetLastError();
+    if (status == cudaSuccess) return;
+    throw Error(ErrorKind::resources, text("GPU: kernel ", kernel, " cannot be launched: ", cudaGetErrorString(status)),
+                "use --device cpu");
+}
+
+#else
+
+int device_count() { return 0; }
+void device_select(int) { throw_without_cuda(); }
+std::byte* device_allocate(std::size_t) { throw_without_cuda(); }
+void device_free(std::byte*) noexcept {}
+std::byte* pinned_allocate(std::size_t) { throw_without_cuda(); }
+void pinned_free(std::byte*) noexcept {}
+void copy_to_device(void*, void const*, std::size_t) { throw_without_cuda(); }
+void copy_to_host(void*, void const*, std::size_t) { throw_without_cuda(); }
+void copy_to_device_async(void*, void const*, std::size_t) { throw_without_cuda(); }
+void copy_to_host_async(void*, void const*, std::size_t) { throw_without_cuda(); }
+void copy_on_device(void*, void const*, std::size_t) { throw_without_cuda(); }
+void device_clear(void*, std::size_t) { throw_without_cuda(); }
+void device_synchronize() {}
+void check_launch(char const*) { throw_without_cuda(); }
 
 #endif
+
+} // namespace vkt

@@ -1,4 +1,4 @@
-// The device runtime behind a handful of functions; without CUDA they say so.
+// The device runtime: memory, copies, synchronisation. Without CUDA everything but device_count() throws.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -6,12 +6,30 @@
 
 namespace vkt {
 
-/// All throw Error{resources} when there is no CUDA, no device, or no memory. Copies are complete on return.
-int device_count(); ///< 0 without CUDA, driver or device; never throws
+/// Number of usable CUDA devices; 0 without CUDA, driver or device. Never throws.
+int device_count();
+/// Makes a device the current one of this thread. Throws Error{resources}.
+void device_select(int device);
+
+/// Device memory, 256-byte aligned; its size is rounded up to 256 bytes, so that whole words at its end may be read.
+/// Throws Error{resources}.
 std::byte* device_allocate(std::size_t bytes);
-void device_free(std::byte* memory) noexcept;
+void device_free(std::byte* data) noexcept;
+/// Page-locked host memory, which copies reach at full speed. Throws Error{resources}.
+std::byte* pinned_allocate(std::size_t bytes);
+void pinned_free(std::byte* data) noexcept;
+
+/// Copies in stream order; the call returns when the host memory may be used again.
 void copy_to_device(void* device, void const* host, std::size_t bytes);
 void copy_to_host(void* host, void const* device, std::size_t bytes);
+/// The same, but the call may return before the copy is made: pinned memory only, device_synchronize() before reuse.
+void copy_to_device_async(void* device, void const* host, std::size_t bytes);
+void copy_to_host_async(void* host, void const* device, std::size_t bytes);
+void copy_on_device(void* to, void const* from, std::size_t bytes);
+void device_clear(void* device, std::size_t bytes); ///< zeroes, in stream order
+/// Waits for all work and throws Error{resources} with CUDA's reason if any of it failed.
 void device_synchronize();
+/// Throws Error{resources} naming the kernel if the last launch was refused. Called by the drivers after every launch.
+void check_launch(char const* kernel);
 
 } // namespace vkt

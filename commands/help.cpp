@@ -1,0 +1,47 @@
+// vkt help: what there is and how it is used.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "shell/help.h"
+#include "shell/run.h"
+
+#include <cstdio>
+
+namespace vkt::shell {
+namespace {
+
+int help(std::vector<std::string> const& words) {
+    std::string answer;
+    if (words.empty()) {
+        answer = overview();
+    } else if (words.front() == "--list") {
+        answer = verb_list();
+    } else if (words.front() == "--common") {
+        answer = common_help();
+    } else if (words.front() == "--search") {
+        if (words.size() != 2) throw Error(ErrorKind::usage, "--search needs one word", "e.g. vkt help --search blur");
+        answer = search(words[1]);
+        if (answer.empty()) throw Error(ErrorKind::failure, text("no command mentions '", words[1], "'"));
+    } else if (words.front().starts_with("-")) {
+        throw Error(ErrorKind::usage, text("unknown option '", words.front(), "'"), "--list, --common and --search are known");
+    } else {
+        std::vector<std::string> verb = words;
+        verb.emplace_back("--help");
+        return run_words(verb);
+    }
+    std::fputs(answer.c_str(), stdout);
+    return 0;
+}
+
+} // namespace
+
+Command help_command() {
+    Command command;
+    command.texts = {"List the commands, or explain one.",
+                     "vkt help [COMMAND]\n  --list         one command a line\n  --common       the options that all commands share\n"
+                     "  --search WORD  commands whose texts mention a word",
+                     {{"All commands", "vkt help"}, {"One command", "vkt help crop"}, {"Find a command", "vkt help --search mirror"}}};
+    command.body = help;
+    return command;
+}
+
+} // namespace vkt::shell

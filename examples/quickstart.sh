@@ -1,0 +1,30 @@
+#!/bin/sh
+# From a fresh clone to a picture: installs what is missing, builds, and renders the volume that comes with vkt.
+# SPDX-License-Identifier: MIT
+set -eu
+root=$(cd "$(dirname "$0")/.." && pwd)
+
+sh "$root/libvkt/cmake/packages.sh" build
+
+echo 'building (a few minutes the first time) …'
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+build() {
+    cd "$root"
+    # The tests have a script of their own; a build folder that has them keeps them.
+    if [ -e build/CMakeCache.txt ]; then cmake --preset release; else cmake --preset release -DVKT_TESTS=OFF; fi &&
+        cmake --build build --target vkt_executable
+}
+(build) >"$log" 2>&1 || {
+    tail -n 40 "$log" >&2
+    echo 'quickstart.sh: the build failed' >&2
+    exit 1
+}
+PATH=$root/build:$PATH
+
+# Each stage is a process of its own; voxels stream from one to the next. No stage can succeed on half a volume, so the
+# status of the last one is that of the whole pipeline.
+vkt read "$root/examples/data/phantom.nrrd" | vkt crop --roi :,:,2:94 | vkt resample --scale 3 |
+    vkt filter gaussian --sigma 1.2 | vkt render --force -o quickstart.png
+
+echo "wrote $(pwd)/quickstart.png"

@@ -1,0 +1,87 @@
+// Volume streams over a file descriptor: a Source that reads ahead on a thread, a Sink that writes behind on one.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "ipc/frame.h"
+#include "libvkt/engine/source.h"
+#include "libvkt/formats/format.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace vkt::ipc {
+
+/// How a stream's voxels travel.
+enum class Transport : std::uint8_t { pipe, shm };
+
+struct StreamOptions {
+    Transport transport = Transport::pipe;
+    bool checksum = true;
+    std::string stage = "vkt"; ///< names this process in ERR frames and notices
+    std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty
+};
+
+/// Time and bytes at this end of a stream.
+struct Traffic {
+    double wait = 0; ///< seconds the computing thread waited
+    std::uint64_t bytes = 0;
+};
+
+/// True if the bytes begin a volume stream.
+bool is_stream(std::span<std::byte const> head);
+
+/// Reads a stream. Skipped slabs are not copied. EOF before END, a broken checksum, slabs out of order or of the wrong
+/// size are Error{data}; an ERR frame is an UpstreamError.
+class StreamSource : public Source {
+public:
+    StreamSource(std::unique_ptr<ByteSource> bytes, StreamOptions options);
+    ~StreamSource() override;
+
+    bool next_volume() override;
+    Header const& header() const override;
+    Access access() const override { return Access::forward; }
+    void read(AnyView out) override;
+    std::optional<ConstView> borrow(Box const& region) override;
+    void expect(Box const& region) override;
+    std::int64_t natural_slab() const override;
+    void finish() override;
+    Volume load_hierarchical() override;
+
+    Traffic traffic() const;
+    /// Timing rows that arrived with END.
+    std::vector<StageReport> const& stage_reports() const;
+
+private:
+    class Reader;
+    std::unique_ptr<Reader> reader_;
+};
+
+/// Writes a stream. A reader that went away raises SIGPIPE as any Unix filter does.
+class StreamSink : public Sink {
+public:
+    /// Does not own the descriptor.
+    StreamSink(int descriptor, StreamOptions options);
+    ~StreamSink() override;
+
+    void begin(Header const& header) override;
+    AnyView acquire(Box const& slab) override;
+    void commit() override;
+    void end() override;
+    void close() override;
+    void fail(std::string const& stage, std::string const& message) override;
+    void put_hierarchical(Volume const& volume) override;
+
+    Traffic traffic() const;
+    /// Timing rows to send with the next END.
+    void report_stages(std::function<std::vector<StageReport>()> reports);
+
+private:
+    class Writer;
+    std::unique_ptr<Writer> writer_;
+};
+
+/// A stream kept in a file, which appears under its name only when it is whole.
+std::unique_ptr<Sink> create_stream_file(std::string const& path, bool force, bool checksum);
+
+} // namespace vkt::ipc

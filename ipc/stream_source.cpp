@@ -1,0 +1,547 @@
+// The reading end: parses frames, verifies them, reads ahead on a thread into a small ring of reused slabs.
+// SPDX-License-Identifier: MIT
+#include "ipc/descriptor.h"
+#include "ipc/stream.h"
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <condition_variable>
+#include <cstring>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+#include <vector>
+
+namespace vkt::ipc {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t ring_slabs = 3;
+/// Slabs beyond this are handed out in pieces, so that no frame decides how much memory a reader needs.
+constexpr std::size_t piece_bytes = std::size_t{8} << 20;
+constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
+
+struct Cancelled {};
+
+/// Descriptor plus the bytes that format detection already took from it.
+class Input {
+public:
+    explicit Input(std::unique_ptr<ByteSource> bytes)
+        : bytes_(std::move(bytes)), ahead_(bytes_->take_lookahead()), pipe_(is_pipe(bytes_->descriptor())) {
+        enlarge_pipe(bytes_->descriptor());
+        cancel_ = ::eventfd(0, EFD_CLOEXEC);
+        if (cancel_ < 0) throw Error(ErrorKind::resources, text("cannot create an event: ", std::strerror(errno)));
+    }
+    ~Input() { ::close(cancel_); }
+    Input(Input const&) = delete;
+    Input& operator=(Input const&) = delete;
+
+    std::string const& name() const { return bytes_->name(); }
+    int descriptor() const { return bytes_->descriptor(); }
+    std::uint64_t taken() const { return taken_; }
+    /// Makes a read that waits in another thread, and every later one, throw Cancelled.
+    void cancel() const {
+        std::uint64_t const one = 1;
+        [[maybe_unused]] ssize_t const n = ::write(cancel_, &one, sizeof one);
+    }
+
+    /// Reads up to n bytes until the end of the stream; returns how many.
+    std::size_t read(void* to, std::size_t n) {
+        auto* target = static_cast<std::byte*>(to);
+        std::size_t done = std::min(n, ahead_.size() - ahead_used_);
+        if (done > 0) std::memcpy(target, ahead_.data() + ahead_used_, done);
+        ahead_used_ += done;
+        while (done < n) {
+            wait();
+            ssize_t const got = ::read(bytes_->descriptor(), target + done, n - done);
+            if (got < 0 && errno == EINTR) continue;
+            if (got < 0) throw Error(ErrorKind::io, text("cannot read ", name(), ": ", std::strerror(errno)));
+            if (got == 0) break;
+            done += static_cast<std::size_t>(got);
+        }
+        taken_ += done;
+        return done;
+    }
+
+    /// Drops n bytes; returns how many there were.
+    std::size_t discard(std::size_t n) {
+        std::size_t done = std::min(n, ahead_.size() - ahead_used_);
+        ahead_used_ += done;
+        taken_ += done;
+        if (pipe_ && done < n) {
+            std::size_t const moved = discard_from_pipe(bytes_->descriptor(), n - done, [this] { wait(); });
+            done += moved;
+            taken_ += moved;
+        }
+        std::vector<std::byte> scratch(std::min<std::size_t>(n - done, std::size_t{1} << 18));
+        while (done < n) {
+            std::size_t const step = read(scratch.data(), std::min(scratch.size(), n - done));
+            if (step == 0) break;
+            done += step;
+        }
+        return done;
+    }
+
+private:
+    /// Blocks until there is something to read (or the end), or until cancelled.
+    void wait() const {
+        if (!pipe_) return;
+        std::array<pollfd, 2> entries{{{bytes_->descriptor(), POLLIN, 0}, {cancel_, POLLIN, 0}}};
+        while (::poll(entries.data(), entries.size(), -1) < 0 && errno == EINTR) {}
+        if (entries[1].revents != 0) throw Cancelled{};
+    }
+
+    std::unique_ptr<ByteSource> bytes_;
+    int cancel_ = -1;
+    std::vector<std::byte> ahead_;
+    std::size_t ahead_used_ = 0;
+    std::uint64_t taken_ = 0;
+    bool pipe_;
+};
+
+struct Piece {
+    std::int64_t z_begin = 0, z_end = 0;
+    Buffer voxels;
+};
+
+} // namespace
+
+bool is_stream(std::span<std::byte const> head) {
+    return head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0;
+}
+
+class StreamSource::Reader {
+public:
+    Reader(std::unique_ptr<ByteSource> bytes, StreamOptions options) : input_(std::move(bytes)), options_(std::move(options)) {}
+    ~Reader() { stop(); }
+    Reader(Reader const&) = delete;
+    Reader& operator=(Reader const&) = delete;
+
+    bool next_volume();
+    Header const& header() const { return header_; }
+    void read(AnyView out);
+    std::optional<ConstView> borrow(Box const& region);
+    void expect(Box const& region) { expected_ = region; }
+    std::int64_t first_slab_height();
+    void finish();
+    Volume load_hierarchical();
+    Traffic traffic() const { return {wait_, input_.taken()}; }
+    std::vector<StageReport> const& stages() const { return end_.stages; }
+
+private:
+    [[noreturn]] void ended_early();
+    FrameHeader read_frame_header();
+    std::string read_text(FrameHeader const& frame, char const* what);
+    void verify(FrameHeader const& frame, std::uint64_t computed) const;
+    bool next_frame(FrameHeader& frame);
+    SlabHeader read_slab_header(FrameHeader const& frame);
+    void read_slabs();
+    void read_slab(FrameHeader const& frame, SlabHeader const& slab);
+    bool wanted(std::int64_t z_begin, std::int64_t z_end) const;
+    void check_end(FrameHeader const& frame);
+    void start();
+    void stop();
+    Piece* piece_with(std::int64_t z);
+    std::size_t slice_bytes() const {
+        return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
+    }
+    ConstView view_of(Piece& piece) const {
+        Box const box{{0, 0, piece.z_begin}, {header_.dims.x, header_.dims.y, piece.z_end}};
+        return dense_view(piece.voxels.read(Space::host), header_.dtype, box);
+    }
+
+    Input input_;
+    StreamOptions options_;
+    Header header_;
+    bool any_volume_ = false, in_volume_ = false;
+    Box expected_;
+    EndReport end_;
+    std::optional<FrameHeader> pending_; ///< first frame, read to learn the slab height
+    std::optional<SlabHeader> pending_slab_;
+    std::int64_t next_z_ = 0;
+    std::uint64_t frames_ = 0, bytes_ = 0, chain_ = 0;
+    bool all_checked_ = true;
+    double wait_ = 0;
+
+    std::thread thread_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::deque<Piece> ready_;
+    std::vector<Piece> spare_;
+    std::int64_t released_z_ = 0; ///< pieces that end at or below this are no longer needed
+    bool complete_ = false, cancel_ = false;
+    std::exception_ptr failure_;
+};
+
+void StreamSource::Reader::ended_early() {
+    double const total = static_cast<double>(header_.bytes());
+    double const got = static_cast<double>(bytes_);
+    throw Error(ErrorKind::data,
+                in_volume_ ? text("the volume on ", input_.name(), " ended early: ", bytes_text(got), " of ", bytes_text(total))
+                           : text("the stream on ", input_.name(), " ended early, within its header"),
+                "an upstream command failed or the file was cut off");
+}
+
+FrameHeader StreamSource::Reader::read_frame_header() {
+    FrameHeader frame;
+    if (input_.read(&frame, sizeof frame) != sizeof frame) ended_early();
+    if (!intact(frame)) throw Error(ErrorKind::data, text("a frame header on ", input_.name(), " is damaged (checksum)"));
+    return frame;
+}
+
+std::string StreamSource::Reader::read_text(FrameHeader const& frame, char const* what) {
+    if (frame.length > largest_text) throw Error(ErrorKind::data, text("the ", what, " frame on ", input_.name(), " is too large"));
+    std::string payload;
+    // Grows with what arrives: the stated length allocates nothing.
+    while (payload.size() < frame.length) {
+        std::size_t const step = std::min<std::size_t>(frame.length - payload.size(), std::size_t{1} << 20);
+        std::size_t const old = payload.size();
+        payload.resize(old + step);
+        if (input_.read(payload.data() + old, step) != step) ended_early();
+    }
+    verify(frame, (frame.flags & flag_checksum) != 0 ? hash(std::as_bytes(std::span(payload))) : 0);
+    return payload;
+}
+
+void StreamSource::Reader::verify(FrameHeader const& frame, std::uint64_t computed) const {
+    if ((frame.flags & flag_checksum) != 0 && computed != frame.checksum)
+        throw Error(ErrorKind::data, text("data on ", input_.name(), " is damaged (checksum)"));
+}
+
+/// The next frame that this version knows; false for END (already checked).
+bool StreamSource::Reader::next_frame(FrameHeader& frame) {
+    while (true) {
+        frame = read_frame_header();
+        switch (frame.type) {
+        case FrameType::slab:
+        case FrameType::bricks: return true;
+        case FrameType::end: check_end(frame); return false;
+        case FrameType::error: {
+            ErrorReport const error = error_from_json(read_text(frame, "ERR"));
+            throw UpstreamError(text(error.stage, ": ", error.message));
+        }
+        default:
+            if ((frame.flags & flag_required) != 0)
+                throw Error(ErrorKind::data, text("the stream on ", input_.name(), " needs a newer vkt (unknown frame)"));
+            if (input_.discard(frame.length) != frame.length) ended_early();
+        }
+    }
+}
+
+void StreamSource::Reader::check_end(FrameHeader const& frame) {
+    EndReport report = end_from_json(read_text(frame, "END"));
+    std::uint64_t const expected = header_.dry_run ? 0 : header_.bytes();
+    if (report.bytes != bytes_ || report.frames != frames_ || bytes_ != expected)
+        throw Error(ErrorKind::data, text("the volume on ", input_.name(), " is incomplete: ", bytes_text(static_cast<double>(bytes_)),
+                                          " of ", bytes_text(static_cast<double>(expected))));
+    if (report.checksum != 0 && all_checked_ && report.checksum != chain_)
+        throw Error(ErrorKind::data, text("the volume on ", input_.name(), " is damaged (checksum over all slabs)"));
+    end_ = std::move(report);
+}
+
+bool StreamSource::Reader::next_volume() {
+    if (in_volume_) finish();
+    std::array<char, 8> start{};
+    std::size_t const got = input_.read(start.data(), start.size());
+    if (got == 0 && any_volume_) return false;
+    if (got == 0)
+        throw Error(ErrorKind::data, text("no volume on ", input_.name(), ": it is empty"), "an upstream command failed before it wrote anything");
+    if (got < start.size() && std::memcmp(start.data(), magic.data(), got) == 0) ended_early();
+    if (start != magic) {
+        bool const other_version = std::memcmp(start.data(), magic.data(), 3) == 0;
+        throw Error(ErrorKind::data, other_version ? text("the stream on ", input_.name(), " has another version")
+                                                   : text("what follows on ", input_.name(), " is no volume stream"));
+    }
+    FrameHeader const frame = read_frame_header();
+    if (frame.type == FrameType::error) {
+        ErrorReport const error = error_from_json(read_text(frame, "ERR"));
+        throw UpstreamError(text(error.stage, ": ", error.message));
+    }
+    if (frame.type != FrameType::header) throw Error(ErrorKind::data, text("the stream on ", input_.name(), " does not begin with a header"));
+    header_ = header_from_json(read_text(frame, "HEAD"));
+    any_volume_ = in_volume_ = true;
+    complete_ = false;
+    frames_ = bytes_ = chain_ = 0;
+    all_checked_ = true;
+    next_z_ = released_z_ = 0;
+    expected_ = box_of(header_.dims);
+    end_ = {};
+    pending_.reset();
+    pending_slab_.reset();
+    return true;
+}
+
+SlabHeader StreamSource::Reader::read_slab_header(FrameHeader const& frame) {
+    SlabHeader slab;
+    if (frame.length < sizeof slab) throw Error(ErrorKind::data, text("a slab on ", input_.name(), " has no header"));
+    if (input_.read(&slab, sizeof slab) != sizeof slab) ended_early();
+    bool const in_order = slab.z_begin == next_z_ && slab.z_end > slab.z_begin && slab.z_end <= header_.dims.z;
+    if (!in_order || slab.bytes != slice_bytes() * static_cast<std::uint64_t>(slab.z_end - slab.z_begin) ||
+        frame.length != sizeof slab + (slab.place == Place::here ? slab.bytes : 0) || slab.place != Place::here)
+        throw Error(ErrorKind::data, text("a slab on ", input_.name(), " is out of order or of the wrong size"));
+    return slab;
+}
+
+std::int64_t StreamSource::Reader::first_slab_height() {
+    if (thread_.joinable() || complete_ || header_.dry_run || header_.kind != Kind::structured) return 0;
+    if (!pending_slab_) {
+        FrameHeader frame;
+        if (!next_frame(frame) || frame.type != FrameType::slab)
+            throw Error(ErrorKind::data, text("the volume on ", input_.name(), " has no slabs"));
+        pending_slab_ = read_slab_header(frame);
+        pending_ = frame;
+    }
+    std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
+    std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
+    return pending_slab_->bytes <= 2 * piece_bytes ? height : std::min(height, most);
+}
+
+void StreamSource::Reader::start() {
+    if (thread_.joinable() || complete_) return;
+    thread_ = std::thread([this] {
+        try {
+            read_slabs();
+        } catch (...) {
+            std::lock_guard const lock(mutex_);
+            failure_ = std::current_exception();
+        }
+        std::lock_guard const lock(mutex_);
+        complete_ = true;
+        changed_.notify_all();
+    });
+}
+
+void StreamSource::Reader::stop() {
+    if (!thread_.joinable()) return;
+    {
+        std::lock_guard const lock(mutex_);
+        cancel_ = true;
+        changed_.notify_all();
+    }
+    input_.cancel(); // it may sit in read(2) for as long as upstream pleases
+    thread_.join();
+    cancel_ = false;
+}
+
+void StreamSource::Reader::read_slabs() {
+    FrameHeader frame;
+    while (true) {
+        SlabHeader slab;
+        if (pending_) {
+            frame = *pending_;
+            slab = *pending_slab_;
+            pending_.reset();
+            pending_slab_.reset();
+        } else {
+            if (!next_frame(frame)) return;
+            if (frame.type != FrameType::slab)
+                throw Error(ErrorKind::data, text("bricks in the structured volume on ", input_.name()));
+            slab = read_slab_header(frame);
+        }
+        read_slab(frame, slab);
+        if (cancel_) return;
+    }
+}
+
+bool StreamSource::Reader::wanted(std::int64_t z_begin, std::int64_t z_end) const {
+    return z_end > expected_.lower.z && z_begin < expected_.upper.z && !expected_.empty();
+}
+
+void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const& slab) {
+    bool const check = (frame.flags & flag_checksum) != 0;
+    if (!check) all_checked_ = false;
+    if (!wanted(slab.z_begin, slab.z_end)) {
+        // Nobody will look at these voxels: their length counts, their bytes are not even copied.
+        std::size_t const got = input_.discard(slab.bytes);
+        bytes_ += got;
+        if (got != slab.bytes) ended_early();
+    } else {
+        StreamHash hasher(hash(std::as_bytes(std::span(&slab, 1))));
+        std::size_t const slice = slice_bytes();
+        std::int64_t const height = slab.bytes <= 2 * piece_bytes
+                                        ? slab.z_end - slab.z_begin
+                                        : static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice));
+        for (std::int64_t z = slab.z_begin; z < slab.z_end; z += height) {
+            Piece piece;
+            {
+                std::unique_lock lock(mutex_);
+                changed_.wait(lock, [&] { return cancel_ || ready_.size() < ring_slabs; });
+                if (cancel_) return;
+                if (!spare_.empty()) {
+                    piece = std::move(spare_.back());
+                    spare_.pop_back();
+                }
+            }
+            piece.z_begin = z;
+            piece.z_end = std::min(z + height, slab.z_end);
+            std::size_t const bytes = static_cast<std::size_t>(piece.z_end - piece.z_begin) * slice;
+            piece.voxels.reserve(bytes);
+            std::byte* const target = piece.voxels.write(Space::host);
+            // Hashed while it is still in the cache.
+            constexpr std::size_t step = std::size_t{1} << 18;
+            for (std::size_t done = 0; done < bytes; done += step) {
+                std::size_t const n = std::min(step, bytes - done);
+                std::size_t const got = input_.read(target + done, n);
+                bytes_ += got;
+                if (got != n) ended_early();
+                if (check) hasher.add({target + done, n});
+            }
+            std::lock_guard const lock(mutex_);
+            ready_.push_back(std::move(piece));
+            changed_.notify_all();
+        }
+        verify(frame, check ? hasher.value() : 0);
+    }
+    ++frames_;
+    chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
+    next_z_ = slab.z_end;
+}
+
+/// The piece that holds slice z, waiting for it; releases those below.
+Piece* StreamSource::Reader::piece_with(std::int64_t z) {
+    start();
+    std::unique_lock lock(mutex_);
+    while (true) {
+        while (!ready_.empty() && ready_.front().z_end <= z) {
+            spare_.push_back(std::move(ready_.front()));
+            ready_.pop_front();
+            changed_.notify_all();
+        }
+        for (auto& piece : ready_)
+            if (piece.z_begin <= z && z < piece.z_end) return &piece;
+        if (failure_) std::rethrow_exception(failure_);
+        if (complete_) throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
+        auto const begin = Clock::now();
+        changed_.wait(lock);
+        wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
+    }
+}
+
+void StreamSource::Reader::read(AnyView out) {
+    for (std::int64_t z = out.box.lower.z; z < out.box.upper.z;) {
+        Piece& piece = *piece_with(z);
+        Box part = out.box;
+        part.lower.z = z;
+        part.upper.z = std::min(piece.z_end, out.box.upper.z);
+        copy(view_of(piece).part(part), out.part(part));
+        z = part.upper.z;
+    }
+}
+
+std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
+    Piece& piece = *piece_with(region.lower.z);
+    if (region.upper.z > piece.z_end) return std::nullopt;
+    return view_of(piece).part(region);
+}
+
+void StreamSource::Reader::finish() {
+    if (!in_volume_) return;
+    if (header_.kind == Kind::hierarchical && !header_.dry_run) {
+        load_hierarchical(); // read and verified; nobody wants it
+        return;
+    }
+    if (header_.dry_run) {
+        FrameHeader frame;
+        if (!complete_ && next_frame(frame)) throw Error(ErrorKind::data, text("unexpected voxels on ", input_.name()));
+        in_volume_ = false;
+        return;
+    }
+    if (!thread_.joinable() && !complete_) expected_ = {}; // nothing was read: skip all of it
+    start();
+    while (true) {
+        std::unique_lock lock(mutex_);
+        while (!ready_.empty()) {
+            spare_.push_back(std::move(ready_.front()));
+            ready_.pop_front();
+        }
+        changed_.notify_all();
+        if (complete_) break;
+        changed_.wait(lock);
+    }
+    if (thread_.joinable()) thread_.join();
+    in_volume_ = false;
+    if (failure_) std::rethrow_exception(failure_);
+}
+
+Volume StreamSource::Reader::load_hierarchical() {
+    if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
+        throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
+    std::vector<Brick> bricks;
+    std::vector<std::pair<std::size_t, Buffer>> blocks; // cells as they arrive; joined once the volume is known to be whole
+    FrameHeader frame;
+    std::int64_t cells_left = header_.cell_count;
+    while (next_frame(frame)) {
+        if (frame.type != FrameType::bricks) throw Error(ErrorKind::data, text("slabs in the hierarchical volume on ", input_.name()));
+        BricksHeader group;
+        if (frame.length < sizeof group) throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has no header"));
+        if (input_.read(&group, sizeof group) != sizeof group) ended_early();
+        if (group.first != bricks.size() || group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
+            group.count > (frame.length - sizeof group) / sizeof(BrickRecord))
+            throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
+        std::vector<BrickRecord> records(group.count);
+        std::size_t const record_bytes = records.size() * sizeof(BrickRecord);
+        if (input_.read(records.data(), record_bytes) != record_bytes) ended_early();
+        std::int64_t cells = 0;
+        for (auto const& r : records) {
+            Brick const brick{{r.lower[0], r.lower[1], r.lower[2]}, {r.dims[0], r.dims[1], r.dims[2]}, r.level};
+            if (r.dims[0] < 1 || r.dims[1] < 1 || r.dims[2] < 1 || r.level < 0 || r.level >= header_.level_count ||
+                static_cast<double>(r.dims[0]) * r.dims[1] * r.dims[2] > static_cast<double>(cells_left - cells))
+                throw Error(ErrorKind::data, text("a brick on ", input_.name(), " is impossible"));
+            cells += brick.cells();
+            bricks.push_back(brick);
+        }
+        cells_left -= cells;
+        std::size_t const bytes = static_cast<std::size_t>(cells) * size_of(header_.dtype);
+        if (frame.length != sizeof group + record_bytes + bytes) throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
+        Buffer block(bytes);
+        std::byte* const target = block.write(Space::host);
+        std::size_t const got = input_.read(target, bytes);
+        bytes_ += got;
+        if (got != bytes) ended_early();
+        StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
+        hasher.add(std::as_bytes(std::span(records)));
+        hasher.add({target, bytes});
+        verify(frame, (frame.flags & flag_checksum) != 0 ? hasher.value() : 0);
+        if ((frame.flags & flag_checksum) == 0) all_checked_ = false;
+        ++frames_;
+        chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
+        blocks.emplace_back(bytes, std::move(block));
+    }
+    complete_ = true;
+    in_volume_ = false;
+    if (static_cast<std::int64_t>(bricks.size()) != header_.brick_count) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+    Volume volume(header_, std::move(bricks));
+    std::byte* target = volume.buffer().write(Space::host);
+    for (auto& [bytes, block] : blocks) {
+        std::memcpy(target, block.read(Space::host), bytes);
+        target += bytes;
+        block = Buffer();
+    }
+    return volume;
+}
+
+StreamSource::StreamSource(std::unique_ptr<ByteSource> bytes, StreamOptions options)
+    : reader_(std::make_unique<Reader>(std::move(bytes), std::move(options))) {}
+StreamSource::~StreamSource() = default;
+bool StreamSource::next_volume() { return reader_->next_volume(); }
+Header const& StreamSource::header() const { return reader_->header(); }
+void StreamSource::read(AnyView out) { reader_->read(out); }
+std::optional<ConstView> StreamSource::borrow(Box const& region) { return reader_->borrow(region); }
+void StreamSource::expect(Box const& region) { reader_->expect(region); }
+std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
+void StreamSource::finish() { reader_->finish(); }
+Volume StreamSource::load_hierarchical() { return reader_->load_hierarchical(); }
+Traffic StreamSource::traffic() const { return reader_->traffic(); }
+std::vector<StageReport> const& StreamSource::stage_reports() const { return reader_->stages(); }
+
+} // namespace vkt::ipc

@@ -1,0 +1,23 @@
+# Libraries that Debian ships without a usable CMake package, as imported targets. The build and the installed package
+# both include this file, so that neither writes down where the libraries lie on one machine.
+function(vkt_import target)
+  if(TARGET ${target})
+    return()
+  endif()
+  string(MAKE_C_IDENTIFIER "VKT_LIBRARY_${target}" variable)
+  find_library(${variable} NAMES ${ARGN} PATH_SUFFIXES hdf5/serial)
+  mark_as_advanced(${variable})
+  if(NOT ${variable})
+    message(FATAL_ERROR "vkt: none of these libraries was found: ${ARGN}")
+  endif()
+  add_library(${target} UNKNOWN IMPORTED GLOBAL)
+  set_target_properties(${target} PROPERTIES IMPORTED_LOCATION "${${variable}}")
+endfunction()
+
+if(VKT_HAVE_HDF5)
+  vkt_import(vkt::hdf5 hdf5_serial hdf5)
+endif()
+if(VKT_HAVE_OPENVDB)
+  vkt_import(vkt::openvdb openvdb)
+  vkt_import(vkt::tbb tbb)
+endif()

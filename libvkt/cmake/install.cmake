@@ -1,0 +1,45 @@
+# cmake --install: library, headers, CMake package and pkg-config file, all found from where they lie.
+include(CMakePackageConfigHelpers)
+
+set(destination ${CMAKE_INSTALL_LIBDIR}/cmake/vkt)
+install(TARGETS vkt EXPORT vktTargets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+install(EXPORT vktTargets NAMESPACE vkt:: DESTINATION ${destination})
+configure_package_config_file(libvkt/cmake/vktConfig.cmake.in ${PROJECT_BINARY_DIR}/vktConfig.cmake
+  INSTALL_DESTINATION ${destination})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/vktConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/vktConfig.cmake ${PROJECT_BINARY_DIR}/vktConfigVersion.cmake
+  libvkt/cmake/imports.cmake DESTINATION ${destination})
+
+# Headers keep their paths: #include "libvkt/core/volume.h".
+install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
+  PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN kernel EXCLUDE)
+
+# A static library leaves its own dependencies to the one who links it, so they are not private then.
+file(RELATIVE_PATH VKT_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+string(REGEX REPLACE "/$" "" VKT_PC_PREFIX "${VKT_PC_PREFIX}")
+set(VKT_PC_LIBS "")
+set(VKT_PC_PRIVATE ".private")
+if(NOT BUILD_SHARED_LIBS)
+  set(VKT_PC_PRIVATE "")
+  set(VKT_PC_LIBS " -lstdc++ ${OpenMP_CXX_FLAGS} -pthread -lm")
+  if(BZip2_FOUND)
+    string(APPEND VKT_PC_LIBS " -lbz2")
+  endif()
+  foreach(library hdf5 openvdb tbb)
+    if(TARGET vkt::${library})
+      get_target_property(location vkt::${library} IMPORTED_LOCATION)
+      get_filename_component(name ${location} NAME_WE)
+      string(REGEX REPLACE "^lib" " -l" flag ${name})
+      string(APPEND VKT_PC_LIBS ${flag})
+    endif()
+  endforeach()
+endif()
+configure_file(libvkt/cmake/vkt.pc.in ${PROJECT_BINARY_DIR}/vkt.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/vkt.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+install(FILES shell/completion/vkt.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME vkt)
+install(FILES shell/completion/_vkt DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions)
+install(FILES shell/completion/vkt.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
+install(FILES LICENSE README.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY examples/data DESTINATION ${CMAKE_INSTALL_DATADIR}/vkt FILES_MATCHING PATTERN "*.nrrd")

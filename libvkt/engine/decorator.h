@@ -1,0 +1,34 @@
+// A source around a source: forwards everything, so that a wrapper overrides only what it changes.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/source.h"
+
+#include <memory>
+#include <utility>
+
+namespace vkt {
+
+class SourceDecorator : public Source {
+public:
+    explicit SourceDecorator(std::unique_ptr<Source> source) : source_(std::move(source)) {}
+
+    bool next_volume() override { return source_->next_volume(); }
+    Header const& header() const override { return source_->header(); }
+    Access access() const override { return source_->access(); }
+    void read(AnyView out) override { source_->read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return source_->borrow(region); }
+    Volume load_hierarchical() override { return source_->load_hierarchical(); }
+    void expect(Box const& region) override { source_->expect(region); }
+    std::int64_t natural_slab() const override { return source_->natural_slab(); }
+    Space space() const override { return source_->space(); }
+    void finish() override { source_->finish(); }
+
+protected:
+    Source& inner() const { return *source_; }
+
+private:
+    std::unique_ptr<Source> source_;
+};
+
+} // namespace vkt

@@ -1,0 +1,72 @@
+// Flip: a copy whose source rows, columns or slices are taken in reverse.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/flip.h"
+
+#include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
+
+namespace vkt {
+
+VKT_KERNEL(flip_box, (ConstView from, AnyView to, Axis axis, Execution const& execution), (from, to, axis, execution))
+
+namespace VKT_BACKEND {
+
+void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution) {
+    copy_box(execution, from, to, {axis == Axis::x, axis == Axis::y, axis == Axis::z});
+}
+
+} // namespace VKT_BACKEND
+
+#if VKT_HOST
+
+void Flip::parameters(Parameters& parameters) {
+    parameters.positional("axis", axis_, "axis to mirror: x, y or z");
+    parameters.option("roi", region_, "REGION", "mirror only the voxels of this region");
+}
+
+Plan Flip::plan(std::span<Header const> inputs) {
+    Plan plan;
+    plan.output = inputs[0];
+    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
+    bool const whole = box_ == box_of(inputs[0].dims);
+    int const axis = static_cast<int>(axis_);
+    if (whole) {
+        plan.output.geometry = flipped(inputs[0].geometry, axis_, inputs[0].dims[axis]);
+        if (auto& part = plan.output.part)
+            part->offset[axis] = part->global_dims[axis] - part->offset[axis] - inputs[0].dims[axis];
+    }
+    plan.access = axis_ == Axis::z && box_.dims().z > 1 ? Access::random : Access::forward;
+    plan.method = "mirrored copy";
+    plan.cost = 0;
+    return plan;
+}
+
+Box Flip::mirrored(Box part) const {
+    int const axis = static_cast<int>(axis_);
+    std::int64_t const sum = box_.lower[axis] + box_.upper[axis], lower = part.lower[axis];
+    part.lower[axis] = sum - part.upper[axis];
+    part.upper[axis] = sum - lower;
+    return part;
+}
+
+Box Flip::footprint(Box const& output, int) const {
+    Box const inside = intersect(output, box_);
+    if (inside.empty()) return output;
+    Box const source = mirrored(inside);
+    if (output == inside) return source;
+    // Voxels inside come from the mirrored part, those around it from where they are.
+    return {{std::min(output.lower.x, source.lower.x), std::min(output.lower.y, source.lower.y),
+             std::min(output.lower.z, source.lower.z)},
+            {std::max(output.upper.x, source.upper.x), std::max(output.upper.y, source.upper.y),
+             std::max(output.upper.z, source.upper.z)}};
+}
+
+void Flip::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, box_);
+    if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
+    if (!inside.empty()) flip_box(inputs[0].part(mirrored(inside)), out.part(inside), axis_, execution);
+}
+
+#endif
+
+} // namespace vkt

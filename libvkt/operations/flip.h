@@ -1,0 +1,38 @@
+// Flip: reverses the order of the voxels along one axis, of the whole volume or inside a region of it.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+
+namespace vkt {
+
+/// Mirrors a volume along x, y or z: out(i) = in(lower + upper - 1 - i) inside the region, untouched outside of it.
+/// Exact for every data type (a permutation of bytes), one read and one write. A flip of the whole volume reverses the
+/// direction of the axis as well, so that voxels keep their world positions; a flip of a region moves voxels in the
+/// world and leaves the geometry alone. z needs its input in reverse order (Access::random).
+class Flip : public Operation {
+public:
+    Flip() = default;
+    explicit Flip(Axis axis, Roi region = {}) : axis_(axis), region_(std::move(region)) {}
+
+    std::string_view name() const override { return "flip"; }
+    Shape shape() const override { return Shape::geometric; }
+    void parameters(Parameters& parameters) override;
+    /// Throws Error{usage} if the region does not lie in the volume.
+    Plan plan(std::span<Header const> inputs) override;
+    Box footprint(Box const& output, int input) const override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
+
+protected:
+    void set_region(Roi region) { region_ = std::move(region); }
+    Axis axis_ = Axis::x;
+
+private:
+    Box mirrored(Box part) const;
+
+    Roi region_;
+    Box box_; ///< the region in voxels
+};
+
+} // namespace vkt

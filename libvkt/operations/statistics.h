@@ -1,0 +1,90 @@
+// All aggregates of a volume in one pass: counts, extremes and where they are, exact sums, mean, variance.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/wide.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+/// What is known about (a part of) one line, slice or volume; append() adds what follows in x-fastest order. Integers up
+/// to 32 bits keep exact sums of values and squares; the others keep mean and sum of squared deviations, which are
+/// merged by Chan, Golub and LeVeque's update ("Updating formulae and a pairwise algorithm", 1979) in a fixed order.
+struct Moments {
+    std::int64_t finite = 0, nan = 0, positive_infinity = 0, negative_infinity = 0;
+    Int128 integer_sum = 0;  ///< integers: exact sum
+    Unsigned128 squares = 0; ///< integers up to 32 bits: exact sum of squares
+    double sum = 0, sum_error = 0;          ///< floats: sum of the finite values, and the part that rounding lost
+    double mean = 0, deviations = 0;        ///< floats and 64-bit integers: mean, sum of (value - mean)^2
+
+    /// `exact`: only counts and integer sums matter.
+    void append(Moments const& next, bool exact);
+
+private:
+    void append_sum(Moments const& next);
+};
+
+/// Smallest and largest value of a row: as a float, or as an integer (128 bits hold every integer type).
+struct Range {
+    bool valid = false;
+    double low = 0, high = 0;
+    Int128 integer_low = 0, integer_high = 0;
+};
+
+/// What one row of a slab contributes.
+struct RowStatistics {
+    Moments moments;
+    Range range;
+};
+
+/// An extreme value and the first voxel in x-fastest order that has it.
+struct Extreme {
+    bool valid = false;
+    double value = 0;
+    Int128 integer = 0;
+    Index3 where;
+};
+
+/// Results in physical values (slope * stored + intercept). Exact texts where the stored values are integers and the
+/// value map is the identity.
+struct StatisticsResult {
+    std::int64_t count = 0, nan = 0, inf = 0; ///< count includes NaN and infinities
+    bool valid = false;                       ///< false if there is no number at all: min … stddev are NaN
+    double min = 0, max = 0, sum = 0, mean = 0, variance = 0, stddev = 0; ///< variance with ddof 0
+    Index3 argmin, argmax;                    ///< voxel indices in the whole volume, first in x-fastest order
+    std::string min_text, max_text, sum_text; ///< exact decimals for integers, shortest round trip otherwise; "nan"
+};
+
+/// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
+/// The result is the same bit for bit for every thread count, slab height and instruction set: each row is summed in 16
+/// lanes, rows are merged in order, then slices. Cost: one read of the volume, O(rows of a slab) memory.
+class Statistics : public Operation {
+public:
+    Roi roi; ///< part to look at; empty: all
+
+    std::string_view name() const override { return "stats"; }
+    Shape shape() const override { return Shape::reduction; }
+    void parameters(Parameters& p) override;
+    Plan plan(std::span<Header const> inputs) override;
+    void scan(ConstView slab, Execution const& execution) override;
+    void scan_end() override;
+    void run(std::span<ConstView const>, AnyView, Execution const&) override {}
+
+    StatisticsResult const& result() const { return result_; }
+
+private:
+    void merge_extremes(ConstView slab);
+
+    Header input_;
+    Box region_;
+    Moments total_;
+    Extreme min_, max_;
+    std::vector<RowStatistics> rows_; ///< scratch: one per row of a slab
+    std::vector<Moments> slices_;     ///< scratch: one per slice of a slab
+    StatisticsResult result_;
+};
+
+} // namespace vkt

@@ -1,0 +1,55 @@
+// Options that every command shares, declared in one place.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "ipc/stream.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/parameters.h"
+
+#include <optional>
+#include <string>
+
+namespace vkt {
+template <>
+struct EnumNames<Device> {
+    static std::vector<std::pair<Device, char const*>> all() {
+        return {{Device::automatic, "auto"}, {Device::cpu, "cpu"}, {Device::gpu, "gpu"}};
+    }
+};
+template <>
+struct EnumNames<ipc::Transport> {
+    static std::vector<std::pair<ipc::Transport, char const*>> all() {
+        return {{ipc::Transport::pipe, "pipe"}, {ipc::Transport::shm, "shm"}};
+    }
+};
+} // namespace vkt
+
+namespace vkt::shell {
+
+/// What kinds of output a command has decides which options it gets.
+struct CommonKind {
+    bool volume_output = false; ///< writes volumes: -o, --force, --format, --no-checksum
+    bool file_output = false;   ///< writes its own file: -o, --force
+    bool report = false;        ///< --json
+};
+
+struct Common {
+    std::string device = "auto";
+    std::optional<int> threads;
+    std::optional<std::string> memory;
+    std::optional<ipc::Transport> transport;
+    std::int64_t slab = 0;
+    bool dry_run = false, explain = false, timing = false, strict = false, quiet = false, verbose = false, json = false;
+    bool force = false, no_checksum = false, no_history = false, compress = false;
+    std::string output = "-";
+    std::string format;
+    bool help = false, examples = false;
+
+    void declare(Parameters& parameters, CommonKind kind);
+    /// The options on top of what machine and environment say. Throws Error{usage}.
+    Execution execution() const;
+    ipc::Transport resolved_transport() const;
+    bool wants_timing() const;
+};
+
+} // namespace vkt::shell

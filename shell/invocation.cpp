@@ -1,0 +1,122 @@
+// Finding verbs and parsing their words.
+// SPDX-License-Identifier: MIT
+#include "shell/invocation.h"
+
+#include "libvkt/core/error.h"
+#include "shell/options.h"
+
+#include <algorithm>
+
+namespace vkt::shell {
+namespace {
+
+Command const* lookup(std::vector<std::pair<std::string, Command>> const& list, std::string const& name) {
+    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.first == name; });
+    return found == list.end() ? nullptr : &found->second;
+}
+
+std::vector<std::string> names_of(std::vector<std::pair<std::string, Command>> const& list) {
+    std::vector<std::string> names;
+    for (auto const& entry : list) names.push_back(entry.first);
+    return names;
+}
+
+[[noreturn]] void unknown_verb(std::string const& word, std::vector<std::string> const& names, std::string const& after) {
+    std::string const near = nearest_name(word, names);
+    throw Error(ErrorKind::usage, text("'", after, word, "' is not a command"),
+                near.empty() ? text("'vkt help' lists the commands") : text("did you mean '", after, near, "'?"));
+}
+
+} // namespace
+
+Verb find_verb(std::vector<std::string> const& words) {
+    if (words.empty()) throw Error(ErrorKind::usage, "missing command", "'vkt help' lists the commands");
+    Verb verb{words.front(), lookup(commands(), words.front()), {words.begin() + 1, words.end()}};
+    if (verb.command == nullptr) unknown_verb(verb.name, names_of(commands()), "");
+    if (verb.command->verbs.empty()) return verb;
+    if (verb.words.empty() || verb.words.front().starts_with("-")) return verb; // help, or a complaint by whoever runs it
+    Command const* const sub = lookup(verb.command->verbs, verb.words.front());
+    if (sub == nullptr) unknown_verb(verb.words.front(), names_of(verb.command->verbs), verb.name + " ");
+    return {verb.name + " " + verb.words.front(), sub, {verb.words.begin() + 1, verb.words.end()}};
+}
+
+Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
+    Command const& c = *verb_.command;
+    CommonKind kind;
+    int inputs = 0;
+    if (c.operation) {
+        operation_ = c.operation();
+        operation_->parameters(own_);
+        inputs = operation_->inputs();
+        inputs_are_parameters_ = !operation_->input_names().empty();
+        kind.volume_output = true;
+    } else if (c.consumer) {
+        consumer_ = c.consumer();
+        consumer_->parameters(own_);
+        inputs = consumer_->inputs();
+        kind.file_output = consumer_->writes() && own_.find("output") == nullptr;
+        kind.report = consumer_->reports();
+    } else if (c.opener) {
+        opener_ = c.opener();
+        opener_->parameters(own_);
+        kind.volume_output = true;
+    }
+    common_.declare(shared_, kind);
+    if (inputs > 0 && !inputs_are_parameters_) {
+        Parameter& p = positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
+        p.optional().values(1, inputs).not_in_history();
+    }
+}
+
+void Invocation::parse() {
+    auto const& words = verb_.words;
+    bool const asks = std::any_of(words.begin(), words.end(), [](auto const& w) { return w == "--help" || w == "-h" || w == "--examples"; });
+    if (asks) {
+        common_.examples = std::find(words.begin(), words.end(), "--examples") != words.end();
+        common_.help = !common_.examples;
+        return;
+    }
+    if (!verb_.command->verbs.empty() && !operation_) {
+        std::vector<std::string> names;
+        for (auto const& entry : verb_.command->verbs) names.push_back(entry.first);
+        throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")), text("try 'vkt ", verb_.name, " --help'"));
+    }
+    parse_words(words, {&own_, &positional_inputs_, &shared_});
+    if (operation_) operation_->check();
+    if (consumer_) consumer_->check();
+    if (opener_) opener_->check();
+    resolve_inputs();
+}
+
+void Invocation::resolve_inputs() {
+    if (operation_) {
+        inputs_ = inputs_are_parameters_ ? operation_->input_names() : given_inputs_;
+        auto const n = static_cast<std::size_t>(operation_->inputs());
+        while (inputs_.size() < n) inputs_.emplace_back("-");
+    }
+    if (consumer_) {
+        inputs_ = given_inputs_;
+        auto const n = static_cast<std::size_t>(consumer_->inputs());
+        // A missing first of two inputs would be surprising; a missing last one is standard input.
+        while (inputs_.size() < n) inputs_.emplace_back("-");
+    }
+    if (std::count(inputs_.begin(), inputs_.end(), "-") > 1)
+        throw Error(ErrorKind::usage, "standard input can be read only once", "give the other input as a file or as <(vkt …)");
+}
+
+std::vector<std::string> Invocation::history_words() const {
+    std::vector<std::string> words = shell_words(verb_.name);
+    std::vector<std::string> own = own_.words();
+    if (inputs_are_parameters_) {
+        // Each input's word becomes a placeholder, which the engine replaces once it knows the input's own history.
+        std::size_t next = 0;
+        for (auto& word : own)
+            if (next < inputs_.size() && word == inputs_[next]) word = input_placeholder(next++, true);
+    } else {
+        for (std::size_t i = 0; i < inputs_.size(); ++i) own.push_back(input_placeholder(i, false));
+    }
+    words.insert(words.end(), own.begin(), own.end());
+    return words;
+}
+
+} // namespace vkt::shell

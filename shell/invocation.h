@@ -1,0 +1,64 @@
+// One command with its parameters parsed: a stage that is ready to run.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "shell/command.h"
+#include "shell/common.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+/// A verb and what it names. `name` is "filter gaussian" for sub-verbs.
+struct Verb {
+    std::string name;
+    Command const* command = nullptr;
+    std::vector<std::string> words; ///< what follows the verb
+};
+
+/// Finds the command; throws Error{usage} with a suggestion for unknown verbs and missing sub-verbs.
+Verb find_verb(std::vector<std::string> const& words);
+
+class Invocation {
+public:
+    /// Declares the parameters; parse() reads them.
+    explicit Invocation(Verb verb);
+
+    /// Parses the words and checks what can be checked without input. Unless help was asked for.
+    void parse();
+
+    std::string stage() const { return "vkt " + verb_.name.substr(0, verb_.name.find(' ')); }
+    Verb const& verb() const { return verb_; }
+    Command const& command() const { return *verb_.command; }
+    Common const& common() const { return common_; }
+    Common& common() { return common_; }
+    Parameters& own_parameters() { return own_; }
+    Parameters& common_parameters() { return shared_; }
+
+    Operation* operation() const { return operation_.get(); }
+    Consumer* consumer() const { return consumer_.get(); }
+    Opener* opener() const { return opener_.get(); }
+
+    /// Paths of the inputs, "-" for standard input or the stage before.
+    std::vector<std::string> const& inputs() const { return inputs_; }
+    /// True if volumes come out.
+    bool yields_volumes() const { return operation_ ? operation_->shape() != Shape::reduction : opener_ != nullptr; }
+    /// The words that the history keeps, with placeholders for inputs (see StageInfo).
+    std::vector<std::string> history_words() const;
+
+private:
+    void resolve_inputs();
+
+    Verb verb_;
+    Common common_;
+    Parameters own_, shared_, positional_inputs_;
+    std::vector<std::string> given_inputs_, inputs_;
+    bool inputs_are_parameters_ = false;
+    std::unique_ptr<Operation> operation_;
+    std::unique_ptr<Consumer> consumer_;
+    std::unique_ptr<Opener> opener_;
+};
+
+} // namespace vkt::shell

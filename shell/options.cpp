@@ -1,0 +1,127 @@
+// CLI11 does the splitting; values are read by the parameters themselves.
+// SPDX-License-Identifier: MIT
+#include "shell/options.h"
+
+#include "libvkt/core/error.h"
+
+#include <CLI/CLI.hpp>
+#include <map>
+
+namespace vkt::shell {
+namespace {
+
+/// Stands for the sign of negative numbers while CLI11, which would take "-5" for an option, looks at the words.
+constexpr char minus = '\x01';
+
+bool is_negative_number(std::string const& word) {
+    return word.size() > 1 && word[0] == '-' && (word[1] == '.' || (word[1] >= '0' && word[1] <= '9'));
+}
+
+Parameter* find(std::vector<Parameters*> const& lists, std::string const& name) {
+    for (Parameters* list : lists)
+        if (Parameter* p = list->find(name); p != nullptr && !p->positional) return p;
+    return nullptr;
+}
+
+/// Volkit's "-dims" becomes "--dims"; "--dims 1,2,3" becomes three words; negative numbers are hidden from CLI11.
+std::vector<std::string> prepared(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
+    std::vector<std::string> result;
+    Parameter const* last = nullptr;
+    for (std::string word : words) {
+        if (is_negative_number(word)) {
+            word[0] = minus;
+        } else if (word.size() > 2 && word[0] == '-') {
+            std::size_t const dashes = word[1] == '-' ? 2 : 1;
+            last = find(lists, word.substr(dashes, word.find('=') - dashes));
+            if (dashes == 1 && last != nullptr) word.insert(0, 1, '-');
+            result.push_back(std::move(word));
+            continue;
+        }
+        if (last != nullptr && last->min_values == 3 && last->max_values == 3 && word.find(',') != std::string::npos) {
+            for (auto& part : split(word, ',')) result.push_back(is_negative_number(part) ? minus + part.substr(1) : part);
+            last = nullptr;
+            continue;
+        }
+        last = nullptr;
+        result.push_back(std::move(word));
+    }
+    return result;
+}
+
+std::string restored(std::string word) {
+    if (!word.empty() && word[0] == minus) word[0] = '-';
+    return word;
+}
+
+std::string spelling(Parameter const& p) {
+    if (p.positional) return p.name;
+    std::string names;
+    if (p.letter != 0) names = text("-", std::string(1, p.letter), ",");
+    names += "--" + p.name;
+    for (auto const& alias : p.aliases) names += ",--" + alias;
+    return names;
+}
+
+/// Turns CLI11's complaint about surplus words into ours.
+[[noreturn]] void unknown_word(std::string const& raw, std::vector<Parameters*> const& lists) {
+    std::string const word = restored(raw);
+    if (word.size() < 2 || word[0] != '-') throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"));
+    std::vector<std::string> names;
+    for (Parameters* list : lists)
+        for (auto const& p : list->all()) {
+            if (p.positional) continue;
+            names.push_back("--" + p.name);
+            for (auto const& alias : p.aliases) names.push_back("--" + alias);
+        }
+    std::string const bare = word.substr(0, word.find('='));
+    std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
+    throw Error(ErrorKind::usage, text("unknown option '", bare, "'"), near.empty() ? "see --help" : text("did you mean '", near, "'?"));
+}
+
+} // namespace
+
+void parse_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
+    CLI::App app;
+    app.set_help_flag("");
+    app.allow_extras();
+    std::map<Parameter*, CLI::Option*> options;
+    std::map<Parameter*, std::vector<std::string>> values;
+    for (Parameters* list : lists) {
+        for (Parameter& p : list->all()) {
+            if (p.flag) {
+                options[&p] = app.add_flag(spelling(p));
+                continue;
+            }
+            CLI::Option* const option = app.add_option(spelling(p), values[&p]);
+            option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
+            option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+            options[&p] = option;
+        }
+    }
+    std::vector<std::string> reversed = prepared(words, lists);
+    std::reverse(reversed.begin(), reversed.end());
+    try {
+        app.parse(reversed);
+    } catch (CLI::ArgumentMismatch const& e) {
+        throw Error(ErrorKind::usage, lower_case(std::string(1, e.what()[0])) + (e.what() + 1));
+    } catch (CLI::ParseError const& e) {
+        throw Error(ErrorKind::usage, e.what());
+    }
+    if (auto const extra = app.remaining(); !extra.empty()) unknown_word(extra.front(), lists);
+    for (Parameters* list : lists) {
+        for (Parameter& p : list->all()) {
+            if (options[&p]->count() == 0) {
+                if (p.required)
+                    throw Error(ErrorKind::usage, text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
+                continue;
+            }
+            auto& given = values[&p];
+            for (auto& word : given) word = restored(word);
+            if (p.max_values == 1 && given.size() > 1) throw Error(ErrorKind::usage, text("--", p.name, " is given more than once"));
+            p.set(given);
+            p.given = true;
+        }
+    }
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,16 @@
+// The plan of a stage as text, for --dry-run and --explain.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
+                      Execution const& execution, bool reduction);
+std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output);
+
+} // namespace vkt::shell

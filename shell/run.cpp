@@ -1,0 +1,425 @@
+// From parsed stages to voxels that move.
+// SPDX-License-Identifier: MIT
+#include "shell/run.h"
+
+#include "ipc/descriptor.h"
+#include "ipc/stream.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/decorator.h"
+#include "libvkt/formats/format.h"
+#include "shell/help.h"
+#include "shell/plan_text.h"
+#include "shell/terminal.h"
+#include "shell/timing.h"
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <new>
+#include <unistd.h>
+#include <utility>
+
+namespace vkt::shell {
+namespace {
+
+/// A source whose headers are changed on the way.
+class Relabelled : public SourceDecorator {
+public:
+    using SourceDecorator::SourceDecorator;
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        header_ = inner().header();
+        relabel(header_);
+        return true;
+    }
+    Header const& header() const override { return header_; }
+
+private:
+    virtual void relabel(Header& header) const = 0;
+    Header header_;
+};
+
+/// Marks the volumes of a source as planned only; gives no voxels.
+class PlanOnly : public Relabelled {
+public:
+    using Relabelled::Relabelled;
+    void read(AnyView) override { throw Error(ErrorKind::failure, "a dry run has no voxels"); }
+    void finish() override {
+        if (inner().header().dry_run) inner().finish();
+    }
+
+private:
+    void relabel(Header& header) const override { header.dry_run = true; }
+};
+
+/// Asks the stages downstream for their times.
+class Timed : public Relabelled {
+public:
+    using Relabelled::Relabelled;
+
+private:
+    void relabel(Header& header) const override { header.timing = true; }
+};
+
+/// Adds the first step to the history of volumes that come from an opener (read).
+class WithHistory : public Relabelled {
+public:
+    WithHistory(std::unique_ptr<Source> source, std::vector<std::string> words) : Relabelled(std::move(source)), words_(std::move(words)) {}
+
+private:
+    void relabel(Header& header) const override {
+        // A file that knows its own past needs no step that says it was read.
+        if (!header.history) header.history = History{words_, {}};
+    }
+    std::vector<std::string> words_;
+};
+
+/// Passes an error on to whoever reads our output. An empty stage means that the message names its origin already.
+void tell(Sink& sink, std::string const& stage, std::string const& message) {
+    try {
+        std::size_t const colon = stage.empty() ? message.find(": ") : std::string::npos;
+        if (colon == std::string::npos)
+            sink.fail(stage.empty() ? "an upstream command" : stage, message);
+        else
+            sink.fail(message.substr(0, colon), message.substr(colon + 2));
+    } catch (ipc::BrokenPipe const&) {
+    } catch (std::exception const&) { // nobody can be told; the exit code remains
+    }
+}
+
+class Runner;
+
+/// What consumers see of a stage.
+class StageContext : public Context {
+public:
+    StageContext(Runner& runner, Invocation& invocation, Execution execution)
+        : runner_(runner), invocation_(invocation), execution_(std::move(execution)) {}
+    Execution const& execution() const override { return execution_; }
+    StageInfo stage_info() const override;
+    bool json() const override { return invocation_.common().json; }
+    bool quiet() const override { return invocation_.common().quiet; }
+    bool verbose() const override { return invocation_.common().verbose; }
+    std::string const& output() const override { return invocation_.common().output; }
+    bool force() const override { return invocation_.common().force; }
+    void print(std::string const& report) override;
+    void note(std::string const& message) override;
+    std::unique_ptr<Source> open(std::string const& path) override;
+
+private:
+    Runner& runner_;
+    Invocation& invocation_;
+    Execution execution_;
+};
+
+class Runner {
+public:
+    explicit Runner(std::vector<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
+    int run();
+
+    StageInfo stage_info(Invocation const& stage);
+    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path);
+    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes);
+    Log const& log() const { return log_; }
+    bool dry_run() const { return dry_run_; }
+
+private:
+    static Verbosity verbosity(Common const& c) {
+        return c.quiet ? Verbosity::quiet : c.verbose ? Verbosity::verbose : Verbosity::normal;
+    }
+    Execution execution_of(Invocation const& stage) const;
+    void check_ends();
+    std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
+    std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
+    int consume(Invocation& stage, std::unique_ptr<Source> previous);
+    int drain(std::unique_ptr<Source> source);
+    std::unique_ptr<Sink> make_sink();
+    void drain_all(Source& source, Sink& sink);
+    void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
+    void refuse_lossy();
+    ipc::StageReport own_report() const;
+    std::vector<ipc::StageReport> reports() const;
+
+    std::vector<Invocation>& stages_;
+    Invocation& last_;
+    Log log_;
+    bool dry_run_ = false;
+    std::string lossy_;
+    ipc::StreamSource* stream_in_ = nullptr;
+    ipc::StreamSink* stream_out_ = nullptr;
+    TimeMeter meter_;
+};
+
+StageInfo StageContext::stage_info() const { return runner_.stage_info(invocation_); }
+void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
+std::unique_ptr<Source> StageContext::open(std::string const& path) { return runner_.open(invocation_, path); }
+
+void StageContext::print(std::string const& report) {
+    OutputFile file(output(), force());
+    file.write(report.data(), report.size());
+    file.commit();
+}
+
+Execution Runner::execution_of(Invocation const& stage) const { return stage.common().execution(); }
+
+StageInfo Runner::stage_info(Invocation const& stage) {
+    StageInfo info;
+    info.name = stage.stage();
+    if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
+    info.input_names = stage.inputs();
+    bool const strict = stage.common().strict || last_.common().strict;
+    info.listener = [this, strict](std::string const& name, std::string const& message, bool lossy) {
+        log_.note(name, message);
+        if (lossy && strict) lossy_ = message;
+    };
+    info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) { print_plan(stage, plan, inputs); };
+    return info;
+}
+
+void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs) {
+    bool const planned_only = dry_run_ || plan.output.dry_run || (!inputs.empty() && inputs.front().dry_run);
+    bool const explain = stage.common().explain || last_.common().explain;
+    if (!planned_only && !explain) return;
+    bool const reduction = stage.operation() != nullptr && stage.operation()->shape() == Shape::reduction;
+    std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(), stderr);
+}
+
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) { return open(stage, open_bytes(path)); }
+
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes) {
+    std::unique_ptr<Source> source;
+    if (ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+        ipc::StreamOptions options;
+        options.stage = stage.stage();
+        options.transport = stage.common().resolved_transport();
+        bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
+        auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
+        if (standard_input || stream_in_ == nullptr) stream_in_ = stream.get();
+        source = std::move(stream);
+    } else {
+        if (bytes->peek(1).empty() && !bytes->seekable())
+            throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
+                        "an upstream command failed before it wrote anything");
+        source = open_volume(std::move(bytes), {});
+    }
+    if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+    return source;
+}
+
+std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
+    std::vector<std::unique_ptr<Source>> sources;
+    for (auto const& path : stage.inputs()) {
+        if (path == "-" && previous)
+            sources.push_back(std::move(previous));
+        else
+            sources.push_back(open(stage, path));
+    }
+    if (previous)
+        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"), "let one of its inputs be '-'");
+    return sources;
+}
+
+std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source> previous) {
+    Execution const execution = execution_of(stage);
+    std::unique_ptr<Source> source;
+    if (stage.opener() != nullptr) {
+        if (previous) throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
+        StageContext context(*this, stage, execution);
+        source = stage.opener()->open(context);
+        if (!stage.common().no_history) source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
+        if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+    } else {
+        auto inputs = open_inputs(stage, std::move(previous));
+        source = attach(std::move(inputs), *stage.operation(), execution, stage_info(stage));
+        if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
+    }
+    if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
+    return source;
+}
+
+/// Refuses what would surprise before anything is read.
+void Runner::check_ends() {
+    for (std::size_t i = 0; i + 1 < stages_.size(); ++i)
+        if (!stages_[i].yields_volumes())
+            throw Error(ErrorKind::usage, text("'", stages_[i].verb().name, "' yields no volume for the stage after it"));
+    Common const& c = last_.common();
+    bool const volumes = last_.yields_volumes();
+    bool const picture = last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
+    if ((volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") && output_is_terminal() && !dry_run_)
+        throw Error(ErrorKind::usage, text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
+                    "use -o FILE, or pipe it into another command, e.g. '| vkt info'");
+    Invocation const& first = stages_.front();
+    bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();
+    if (reads_stdin && input_is_terminal())
+        throw Error(ErrorKind::usage, "no input: standard input is a terminal", text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
+}
+
+std::unique_ptr<Sink> Runner::make_sink() {
+    Common const& c = last_.common();
+    bool const named_stream = c.output.ends_with(".vkt") && (c.format.empty() || c.format == "vkt");
+    if (c.output == "-" && (c.format.empty() || c.format == "vkt")) {
+        ipc::StreamOptions options;
+        options.stage = last_.stage();
+        options.checksum = !c.no_checksum;
+        options.transport = c.resolved_transport();
+        options.notice = [this](std::string const& message) { log_.note(last_.stage(), message); };
+        auto sink = std::make_unique<ipc::StreamSink>(STDOUT_FILENO, options);
+        stream_out_ = sink.get();
+        sink->report_stages([this] { return reports(); });
+        return sink;
+    }
+    if (named_stream || c.format == "vkt") return ipc::create_stream_file(c.output, c.force, !c.no_checksum);
+    WriteOptions options;
+    options.format = c.format;
+    options.force = c.force;
+    options.compress = c.compress;
+    return create_volume(c.output, options);
+}
+
+ipc::StageReport Runner::own_report() const {
+    ipc::Traffic const in = stream_in_ != nullptr ? stream_in_->traffic() : ipc::Traffic{};
+    ipc::Traffic const out = stream_out_ != nullptr ? stream_out_->traffic() : ipc::Traffic{};
+    std::string name = stages_.front().verb().name;
+    for (std::size_t i = 1; i < stages_.size(); ++i) name += " | " + stages_[i].verb().name;
+    return meter_.report(name, in, out);
+}
+
+std::vector<ipc::StageReport> Runner::reports() const {
+    std::vector<ipc::StageReport> rows;
+    if (stream_in_ != nullptr) rows = stream_in_->stage_reports();
+    rows.push_back(own_report());
+    return rows;
+}
+
+void Runner::refuse_lossy() {
+    if (!lossy_.empty()) throw Error(ErrorKind::data, text("--strict: ", lossy_));
+}
+
+void Runner::drain_all(Source& source, Sink& sink) {
+    bool timing = false;
+    Execution const execution = execution_of(last_);
+    while (source.next_volume()) {
+        timing = timing || source.header().timing;
+        if (source.header().dry_run && stream_out_ == nullptr) {
+            source.finish();
+            continue;
+        }
+        drain_volume(source, sink, execution);
+        refuse_lossy();
+    }
+    sink.close();
+    bool const passes_on = stream_out_ != nullptr && ipc::is_pipe(STDOUT_FILENO);
+    if (timing && !passes_on) std::fputs(timing_table(reports()).c_str(), stderr);
+}
+
+int Runner::drain(std::unique_ptr<Source> source) {
+    if (dry_run_ && (last_.common().output != "-" || output_is_terminal())) {
+        while (source->next_volume()) source->finish();
+        return 0;
+    }
+    bool const last_in_line = last_.common().output != "-" || !ipc::is_pipe(STDOUT_FILENO);
+    if (last_in_line && errors_are_terminal() && log_.verbosity() != Verbosity::quiet) source = with_progress(std::move(source), last_.stage());
+    auto const sink = make_sink();
+    try {
+        drain_all(*source, *sink);
+    } catch (ipc::BrokenPipe const&) {
+        throw;
+    } catch (UpstreamError const& e) {
+        tell(*sink, "", e.what());
+        throw;
+    } catch (std::exception const& e) {
+        tell(*sink, last_.stage(), e.what());
+        throw;
+    }
+    return 0;
+}
+
+int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
+    auto inputs = open_inputs(stage, std::move(previous));
+    StageContext context(*this, stage, execution_of(stage));
+    if (dry_run_) {
+        for (auto& input : inputs)
+            while (input->next_volume()) {
+                std::fputs(consumer_plan_text(stage.stage(), input->header(), stage.common().output).c_str(), stderr);
+                input->finish();
+            }
+        return 0;
+    }
+    if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty()) inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
+    int const code = stage.consumer()->consume(inputs, context);
+    refuse_lossy();
+    bool timing = stage.common().wants_timing();
+    if (stream_in_ != nullptr) timing = timing || !stream_in_->stage_reports().empty();
+    if (timing) std::fputs(timing_table(reports()).c_str(), stderr);
+    return code;
+}
+
+int Runner::run() {
+    for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
+    check_ends();
+    std::unique_ptr<Source> source;
+    for (auto& stage : stages_) {
+        if (stage.consumer() != nullptr) return consume(stage, std::move(source));
+        source = build(stage, std::move(source));
+    }
+    return drain(std::move(source));
+}
+
+} // namespace
+
+int run(std::vector<Invocation>& stages) {
+    Runner runner(stages);
+    return runner.run();
+}
+
+int run_words(std::vector<std::string> const& words) {
+    Verb const verb = find_verb(words);
+    if (verb.command->body) {
+        bool const asks = std::find(verb.words.begin(), verb.words.end(), "--help") != verb.words.end();
+        bool const examples = std::find(verb.words.begin(), verb.words.end(), "--examples") != verb.words.end();
+        if (!asks && !examples) return verb.command->body(verb.words);
+    }
+    std::vector<Invocation> stages;
+    stages.emplace_back(verb);
+    Invocation& stage = stages.front();
+    stage.parse();
+    if (stage.common().examples || stage.common().help) {
+        std::string const answer = stage.common().examples ? command_examples(*verb.command) : command_help(stage);
+        std::fputs(answer.c_str(), stdout);
+        return 0;
+    }
+    return run(stages);
+}
+
+int guarded(std::string const& stage, std::function<int()> const& body) {
+    Log const log;
+    auto const report = [&](std::string const& message, std::string const& hint) {
+        log.error(stage, message);
+        if (!hint.empty()) log.error(stage, "hint: " + hint);
+    };
+    try {
+        int const code = body();
+        if (std::fflush(stdout) != 0) {
+            report("cannot write to standard output", "");
+            return static_cast<int>(ErrorKind::io);
+        }
+        return code;
+    } catch (ipc::BrokenPipe const&) {
+        // Nobody reads on: leave as any filter would, killed by the signal that says so.
+        std::signal(SIGPIPE, SIG_DFL);
+        std::raise(SIGPIPE);
+        return 141;
+    } catch (UpstreamError const&) {
+        return static_cast<int>(ErrorKind::data);
+    } catch (Error const& e) {
+        report(e.what(), e.hint());
+        return static_cast<int>(e.kind());
+    } catch (std::bad_alloc const&) {
+        report("out of memory", "lower --memory, or work on a part with 'vkt crop'");
+        return static_cast<int>(ErrorKind::resources);
+    } catch (std::exception const& e) {
+        report(e.what(), "");
+        return static_cast<int>(ErrorKind::failure);
+    }
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,22 @@
+// Running a chain of invocations in one process: open, attach, drain or consume, report.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "shell/invocation.h"
+#include "shell/log.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+/// Runs stages that are joined within this process; usually one. Returns the exit code.
+int run(std::vector<Invocation>& stages);
+
+/// Parses and runs one command line (without the leading "vkt"); help requests are answered here.
+int run_words(std::vector<std::string> const& words);
+
+/// Runs a body, prints its error in one line, returns the exit code: the one place where errors end.
+int guarded(std::string const& stage, std::function<int()> const& body);
+
+} // namespace vkt::shell

@@ -1,0 +1,74 @@
+// Terminals and progress.
+// SPDX-License-Identifier: MIT
+#include "shell/terminal.h"
+
+#include "libvkt/engine/decorator.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <unistd.h>
+#include <utility>
+
+namespace vkt::shell {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::milliseconds before_first{500}, between{100};
+
+class Progress : public SourceDecorator {
+public:
+    Progress(std::unique_ptr<Source> source, std::string stage) : SourceDecorator(std::move(source)), stage_(std::move(stage)) {}
+    ~Progress() override { wipe(); }
+
+    bool next_volume() override {
+        z_ = 0;
+        ++volume_;
+        return inner().next_volume();
+    }
+    void read(AnyView out) override {
+        inner().read(out);
+        show(out.box.upper.z);
+    }
+    std::optional<ConstView> borrow(Box const& region) override {
+        show(region.upper.z);
+        return inner().borrow(region);
+    }
+    void finish() override {
+        inner().finish();
+        wipe();
+    }
+
+private:
+    void show(std::int64_t z) {
+        z_ = std::max(z_, z);
+        auto const now = Clock::now();
+        if (now - begin_ < before_first || now - last_ < between) return;
+        last_ = now;
+        double const share = 100.0 * static_cast<double>(z_) / static_cast<double>(inner().header().dims.z);
+        std::fprintf(stderr, "\r%s: volume %d, %3.0f %%\033[K", stage_.c_str(), volume_, share);
+        std::fflush(stderr);
+        drawn_ = true;
+    }
+    void wipe() {
+        if (std::exchange(drawn_, false)) std::fputs("\r\033[K", stderr);
+    }
+
+    std::string stage_;
+    Clock::time_point begin_ = Clock::now(), last_ = begin_;
+    std::int64_t z_ = 0;
+    int volume_ = 0;
+    bool drawn_ = false;
+};
+
+} // namespace
+
+bool input_is_terminal() { return ::isatty(STDIN_FILENO) == 1; }
+bool output_is_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
+bool errors_are_terminal() { return ::isatty(STDERR_FILENO) == 1; }
+
+std::unique_ptr<Source> with_progress(std::unique_ptr<Source> source, std::string stage) {
+    return std::make_unique<Progress>(std::move(source), std::move(stage));
+}
+
+} // namespace vkt::shell

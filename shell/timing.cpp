@@ -1,0 +1,43 @@
+// Timing tables.
+// SPDX-License-Identifier: MIT
+#include "shell/timing.h"
+
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <sys/resource.h>
+
+namespace vkt::shell {
+namespace {
+
+double seconds(timeval const& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
+
+} // namespace
+
+ipc::StageReport TimeMeter::report(std::string stage, ipc::Traffic const& in, ipc::Traffic const& out) const {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    double const wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    return {std::move(stage), wall, seconds(usage.ru_utime) + seconds(usage.ru_stime), in.wait, out.wait, in.bytes, out.bytes};
+}
+
+std::string timing_table(std::vector<ipc::StageReport> const& stages) {
+    std::size_t width = 5;
+    for (auto const& stage : stages) width = std::max(width, stage.stage.size());
+    std::string table = "stage";
+    table.append(width - 5, ' ');
+    table += "    wall s     cpu s   wait in  wait out    bytes in   bytes out\n";
+    for (auto const& s : stages) {
+        std::array<char, 160> line{};
+        std::snprintf(line.data(), line.size(), "  %8.3f  %8.3f  %8.3f  %8.3f  %10s  %10s\n", s.wall, s.cpu, s.wait_in, s.wait_out,
+                      bytes_text(static_cast<double>(s.bytes_in)).c_str(), bytes_text(static_cast<double>(s.bytes_out)).c_str());
+        std::string name = s.stage;
+        name.append(width - name.size(), ' ');
+        table += name + line.data();
+    }
+    return table;
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,130 @@
+# Manual pages: one for every command, in agreement with --help, and their examples run.
+load helper
+
+page_of() { echo "$VKT_ROOT/man/vkt-${1// /-}.1"; }
+
+# Pages may describe all sub-verbs of a verb together.
+page_for() {
+    local page
+    page=$(page_of "$1")
+    [ -e "$page" ] || page=$(page_of "${1%% *}")
+    echo "$page"
+}
+
+# The long options that a help text lists: words at the start of a line or after a letter, "-o, --output FILE".
+options_in_help() { grep -oE '^ +(-[A-Za-z0-9], *)?--[a-z][a-z0-9-]*(, *--[a-z][a-z0-9-]*)*' | grep -oE -- '--[a-z][a-z0-9-]*' | sort -u; }
+
+# The long options that a page describes or mentions.
+options_in_page() { grep -oE 'Fl -[a-z][a-z0-9-]*' "$1" | sed 's/^Fl -/--/' | sort -u; }
+
+@test "every command has a page" {
+    vkt help --list >verbs
+    [ -s verbs ]
+    missing=
+    while read -r verb; do
+        [ -e "$(page_for "$verb")" ] || missing="$missing $verb,"
+    done <verbs
+    [ -z "$missing" ] || { echo "no page:$missing" >&2; false; }
+}
+
+@test "every page belongs to a command" {
+    vkt help --list >verbs
+    for page in "$VKT_ROOT"/man/vkt-*.1; do
+        name=$(basename "$page" .1)
+        name=${name#vkt-}
+        grep -qxF -e "$name" -e "${name//-/ }" verbs || grep -q "^$name " verbs ||
+            { echo "$page: there is no command $name" >&2; false; }
+    done
+}
+
+@test "pages have the sections of a page" {
+    for page in "$VKT_ROOT"/man/vkt-*.1; do
+        while read -r section; do
+            grep -qx "\.Sh $section" "$page" || { echo "$page lacks $section" >&2; false; }
+        done <<<"NAME
+SYNOPSIS
+DESCRIPTION
+EXAMPLES
+EXIT STATUS
+SEE ALSO"
+    done
+}
+
+@test "pages are correct mdoc" {
+    command -v mandoc >/dev/null || skip "mandoc is not installed"
+    for page in "$VKT_ROOT"/man/*.[1-9]; do
+        # Both usual orders of EXIT STATUS and EXAMPLES are fine.
+        if mandoc -T lint -W warning "$page" | grep -v 'conventional order'; then bad=1; fi
+    done
+    [ -z "${bad:-}" ]
+}
+
+@test "pages that are referred to exist" {
+    for page in "$VKT_ROOT"/man/*.[1-9]; do
+        grep -oE '^\.Xr vkt[a-z0-9-]* [1-9]' "$page" | sort -u | while read -r _ name section; do
+            [ "$name" = vkt-COMMAND ] || [ -e "$VKT_ROOT/man/$name.$section" ] ||
+                { echo "$page refers to $name($section)" >&2; exit 1; }
+        done
+    done
+}
+
+@test "common options are described in vkt(1)" {
+    vkt help --common | options_in_help >help
+    [ -s help ]
+    options_in_page "$VKT_ROOT/man/vkt.1" >page
+    diff help <(grep -vxF -e --range -e --roi page)
+}
+
+@test "options of each command are those of its page" {
+    vkt help --common | options_in_help >common
+    vkt help --list >verbs
+    bad=
+    for page in $(while read -r verb; do page_for "$verb"; done <verbs | sort -u); do
+        : >help
+        while read -r verb; do
+            if [ "$(page_for "$verb")" = "$page" ]; then
+                # shellcheck disable=SC2086  # "filter gaussian" is two words
+                vkt $verb --help | options_in_help >>help
+            fi
+        done <verbs
+        sort -u help | grep -vxF -f common >own || true
+        options_in_page "$page" | grep -vxF -f common >described || true
+        # A page may mention options of other commands only in its examples and in prose about them, as Fl after Cm.
+        missing=$(comm -23 own described | tr '\n' ' ')
+        extra=$(comm -13 own described | tr '\n' ' ')
+        [ -z "$missing" ] || bad="$bad$(basename "$page") does not describe $missing
+"
+        [ -z "$extra" ] || bad="$bad$(basename "$page") describes what --help does not list: $extra
+"
+    done
+    [ -z "$bad" ] || { echo "$bad" >&2; false; }
+}
+
+@test "examples of every command run" {
+    vkt help --list >verbs
+    bad=
+    mkdir scratch && cd scratch
+    while read -r verb; do
+        # shellcheck disable=SC2086
+        vkt $verb --examples >../examples || { bad="$bad$verb: --examples fails"; continue; }
+        while IFS= read -r line; do
+            [ -n "$line" ] || continue
+            rm -rf ./* && cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
+            if [[ "$line" == *'$DATA'* ]] && [ ! -d "$VKT_DATA" ]; then continue; fi
+            if ! DATA="$VKT_DATA" timeout 120 bash -o pipefail -c "$line" >../out 2>../err </dev/null; then
+                bad="$bad$verb: $line
+    $(head -c 500 ../err)
+"
+            fi
+        done <../examples
+    done <../verbs
+    [ -z "$bad" ] || { echo "$bad" >&2; false; }
+}
+
+@test "every command shows examples" {
+    vkt help --list >verbs
+    while read -r verb; do
+        # shellcheck disable=SC2086
+        [ -n "$(vkt $verb --examples)" ] || { echo "$verb has no example" >&2; false; }
+    done <verbs
+}

@@ -1,0 +1,331 @@
+# What vkt promises about every operation: the same bytes however it runs, and whole outputs or none.
+load helper
+
+setup_more() {
+    cp "$VKT_ROOT/examples/data/phantom.nrrd" phantom.nrrd
+    # Odd, unequal extents; three types.
+    vkt crop phantom.nrrd --roi 1:60,5:58,20:57 -o volume.nrrd
+}
+
+# Operations of every kind: pointwise, neighbourhood, scaled, jumping, two passes.
+operations=(
+    "crop --roi 3:50,:,2:-3"
+    "fill --value 7"
+    "fill-range --first 3 2 1 --last 30 20 10 --value 9"
+    "flip x"
+    "flip y"
+    "flip z"
+    "resample --scale 0.5"
+    "resample --scale 1.7"
+    "resample --dims 33 71 20 --method nearest"
+    "resample --dims 33 71 20 --method linear"
+    "resample --dims 70 31 44 --method cubic"
+    "filter gaussian --sigma 1.3"
+    "filter gaussian --sigma 4 --boundary wrap"
+    "filter gaussian --sigma 2 --boundary border:3"
+    "convert --dtype float32"
+    "convert --dtype int16 --range minmax"
+    "convert --dtype uint8 --range p1:p99"
+    "arith mul 1.5"
+)
+
+raw_sum() { vkt write - --format raw | sha256sum; }
+
+# same_for_all OPTIONS-A OPTIONS-B: every operation gives the same bytes with both.
+same_for_all() {
+    local operation a b
+    for operation in "${operations[@]}"; do
+        # shellcheck disable=SC2086  # words
+        a=$(vkt read volume.nrrd | vkt $operation $1 2>/dev/null | raw_sum)
+        # shellcheck disable=SC2086
+        b=$(vkt read volume.nrrd | vkt $operation $2 2>/dev/null | raw_sum)
+        [ "$a" = "$b" ] || { echo "$operation: '$1' and '$2' differ" >&2; return 1; }
+        [ "$a" != "$(sha256sum </dev/null)" ] || { echo "$operation: no output" >&2; return 1; }
+    done
+}
+
+@test "slab height 1 gives what the whole volume at once gives" { same_for_all "--slab 1" "--slab 1000"; }
+
+@test "slab height 7 gives what the default gives" { same_for_all "--slab 7" ""; }
+
+@test "one thread gives what two give" { same_for_all "--threads 1" "--threads 2"; }
+
+@test "a small memory budget, which spools, gives the same" { same_for_all "--memory 1MiB" ""; }
+
+@test "transports give the same" { same_for_all "--transport shm" "--transport pipe"; }
+
+@test "from a pipe, from a file and fused in one process give the same" {
+    for operation in "${operations[@]}"; do
+        verb=${operation%% *}
+        rest=${operation#"$verb"}
+        if [ "$verb" = filter ]; then verb="filter gaussian" rest=${operation#filter gaussian}; fi
+        # shellcheck disable=SC2086
+        piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
+        case $operation in
+        flip* | arith*) direct= ;; # their positional words come first
+        *)
+            # shellcheck disable=SC2086
+            direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)
+            [ "$piped" = "$direct" ] || { echo "$operation: pipe and file differ" >&2; false; }
+            ;;
+        esac
+        fused=$(vkt pipe "read volume.nrrd | $operation | write - --format raw" 2>/dev/null | sha256sum)
+        [ "$piped" = "$fused" ] || { echo "$operation: pipe and fused differ" >&2; false; }
+    done
+}
+
+@test "long pipelines, fused and piped, give the same" {
+    piped=$(vkt read volume.nrrd | vkt crop --roi 5:,2:-3,: | vkt filter gaussian --sigma 1.5 | vkt flip z |
+        vkt resample --scale 1.5 | vkt convert --dtype uint16 --range minmax | raw_sum)
+    fused=$(vkt pipe 'read volume.nrrd | crop --roi 5:,2:-3,: | filter gaussian --sigma 1.5 | flip z |
+        resample --scale 1.5 | convert --dtype uint16 --range minmax | write - --format raw' | sha256sum)
+    [ "$piped" = "$fused" ]
+}
+
+@test "flipping twice gives the volume back, geometry included" {
+    for axis in x y z; do
+        vkt flip $axis volume.nrrd 2>/dev/null | vkt flip $axis | vkt diff - volume.nrrd
+    done
+}
+
+@test "flips of different axes commute" {
+    a=$(vkt read volume.nrrd | vkt flip x | vkt flip z | raw_sum)
+    b=$(vkt read volume.nrrd | vkt flip z | vkt flip x | raw_sum)
+    [ "$a" = "$b" ]
+}
+
+@test "a crop of a crop is a crop" {
+    vkt crop volume.nrrd --roi 4:50,3:40,5:30 | vkt crop --roi 2:20,1:+9,3:-4 -o twice.nrrd
+    vkt crop volume.nrrd --roi 6:24,4:13,8:26 | vkt diff - twice.nrrd
+}
+
+@test "what was enlarged without interpolation and cropped back is the volume" {
+    vkt read volume.nrrd | vkt resample --scale 2 --method nearest | vkt crop --roi 10:+40,20:+30,6:+20 -o large.nrrd
+    vkt crop volume.nrrd --roi 5:+20,10:+15,3:+10 | vkt resample --scale 2 --method nearest | vkt diff - large.nrrd
+}
+
+@test "a crop commutes with a flip" {
+    a=$(vkt crop volume.nrrd --roi 3:20,:,: | vkt flip x | raw_sum)
+    b=$(vkt read volume.nrrd | vkt flip x | vkt crop --roi 39:56,:,: | raw_sum)
+    [ "$a" = "$b" ]
+}
+
+# cut_at N: a stage that gets only N bytes fails, says so, and leaves nothing.
+cut_at() {
+    local status=0
+    head -c "$1" stream.vkt | vkt flip x -o "$BATS_TEST_TMPDIR/out/cut.nrrd" >stdout 2>stderr || status=$?
+    [ "$status" -eq 3 ] || { echo "cut at $1: status $status, $(cat stderr)" >&2; return 1; }
+    grep -q 'ended early' stderr || { echo "cut at $1: $(cat stderr)" >&2; return 1; }
+    [ ! -s stdout ] || { echo "cut at $1: something on stdout" >&2; return 1; }
+    [ -z "$(ls -A out)" ] || { echo "cut at $1: left $(ls -A out)" >&2; return 1; }
+}
+
+# A stream of many small frames, and a folder for outputs.
+make_stream() {
+    mkdir out
+    vkt read volume.nrrd --slab 4 >stream.vkt
+    "$VKT_ROOT/tests/frames.py" stream.vkt >boundaries
+    [ "$(wc -l <boundaries)" -ge 5 ]
+}
+
+@test "a stream cut at any frame boundary is an error, and leaves no file" {
+    make_stream
+    while read -r offset state; do
+        if [ "$state" = cut ]; then cut_at "$offset"; fi
+    done <boundaries
+}
+
+@test "a stream cut at 200 random bytes is an error, and leaves no file" {
+    make_stream
+    size=$(stat -c %s stream.vkt)
+    RANDOM=20 # the same positions every time
+    for _ in $(seq 200); do
+        cut_at $((1 + (RANDOM * 32768 + RANDOM) % (size - 1)))
+    done
+}
+
+@test "an empty stream is an error, and leaves no file" {
+    mkdir out
+    run --separate-stderr vkt flip x -o out/cut.nrrd </dev/null
+    [ "$status" -eq 3 ]
+    [ -n "$stderr" ]
+    [ -z "$(ls -A out)" ]
+}
+
+@test "a cut stream fails every later stage, and is reported once" {
+    make_stream
+    run bash -c 'head -c 20000 stream.vkt | vkt flip x | vkt filter gaussian --sigma 1 | vkt write out/cut.nrrd 2>&1;
+        echo "${PIPESTATUS[*]}"'
+    [[ "${lines[-1]}" == *" 3 3 3" ]]
+    run bash -c '{ head -c 20000 stream.vkt | vkt flip x | vkt filter gaussian --sigma 1 | vkt write out/cut.nrrd; } 2>&1'
+    [ "$(grep -c 'ended early' <<<"$output")" -eq 1 ]
+    [ -z "$(ls -A out)" ]
+}
+
+@test "a flipped bit anywhere in the voxels is noticed" {
+    make_stream
+    size=$(stat -c %s stream.vkt)
+    for offset in 9000 40001 $((size / 2)); do
+        /usr/bin/python3 - "$offset" <<'EOF'
+import sys
+data = bytearray(open("stream.vkt", "rb").read())
+data[int(sys.argv[1])] ^= 16
+open("damaged.vkt", "wb").write(data)
+EOF
+        run --separate-stderr vkt flip x damaged.vkt -o out/damaged.nrrd
+        [ "$status" -eq 3 ]
+        [ -z "$(ls -A out)" ]
+    done
+}
+
+@test "an upstream killed in the middle fails the stages after it, and leaves nothing" {
+    make_stream
+    mkdir tmp
+    export TMPDIR="$BATS_TEST_TMPDIR/tmp"
+    mkfifo first second
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
+    feeder=$!
+    vkt filter gaussian --sigma 1 <first >second 2>/dev/null &
+    victim=$!
+    vkt flip z -o out/killed.nrrd <second 2>stderr &
+    last=$!
+    sleep 0.5
+    kill -9 $victim
+    status=0
+    wait $last || status=$?
+    kill $feeder 2>/dev/null || true
+    [ "$status" -eq 3 ]
+    grep -q 'ended early' stderr
+    [ -z "$(ls -A out)" ]
+    [ -z "$(ls -A tmp)" ]
+}
+
+@test "a killed writer leaves no file" {
+    make_stream
+    mkfifo first
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
+    feeder=$!
+    vkt write out/killed.nrrd <first 2>/dev/null &
+    victim=$!
+    sleep 0.5
+    kill -9 $victim
+    wait $victim || true
+    kill $feeder 2>/dev/null || true
+    [ -z "$(ls -A out)" ]
+}
+
+@test "an interrupted writer leaves no file" {
+    make_stream
+    for signal in TERM HUP; do
+        mkfifo first
+        { head -c 60000 stream.vkt; exec sleep 20; } >first &
+        feeder=$!
+        vkt write out/killed.nrrd <first 2>/dev/null &
+        victim=$!
+        sleep 0.5
+        kill -$signal $victim
+        status=0
+        wait $victim || status=$?
+        kill $feeder 2>/dev/null || true
+        [ "$status" -gt 128 ]
+        [ -z "$(ls -A out)" ]
+        rm first
+    done
+}
+
+@test "no shared memory stays behind when a stage is killed" {
+    make_stream
+    ls -A /dev/shm | sort >before
+    mkfifo first second
+    { head -c 60000 stream.vkt; exec sleep 20; } >first &
+    feeder=$!
+    vkt filter gaussian --sigma 1 --transport shm <first >second 2>/dev/null &
+    victim=$!
+    vkt flip x <second >/dev/null 2>&1 &
+    last=$!
+    sleep 0.5
+    kill -9 $victim
+    wait $last || true
+    kill $feeder 2>/dev/null || true
+    ls -A /dev/shm | sort >after
+    comm -13 before after | grep vkt >left || true
+    [ ! -s left ]
+}
+
+@test "a reader that goes away ends the writer by a silent SIGPIPE" {
+    run --separate-stderr bash -c 'vkt resample volume.nrrd --scale 4 | head -c 100 >/dev/null; exit "${PIPESTATUS[0]}"'
+    [ "$status" -eq 141 ]
+    [ -z "$stderr" ]
+}
+
+@test "a reader that goes away ends the whole pipeline silently" {
+    run --separate-stderr bash -c 'vkt resample volume.nrrd --scale 4 | vkt flip x | vkt filter gaussian --sigma 1 |
+        head -c 100 >/dev/null; echo "${PIPESTATUS[*]}"'
+    [ "$output" = "141 141 141 0" ]
+    [ -z "$stderr" ]
+}
+
+@test "a full disk is an error, and leaves no file" {
+    mkdir small
+    mount -t tmpfs -o size=256k vkt-test small 2>/dev/null || skip "cannot mount a tmpfs (needs root)"
+    status=0
+    vkt resample volume.nrrd --scale 3 -o small/full.nrrd 2>stderr || status=$?
+    left=$(ls -A small)
+    spool=0
+    TMPDIR="$PWD/small" vkt read volume.nrrd |
+        TMPDIR="$PWD/small" vkt resample --scale 4 | TMPDIR="$PWD/small" vkt flip z --memory 64KiB >/dev/null 2>spooled || spool=$?
+    left=$left$(ls -A small)
+    umount small
+    [ "$status" -eq 4 ]
+    grep -qi 'no space' stderr
+    [ "$spool" -eq 4 ]
+    grep -qi 'no space' spooled
+    [ -z "$left" ]
+}
+
+@test "a full device on standard output is an error" {
+    run bash -c 'vkt resample volume.nrrd --scale 3 >/dev/full'
+    [ "$status" -eq 4 ]
+    [[ "$output" == *"o space"* ]]
+}
+
+@test "an existing file is not replaced without --force" {
+    echo precious >out.nrrd
+    fails_with 4 "out.nrrd" vkt flip x volume.nrrd -o out.nrrd
+    [ "$(cat out.nrrd)" = precious ]
+    fails_with 4 "out.nrrd" bash -c 'vkt read volume.nrrd | vkt write out.nrrd'
+    [ "$(cat out.nrrd)" = precious ]
+    vkt flip x volume.nrrd -o out.nrrd --force
+    vkt info out.nrrd >/dev/null
+}
+
+@test "a failed --force keeps the old file" {
+    make_stream
+    echo precious >out/old.nrrd
+    head -c 30000 stream.vkt >cut.vkt
+    run vkt flip x cut.vkt -o out/old.nrrd --force
+    [ "$status" -eq 3 ]
+    [ "$(cat out/old.nrrd)" = precious ]
+    [ "$(ls -A out)" = old.nrrd ]
+}
+
+@test "a volume may be replaced by what is made of it" {
+    cp volume.nrrd same.nrrd
+    vkt flip z same.nrrd -o same.nrrd --force
+    vkt flip z same.nrrd | vkt diff - volume.nrrd
+}
+
+@test "a binary volume is not written to a terminal" {
+    command -v script >/dev/null || skip "script(1) is not installed"
+    run script -qec 'vkt read volume.nrrd' /dev/null </dev/null
+    [ "$status" -eq 2 ]
+    [[ "$output" == *terminal* ]]
+    [ "${#output}" -lt 500 ]
+}
+
+@test "the same command gives the same file, byte for byte" {
+    vkt filter gaussian volume.nrrd --sigma 2 -o a.nrrd
+    sleep 1.1
+    vkt filter gaussian volume.nrrd --sigma 2 -o b.nrrd
+    cmp a.nrrd b.nrrd
+}

@@ -1,0 +1,145 @@
+#!/bin/sh
+# Installs what is missing, builds, and runs every test: run.sh [unit] [bats] [asan] [tsan] [fuzz] [lint]
+# SPDX-License-Identifier: MIT
+#
+#   unit   release build, tests of the library
+#   bats   release build, tests of the commands, manual pages, completion and installation
+#   asan   address and undefined-behaviour sanitizers: library and commands
+#   tsan   thread sanitizer: library and the commands whose pipelines use every thread of the engine
+#   fuzz   libFuzzer on everything that parses, VKT_FUZZ_SECONDS (20) each
+#   lint   clang-format, clang-tidy (at most VKT_TIDY_SECONDS, 200) and shellcheck where present
+#
+# Without words: all of them. Ends with "N passed, N failed, N skipped"; the exit code is 1 if anything failed.
+set -eu
+cd "$(dirname "$0")/.."
+root=$(pwd)
+parts=${*:-unit bats asan tsan fuzz lint}
+jobs=$(nproc)
+passed=0 failed=0 skipped=0
+started=$(date +%s)
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+: >"$scratch/failures"
+
+say() { printf '\n=== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
+pass() { passed=$((passed + 1)); }
+fail() {
+    failed=$((failed + 1))
+    echo "$1" >>"$scratch/failures"
+}
+
+# build PRESET: configures and builds; a failure counts and ends the part.
+build() {
+    preset=$1
+    say "build: $preset"
+    if cmake --preset "$preset" "$configure" >"$scratch/build.log" 2>&1 &&
+        cmake --build --preset "$preset" >>"$scratch/build.log" 2>&1; then
+        grep '^-- vkt:' "$scratch/build.log" || true
+        return 0
+    fi
+    tail -n 60 "$scratch/build.log"
+    fail "build: $preset"
+    return 1
+}
+
+# check FOLDER NAME CTEST-OPTION…: runs tests and counts what ran inside them: bats files report each of their tests.
+check() {
+    folder=$1 name=$2
+    shift 2
+    say "test: $name"
+    log=$scratch/ctest.log
+    status=0
+    rm -f "$folder/Testing/Temporary/LastTest.log"
+    ctest --test-dir "$folder" -j "$jobs" --output-on-failure --no-tests=error --timeout 600 "$@" >"$log" 2>&1 || status=$?
+    # One line per test of CTest, "n/m Test #k: name ... Passed"; those of bats are counted by their own lines.
+    sh "$root/tests/tally.sh" "$log" "$folder/Testing/Temporary/LastTest.log" >"$scratch/tally"
+    read -r p f s <"$scratch/tally"
+    passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + s))
+    sed -n '2,$p' "$scratch/tally"
+    if [ "$status" -ne 0 ]; then
+        sed -n "/^The following tests FAILED/q;p" "$log" | grep -v ' Passed \|^ *Start ' || true
+        sed -n "s/^not ok [0-9]* /$name: /p; s/^.*Test *#[0-9]*: \([^ ]*\) .*\*\*\*.*/$name: \1/p" "$log" >>"$scratch/failures"
+        [ "$f" -gt 0 ] || fail "$name: ctest exit $status"
+    fi
+    echo "$name: $p passed, $f failed, $s skipped"
+}
+
+has() { case " $parts " in *" $1 "*) true ;; *) false ;; esac }
+for part in $parts; do
+    case $part in
+    unit | bats | asan | tsan | fuzz | lint) ;;
+    *)
+        echo "run.sh: '$part' is not one of unit, bats, asan, tsan, fuzz, lint" >&2
+        exit 2
+        ;;
+    esac
+done
+
+say 'packages'
+if [ "${VKT_PACKAGES:-install}" = install ]; then sh libvkt/cmake/packages.sh build optional test; fi
+
+configure='-DVKT_TESTS=ON'
+if has unit || has bats; then
+    if build release; then
+        if has unit; then check build unit -L unit; fi
+        if has bats; then check build bats -L bats; fi
+    fi
+fi
+
+if has asan && build asan; then
+    export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
+    check build-asan asan -LE packaging
+    unset ASAN_OPTIONS UBSAN_OPTIONS
+fi
+
+if has tsan && build tsan; then
+    # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
+    export TSAN_OPTIONS="suppressions=$root/tests/tsan.suppressions:ignore_noninstrumented_modules=1:halt_on_error=1"
+    export OMP_TOOL=enabled
+    check build-tsan tsan -R 'Engine|Pipeline|Stream|Transport|Spool|Prefetch|Buffer|Parallel|bats/(pipe|properties|filter-gaussian|resample|arith)\.bats'
+    unset TSAN_OPTIONS OMP_TOOL
+fi
+
+configure='-DVKT_TESTS=OFF'
+if has fuzz && build fuzz; then
+    for target in build-fuzz/fuzz/*_fuzz; do
+        name=$(basename "$target")
+        say "fuzz: $name"
+        # What was found before, then the inputs that come with the project.
+        mkdir -p "build-fuzz/corpus/$name"
+        set -- "build-fuzz/corpus/$name"
+        if [ -d "tests/fuzz/corpus/${name%_fuzz}" ]; then set -- "$@" "tests/fuzz/corpus/${name%_fuzz}"; fi
+        if "$target" -max_total_time="${VKT_FUZZ_SECONDS:-20}" -timeout=10 -rss_limit_mb=1024 \
+            -malloc_limit_mb=512 -max_len=8192 \
+            -artifact_prefix="build-fuzz/$name-" "$@" >"$scratch/fuzz.log" 2>&1; then
+            tail -n 1 "$scratch/fuzz.log"
+            pass
+        else
+            tail -n 40 "$scratch/fuzz.log"
+            fail "fuzz: $name"
+        fi
+    done
+fi
+
+if has lint; then
+    say 'lint'
+    if sh tests/lint.sh "$scratch/lint"; then :; else :; fi
+    while read -r outcome what; do
+        case $outcome in
+        pass) pass ;;
+        skip)
+            skipped=$((skipped + 1))
+            echo "skipped: $what"
+            ;;
+        *) fail "lint: $what" ;;
+        esac
+    done <"$scratch/lint"
+fi
+
+say 'done'
+if [ -s "$scratch/failures" ]; then
+    echo 'failures:'
+    sort -u "$scratch/failures" | sed 's/^/    /'
+fi
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]
