@@ -6,6 +6,7 @@
 
 namespace vkt {
 
+Format nrrd_format();
 Format raw_format();
 
 } // namespace vkt

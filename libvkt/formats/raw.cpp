@@ -68,7 +68,7 @@ public:
     }
     void begin(Header const& header) override {
         if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, "a raw file cannot hold bricks", "make a grid of them first: vkt amr2grid");
+            throw Error(ErrorKind::usage, "a raw file cannot hold bricks", "make a grid of them first: vkt resample");
         if (begun_ && (header.dims != dims_ || header.dtype != dtype_))
             throw Error(ErrorKind::usage, "a raw file cannot hold volumes of different dims or types");
         dims_ = header.dims;

@@ -17,8 +17,9 @@ namespace vkt {
 
 namespace {
 
-/// Rows are read together with what lies between them if that is less than this: a call costs about as much.
-constexpr std::int64_t cheap_gap = 1024;
+/// Rows are read together with what lies between them if that is less than this: a call costs as much as 8 KiB of
+/// copying.
+constexpr std::int64_t cheap_gap = 4096;
 /// Rows that are read together come in pieces that stay in the cache.
 constexpr std::int64_t piece = std::int64_t{256} << 10;
 /// What is skipped in a stream is read into a block of this size.

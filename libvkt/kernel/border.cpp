@@ -3,9 +3,7 @@
 #include "libvkt/kernel/border.h"
 
 #include "libvkt/core/error.h"
-#if __has_include("libvkt/core/half.h")
 #include "libvkt/core/half.h"
-#endif
 
 #include <array>
 #include <cmath>
@@ -49,10 +47,8 @@ std::array<std::byte, 8> voxel_bytes(DataType type, double value) {
     case DataType::uint64: store<std::uint64_t>(voxel, value); break;
     case DataType::int64: store<std::int64_t>(voxel, value); break;
     case DataType::float16: {
-#if __has_include("libvkt/core/half.h")
         Half const half(static_cast<float>(value));
         std::memcpy(voxel.data(), &half, sizeof half);
-#endif
         break;
     }
     case DataType::float32: store<float>(voxel, value); break;

@@ -1,0 +1,64 @@
+// Cells of any storage type: dispatch over types, loading into a compute type, storing with rounding and saturation.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/half.h"
+#include "libvkt/core/types.h"
+
+#include <cmath>
+#include <limits>
+#include <type_traits>
+
+namespace vkt {
+
+/// Calls function(T{}) with the storage type T of a data type.
+template <class Function> decltype(auto) with_cell_type(DataType type, Function&& function) {
+    switch (type) {
+    case DataType::uint8:
+        return function(std::uint8_t{});
+    case DataType::int8:
+        return function(std::int8_t{});
+    case DataType::uint16:
+        return function(std::uint16_t{});
+    case DataType::int16:
+        return function(std::int16_t{});
+    case DataType::uint32:
+        return function(std::uint32_t{});
+    case DataType::int32:
+        return function(std::int32_t{});
+    case DataType::uint64:
+        return function(std::uint64_t{});
+    case DataType::int64:
+        return function(std::int64_t{});
+    case DataType::float16:
+        return function(Half{});
+    case DataType::float32:
+        return function(float{});
+    case DataType::float64:
+        break;
+    }
+    return function(double{});
+}
+
+/// True if interpolation of this type computes in double: float would lose bits of its values.
+inline bool computes_in_double(DataType type) {
+    return type == DataType::uint32 || type == DataType::int32 || type == DataType::uint64 || type == DataType::int64 ||
+           type == DataType::float64;
+}
+
+/// The cell that holds a value: floats convert, integers round half to even and saturate, NaN becomes 0.
+template <class T, class C> inline T store_cell(C value) {
+    if constexpr (std::is_same_v<T, Half> || std::is_floating_point_v<T>) {
+        return static_cast<T>(value);
+    } else {
+        C const low = static_cast<C>(std::numeric_limits<T>::lowest());
+        C const high = static_cast<C>(std::numeric_limits<T>::max());
+        C const rounded = std::nearbyint(value);
+        // The largest 32- and 64-bit integers round up when they become C; comparing with >= keeps the cast in range.
+        if (rounded >= high) return std::numeric_limits<T>::max();
+        if (rounded > low) return static_cast<T>(rounded);
+        return rounded <= low ? std::numeric_limits<T>::lowest() : T{0};
+    }
+}
+
+} // namespace vkt

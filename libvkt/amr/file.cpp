@@ -1,0 +1,35 @@
+// What all readers of hierarchical files share.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/file.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+namespace vkt {
+
+std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& header) {
+    if (!options.roi.empty() && !options.world_roi.empty())
+        throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
+    if (!options.roi.empty()) return options.roi.resolve(header.dims);
+    if (!options.world_roi.empty()) return options.world_roi.resolve(header.geometry, header.dims);
+    return std::nullopt;
+}
+
+std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,
+                            std::string const& file) {
+    std::vector<std::string> names;
+    for (auto const& variable : variables) names.push_back(variable.name);
+    if (names.empty()) throw Error(ErrorKind::data, text(file, ": holds no cell variables"));
+    if (wanted.empty()) {
+        if (names.size() == 1) return 0;
+        throw Error(ErrorKind::usage, text(file, ": holds several variables: ", join(names, ", ")),
+                    text("choose one with --variable ", names.front()));
+    }
+    for (std::size_t i = 0; i < names.size(); ++i)
+        if (names[i] == wanted) return i;
+    std::string const near = nearest_name(wanted, names);
+    throw Error(ErrorKind::usage, text(file, ": has no variable '", wanted, "'; it holds ", join(names, ", ")),
+                near.empty() ? "" : text("did you mean '", near, "'?"));
+}
+
+} // namespace vkt

@@ -1,0 +1,45 @@
+// What all readers of hierarchical files share: what to read, and what a file says it holds.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/tree.h"
+#include "libvkt/core/roi.h"
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+struct AmrReadOptions {
+    std::string variable;          ///< empty: the only one, or refused with the list of names
+    std::optional<DataType> dtype; ///< float32 or float64; none keeps the file's type
+    Roi roi;                       ///< in finest cells: only bricks whose domain meets the region are read
+    WorldRoi world_roi;            ///< the same in world units
+};
+
+struct AmrVariable {
+    std::string name;
+    DataType dtype = DataType::float32;
+    std::optional<double> minimum, maximum; ///< as the file states them
+};
+
+/// What a file holds, found without reading cells.
+struct AmrListing {
+    std::string format;
+    int dimensions = 3;
+    std::vector<AmrVariable> variables;
+    Header header;                   ///< kind, dims, geometry, attributes and counts that every variable shares
+    std::vector<Brick> bricks;       ///< the tree
+    std::int64_t blocks_in_file = 0; ///< with parents or covered boxes
+};
+
+/// The region the options ask for in finest cells, and whether they ask for one. Throws Error{usage}.
+std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& header);
+
+/// The position of the wanted variable. Throws Error{usage} naming those there are, with the nearest one as a hint.
+std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,
+                            std::string const& file);
+
+} // namespace vkt

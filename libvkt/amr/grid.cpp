@@ -1,0 +1,110 @@
+// Sample grids: which regular grid a request over a hierarchical volume means.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <cmath>
+
+namespace vkt {
+
+namespace {
+
+std::int64_t rounded_count(double exact) {
+    if (!(exact < static_cast<double>(max_extent)))
+        throw Error(ErrorKind::usage, text("a grid of ", exact, " voxels along one axis is too large"));
+    return std::max<std::int64_t>(1, std::llround(exact));
+}
+
+Box wanted_region(Header const& header, GridRequest const& request) {
+    if (!request.roi.empty() && !request.world_roi.empty())
+        throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
+    Box const present = region_of(header);
+    if (request.roi.empty() && request.world_roi.empty()) return present;
+    Box const wanted = request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
+                                           : request.roi.resolve(header.dims);
+    if (!present.contains(wanted))
+        throw Error(ErrorKind::usage, text("region ", wanted, " leaves the part that is left of the volume, ", present),
+                    "regions of a hierarchical volume count finest cells of the whole logical grid");
+    return wanted;
+}
+
+Index3 count_for_cells(Header const& header, Index3 extent, std::int64_t cells) {
+    if (cells < 1) throw Error(ErrorKind::usage, text("a grid of ", cells, " cells is empty"));
+    double volume = 1;
+    int axes = 0;
+    for (int a = 0; a < 3; ++a) {
+        if (extent[a] == 1) continue;
+        volume *= static_cast<double>(extent[a]) * header.geometry.spacing[a];
+        ++axes;
+    }
+    if (axes == 0) return {1, 1, 1};
+    double const edge = std::pow(volume / static_cast<double>(cells), 1.0 / axes);
+    Index3 dims;
+    for (int a = 0; a < 3; ++a)
+        dims[a] =
+            extent[a] == 1 ? 1 : rounded_count(static_cast<double>(extent[a]) * header.geometry.spacing[a] / edge);
+    return dims;
+}
+
+} // namespace
+
+Box region_of(Header const& header) {
+    auto const attribute = header.attributes.find("roi");
+    if (attribute == header.attributes.end()) return box_of(header.dims);
+    try {
+        return Roi{attribute->second}.resolve(header.dims);
+    } catch (Error const& error) {
+        throw Error(ErrorKind::data, text("attribute 'roi' of the hierarchical volume: ", error.what()));
+    }
+}
+
+SampleGrid plan_grid(Header const& header, GridRequest const& request) {
+    if (static_cast<int>(request.dims.has_value()) + static_cast<int>(request.spacing.has_value()) +
+            static_cast<int>(request.cells.has_value()) >
+        1)
+        throw Error(ErrorKind::usage, "--dims, --spacing and --cells exclude each other");
+    Box const region = wanted_region(header, request);
+    Index3 const extent = region.dims();
+    Index3 dims = extent;
+    if (request.dims) {
+        dims = *request.dims;
+    } else if (request.spacing) {
+        for (int a = 0; a < 3; ++a) {
+            if (!((*request.spacing)[a] > 0))
+                throw Error(ErrorKind::usage, text("spacing ", *request.spacing, " is not positive"));
+            dims[a] =
+                rounded_count(static_cast<double>(extent[a]) * header.geometry.spacing[a] / (*request.spacing)[a]);
+        }
+    } else if (request.cells) {
+        dims = count_for_cells(header, extent, *request.cells);
+    }
+    SampleGrid grid;
+    grid.dims = dims;
+    for (int a = 0; a < 3; ++a) {
+        if (dims[a] < 1 || dims[a] > max_extent)
+            throw Error(ErrorKind::usage, text("dims ", dims, " are not positive"));
+        grid.lower[a] = static_cast<double>(region.lower[a]);
+        grid.step[a] = static_cast<double>(extent[a]) / static_cast<double>(dims[a]);
+    }
+    return grid;
+}
+
+Header gridded_header(Header const& header, SampleGrid const& grid) {
+    Header result = header;
+    result.kind = Kind::structured;
+    result.dims = grid.dims;
+    result.brick_count = result.cell_count = 0;
+    result.level_count = 0;
+    result.part.reset();
+    result.attributes.erase("roi");
+    Vec3 first;
+    for (int a = 0; a < 3; ++a) {
+        first[a] = grid.lower[a] + 0.5 * grid.step[a] - 0.5;
+        result.geometry.spacing[a] = header.geometry.spacing[a] * grid.step[a];
+    }
+    result.geometry.origin = index_to_world(header.geometry, first);
+    return result;
+}
+
+} // namespace vkt

@@ -1,0 +1,68 @@
+// Helpers of the tile kernels. Included once per kernel source, inside the back end's own translation unit.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/kernels/tile.h"
+#include "libvkt/core/half.h"
+
+// Nothing here may have external linkage: the same function compiled for another instruction set must not replace it.
+namespace {
+
+using vkt::DataType;
+using vkt::Half;
+namespace tile = vkt::tile;
+
+inline float madd(float a, float b, float c) {
+#ifdef __FMA__
+    return __builtin_fmaf(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+inline double madd(double a, double b, double c) {
+#ifdef __FMA__
+    return __builtin_fma(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+
+template <class T, class C> inline void load_cells(std::byte const* cells, std::int64_t first, int n, C* to) {
+    T const* const from = reinterpret_cast<T const*>(cells) + first;
+    for (int i = 0; i < n; ++i) to[i] = static_cast<C>(from[i]);
+}
+
+/// Converts n consecutive cells of a brick, from cell `first` on.
+template <class C> inline void load_row(DataType type, std::byte const* cells, std::int64_t first, int n, C* to) {
+    switch (type) {
+    case DataType::uint8:
+        return load_cells<std::uint8_t>(cells, first, n, to);
+    case DataType::int8:
+        return load_cells<std::int8_t>(cells, first, n, to);
+    case DataType::uint16:
+        return load_cells<std::uint16_t>(cells, first, n, to);
+    case DataType::int16:
+        return load_cells<std::int16_t>(cells, first, n, to);
+    case DataType::uint32:
+        return load_cells<std::uint32_t>(cells, first, n, to);
+    case DataType::int32:
+        return load_cells<std::int32_t>(cells, first, n, to);
+    case DataType::uint64:
+        return load_cells<std::uint64_t>(cells, first, n, to);
+    case DataType::int64:
+        return load_cells<std::int64_t>(cells, first, n, to);
+    case DataType::float16:
+        return load_cells<Half>(cells, first, n, to);
+    case DataType::float32:
+        return load_cells<float>(cells, first, n, to);
+    case DataType::float64:
+        return load_cells<double>(cells, first, n, to);
+    }
+}
+
+template <class C> inline void clear_tile(tile::Job const& job, tile::Scratch<C>& scratch) {
+    int const n = job.count[0] * job.count[1] * job.count[2];
+    for (int i = 0; i < n; ++i) scratch.sum[i] = scratch.weight[i] = C(0);
+}
+
+} // namespace

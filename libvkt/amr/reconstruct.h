@@ -1,0 +1,93 @@
+// Hierarchical to structured: basis, nearest, average (conservative) and automatic reconstruction on a regular grid.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/kernels/tile.h"
+#include "libvkt/amr/tree.h"
+#include "libvkt/core/parameters.h"
+#include "libvkt/core/roi.h"
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+/// How cells become samples.
+/// basis: normalised sum of cell-width hat functions over leaf cells (ExaBricks, Wald et al. 2021): C0, never over- or
+///   undershoots, trilinear with clamped edges inside a level; off by at most half a fine cell times the gradient at
+///   2:1 boundaries.
+/// nearest: the cell that holds the sample.
+/// average: volume-weighted mean of the cells a voxel overlaps; conserves the integral.
+/// automatic: average where a voxel is at least two cells wide, basis elsewhere.
+enum class Reconstruction : std::uint8_t { basis, nearest, average, automatic };
+
+template <> struct EnumNames<Reconstruction> {
+    static std::vector<std::pair<Reconstruction, char const*>> all() {
+        return {{Reconstruction::basis, "basis"},
+                {Reconstruction::nearest, "nearest"},
+                {Reconstruction::average, "average"},
+                {Reconstruction::automatic, "auto"}};
+    }
+};
+
+/// A regular grid over a region of the logical grid: sample i of an axis lies at lower + (i + 1/2) * step, in finest
+/// cells. Positions are evaluated in double per axis, so far ends of long domains lose nothing.
+struct SampleGrid {
+    Vec3 lower, step{1, 1, 1};
+    Index3 dims{1, 1, 1};
+};
+
+/// What a user asks for. At most one of dims, spacing and cells; none samples every finest cell.
+struct GridRequest {
+    std::optional<Index3> dims;
+    std::optional<Vec3> spacing;       ///< world units per output voxel
+    std::optional<std::int64_t> cells; ///< about this many output voxels, cubes in world units as nearly as possible
+    Roi roi;                           ///< in finest cells
+    WorldRoi world_roi;                ///< in world units: the finest cells whose centres lie inside
+};
+
+/// The box of finest cells a hierarchical volume stands for: its "roi" attribute if it was cropped, else everything.
+/// Throws Error{data} if the attribute is malformed.
+Box region_of(Header const& header);
+
+/// Throws Error{usage} for contradictory requests and empty regions.
+SampleGrid plan_grid(Header const& header, GridRequest const& request);
+
+/// The structured header of such a grid: dims, geometry, type; values, units and attributes travel along.
+Header gridded_header(Header const& header, SampleGrid const& grid);
+
+/// Samples a hierarchical volume on a grid, region by region. Results depend on neither regions nor threads, bit for
+/// bit; bricks contribute in their order. State: 80 bytes a brick. Throws Error{failure} for structured volumes.
+class Reconstructor {
+public:
+    Reconstructor(Volume volume, SampleGrid const& grid, Reconstruction method, double background = 0);
+
+    /// Computes the samples of out.box, in the volume's type and host memory; where no brick contributes they become
+    /// the background. `mask`, if not empty, is a uint8 view of the same box: 1 where bricks contribute, else 0.
+    /// O(samples + bricks near the region).
+    void run(AnyView out, AnyView mask, Execution const& execution) const;
+    void run(AnyView out, Execution const& execution) const { run(out, AnyView{}, execution); }
+
+    Header header() const { return gridded_header(volume_.header(), grid_); }
+    std::size_t state_bytes() const;
+
+private:
+    struct TileOutput;
+    void bin(Box const& region, Index3 const& tiles, Index3 const& first_tile, std::vector<std::int64_t>& starts,
+             std::vector<std::int32_t>& ids) const;
+
+    Volume volume_;
+    SampleGrid grid_;
+    Reconstruction method_;
+    double background_;
+    std::vector<tile::Source> sources_;
+    std::vector<std::int64_t> first_z_, last_z_; ///< per brick: output slices it may touch
+};
+
+/// The whole grid at once. `mask`, if given, receives a uint8 volume of the same grid.
+Volume reconstruct(Volume const& volume, SampleGrid const& grid, Reconstruction method, double background,
+                   Execution const& execution, Volume* mask = nullptr);
+
+} // namespace vkt

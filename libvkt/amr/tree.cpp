@@ -1,0 +1,182 @@
+// Brick trees: geometry of bricks, validation and statistics.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/tree.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+namespace vkt {
+
+Index3 cell_width(Index3 logical_dims, int level) {
+    std::int64_t const width = std::int64_t{1} << level;
+    return {logical_dims.x == 1 ? 1 : width, logical_dims.y == 1 ? 1 : width, logical_dims.z == 1 ? 1 : width};
+}
+
+Box bounds_of(Brick const& brick, Index3 logical_dims) {
+    Index3 const w = cell_width(logical_dims, brick.level);
+    return {brick.lower, brick.lower + Index3{brick.dims.x * w.x, brick.dims.y * w.y, brick.dims.z * w.z}};
+}
+
+Box domain_of(Brick const& brick, Index3 logical_dims) {
+    Box const b = bounds_of(brick, logical_dims);
+    Index3 const w = cell_width(logical_dims, brick.level);
+    return {{2 * b.lower.x - w.x, 2 * b.lower.y - w.y, 2 * b.lower.z - w.z},
+            {2 * b.upper.x + w.x, 2 * b.upper.y + w.y, 2 * b.upper.z + w.z}};
+}
+
+bool domain_meets(Brick const& brick, Index3 logical_dims, Vec3 lower, Vec3 upper) {
+    Box const domain = domain_of(brick, logical_dims);
+    for (int a = 0; a < 3; ++a)
+        if (static_cast<double>(domain.lower[a]) >= 2 * upper[a] ||
+            static_cast<double>(domain.upper[a]) <= 2 * lower[a])
+            return false;
+    return true;
+}
+
+double volume_of(Index3 dims) {
+    return static_cast<double>(dims.x) * static_cast<double>(dims.y) * static_cast<double>(dims.z);
+}
+
+namespace {
+
+[[noreturn]] void refuse(std::size_t i, Brick const& brick, std::string const& why) {
+    throw Error(ErrorKind::data, text("brick ", static_cast<std::int64_t>(i), " (lower ", brick.lower, ", dims ",
+                                      brick.dims, ", level ", brick.level, ") ", why));
+}
+
+void check_brick(std::size_t i, Brick const& brick, Index3 logical_dims) {
+    if (brick.level < 0 || brick.level > max_level) refuse(i, brick, text("has no level in 0…", max_level));
+    Index3 const w = cell_width(logical_dims, brick.level);
+    for (int a = 0; a < 3; ++a) {
+        if (brick.dims[a] < 1) refuse(i, brick, "is empty");
+        if (brick.lower[a] < 0 || brick.lower[a] >= logical_dims[a] ||
+            brick.dims[a] > (logical_dims[a] - brick.lower[a]) / w[a])
+            refuse(i, brick, text("leaves the logical grid of ", logical_dims));
+    }
+}
+
+/// Bricks of one level must agree on where the cells of that level begin.
+void check_lattices(Index3 logical_dims, std::span<Brick const> bricks) {
+    std::array<std::int64_t, max_level + 1> first;
+    first.fill(-1);
+    for (std::size_t i = 0; i < bricks.size(); ++i) {
+        auto& reference = first[static_cast<std::size_t>(bricks[i].level)];
+        if (reference < 0) reference = static_cast<std::int64_t>(i);
+        Index3 const w = cell_width(logical_dims, bricks[i].level);
+        Index3 const shift = bricks[i].lower - bricks[static_cast<std::size_t>(reference)].lower;
+        if (shift.x % w.x != 0 || shift.y % w.y != 0 || shift.z % w.z != 0)
+            refuse(i, bricks[i], text("does not lie on the lattice of brick ", reference));
+    }
+}
+
+/// Spreads 21 bits so that two zeros follow each.
+std::uint64_t spread(std::uint64_t v) {
+    v = (v | v << 32) & 0x1f00000000ffffULL;
+    v = (v | v << 16) & 0x1f0000ff0000ffULL;
+    v = (v | v << 8) & 0x100f00f00f00f00fULL;
+    v = (v | v << 4) & 0x10c30c30c30c30c3ULL;
+    return (v | v << 2) & 0x1249249249249249ULL;
+}
+
+/// An interval of the Morton curve through finest blocks.
+struct CurveInterval {
+    std::uint64_t begin, end;
+    std::size_t brick;
+};
+
+/// Intervals of equal blocks on the octree's block lattice; empty if the bricks are not of that kind.
+std::vector<CurveInterval> curve_intervals(Index3 logical_dims, std::span<Brick const> bricks) {
+    std::vector<CurveInterval> intervals;
+    intervals.reserve(bricks.size());
+    Index3 const n = bricks[0].dims;
+    for (std::size_t i = 0; i < bricks.size(); ++i) {
+        Brick const& b = bricks[i];
+        Index3 const w = cell_width(logical_dims, b.level);
+        if (!(b.dims == n) || b.level > 20) return {};
+        std::uint64_t key = 0;
+        for (int a = 0; a < 3; ++a) {
+            std::int64_t const extent = n[a] * w[a];
+            if (b.lower[a] % extent != 0) return {};
+            // A flat axis has one block at every level; the curve then runs through the other axes at block 0.
+            std::int64_t const block = b.lower[a] / extent << (logical_dims[a] == 1 ? 0 : b.level);
+            if (block >= std::int64_t{1} << 21) return {};
+            key |= spread(static_cast<std::uint64_t>(block)) << a;
+        }
+        intervals.push_back({key, key + (std::uint64_t{1} << 3 * b.level), i});
+    }
+    return intervals;
+}
+
+void check_overlap_on_curve(std::span<Brick const> bricks, std::vector<CurveInterval>& intervals) {
+    auto const before = [](CurveInterval const& a, CurveInterval const& b) { return a.begin < b.begin; };
+    if (!std::is_sorted(intervals.begin(), intervals.end(), before))
+        std::sort(intervals.begin(), intervals.end(), before);
+    for (std::size_t i = 1; i < intervals.size(); ++i)
+        if (intervals[i].begin < intervals[i - 1].end)
+            refuse(intervals[i].brick, bricks[intervals[i].brick],
+                   text("overlaps brick ", static_cast<std::int64_t>(intervals[i - 1].brick)));
+}
+
+void check_overlap_by_index(Index3 logical_dims, std::span<Brick const> bricks) {
+    BrickIndex const index(logical_dims, bricks);
+    std::vector<std::int32_t> near;
+    for (std::size_t i = 0; i < bricks.size(); ++i) {
+        Box const box = bounds_of(bricks[i], logical_dims);
+        auto const corner = [](Index3 v) {
+            return Vec3{static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
+        };
+        index.query(corner(box.lower), corner(box.upper), near);
+        for (std::int32_t const other : near) {
+            auto const o = static_cast<std::size_t>(other);
+            if (o < i && !intersect(box, bounds_of(bricks[o], logical_dims)).empty())
+                refuse(i, bricks[i], text("overlaps brick ", other));
+        }
+    }
+}
+
+} // namespace
+
+void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage) {
+    for (int a = 0; a < 3; ++a)
+        if (logical_dims[a] < 1 || logical_dims[a] > max_extent)
+            throw Error(ErrorKind::data, text("logical grid of ", logical_dims, " is not one of 1…2^40 cells an axis"));
+    if (bricks.empty()) throw Error(ErrorKind::data, "hierarchical volume has no bricks");
+    double covered = 0;
+    for (std::size_t i = 0; i < bricks.size(); ++i) {
+        check_brick(i, bricks[i], logical_dims);
+        covered += volume_of(bounds_of(bricks[i], logical_dims).dims());
+    }
+    check_lattices(logical_dims, bricks);
+    if (auto intervals = curve_intervals(logical_dims, bricks); !intervals.empty())
+        check_overlap_on_curve(bricks, intervals);
+    else
+        check_overlap_by_index(logical_dims, bricks);
+    double const logical = volume_of(logical_dims);
+    if (coverage == Coverage::complete && covered != logical)
+        throw Error(ErrorKind::data, text("leaf blocks cover ", covered, " finest cells, but the domain has ", logical),
+                    "the file lacks blocks or states wrong block positions");
+}
+
+TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks) {
+    std::map<int, LevelSummary> levels;
+    TreeSummary summary;
+    for (Brick const& brick : bricks) {
+        LevelSummary& level = levels[brick.level];
+        double const volume = volume_of(bounds_of(brick, logical_dims).dims());
+        level.level = brick.level;
+        level.bricks += 1;
+        level.cells += brick.cells();
+        level.volume += volume;
+        summary.covered += volume;
+    }
+    for (auto const& entry : levels) summary.levels.push_back(entry.second);
+    summary.logical = volume_of(logical_dims);
+    return summary;
+}
+
+} // namespace vkt

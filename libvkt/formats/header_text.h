@@ -1,0 +1,42 @@
+// Pieces that the text headers of formats share: numbers, words, file name patterns, axis signs, the history as a
+// value. SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/header.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vkt {
+
+std::string_view trimmed(std::string_view text);
+/// Words separated by blanks.
+std::vector<std::string> words_of(std::string_view text);
+
+/// The whole word as a number (also nan, inf, a leading +), or nullopt.
+std::optional<double> number_in(std::string_view word);
+std::optional<std::int64_t> integer_in(std::string_view word);
+
+/// The names that a printf pattern with one %d (flags 0, width up to 64) makes of first, first+step, …, last.
+/// Throws Error{data} for other patterns, a zero or contrary step, or more than 2^20 files.
+std::vector<std::string> numbered_files(std::string const& pattern, std::int64_t first, std::int64_t last,
+                                        std::int64_t step);
+/// True if the text contains a %d conversion.
+bool is_numbered(std::string_view text);
+
+/// Three axes of unit length of which the first `known` are given: the others become perpendicular ones.
+void complete_directions(Geometry& geometry, int known);
+/// Splits a vector into its length and direction. Throws Error{data} naming `what` if it is zero or not finite.
+void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what);
+
+/// True if two volumes can be entries of one series in a file: equal dims, type, geometry, value map.
+bool same_lattice(Header const& a, Header const& b);
+
+/// The history as one line of JSON, and back; text that is no history is nullopt.
+std::string history_text(History const& history);
+std::optional<History> parse_history(std::string const& text);
+
+} // namespace vkt

@@ -1,0 +1,207 @@
+// NRRD files: attached (.nrrd) and detached (.nhdr), read in every encoding, written raw or gzip.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/encode.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/slab_sink.h"
+
+#include <algorithm>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+namespace vkt {
+
+namespace {
+
+bool is_nrrd(std::span<std::byte const> head) { return head.size() >= 8 && std::memcmp(head.data(), "NRRD00", 6) == 0; }
+
+std::unique_ptr<Source> open_nrrd(std::unique_ptr<ByteSource> bytes, ReadOptions const&) {
+    RawLayout layout = nrrd_layout(read_nrrd_header(*bytes));
+    return raw_source(std::move(bytes), std::move(layout));
+}
+
+std::string escaped(std::string const& s) {
+    std::string result;
+    for (char const c : s) {
+        if (c == '\n')
+            result += "\\n";
+        else if (c == '\\')
+            result += "\\\\";
+        else
+            result += c;
+    }
+    return result;
+}
+
+std::string one_line(std::string s) {
+    for (char& c : s)
+        if (c == '\n' || c == '\r') c = ' ';
+    return s;
+}
+
+std::string vector_text(Vec3 v) { return text("(", v.x, ",", v.y, ",", v.z, ")"); }
+
+/// Keys that the format cannot tell from something else are left out.
+bool is_writable_key(std::string const& key) {
+    return !key.empty() && key.front() != '#' && key.find(":=") == std::string::npos &&
+           key.find('\r') == std::string::npos;
+}
+
+/// An attribute that lists one entry for each axis, if it still does; a fourth axis gets `extra`.
+std::string axis_line(Header const& header, std::string const& field, bool series, std::string const& extra) {
+    auto const found = header.attributes.find(field);
+    if (found == header.attributes.end()) return {};
+    bool const quoted = field == "labels" || field == "units" || field == "space units";
+    std::string const line = one_line(found->second);
+    auto const entries =
+        quoted ? static_cast<std::int64_t>(std::count(line.begin(), line.end(), '"')) / 2 : std::ssize(words_of(line));
+    if (entries != 3) return {};
+    return text(field, ": ", line, series ? text(" ", extra) : "", "\n");
+}
+
+/// The header of a series of volumes, or of one; without the blank line at the end. `data_file` empty: attached.
+std::string nrrd_header_text(Header const& header, std::int64_t volumes, bool gzip, std::string const& data_file) {
+    Geometry const& g = header.geometry;
+    bool const series = volumes > 1;
+    auto const attribute = [&](std::string const& key) {
+        auto const found = header.attributes.find(key);
+        return found == header.attributes.end() ? std::string{} : one_line(found->second);
+    };
+    std::string const kind = attribute("sequence kind");
+    std::string result;
+    for (std::string const field : {"content", "old min", "old max"})
+        if (auto const value = attribute(field); !value.empty()) result += text(field, ": ", value, "\n");
+    result += text("type: ", nrrd_type_name(header.dtype), "\ndimension: ", series ? 4 : 3, "\n");
+    std::string const space = attribute("space");
+    result += space.empty() ? "space dimension: 3\n" : text("space: ", space, "\n");
+    result += text("sizes: ", header.dims, series ? text(" ", volumes) : "", "\n");
+    result += text("space directions: ", vector_text(g.direction[0] * g.spacing.x), " ",
+                   vector_text(g.direction[1] * g.spacing.y), " ", vector_text(g.direction[2] * g.spacing.z),
+                   series ? " none" : "", "\n");
+    std::string const kinds = axis_line(header, "kinds", series, kind.empty() ? "list" : kind);
+    result += kinds.empty()
+                  ? text("kinds: domain domain domain", series ? text(" ", kind.empty() ? "list" : kind) : "", "\n")
+                  : kinds;
+    result += axis_line(header, "centers", series, "???");
+    result += axis_line(header, "labels", series, "\"\"");
+    result += text("endian: little\nencoding: ", gzip ? "gzip" : "raw", "\n");
+    result += axis_line(header, "space units", false, "");
+    result += text("space origin: ", vector_text(g.origin), "\n");
+    if (auto const frame = attribute("measurement frame"); !frame.empty())
+        result += text("measurement frame: ", frame, "\n");
+    if (!header.units.empty()) result += text("sample units: \"", one_line(header.units), "\"\n");
+    if (!data_file.empty()) result += text("data file: ", data_file, "\n");
+    if (header.values != ValueMap{})
+        result += text("vkt slope:=", header.values.slope, "\nvkt intercept:=", header.values.intercept, "\n");
+    for (auto const& [key, value] : header.attributes)
+        if (!is_nrrd_attribute(key) && is_writable_key(key)) result += text(escaped(key), ":=", escaped(value), "\n");
+    if (header.history) result += text("vkt history:=", escaped(history_text(*header.history)), "\n");
+    return result;
+}
+
+constexpr char const* remark = "# Complete NRRD file format specification at:\n"
+                               "# http://teem.sourceforge.net/nrrd/format.html\n";
+
+/// In an attached file the remark makes room: a series found out about later needs a longer header of equal length.
+std::string whole_header(Header const& header, std::int64_t volumes, bool gzip, std::string const& data_file,
+                         std::size_t length) {
+    std::string const magic = header.attributes.count("measurement frame") ? "NRRD0005\n" : "NRRD0004\n";
+    std::string const body = nrrd_header_text(header, volumes, gzip, data_file) + (data_file.empty() ? "\n" : "");
+    if (length == 0) return magic + remark + body;
+    std::size_t const used = magic.size() + body.size();
+    if (used + 2 > length) throw Error(ErrorKind::failure, "no room in the NRRD header for a series");
+    return text(magic, "#", std::string(length - used - 2, '.'), "\n", body);
+}
+
+class NrrdWriter : public VolumeWriter {
+public:
+    NrrdWriter(std::string const& path, WriteOptions const& options) : gzip_(options.compress) {
+        if (lower_case(path).ends_with(".nhdr")) {
+            std::string const data = path.substr(0, path.size() - 5) + (gzip_ ? ".raw.gz" : ".raw");
+            header_file_.emplace(path, options.force);
+            data_file_.emplace(data, options.force);
+            data_name_ = data.substr(data.rfind('/') == std::string::npos ? 0 : data.rfind('/') + 1);
+        } else {
+            data_file_.emplace(path, options.force);
+        }
+    }
+
+    void begin(Header const& header) override;
+    void write(std::byte const* voxels, std::size_t n) override {
+        if (deflate_)
+            deflate_->write(voxels, n);
+        else
+            data_file_->write(voxels, n);
+    }
+    void close() override;
+
+private:
+    void check_volume(Header const& header) const;
+
+    bool gzip_;
+    std::optional<OutputFile> header_file_, data_file_;
+    std::string data_name_; ///< empty if attached
+    std::optional<DeflateWriter> deflate_;
+    Header first_;
+    std::int64_t volumes_ = 0;
+    std::size_t header_length_ = 0;
+};
+
+void NrrdWriter::check_volume(Header const& header) const {
+    if (header.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "NRRD cannot hold bricks", "make a grid of them first: vkt resample");
+    if (nrrd_type_name(header.dtype).empty())
+        throw Error(ErrorKind::usage, text("NRRD cannot hold ", header.dtype),
+                    "convert first: vkt convert --dtype float32");
+    if (volumes_ == 0) return;
+    if (!same_lattice(first_, header))
+        throw Error(ErrorKind::usage, "one NRRD file cannot hold volumes of different dims, types or geometry",
+                    "write one file each: name it like out_%04d.nrrd");
+    if (!header_file_ && data_file_->in_place())
+        throw Error(ErrorKind::usage, "NRRD on a pipe cannot hold several volumes, since their number comes first",
+                    "write a file, or one file each: name it like out_%04d.nrrd");
+}
+
+void NrrdWriter::begin(Header const& header) {
+    check_volume(header);
+    if (volumes_++ > 0) return;
+    first_ = header;
+    if (!header_file_) {
+        std::string const head = whole_header(first_, 1, gzip_, "", 0);
+        header_length_ = head.size();
+        data_file_->write(head.data(), head.size());
+    }
+    if (gzip_) deflate_.emplace(*data_file_, DeflateWriter::Wrapper::gzip);
+}
+
+void NrrdWriter::close() {
+    if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    if (deflate_) deflate_->finish();
+    if (header_file_) {
+        std::string const head = whole_header(first_, volumes_, gzip_, data_name_, 0);
+        header_file_->write(head.data(), head.size());
+    } else if (volumes_ > 1) {
+        std::string const head = whole_header(first_, volumes_, gzip_, "", header_length_);
+        data_file_->write_at(0, head.data(), head.size());
+    }
+    // A header must not be seen without its data.
+    data_file_->commit();
+    if (header_file_) header_file_->commit();
+}
+
+std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& options) {
+    return slab_sink(std::make_unique<NrrdWriter>(path, options));
+}
+
+} // namespace
+
+Format nrrd_format() {
+    return {"nrrd",     "NRRD, attached or detached (teem, ITK, 3D Slicer)", {".nrrd", ".nhdr"}, is_nrrd, open_nrrd,
+            create_nrrd};
+}
+
+} // namespace vkt
