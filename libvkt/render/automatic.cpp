@@ -1,0 +1,73 @@
+// The automatic transfer function: from the histogram alone, so that the first picture is neither fog nor black.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/render.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt::render {
+
+namespace {
+
+/// Values between background and object: the split of the histogram with the greatest variance between its classes
+/// (Otsu 1979), over the bins from `first` on.
+std::size_t otsu(std::vector<std::int64_t> const& bins, std::size_t first) {
+    double count = 0, sum = 0;
+    for (std::size_t i = first; i < bins.size(); ++i) {
+        count += static_cast<double>(bins[i]);
+        sum += static_cast<double>(bins[i]) * static_cast<double>(i);
+    }
+    double below = 0, below_sum = 0, best = -1;
+    std::size_t split = first;
+    for (std::size_t i = first; i + 1 < bins.size(); ++i) {
+        below += static_cast<double>(bins[i]);
+        below_sum += static_cast<double>(bins[i]) * static_cast<double>(i);
+        double const above = count - below;
+        if (below <= 0 || above <= 0) continue;
+        double const difference = below_sum / below - (sum - below_sum) / above;
+        double const between = below * above * difference * difference;
+        if (between > best) best = between, split = i;
+    }
+    return split;
+}
+
+} // namespace
+
+/// Everything below the split is clear. Above it, the voxels at or above a value form an object that fills a share F of
+/// the volume; a ray that meets it passes through about F^(1/3) of the volume's extent. The extinction is chosen so that
+/// this way has an optical depth that rises from faint at the split to opaque at the top: rare, high values stand out of
+/// common, low ones, whatever the units of the data are.
+Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std::string const& colormap_name, double extent, double unit) {
+    std::vector<std::int64_t> const& bins = histogram.bins;
+    Automatic result;
+    double lower = domain.lower, upper = domain.upper;
+    if (domain.text == "auto") {
+        lower = histogram.center(otsu(bins, 0)) + 0.5 * histogram.bin_width();
+        double const share_above = 1 - 1e-9;
+        (void)share_above;
+        upper = histogram.percentile(0.9995);
+        // A constant object (a mask): its own value is the top.
+        if (!(upper > lower)) upper = histogram.greatest;
+    }
+    if (!(upper > lower)) upper = lower + std::max(std::abs(lower) * 1e-6, 1e-12);
+    std::string const map = colormap_name.empty() ? "tissue" : colormap_name;
+    auto const share_from = [&](double value) {
+        double above = 0, total = 0;
+        for (std::size_t i = 0; i < bins.size(); ++i) {
+            total += static_cast<double>(bins[i]);
+            if (histogram.center(i) >= value) above += static_cast<double>(bins[i]);
+        }
+        return std::max(above / std::max(total, 1.0), 1e-6);
+    };
+    constexpr int points = 24;
+    for (int i = 0; i <= points; ++i) {
+        double const x = i / static_cast<double>(points), value = lower + x * (upper - lower);
+        double const depth = 16 * x * x;
+        double const extinction = depth / (extent * std::cbrt(share_from(value)));
+        result.transfer.points.push_back({value, colormap(map, x), -std::expm1(-extinction * unit)});
+    }
+    result.iso = lower + 0.3 * (upper - lower);
+    return result;
+}
+
+} // namespace vkt::render

@@ -1,0 +1,69 @@
+// Tiles of the image, compiled once per instruction set into a namespace of its own.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/tiles.h"
+
+#include "libvkt/render/inner/exact.h"
+#include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/scatter.h"
+
+namespace vkt::render::VKT_BACKEND {
+
+namespace {
+
+template <class T>
+LatticeSampler<T> sampler_of(LatticeView const& lattice) {
+    return {static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
+}
+
+/// Calls body(x, y) for the pixels of a tile and stores what it returns.
+template <class Body>
+void for_pixels(Tile tile, float* pixels, std::int64_t width, Body body) {
+    for (int y = tile.y0; y < tile.y1; ++y)
+        for (int x = tile.x0; x < tile.x1; ++x) {
+            Radiance const r = body(x, y);
+            float* out = pixels + 4 * (y * width + x);
+            out[0] = r.red, out[1] = r.green, out[2] = r.blue, out[3] = r.transmittance;
+        }
+}
+
+template <class T>
+void run(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
+         std::int64_t width, Counters& total) {
+    LatticeSampler<T> const sampler = sampler_of<T>(lattice);
+    Counters counters; // stays in registers
+    auto const along_ray = [&](auto&& integrate) {
+        for_pixels(tile, pixels, width, [&](int x, int y) {
+            Ray ray;
+            if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, 1};
+            return integrate(ray);
+        });
+    };
+    switch (integrator) {
+    case Integrator::march: along_ray([&](Ray const& ray) { return march_ray(sampler, scene, ray, counters); }); break;
+    case Integrator::exact: along_ray([&](Ray const& ray) { return exact_ray(sampler, scene, ray, counters); }); break;
+    case Integrator::iso: along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); }); break;
+    case Integrator::scatter:
+        for_pixels(tile, pixels, width, [&](int x, int y) { return scatter_pixel(sampler, scene, x, y, counters); });
+        break;
+    }
+    total.rays += counters.rays;
+    total.segments += counters.segments;
+    total.samples += counters.samples;
+    total.capped += counters.capped;
+}
+
+void render_tile(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
+                 std::int64_t width, Counters& counters) {
+    switch (lattice.type) {
+    case LatticeType::uint8: run<std::uint8_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
+    case LatticeType::uint16: run<std::uint16_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
+    case LatticeType::int16: run<std::int16_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
+    case LatticeType::float32: run<float>(scene, lattice, integrator, tile, pixels, width, counters); break;
+    }
+}
+
+} // namespace
+
+TileFunction tile_function() { return render_tile; }
+
+} // namespace vkt::render::VKT_BACKEND

@@ -1,0 +1,151 @@
+// Cameras: default views, fitting, mapping into the lattice.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/camera.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace vkt::render {
+
+namespace {
+
+constexpr double margin = 1.04; // of the picture around the volume
+
+double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+Vec3 unit(Vec3 a) { return a * (1 / std::sqrt(dot(a, a))); }
+double radians(double degrees) { return degrees * std::numbers::pi / 180; }
+
+struct Basis {
+    Vec3 forward, right, up;
+};
+Basis basis_of(Camera const& camera) {
+    Vec3 const way = camera.target - camera.eye;
+    if (!(dot(way, way) > 0)) throw Error(ErrorKind::usage, "the camera's eye lies on its target", "move --eye or --target");
+    Basis b{unit(way), {}, {}};
+    Vec3 side = cross(b.forward, camera.up);
+    // Looking along the up direction: any other axis serves.
+    if (!(dot(side, side) > 1e-12 * dot(camera.up, camera.up)))
+        side = cross(b.forward, std::abs(b.forward.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
+    b.right = unit(side);
+    b.up = cross(b.right, b.forward);
+    return b;
+}
+
+/// Direction from the target to the eye.
+Vec3 side_of_view(CameraRequest const& request) {
+    double azimuth = 32, elevation = 22;
+    static constexpr std::array<std::pair<char const*, std::array<double, 2>>, 7> views{{
+        {"oblique", {32, 22}}, {"-y", {0, 0}}, {"x", {90, 0}}, {"y", {180, 0}}, {"-x", {270, 0}}, {"z", {0, 90}}, {"-z", {0, -90}},
+    }};
+    bool known = false;
+    std::vector<std::string> names;
+    for (auto const& [name, angles] : views) {
+        names.emplace_back(name);
+        if (request.view != name) continue;
+        azimuth = angles[0], elevation = angles[1];
+        known = true;
+    }
+    if (!known) throw Error(ErrorKind::usage, text("view '", request.view, "' is not one of ", join(names, ", ")));
+    azimuth = request.azimuth.value_or(azimuth);
+    elevation = request.elevation.value_or(elevation);
+    if (!std::isfinite(azimuth)) throw Error(ErrorKind::usage, "the azimuth is not finite");
+    if (!(std::abs(elevation) <= 90)) throw Error(ErrorKind::usage, "the elevation must be between -90 and 90 degrees");
+    double const a = radians(azimuth), e = radians(elevation);
+    if (std::abs(elevation) == 90) return {0, 0, elevation > 0 ? 1.0 : -1.0};
+    return {std::sin(a) * std::cos(e), -std::cos(a) * std::cos(e), std::sin(e)};
+}
+
+} // namespace
+
+std::array<Vec3, 8> corners_of(Geometry const& geometry, Index3 dims) {
+    std::array<Vec3, 8> corners;
+    for (std::size_t i = 0; i < 8; ++i) {
+        auto const at = [&](std::size_t bit, std::int64_t n) { return (i >> bit & 1U) != 0 ? static_cast<double>(n) - 0.5 : -0.5; };
+        corners[i] = index_to_world(geometry, {at(0, dims.x), at(1, dims.y), at(2, dims.z)});
+    }
+    return corners;
+}
+
+Camera make_camera(CameraRequest const& request, Geometry const& geometry, Index3 dims, double aspect) {
+    if (!(request.fov > 0 && request.fov < 180)) throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
+    if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
+    auto const corners = corners_of(geometry, dims);
+    Vec3 centre{0, 0, 0};
+    for (Vec3 const& c : corners) centre = centre + c * 0.125;
+
+    Camera camera;
+    camera.projection = request.projection;
+    double const tangent = std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
+    camera.fov = 2 * std::atan(tangent) * 180 / std::numbers::pi;
+    camera.target = request.target.value_or(centre);
+    Vec3 const side = side_of_view(request);
+    bool const from_above = std::abs(side.z) == 1;
+    camera.up = request.up.value_or(from_above ? Vec3{0, 1, 0} : Vec3{0, 0, 1});
+    camera.eye = request.eye.value_or(camera.target + side);
+    if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
+
+    // Far enough that every corner is in the picture: for each corner the least distance of the eye along the axis.
+    Basis const b = basis_of(camera);
+    double const base = std::tan(radians(request.fov) / 2);
+    double distance = 0, half_height = 0, radius = 0;
+    for (Vec3 const& corner : corners) {
+        Vec3 const c = corner - camera.target;
+        double const x = std::abs(dot(c, b.right)) / aspect, y = std::abs(dot(c, b.up)), z = dot(c, b.forward);
+        distance = std::max(distance, std::max(x, y) * margin / base - z);
+        half_height = std::max(half_height, std::max(x, y) * margin);
+        radius = std::max(radius, std::sqrt(dot(c, c)));
+    }
+    if (!request.eye) camera.eye = camera.target - b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance);
+    camera.height = 2 * half_height / request.zoom;
+    return camera;
+}
+
+Matrix3 lattice_to_world(Geometry const& g) {
+    auto const column = [&](std::size_t axis, double spacing) {
+        Vec3 const d = g.direction[axis] * spacing;
+        return Double3{d.x, d.y, d.z};
+    };
+    return {column(0, g.spacing.x), column(1, g.spacing.y), column(2, g.spacing.z)};
+}
+
+Matrix3 world_to_lattice(Geometry const& geometry) {
+    Geometry origin = geometry;
+    origin.origin = {0, 0, 0};
+    auto const column = [&](Vec3 axis) {
+        Vec3 const i = world_to_index(origin, axis);
+        return Double3{i.x, i.y, i.z};
+    };
+    return {column({1, 0, 0}), column({0, 1, 0}), column({0, 0, 1})};
+}
+
+RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int height) {
+    Basis const b = basis_of(camera);
+    Matrix3 const to_lattice = world_to_lattice(geometry);
+    auto const mapped = [&](Vec3 v) { return to_lattice * Double3{v.x, v.y, v.z}; };
+    Vec3 const eye = world_to_index(geometry, camera.eye);
+    bool const perspective = camera.projection == Projection::perspective;
+    double const half = perspective ? std::tan(radians(camera.fov) / 2) : camera.height / 2;
+    double const aspect = static_cast<double>(width) / height;
+    RayFrame frame{};
+    frame.eye = {eye.x + lattice_padding, eye.y + lattice_padding, eye.z + lattice_padding};
+    frame.forward = mapped(b.forward);
+    frame.right = mapped(b.right * (half * aspect));
+    frame.up = mapped(b.up * half);
+    frame.right_length = half * aspect, frame.up_length = half;
+    frame.perspective = perspective;
+    frame.width = width, frame.height = height;
+    return frame;
+}
+
+std::string camera_text(Camera const& c) {
+    std::string const head = text("eye ", c.eye, " target ", c.target, " up ", c.up);
+    return c.projection == Projection::perspective ? text(head, " fov ", c.fov) : text(head, " orthographic height ", c.height);
+}
+
+} // namespace vkt::render

@@ -1,0 +1,52 @@
+// Cameras: perspective and orthographic, placed in world units, by a named view or by angles.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/geometry.h"
+#include "libvkt/render/inner/ray.h"
+
+#include <optional>
+#include <string>
+
+namespace vkt::render {
+
+enum class Projection : std::uint8_t { perspective, orthographic };
+
+/// Seen from eye towards target; up need not be perpendicular. height is what the image spans vertically in the world
+/// at the target's distance (orthographic) or twice the tangent of half the field of view (perspective).
+struct Camera {
+    Vec3 eye{0, 0, 1}, target{0, 0, 0}, up{0, 1, 0};
+    Projection projection = Projection::perspective;
+    double fov = 30;   ///< vertical, in degrees, in (0, 180); perspective only
+    double height = 1; ///< orthographic only, world units
+};
+
+/// What the user asks for; the rest follows from the volume.
+struct CameraRequest {
+    std::string view = "oblique";          ///< x, -x, y, -y, z, -z (the side on which the camera stands) or oblique
+    std::optional<double> azimuth;         ///< degrees around z, 0 on the -y side, towards +x
+    std::optional<double> elevation;       ///< degrees above the xy plane, in [-90, 90]
+    std::optional<Vec3> eye, target, up;   ///< world units; an eye overrules view and angles
+    Projection projection = Projection::perspective;
+    double fov = 30;
+    double zoom = 1;                       ///< 2 shows things twice as large
+};
+
+/// World box of a volume: its eight corners, outer faces of the outer voxels.
+std::array<Vec3, 8> corners_of(Geometry const& geometry, Index3 dims);
+
+/// Shows the whole volume with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown views,
+/// an eye on the target, or values out of range.
+Camera make_camera(CameraRequest const& request, Geometry const& geometry, Index3 dims, double aspect);
+
+/// The camera in the padded lattice of a volume.
+RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int height);
+
+/// Linear maps between world and lattice vectors: columns of direction * spacing, and the inverse.
+Matrix3 lattice_to_world(Geometry const& geometry);
+Matrix3 world_to_lattice(Geometry const& geometry);
+
+/// "eye x y z target x y z up x y z …", enough to see the same again.
+std::string camera_text(Camera const& camera);
+
+} // namespace vkt::render

@@ -1,0 +1,98 @@
+// Pictures: sRGB bytes and PNG. The only file that includes libpng.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/image.h"
+
+#include "libvkt/core/error.h"
+
+#include <png.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace vkt::render {
+
+namespace {
+
+/// linear_to_srgb in 8 bits without pow per pixel: the thresholds between neighbouring levels are exact.
+class Encoder {
+public:
+    Encoder() {
+        for (std::size_t i = 0; i < 255; ++i) thresholds_[i] = static_cast<float>(srgb_to_linear((static_cast<double>(i) + 0.5) / 255));
+    }
+    unsigned char operator()(float linear) const {
+        return static_cast<unsigned char>(std::upper_bound(thresholds_.begin(), thresholds_.end(), linear) - thresholds_.begin());
+    }
+
+private:
+    std::array<float, 255> thresholds_{};
+};
+
+void append(png_structp png, png_bytep data, std::size_t n) {
+    auto& out = *static_cast<std::vector<std::byte>*>(png_get_io_ptr(png));
+    auto const* bytes = reinterpret_cast<std::byte const*>(data);
+    out.insert(out.end(), bytes, bytes + n);
+}
+
+[[noreturn]] void fail(png_structp, char const* message) { throw Error(ErrorKind::failure, std::string("cannot encode PNG: ") + message); }
+
+} // namespace
+
+std::vector<unsigned char> to_bytes(Image const& image, Background const& background) {
+    Encoder const encode;
+    bool const opaque = background.alpha >= 1;
+    auto const linear = [](double v) { return static_cast<float>(srgb_to_linear(v)); };
+    std::array<float, 3> const back{linear(background.color.red), linear(background.color.green), linear(background.color.blue)};
+    auto const back_alpha = static_cast<float>(background.alpha);
+    std::size_t const n = image.pixels.size() / 4, channels = opaque ? 3 : 4;
+    std::vector<unsigned char> bytes(n * channels);
+    for (std::size_t i = 0; i < n; ++i) {
+        float const* p = image.pixels.data() + 4 * i;
+        float const behind = p[3] * back_alpha, alpha = 1 - p[3] * (1 - back_alpha);
+        for (std::size_t c = 0; c < 3; ++c) {
+            float const light = p[c] + behind * back[c];
+            bytes[channels * i + c] = encode(opaque ? light : alpha > 0 ? light / alpha : 0.0F);
+        }
+        if (!opaque) bytes[4 * i + 3] = static_cast<unsigned char>(std::lround(255 * std::clamp(alpha, 0.0F, 1.0F)));
+    }
+    return bytes;
+}
+
+std::vector<std::byte> to_png(Image const& image, Background const& background, std::vector<std::pair<std::string, std::string>> const& texts) {
+    std::vector<unsigned char> const bytes = to_bytes(image, background);
+    bool const opaque = background.alpha >= 1;
+    std::vector<std::byte> out;
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, nullptr);
+    if (png == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
+    png_infop info = png_create_info_struct(png);
+    try {
+        if (info == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
+        png_set_write_fn(png, &out, append, nullptr);
+        png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
+                     opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                     PNG_FILTER_TYPE_DEFAULT);
+        png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+        png_set_compression_level(png, 5);
+        std::vector<png_text> chunks;
+        for (auto const& [key, value] : texts) {
+            png_text chunk{};
+            chunk.compression = PNG_ITXT_COMPRESSION_NONE;
+            chunk.key = const_cast<char*>(key.c_str());
+            chunk.text = const_cast<char*>(value.c_str());
+            chunk.itxt_length = value.size();
+            chunks.push_back(chunk);
+        }
+        if (!chunks.empty()) png_set_text(png, info, chunks.data(), static_cast<int>(chunks.size()));
+        png_write_info(png, info);
+        std::size_t const row = bytes.size() / static_cast<std::size_t>(image.height);
+        for (int y = 0; y < image.height; ++y) png_write_row(png, bytes.data() + static_cast<std::size_t>(y) * row);
+        png_write_end(png, info);
+    } catch (...) {
+        png_destroy_write_struct(&png, &info);
+        throw;
+    }
+    png_destroy_write_struct(&png, &info);
+    return out;
+}
+
+} // namespace vkt::render

@@ -1,0 +1,36 @@
+// Pictures: linear float pixels, and PNG files of them.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/colormap.h"
+
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vkt::render {
+
+/// Row by row from the top: premultiplied linear red, green, blue and the transmittance (1 - alpha).
+struct Image {
+    int width = 0, height = 0;
+    std::vector<float> pixels;
+
+    float const* at(int x, int y) const { return pixels.data() + 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)); }
+};
+
+/// What shows where nothing else does. sRGB; alpha 0 keeps the picture transparent.
+struct Background {
+    Color color{0.07, 0.075, 0.09};
+    double alpha = 1;
+};
+
+/// Eight bits per channel in sRGB: RGB if the background is opaque, else RGBA with straight alpha. The background is
+/// laid behind in linear light; rounding is to nearest.
+std::vector<unsigned char> to_bytes(Image const& image, Background const& background);
+
+/// A PNG file (sRGB chunk, given text chunks as keyword and text). The same picture gives the same bytes.
+std::vector<std::byte> to_png(Image const& image, Background const& background,
+                              std::vector<std::pair<std::string, std::string>> const& texts);
+
+} // namespace vkt::render

@@ -1,0 +1,178 @@
+// Implicit iso-surfaces: the cubic along the ray is solved in every cell, sides are carried so that nothing leaks.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/march.h"
+
+namespace vkt::render {
+
+/// A sampler whose values are trilinear in the cells of a lattice.
+template <class S>
+concept CellSampler = Sampler<S> && requires(S const& s, float* c) { s.corners(1, 1, 1, c); };
+
+/// Values along a ray through one cell, as a cubic of s in [0,1].
+struct Cubic {
+    double a, b, c, d;
+    VKT_HD double operator()(double s) const { return ((a * s + b) * s + c) * s + d; }
+};
+
+/// From the corners of a cell (x fastest), the local position where the ray enters and its way to the exit.
+VKT_HD Cubic cubic_along(float const* v, Double3 p, Double3 d) {
+    double const v0 = v[0];
+    double const kx = v[1] - v0, ky = v[2] - v0, kz = v[4] - v0;
+    double const kxy = (static_cast<double>(v[3]) - v[2]) - kx, kxz = (static_cast<double>(v[5]) - v[4]) - kx;
+    double const kyz = (static_cast<double>(v[6]) - v[4]) - ky;
+    double const kxyz = ((static_cast<double>(v[7]) - v[6]) - (static_cast<double>(v[5]) - v[4])) - kxy;
+    double const xx = p.x * p.y, yz = p.y * p.z, xz = p.x * p.z;
+    double const dxy = d.x * p.y + p.x * d.y, dyz = d.y * p.z + p.y * d.z, dxz = d.x * p.z + p.x * d.z;
+    double const exy = d.x * d.y, eyz = d.y * d.z, exz = d.x * d.z;
+    return {kxyz * exy * d.z, kxy * exy + kyz * eyz + kxz * exz + kxyz * (exy * p.z + dxy * d.z),
+            kx * d.x + ky * d.y + kz * d.z + kxy * dxy + kyz * dyz + kxz * dxz + kxyz * (dxy * p.z + xx * d.z),
+            v0 + kx * p.x + ky * p.y + kz * p.z + kxy * xx + kyz * yz + kxz * xz + kxyz * xx * p.z};
+}
+
+/// The crossing between s0 and s1, whose sides differ: regula falsi (Illinois) kept safe by its bracket.
+VKT_HD double crossing(Cubic const& f, double s0, double s1, double f0, double f1) {
+    bool const above = f1 >= 0;
+    int stuck = 0;
+    for (int i = 0; i < 60 && s1 - s0 > 1e-12; ++i) {
+        double const guess = i < 40 && f1 != f0 ? s0 - f0 * (s1 - s0) / (f1 - f0) : 0.5 * (s0 + s1);
+        double const s = guess > s0 && guess < s1 ? guess : 0.5 * (s0 + s1);
+        double const value = f(s);
+        if ((value >= 0) == above) {
+            s1 = s, f1 = value;
+            f0 *= stuck == 1 ? 0.5 : 1.0;
+            stuck = 1;
+            if (value == 0) break;
+        } else {
+            s0 = s, f0 = value;
+            f1 *= stuck == 2 ? 0.5 : 1.0;
+            stuck = 2;
+        }
+    }
+    return s1;
+}
+
+/// Side of a surface: at or above the iso-value, below it, or not known (no data).
+enum class Side : std::uint8_t { unknown, below, above };
+VKT_HD Side side_of(double difference) { return difference >= 0 ? Side::above : Side::below; }
+
+/// Finds all crossings within one cell, beginning on the carried side; calls hit(s, new side) until it returns false.
+/// Returns false if it was told to stop. The side after the cell is left in `side`.
+template <class Hit>
+VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit&& hit) {
+    f.d -= iso;
+    double const begin = f.d, end = f(1.0);
+    if (side == Side::unknown) side = side_of(begin);
+    // Rounding may put the entry on the other side than the exit of the cell before: then it is crossed right here.
+    if (side_of(begin) != side) {
+        side = side_of(begin);
+        if (!hit(0.0, side)) return false;
+    }
+    // Between extrema the cubic is monotone and crosses at most once.
+    double cuts[3];
+    int n = 0;
+    double const q = f.b * f.b - 3 * f.a * f.c;
+    if (q > 0) {
+        double const w = -(f.b + (f.b >= 0 ? std::sqrt(q) : -std::sqrt(q)));
+        double const one = f.a != 0 ? w / (3 * f.a) : -1, two = w != 0 ? f.c / w : -1;
+        double const low = one < two ? one : two, high = one < two ? two : one;
+        if (low > 0 && low < 1) cuts[n++] = low;
+        if (high > 0 && high < 1) cuts[n++] = high;
+    }
+    cuts[n++] = 1.0;
+    double s0 = 0, f0 = begin;
+    for (int i = 0; i < n; ++i) {
+        double const f1 = i == n - 1 ? end : f(cuts[i]);
+        if (side_of(f1) != side) {
+            side = side_of(f1);
+            if (!hit(crossing(f, s0, cuts[i], f0, f1), side)) return false;
+        }
+        s0 = cuts[i], f0 = f1;
+    }
+    return true;
+}
+
+/// All crossings of one iso-value along a ray in ascending order: hit(t, side behind) until it returns false.
+template <CellSampler S, class Hit>
+VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters, Hit&& hit) {
+    CellWalk<double> outer;
+    constexpr double size = macrocell_size;
+    outer.start(ray.entry, ray.direction, ray.length, static_cast<double>(macrocell_origin), size, scene.cells.nx,
+                scene.cells.ny, scene.cells.nz);
+    Side side = Side::unknown;
+    do {
+        std::int64_t const index = scene.cells.index(outer.cell);
+        double const lowest = scene.cells.lowest[index], highest = scene.cells.highest[index];
+        if (scene.skip && lowest <= highest && !scene.cells.visible[index] && (lowest >= iso || highest < iso)) {
+            Side const here = lowest >= iso ? Side::above : Side::below;
+            if (side != Side::unknown && side != here && !hit(outer.t, here)) return;
+            side = here;
+            continue;
+        }
+        // The cells of this macrocell: same walk, one lattice unit wide, from where the ray enters.
+        Double3 const start = ray.entry + ray.direction * outer.t;
+        Double3 const corner{macrocell_origin + size * outer.cell[0], macrocell_origin + size * outer.cell[1],
+                             macrocell_origin + size * outer.cell[2]};
+        CellWalk<double> inner;
+        inner.start(start - corner, ray.direction, outer.leave() - outer.t, 0.0, 1.0, macrocell_size, macrocell_size,
+                    macrocell_size);
+        do {
+            float v[8];
+            Double3 const cell{corner.x + inner.cell[0], corner.y + inner.cell[1], corner.z + inner.cell[2]};
+            sampler.corners(static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z), v);
+            counters.samples += 1;
+            bool above = true, below = true, missing = false;
+            for (float const c : v) {
+                above = above && c >= iso;
+                below = below && c < iso;
+                missing = missing || !(c == c);
+            }
+            double const t0 = outer.t + inner.t, width = inner.leave() - inner.t;
+            if (missing) {
+                side = Side::unknown;
+            } else if (above || below) {
+                Side const here = above ? Side::above : Side::below;
+                if (side != Side::unknown && side != here && !hit(t0, here)) return;
+                side = here;
+            } else {
+                Cubic const f = cubic_along(v, ray.entry + ray.direction * t0 - cell, ray.direction * width);
+                bool const on = cross_cell(f, iso, side, [&](double s, Side behind) __attribute__((always_inline)) {
+                    return hit(t0 + s * width, behind);
+                });
+                if (!on) return;
+            }
+        } while (inner.advance());
+    } while (outer.advance());
+}
+
+/// The nearest surface of all iso-values, shaded by a light at the eye.
+template <CellSampler S>
+VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ++counters.rays;
+    double nearest = ray.length;
+    int surface = -1;
+    for (int i = 0; i < scene.iso_count; ++i) {
+        // A nearer surface found before shortens the ray for the ones that follow.
+        Ray shorter = ray;
+        shorter.length = nearest;
+        cross_ray(sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
+            if (surface < 0 || t < nearest) {
+                nearest = t;
+                surface = i;
+            }
+            return false;
+        });
+    }
+    if (surface < 0) return {0, 0, 0, 1};
+    Float3 const g = sampler.gradient(to_float(ray.entry + ray.direction * nearest));
+    Float3 const d = to_float(ray.direction);
+    ShadeView shade = scene.shade;
+    shade.reference = 0; // a surface is a surface, however faint the gradient
+    float const along = dot(g, d) / static_cast<float>(ray.world_per_lattice);
+    Shading const s = headlight(shade, g.x, g.y, g.z, along);
+    IsoView const& iso = scene.isos[surface];
+    return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+}
+
+} // namespace vkt::render

@@ -1,0 +1,183 @@
+// Ray marching with absorption and emission: equidistant comb, segment integration, skipping that changes no bit.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/sampler.h"
+#include "libvkt/render/inner/scene.h"
+
+namespace vkt::render {
+
+/// Rays end where less than this is transmitted: the bias is at most a quarter of a display level.
+inline constexpr float least_transmittance = 1.0F / 1024.0F;
+
+/// Premultiplied linear colour and what is transmitted from behind.
+struct Radiance {
+    float red, green, blue, transmittance;
+};
+
+/// Brightness of a surface element seen with a light at the eye; `along` is the gradient's part along the ray.
+struct Shading {
+    float diffuse, glint;
+};
+VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along) {
+    float const* m = shade.metric;
+    float const squared = m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
+    float const reference = shade.reference * shade.reference;
+    float const surface = squared > 0 ? shade.strength * squared / (squared + reference) : 0.0F;
+    float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
+    float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
+    float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
+    float const lit = shade.ambient + (1.0F - shade.ambient) * std::sqrt(cosine2);
+    return {1.0F + surface * (lit - 1.0F), surface * shade.specular * c16 * c16};
+}
+
+/// One ray on its way. Segments lie between the points k * step of the comb, the last one ends where the ray does.
+template <Sampler S>
+struct March {
+    S const& sampler;
+    SceneView const& scene;
+    Float3 origin, direction;
+    float length, world;
+    int count; ///< segments of the whole ray
+    Quad light{};
+    float transmittance = 1.0F;
+    int known = -1; ///< the point that `last` belongs to
+    Classified last{};
+    float last_position = 0;
+    bool last_missing = false;
+    std::int64_t samples = 0;
+
+    VKT_HD float point(int k) const { return k < count ? static_cast<float>(k) * scene.step : length; }
+
+    /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
+    VKT_HD int advance(int from, int to) {
+        bool const carried = known == from;
+        int const first = carried ? from + 1 : from;
+        int const wanted = to + 1 - first;
+        int const n = wanted < chunk ? wanted : chunk; // points to look up
+        alignas(64) float t[chunk], value[chunk], position[chunk];
+        for (int k = 0; k < chunk; ++k) t[k] = point(first + (k < n ? k : n - 1));
+        sampler.values(origin, direction, t, value);
+        for (int k = 0; k < chunk; ++k) position[k] = table_position(scene.table, value[k]);
+        samples += n;
+
+        // Means of the segments; segment j ends at point from + j + 1.
+        Quad mean[chunk];
+        alignas(64) float depth[chunk], through[chunk], weight[chunk];
+        int segments = 0;
+        bool seen = false;
+        for (int k = 0; k < n; ++k) {
+            Classified const here = classify(scene.table, position[k]);
+            bool const missing = !(value[k] == value[k]);
+            if (carried || k > 0) {
+                Quad const m = segment_mean(last, here, position[k] - last_position);
+                int const j = segments++;
+                float const begin = point(from + j), end = t[k];
+                mean[j] = m;
+                depth[j] = missing || last_missing || !(m[0] > 0) ? 0.0F : m[0] * ((end - begin) * world);
+                seen = seen || depth[j] > 0;
+            }
+            last = here;
+            last_position = position[k];
+            last_missing = missing;
+        }
+        known = from + segments;
+        if (!seen) return known;
+        for (int j = segments; j < chunk; ++j) depth[j] = 0;
+        for (int j = 0; j < chunk; ++j) {
+            Attenuation const a = attenuation(depth[j]);
+            through[j] = a.transmitted;
+            weight[j] = a.absorbed;
+        }
+        composite(from, segments, mean, depth, through, weight);
+        return known;
+    }
+
+    VKT_HD void composite(int from, int segments, Quad const* mean, float const* depth, float const* through,
+                          float const* weight) {
+        alignas(64) float diffuse[chunk], glint[chunk];
+        bool const shaded = scene.shade.strength > 0;
+        if (shaded) {
+            alignas(64) float t[chunk], gx[chunk], gy[chunk], gz[chunk];
+            for (int j = 0; j < chunk; ++j) {
+                int const k = from + (j < segments ? j : segments - 1);
+                t[j] = 0.5F * (point(k) + point(k + 1));
+            }
+            sampler.gradients(origin, direction, t, gx, gy, gz);
+            float const per_world = 1.0F / world;
+            for (int j = 0; j < chunk; ++j) {
+                float const along = (gx[j] * direction.x + gy[j] * direction.y + gz[j] * direction.z) * per_world;
+                Shading const s = headlight(scene.shade, gx[j], gy[j], gz[j], along);
+                diffuse[j] = s.diffuse;
+                glint[j] = s.glint;
+            }
+        }
+        for (int j = 0; j < segments; ++j) {
+            if (!(depth[j] > 0)) continue;
+            float const share = transmittance * weight[j];
+            if (shaded) {
+                float const g = share * glint[j];
+                light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
+            } else {
+                light = light + mean[j] * (share / mean[j][0]);
+            }
+            transmittance *= through[j];
+            if (transmittance < least_transmittance) return;
+        }
+    }
+
+    /// Adds segments [from, to); false when nothing more can be seen.
+    VKT_HD bool add(int from, int to) {
+        while (from < to) {
+            from = advance(from, to);
+            if (transmittance < least_transmittance) return false;
+        }
+        return true;
+    }
+
+    /// Walks the macrocells and adds the segments that touch a visible one.
+    VKT_HD void walk() {
+        CellWalk<float> cells;
+        cells.start(origin, direction, length, macrocell_origin, static_cast<float>(macrocell_size), scene.cells.nx,
+                    scene.cells.ny, scene.cells.nz);
+        // Rounding of positions is far below this; segments near a cell's border count for both cells.
+        constexpr float slack = 4e-3F;
+        float const per_step = 1.0F / scene.step;
+        int from = 0, to = 0;
+        do {
+            if (!scene.cells.visible[scene.cells.index(cells.cell)]) continue;
+            int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
+            int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
+            int const last_segment = b < count ? b : count;
+            if (a > to) {
+                if (!add(from, to)) return;
+                from = a;
+            }
+            to = last_segment > to ? last_segment : to;
+            // Whole chunks are done at once, so that an opaque ray stops walking.
+            while (to - from >= chunk + 1) {
+                from = advance(from, to);
+                if (transmittance < least_transmittance) return;
+            }
+        } while (cells.advance());
+        add(from, to);
+    }
+};
+
+template <Sampler S>
+VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    float const length = static_cast<float>(ray.length);
+    int const count = static_cast<int>(std::ceil(length / scene.step));
+    March<S> march{sampler, scene, to_float(ray.entry), to_float(ray.direction), length,
+                   static_cast<float>(ray.world_per_lattice), count < 1 ? 1 : count};
+    if (scene.skip)
+        march.walk();
+    else
+        march.add(0, march.count);
+    ++counters.rays;
+    counters.segments += march.count;
+    counters.samples += march.samples;
+    return {march.light[1], march.light[2], march.light[3], march.transmittance};
+}
+
+} // namespace vkt::render

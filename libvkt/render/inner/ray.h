@@ -1,0 +1,109 @@
+// Rays in lattice space: from pixels, clipped to the volume's box, stepped through macrocells.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/vector.h"
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace vkt::render {
+
+/// Voxels of clamped padding around every lattice: one for interpolation, one more for central differences.
+inline constexpr int lattice_padding = 2;
+
+/// The camera mapped into lattice space, where padded voxel i lies at coordinate i. Vectors are images of world vectors.
+struct RayFrame {
+    Double3 eye, forward, right, up; ///< right and up span half the image
+    double right_length, up_length;  ///< their lengths in the world
+    bool perspective;
+    double width, height; ///< of the image in pixels
+};
+
+/// A ray inside the box: position entry + t * direction for t in [0, length], direction of unit length in the lattice.
+struct Ray {
+    Double3 entry, direction;
+    double length;            ///< lattice units
+    double start;             ///< lattice units from the eye to the entry point
+    double world_per_lattice; ///< world length of one lattice unit along this ray
+};
+
+/// Part of a line within the box [lower, upper]; false if there is none. Written so that 0 and NaN take defined paths.
+VKT_HD bool clip_axis(double origin, double direction, double lower, double upper, double& near, double& far) {
+    if (direction == 0) return origin >= lower && origin <= upper;
+    double const a = (lower - origin) / direction, b = (upper - origin) / direction;
+    double const first = a < b ? a : b, last = a < b ? b : a;
+    near = first > near ? first : near;
+    far = last < far ? last : far;
+    return near < far;
+}
+
+VKT_HD bool clip(Double3 origin, Double3 direction, Double3 lower, Double3 upper, double& near, double& far) {
+    return clip_axis(origin.x, direction.x, lower.x, upper.x, near, far) &&
+           clip_axis(origin.y, direction.y, lower.y, upper.y, near, far) &&
+           clip_axis(origin.z, direction.z, lower.z, upper.z, near, far) && near < far;
+}
+
+/// The ray through image position (x, y) in pixels; false if it misses the box.
+VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, Double3 upper, Ray& ray) {
+    double const u = 2 * x / frame.width - 1, v = 1 - 2 * y / frame.height;
+    Double3 const offset = frame.right * u + frame.up * v;
+    double const ru = u * frame.right_length, uv = v * frame.up_length;
+    Double3 const origin = frame.perspective ? frame.eye : frame.eye + offset;
+    Double3 const along = frame.perspective ? frame.forward + offset : frame.forward;
+    double const world = frame.perspective ? std::sqrt(1 + ru * ru + uv * uv) : 1.0;
+    double const lattice = std::sqrt(dot(along, along));
+    ray.direction = along * (1 / lattice);
+    ray.world_per_lattice = world / lattice;
+    double near = 0, far = std::numeric_limits<double>::infinity();
+    if (!clip(origin, ray.direction, lower, upper, near, far)) return false;
+    ray.entry = origin + ray.direction * near;
+    ray.start = near;
+    ray.length = far - near;
+    return true;
+}
+
+/// Steps of a ray through a grid of cubic cells with edges at multiples of `size` from `lower`. The cell index is
+/// authoritative: it changes by one along one axis per step, whatever rounding does to positions.
+template <class Real>
+struct CellWalk {
+    int cell[3], step[3], end[3];
+    Real next[3], width[3];
+    Real t, exit;
+
+    template <class Vector>
+    VKT_HD void start(Vector origin, Vector direction, Real length, Real lower, Real size, int nx, int ny, int nz) {
+        Real const o[3] = {origin.x, origin.y, origin.z}, d[3] = {direction.x, direction.y, direction.z};
+        int const n[3] = {nx, ny, nz};
+        for (int axis = 0; axis < 3; ++axis) {
+            Real const place = (o[axis] - lower) / size;
+            int const i = static_cast<int>(place);
+            cell[axis] = i < 0 ? 0 : i >= n[axis] ? n[axis] - 1 : i;
+            step[axis] = d[axis] > 0 ? 1 : d[axis] < 0 ? -1 : 0;
+            end[axis] = d[axis] > 0 ? n[axis] : -1;
+            Real const ahead = d[axis] > 0 ? static_cast<Real>(cell[axis] + 1) - place : place - static_cast<Real>(cell[axis]);
+            width[axis] = d[axis] == 0 ? 0 : size / (d[axis] > 0 ? d[axis] : -d[axis]);
+            next[axis] = d[axis] == 0 ? std::numeric_limits<Real>::infinity() : ahead * width[axis];
+        }
+        t = 0;
+        exit = length;
+    }
+    /// Where the ray leaves the present cell.
+    VKT_HD Real leave() const {
+        Real const xy = next[0] < next[1] ? next[0] : next[1];
+        Real const all = xy < next[2] ? xy : next[2];
+        return all < exit ? all : exit;
+    }
+    /// Moves to the next cell; false behind the last one.
+    VKT_HD bool advance() {
+        int const axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
+        t = next[axis];
+        if (!(t < exit)) return false;
+        cell[axis] += step[axis];
+        next[axis] += width[axis];
+        return cell[axis] != end[axis];
+    }
+};
+
+} // namespace vkt::render

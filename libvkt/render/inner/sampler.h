@@ -1,0 +1,268 @@
+// Samplers: what a ray may ask of a volume. Lattices answer by trilinear interpolation; others (AMR) plug in here.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/ray.h"
+
+#include <concepts>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#if defined(__AVX2__) && !defined(__CUDACC__)
+#pragma GCC diagnostic push
+// GCC 12 takes its own "undefined" operands of masked instructions for mistakes.
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#include <immintrin.h>
+#pragma GCC diagnostic pop
+#endif
+
+namespace vkt::render {
+
+/// Samples that are taken together along a ray.
+inline constexpr int chunk = 16;
+
+/// value(): the stored value at a lattice position inside the box (NaN: no data), precise(): the same in double,
+/// gradient(): its derivative per lattice unit, values() and gradients(): `chunk` positions origin + t[k]*direction at
+/// once, with the same bits as one by one.
+template <class S>
+concept Sampler = requires(S const& s, Float3 p, Double3 q, float const* t, float* out) {
+    { s.value(p) } -> std::same_as<float>;
+    { s.precise(q) } -> std::same_as<double>;
+    { s.gradient(p) } -> std::same_as<Float3>;
+    s.values(p, p, t, out);
+    s.gradients(p, p, t, out, out, out);
+};
+
+/// Base for samplers that have only value() and gradient(): asks them one by one.
+template <class Derived>
+struct PointSampler {
+    VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
+        for (int k = 0; k < chunk; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
+    }
+    VKT_HD void gradients(Float3 origin, Float3 direction, float const* t, float* gx, float* gy, float* gz) const {
+        for (int k = 0; k < chunk; ++k) {
+            Float3 const g = static_cast<Derived const&>(*this).gradient(origin + direction * t[k]);
+            gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
+        }
+    }
+};
+
+/// A padded lattice of voxels of type T: voxel (i,j,k) of the padded array lies at lattice position (i,j,k).
+/// The array is followed by at least 8 readable bytes, because gathers fetch whole words.
+template <class T>
+struct LatticeSampler {
+    T const* data;
+    std::int64_t row, slice;
+    bool compact; ///< offsets within one chunk of a ray fit into 31 bits
+
+    VKT_HD static float mix(float a, float b, float f) { return a + (b - a) * f; }
+
+    VKT_HD float value(Float3 p) const {
+        int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
+        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y), fz = p.z - static_cast<float>(z);
+        return cell_value(data + (x + y * row + z * slice), fx, fy, fz);
+    }
+    VKT_HD double precise(Double3 p) const {
+        int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
+        float c[8];
+        corners(x, y, z, c);
+        double const fx = p.x - x, fy = p.y - y, fz = p.z - z;
+        double const a = c[0] + fx * (static_cast<double>(c[1]) - c[0]), b = c[2] + fx * (static_cast<double>(c[3]) - c[2]);
+        double const d = c[4] + fx * (static_cast<double>(c[5]) - c[4]), e = c[6] + fx * (static_cast<double>(c[7]) - c[6]);
+        double const near = a + fy * (b - a), far = d + fy * (e - d);
+        return near + fz * (far - near);
+    }
+    VKT_HD float cell_value(T const* v, float fx, float fy, float fz) const {
+        T const* w = v + slice;
+        float const a = mix(static_cast<float>(v[0]), static_cast<float>(v[1]), fx);
+        float const b = mix(static_cast<float>(v[row]), static_cast<float>(v[row + 1]), fx);
+        float const c = mix(static_cast<float>(w[0]), static_cast<float>(w[1]), fx);
+        float const d = mix(static_cast<float>(w[row]), static_cast<float>(w[row + 1]), fx);
+        return mix(mix(a, b, fy), mix(c, d, fy), fz);
+    }
+    /// Trilinear interpolation of central differences: continuous, second order.
+    VKT_HD Float3 gradient(Float3 p) const {
+        int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
+        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y), fz = p.z - static_cast<float>(z);
+        T const* v = data + (x + y * row + z * slice);
+        return {0.5F * (cell_value(v + 1, fx, fy, fz) - cell_value(v - 1, fx, fy, fz)),
+                0.5F * (cell_value(v + row, fx, fy, fz) - cell_value(v - row, fx, fy, fz)),
+                0.5F * (cell_value(v + slice, fx, fy, fz) - cell_value(v - slice, fx, fy, fz))};
+    }
+    /// The eight corners of the lattice cell with lower corner (x,y,z), x fastest.
+    VKT_HD void corners(int x, int y, int z, float* c) const {
+        T const* v = data + (x + y * row + z * slice);
+        T const* w = v + slice;
+        c[0] = static_cast<float>(v[0]), c[1] = static_cast<float>(v[1]);
+        c[2] = static_cast<float>(v[row]), c[3] = static_cast<float>(v[row + 1]);
+        c[4] = static_cast<float>(w[0]), c[5] = static_cast<float>(w[1]);
+        c[6] = static_cast<float>(w[row]), c[7] = static_cast<float>(w[row + 1]);
+    }
+
+    VKT_HD void values(Float3 o, Float3 d, float const* t, float* out) const;
+    VKT_HD void gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const;
+};
+
+#if defined(__AVX512F__) && !defined(__CUDACC__)
+#define VKT_LANES 16
+/// Thin names for the sixteen-lane instructions that sampling needs.
+struct Lanes {
+    using F = __m512;
+    using I = __m512i;
+    static VKT_HD F load(float const* p) { return _mm512_loadu_ps(p); }
+    static VKT_HD void store(float* p, F a) { _mm512_storeu_ps(p, a); }
+    static VKT_HD F set(float a) { return _mm512_set1_ps(a); }
+    static VKT_HD I set(int a) { return _mm512_set1_epi32(a); }
+    static VKT_HD F add(F a, F b) { return _mm512_add_ps(a, b); }
+    static VKT_HD F sub(F a, F b) { return _mm512_sub_ps(a, b); }
+    static VKT_HD F mul(F a, F b) { return _mm512_mul_ps(a, b); }
+    static VKT_HD I add(I a, I b) { return _mm512_add_epi32(a, b); }
+    static VKT_HD I sub(I a, I b) { return _mm512_sub_epi32(a, b); }
+    static VKT_HD I mul(I a, I b) { return _mm512_mullo_epi32(a, b); }
+    static VKT_HD I whole(F a) { return _mm512_cvttps_epi32(a); }
+    static VKT_HD F real(I a) { return _mm512_cvtepi32_ps(a); }
+    static VKT_HD I gather(void const* p, I i) { return _mm512_i32gather_epi32(i, p, 1); }
+    static VKT_HD F floats(I a) { return _mm512_castsi512_ps(a); }
+    static VKT_HD I mask(I a, int m) { return _mm512_and_si512(a, set(m)); }
+    template <int n>
+    static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
+    template <int n>
+    static VKT_HD I right_signed(I a) { return _mm512_srai_epi32(a, n); }
+    template <int n>
+    static VKT_HD I left(I a) { return _mm512_slli_epi32(a, n); }
+};
+#elif defined(__AVX2__) && !defined(__CUDACC__)
+#define VKT_LANES 8
+/// Thin names for the eight-lane instructions that sampling needs.
+struct Lanes {
+    using F = __m256;
+    using I = __m256i;
+    static VKT_HD F load(float const* p) { return _mm256_loadu_ps(p); }
+    static VKT_HD void store(float* p, F a) { _mm256_storeu_ps(p, a); }
+    static VKT_HD F set(float a) { return _mm256_set1_ps(a); }
+    static VKT_HD I set(int a) { return _mm256_set1_epi32(a); }
+    static VKT_HD F add(F a, F b) { return _mm256_add_ps(a, b); }
+    static VKT_HD F sub(F a, F b) { return _mm256_sub_ps(a, b); }
+    static VKT_HD F mul(F a, F b) { return _mm256_mul_ps(a, b); }
+    static VKT_HD I add(I a, I b) { return _mm256_add_epi32(a, b); }
+    static VKT_HD I sub(I a, I b) { return _mm256_sub_epi32(a, b); }
+    static VKT_HD I mul(I a, I b) { return _mm256_mullo_epi32(a, b); }
+    static VKT_HD I whole(F a) { return _mm256_cvttps_epi32(a); }
+    static VKT_HD F real(I a) { return _mm256_cvtepi32_ps(a); }
+    static VKT_HD I gather(void const* p, I i) { return _mm256_i32gather_epi32(static_cast<int const*>(p), i, 1); }
+    static VKT_HD F floats(I a) { return _mm256_castsi256_ps(a); }
+    static VKT_HD I mask(I a, int m) { return _mm256_and_si256(a, set(m)); }
+    template <int n>
+    static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }
+    template <int n>
+    static VKT_HD I right_signed(I a) { return _mm256_srai_epi32(a, n); }
+    template <int n>
+    static VKT_HD I left(I a) { return _mm256_slli_epi32(a, n); }
+};
+#endif
+
+#ifdef VKT_LANES
+/// Positions of several samples at once: byte offsets of their cells from a base voxel, and fractions.
+struct LaneCells {
+    Lanes::I offset;
+    Lanes::F fx, fy, fz;
+};
+
+/// Two neighbours along x, interpolated; they come with one gather where both fit into 32 bits.
+template <class T>
+VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, Lanes::F f) {
+    Lanes::F a, b;
+    if constexpr (std::is_same_v<T, float>) {
+        a = Lanes::floats(Lanes::gather(base, offset));
+        b = Lanes::floats(Lanes::gather(base + 4, offset));
+    } else {
+        Lanes::I const w = Lanes::gather(base, offset);
+        if constexpr (sizeof(T) == 1) {
+            a = Lanes::real(Lanes::mask(w, 255));
+            b = Lanes::real(Lanes::mask(Lanes::right<8>(w), 255));
+        } else if constexpr (std::is_signed_v<T>) {
+            a = Lanes::real(Lanes::right_signed<16>(Lanes::left<16>(w)));
+            b = Lanes::real(Lanes::right_signed<16>(w));
+        } else {
+            a = Lanes::real(Lanes::mask(w, 65535));
+            b = Lanes::real(Lanes::right<16>(w));
+        }
+    }
+    return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), f));
+}
+template <class T>
+VKT_HD Lanes::F lane_cell(char const* base, LaneCells const& c, std::int64_t row, std::int64_t slice) {
+    Lanes::F const p = lane_pair<T>(base, c.offset, c.fx), q = lane_pair<T>(base + row, c.offset, c.fx);
+    Lanes::F const r = lane_pair<T>(base + slice, c.offset, c.fx);
+    Lanes::F const s = lane_pair<T>(base + row + slice, c.offset, c.fx);
+    Lanes::F const a = Lanes::add(p, Lanes::mul(Lanes::sub(q, p), c.fy));
+    Lanes::F const b = Lanes::add(r, Lanes::mul(Lanes::sub(s, r), c.fy));
+    return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), c.fz));
+}
+VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int width, int row, int slice) {
+    Lanes::F const time = Lanes::load(t);
+    Lanes::F const x = Lanes::add(Lanes::set(o.x), Lanes::mul(Lanes::set(d.x), time));
+    Lanes::F const y = Lanes::add(Lanes::set(o.y), Lanes::mul(Lanes::set(d.y), time));
+    Lanes::F const z = Lanes::add(Lanes::set(o.z), Lanes::mul(Lanes::set(d.z), time));
+    Lanes::I const ix = Lanes::whole(x), iy = Lanes::whole(y), iz = Lanes::whole(z);
+    Lanes::I const jx = Lanes::sub(ix, Lanes::set(static_cast<int>(base.x)));
+    Lanes::I const jy = Lanes::sub(iy, Lanes::set(static_cast<int>(base.y)));
+    Lanes::I const jz = Lanes::sub(iz, Lanes::set(static_cast<int>(base.z)));
+    return {Lanes::add(Lanes::mul(jx, Lanes::set(width)),
+                       Lanes::add(Lanes::mul(jy, Lanes::set(row)), Lanes::mul(jz, Lanes::set(slice)))),
+            Lanes::sub(x, Lanes::real(ix)), Lanes::sub(y, Lanes::real(iy)), Lanes::sub(z, Lanes::real(iz))};
+}
+#endif
+
+template <class T>
+VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
+#ifdef VKT_LANES
+    if (compact) {
+        Float3 const first = o + d * t[0];
+        int const x = static_cast<int>(first.x), y = static_cast<int>(first.y), z = static_cast<int>(first.z);
+        auto const base = reinterpret_cast<char const*>(data + (x + y * row + z * slice));
+        auto const row_bytes = row * static_cast<std::int64_t>(sizeof(T));
+        auto const slice_bytes = slice * static_cast<std::int64_t>(sizeof(T));
+        for (int k = 0; k < chunk; k += VKT_LANES) {
+            LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(sizeof(T)), static_cast<int>(row_bytes),
+                                           static_cast<int>(slice_bytes));
+            Lanes::store(out + k, lane_cell<T>(base, c, row_bytes, slice_bytes));
+        }
+        return;
+    }
+#endif
+    for (int k = 0; k < chunk; ++k) out[k] = value(o + d * t[k]);
+}
+
+template <class T>
+VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const {
+#ifdef VKT_LANES
+    if (compact) {
+        Float3 const first = o + d * t[0];
+        int const x = static_cast<int>(first.x), y = static_cast<int>(first.y), z = static_cast<int>(first.z);
+        auto const base = reinterpret_cast<char const*>(data + (x + y * row + z * slice));
+        auto const width = static_cast<std::int64_t>(sizeof(T));
+        auto const row_bytes = row * width, slice_bytes = slice * width;
+        Lanes::F const half = Lanes::set(0.5F);
+        for (int k = 0; k < chunk; k += VKT_LANES) {
+            LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(width), static_cast<int>(row_bytes),
+                                           static_cast<int>(slice_bytes));
+            auto const difference = [&](std::int64_t by) __attribute__((always_inline)) {
+                return Lanes::mul(half, Lanes::sub(lane_cell<T>(base + by, c, row_bytes, slice_bytes),
+                                                   lane_cell<T>(base - by, c, row_bytes, slice_bytes)));
+            };
+            Lanes::store(gx + k, difference(width));
+            Lanes::store(gy + k, difference(row_bytes));
+            Lanes::store(gz + k, difference(slice_bytes));
+        }
+        return;
+    }
+#endif
+    for (int k = 0; k < chunk; ++k) {
+        Float3 const g = gradient(o + d * t[k]);
+        gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
+    }
+}
+
+} // namespace vkt::render

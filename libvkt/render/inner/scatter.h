@@ -1,0 +1,127 @@
+// Volumetric path tracing: delta tracking through macrocell majorants, isotropic phase function, light from all around.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/march.h"
+#include "libvkt/render/inner/philox.h"
+
+namespace vkt::render {
+
+/// Extinction per world length and colour at a point, from the same table as the marcher.
+struct Medium {
+    float extinction, red, green, blue;
+};
+template <Sampler S>
+VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, Float3 p) {
+    float const value = sampler.value(p);
+    if (!(value == value)) return {0, 0, 0, 0};
+    Quad const q = classify(scene.table, table_position(scene.table, value)).density;
+    float const per = q[0] > 0 ? 1.0F / q[0] : 0.0F;
+    return {q[0], q[1] * per, q[2] * per, q[3] * per};
+}
+
+struct Flight {
+    bool collided;
+    float t;
+    Medium medium;
+};
+
+/// Free flight by delta tracking (Woodcock et al. 1965): tentative collisions at the majorant's rate, accepted with the
+/// true share. The exponential is memoryless, so what is left of it goes on into the next cell.
+template <Sampler S>
+VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float3 direction, float length, float world,
+                  Random& random, Counters& counters) {
+    CellWalk<float> cells;
+    cells.start(origin, direction, length, macrocell_origin, static_cast<float>(macrocell_size), scene.cells.nx,
+                scene.cells.ny, scene.cells.nz);
+    float left = -std::log(1.0F - random.next());
+    do {
+        float const majorant = scene.cells.majorant[scene.cells.index(cells.cell)] * world;
+        if (!(majorant > 0)) continue;
+        float t = cells.t;
+        float const leave = cells.leave();
+        while (left < majorant * (leave - t)) {
+            t += left / majorant;
+            Medium const m = medium_at(sampler, scene, origin + direction * t);
+            ++counters.samples;
+            if (random.next() * majorant < m.extinction * world) return {true, t, m};
+            left = -std::log(1.0F - random.next());
+        }
+        left -= majorant * (leave - t);
+    } while (cells.advance());
+    return {false, length, {}};
+}
+
+/// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
+template <Sampler S>
+VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random, Counters& counters) {
+    constexpr int roulette_from = 8;
+    constexpr float two_pi = 6.28318530718F;
+    float through[3] = {1, 1, 1}, sum[3] = {0, 0, 0};
+    Float3 p = to_float(ray.entry), d = to_float(ray.direction);
+    float length = static_cast<float>(ray.length), world = static_cast<float>(ray.world_per_lattice);
+    for (int bounce = 0;; ++bounce) {
+        Flight const flight = fly(sampler, scene, p, d, length, world, random, counters);
+        if (!flight.collided) {
+            if (bounce == 0) return {0, 0, 0, 1};
+            for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i];
+            break;
+        }
+        Medium const& m = flight.medium;
+        float const colour[3] = {m.red, m.green, m.blue};
+        for (int i = 0; i < 3; ++i) {
+            if (scene.emission) sum[i] += through[i] * colour[i];
+            through[i] *= scene.albedo * colour[i];
+        }
+        float const rg = through[0] > through[1] ? through[0] : through[1];
+        float const most = rg > through[2] ? rg : through[2];
+        if (!(most > 0)) break;
+        if (bounce + 1 >= scene.bounces) {
+            ++counters.capped;
+            break;
+        }
+        if (bounce >= roulette_from && most < 1) {
+            if (random.next() >= most) break;
+            for (float& w : through) w /= most;
+        }
+        p = p + d * flight.t;
+        float const z = 1.0F - 2.0F * random.next(), angle = two_pi * random.next();
+        float const r = std::sqrt(1.0F - z * z > 0 ? 1.0F - z * z : 0.0F);
+        Double3 const lattice = scene.to_lattice * Double3{r * std::cos(angle), r * std::sin(angle), z};
+        double const norm = std::sqrt(dot(lattice, lattice));
+        d = to_float(lattice * (1 / norm));
+        world = static_cast<float>(1 / norm);
+        double near = 0, far = std::numeric_limits<double>::infinity();
+        Double3 const from{p.x, p.y, p.z}, along{d.x, d.y, d.z};
+        // A collision that rounding put onto the border may have nothing ahead of it: then the path leaves right here.
+        length = clip(from, along, scene.lower, scene.upper, near, far) ? static_cast<float>(far) : 0.0F;
+    }
+    return {sum[0], sum[1], sum[2], 0};
+}
+
+/// Mean of the paths of one pixel; each has its own place in the pixel.
+template <Sampler S>
+VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, int y, Counters& counters) {
+    double sum[4] = {0, 0, 0, 0};
+    auto const pixel = static_cast<std::uint32_t>(y * static_cast<std::int64_t>(scene.frame.width) + x);
+    bool met = false;
+    for (int i = 0; i < scene.samples; ++i) {
+        Random random(scene.seed, pixel, static_cast<std::uint32_t>(scene.first_sample + i));
+        float const dx = random.next(), dy = random.next();
+        Ray ray;
+        if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.lower, scene.upper, ray)) {
+            sum[3] += 1;
+            continue;
+        }
+        met = true;
+        ++counters.segments;
+        Radiance const r = scatter_path(sampler, scene, ray, random, counters);
+        sum[0] += r.red, sum[1] += r.green, sum[2] += r.blue, sum[3] += r.transmittance;
+    }
+    counters.rays += met;
+    double const mean = 1.0 / scene.samples;
+    return {static_cast<float>(sum[0] * mean), static_cast<float>(sum[1] * mean), static_cast<float>(sum[2] * mean),
+            static_cast<float>(sum[3] * mean)};
+}
+
+} // namespace vkt::render

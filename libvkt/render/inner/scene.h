@@ -1,0 +1,75 @@
+// What the inner loops see of a scene: plain structures of numbers and pointers, alike on CPU and GPU.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/optics.h"
+#include "libvkt/render/inner/ray.h"
+
+#include <cstdint>
+
+namespace vkt::render {
+
+/// Edge of a macrocell in voxels, and where the first one begins in the padded lattice.
+inline constexpr int macrocell_size = 8;
+inline constexpr float macrocell_origin = lattice_padding - 1;
+
+/// Macrocells with the range of the stored values in them (their far faces included) and what follows from it.
+struct CellGridView {
+    float const* lowest;         ///< +inf where there is no data
+    float const* highest;        ///< -inf where there is no data
+    float const* majorant;       ///< bound of the extinction per world length; 0 where nothing can be seen
+    std::uint8_t const* visible; ///< 0 only where no segment can contribute
+    int nx, ny, nz;
+
+    VKT_HD std::int64_t index(int const* cell) const {
+        return (static_cast<std::int64_t>(cell[2]) * ny + cell[1]) * nx + cell[0];
+    }
+};
+
+/// A knot of the transfer function in stored values: extinction per world length and linear colour, linear between
+/// knots; two knots at one value make a step.
+struct Knot {
+    double value, extinction, red, green, blue;
+};
+
+/// Headlight shading: strength 0 turns it off. A gradient of `reference` per world length is shaded half.
+struct ShadeView {
+    float strength, ambient, specular, reference;
+    float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared world length of a lattice gradient
+};
+
+struct IsoView {
+    float value;
+    float red, green, blue; ///< linear
+};
+inline constexpr int most_isos = 16;
+
+struct SceneView {
+    RayFrame frame;
+    Double3 lower, upper; ///< the volume's box in the padded lattice
+    Matrix3 to_lattice;   ///< world vectors to lattice vectors
+    CellGridView cells;
+    TableView table;
+    Knot const* knots;
+    int knot_count;
+    ShadeView shade;
+    IsoView isos[most_isos];
+    int iso_count;
+    float step; ///< lattice units
+    bool skip;  ///< leave out what cannot be seen
+    // Scattering.
+    int samples, first_sample, bounces;
+    std::uint64_t seed;
+    float albedo, light[3];
+    bool emission;
+};
+
+/// What happened, summed over rays. The report is made of it.
+struct Counters {
+    std::int64_t rays = 0;       ///< that met the volume
+    std::int64_t segments = 0;   ///< that lie on these rays
+    std::int64_t samples = 0;    ///< values that were looked up
+    std::int64_t capped = 0;     ///< paths that were cut
+};
+
+} // namespace vkt::render

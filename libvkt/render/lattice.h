@@ -1,0 +1,30 @@
+// A volume made ready for rays: padded, in a type that rays can sample, with macrocells and a histogram.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/volume.h"
+#include "libvkt/render/minmax.h"
+#include "libvkt/render/tiles.h"
+#include "libvkt/render/transfer.h"
+
+namespace vkt::render {
+
+/// Voxels with two voxels of clamped padding on every side. uint8, uint16 and int16 are kept; other types become float
+/// after subtracting `offset` (int8 becomes int16). Infinite voxels become the nearest finite value of the volume and
+/// are counted; NaN stays and means no data.
+struct Lattice {
+    Buffer voxels;
+    LatticeView view;
+    Index3 dims;          ///< without padding
+    double offset = 0;    ///< stored value = lattice value + offset
+    bool missing = false; ///< has NaN
+    Histogram histogram;  ///< of physical values
+    CellGrid cells;
+};
+
+/// Throws Error{data} for volumes without any finite voxel, Error{resources} beyond memory.
+Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution);
+
+} // namespace vkt::render

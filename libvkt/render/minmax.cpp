@@ -1,0 +1,114 @@
+// Macrocells: ranges by rows first (which vectorises), then along x.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/minmax.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace vkt::render {
+
+namespace {
+
+int cell_count(std::int64_t n) { return static_cast<int>((n + 1 + macrocell_size - 1) / macrocell_size); }
+
+/// Range and missing flags of the macrocells with one (j, k): all corners of their cells.
+template <class T>
+void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGrid& grid, T* low, T* high, std::uint8_t* nan) {
+    constexpr std::int64_t first = lattice_padding - 1;
+    std::int64_t const y0 = first + macrocell_size * j, z0 = first + macrocell_size * k;
+    std::int64_t const y1 = std::min(y0 + macrocell_size, dims.y + lattice_padding);
+    std::int64_t const z1 = std::min(z0 + macrocell_size, dims.z + lattice_padding);
+    std::int64_t const n = dims.x + 2; // corners first … first + dims.x + 1
+    constexpr bool floating = std::is_same_v<T, float>;
+    T const most = floating ? std::numeric_limits<T>::infinity() : std::numeric_limits<T>::max();
+    T const least = floating ? -std::numeric_limits<T>::infinity() : std::numeric_limits<T>::lowest();
+    std::fill(low, low + n, most);
+    std::fill(high, high + n, least);
+    if constexpr (floating) std::fill(nan, nan + n, std::uint8_t{0});
+    for (std::int64_t z = z0; z <= z1; ++z)
+        for (std::int64_t y = y0; y <= y1; ++y) {
+            T const* row = static_cast<T const*>(lattice.data) + first + y * lattice.row + z * lattice.slice;
+            for (std::int64_t x = 0; x < n; ++x) {
+                low[x] = row[x] < low[x] ? row[x] : low[x];
+                high[x] = row[x] > high[x] ? row[x] : high[x];
+            }
+            if constexpr (floating)
+                for (std::int64_t x = 0; x < n; ++x) nan[x] = static_cast<std::uint8_t>(nan[x] | (row[x] != row[x]));
+        }
+    for (int i = 0; i < grid.nx; ++i) {
+        std::int64_t const x0 = macrocell_size * static_cast<std::int64_t>(i), x1 = std::min<std::int64_t>(x0 + macrocell_size, n - 1);
+        std::size_t const cell = (static_cast<std::size_t>(k) * grid.ny + j) * grid.nx + i;
+        T const lowest = *std::min_element(low + x0, low + x1 + 1), highest = *std::max_element(high + x0, high + x1 + 1);
+        grid.lowest[cell] = static_cast<float>(lowest);
+        grid.highest[cell] = static_cast<float>(highest);
+        if constexpr (floating) grid.missing[cell] = *std::max_element(nan + x0, nan + x1 + 1);
+    }
+}
+
+template <class T>
+void ranges(LatticeView const& lattice, Index3 dims, CellGrid& grid, int threads) {
+    std::int64_t const rows = static_cast<std::int64_t>(grid.ny) * grid.nz;
+#pragma omp parallel num_threads(threads)
+    {
+        std::vector<T> low(static_cast<std::size_t>(dims.x + 2)), high(low.size());
+        std::vector<std::uint8_t> nan(low.size());
+#pragma omp for schedule(dynamic, 8)
+        for (std::int64_t r = 0; r < rows; ++r)
+            range_of_row(lattice, dims, static_cast<int>(r % grid.ny), static_cast<int>(r / grid.ny), grid, low.data(),
+                         high.data(), nan.data());
+    }
+}
+
+} // namespace
+
+CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads) {
+    CellGrid grid;
+    grid.nx = cell_count(dims.x), grid.ny = cell_count(dims.y), grid.nz = cell_count(dims.z);
+    auto const n = static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny) * static_cast<std::size_t>(grid.nz);
+    grid.lowest.resize(n);
+    grid.highest.resize(n);
+    grid.missing.resize(n);
+    switch (lattice.type) {
+    case LatticeType::uint8: ranges<std::uint8_t>(lattice, dims, grid, threads); break;
+    case LatticeType::uint16: ranges<std::uint16_t>(lattice, dims, grid, threads); break;
+    case LatticeType::int16: ranges<std::int16_t>(lattice, dims, grid, threads); break;
+    case LatticeType::float32: ranges<float>(lattice, dims, grid, threads); break;
+    }
+    return grid;
+}
+
+CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table) {
+    CellVisibility result;
+    std::size_t const n = grid.lowest.size();
+    result.majorant.resize(n);
+    result.visible.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        // A little more than the greatest value, because interpolation rounds.
+        float const majorant = table.greatest_extinction(grid.lowest[i], grid.highest[i]) * (1.0F + 0x1p-18F);
+        result.majorant[i] = majorant;
+        // Beyond missing data the value may jump between two samples, so that such cells count as visible.
+        result.visible[i] = majorant > 0 || grid.missing[i] != 0;
+        result.visible_count += result.visible[i];
+    }
+    return result;
+}
+
+CellVisibility classify_cells(CellGrid const& grid, IsoView const* isos, int count) {
+    CellVisibility result;
+    std::size_t const n = grid.lowest.size();
+    result.majorant.assign(n, 0.0F);
+    result.visible.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        bool visible = grid.missing[i] != 0;
+        for (int k = 0; k < count; ++k) visible = visible || (grid.lowest[i] < isos[k].value && grid.highest[i] >= isos[k].value);
+        result.visible[i] = visible;
+        result.visible_count += visible;
+    }
+    return result;
+}
+
+CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility) {
+    return {grid.lowest.data(), grid.highest.data(), visibility.majorant.data(), visibility.visible.data(), grid.nx, grid.ny, grid.nz};
+}
+
+} // namespace vkt::render

@@ -1,0 +1,253 @@
+// Rendering: settings are checked and turned into a scene, tiles are shared out to threads.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/render.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/render/inner/exact.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <exception>
+
+namespace vkt::render {
+
+namespace {
+
+constexpr int tile_size = 16;
+constexpr int largest_image = 16384;
+
+using Clock = std::chrono::steady_clock;
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) { throw Error(ErrorKind::usage, message, hint); }
+
+void check(RenderSettings const& s) {
+    auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
+    if (!fits(s.width) || !fits(s.height)) refuse(text("the image size must be 1 to ", largest_image, " pixels each way"));
+    if (!(s.step >= 1.0 / 256 && s.step <= 4)) refuse(text("the step must be between 1/256 and 4 voxels, not ", s.step));
+    if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
+    if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
+    if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
+    if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
+    if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    if (s.bounces < 1) refuse("the number of bounces must be at least 1");
+    if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
+    for (double const v : s.isos)
+        if (!std::isfinite(v)) refuse("an iso-value is not finite");
+}
+
+double smallest_spacing(Geometry const& g) { return std::min({g.spacing.x, g.spacing.y, g.spacing.z}); }
+
+/// Volume of one voxel in the world.
+double voxel_size(Geometry const& g) {
+    Matrix3 const m = lattice_to_world(g);
+    Double3 const c{m.y.y * m.z.z - m.y.z * m.z.y, m.y.z * m.z.x - m.y.x * m.z.z, m.y.x * m.z.y - m.y.y * m.z.x};
+    return std::abs(dot(m.x, c));
+}
+
+double diagonal(Geometry const& g, Index3 dims) {
+    auto const c = corners_of(g, dims);
+    double longest = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+        Vec3 const d = c[7 - i] - c[i];
+        longest = std::max(longest, std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z));
+    }
+    return longest;
+}
+
+/// "A0,A1,…" over the domain or "VALUE:A,VALUE:A,…".
+std::vector<std::pair<double, double>> read_opacity(std::string const& words, Domain const& domain) {
+    std::vector<std::pair<double, double>> ramp;
+    auto const parts = split(words, ',');
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        auto const pair = split(parts[i], ':');
+        bool const placed = pair.size() == 2;
+        if (pair.size() > 2 || pair.empty() || (i > 0 && placed != (split(parts[0], ':').size() == 2)))
+            refuse(text("--opacity '", words, "' is neither auto nor A,A,… nor VALUE:A,VALUE:A,…"), "for example --opacity 0,0,0.1,0.8");
+        double const share = parts.size() > 1 ? static_cast<double>(i) / static_cast<double>(parts.size() - 1) : 1;
+        double const value = placed ? parse_double(pair[0]) : domain.lower + share * (domain.upper - domain.lower);
+        ramp.emplace_back(value, parse_double(pair.back()));
+        if (!(ramp.back().second >= 0 && ramp.back().second <= 1)) refuse(text("--opacity '", words, "' has an opacity outside 0 to 1"));
+    }
+    return ramp;
+}
+
+/// A colour map over the domain with opacities of its own: control points wherever either bends.
+TransferFunction combine(std::string const& map, Domain const& domain, std::vector<std::pair<double, double>> ramp) {
+    std::stable_sort(ramp.begin(), ramp.end(), [](auto const& a, auto const& b) { return a.first < b.first; });
+    double const width = domain.upper - domain.lower;
+    auto const color_at = [&](double v) { return colormap(map, width > 0 ? (v - domain.lower) / width : 0.5); };
+    auto const alpha_at = [&](double v) {
+        if (v <= ramp.front().first) return ramp.front().second;
+        for (std::size_t i = 1; i < ramp.size(); ++i) {
+            if (v > ramp[i].first) continue;
+            double const w = ramp[i].first - ramp[i - 1].first;
+            return w > 0 ? ramp[i - 1].second + (v - ramp[i - 1].first) / w * (ramp[i].second - ramp[i - 1].second) : ramp[i].second;
+        }
+        return ramp.back().second;
+    };
+    TransferFunction transfer;
+    for (auto const& [value, alpha] : ramp) transfer.points.push_back({value, color_at(value), alpha});
+    constexpr int parts = 64;
+    for (int i = 0; i <= parts; ++i) {
+        double const v = domain.lower + width * i / parts;
+        bool const taken = std::any_of(ramp.begin(), ramp.end(), [&](auto const& r) { return r.first == v; });
+        if (!taken) transfer.points.push_back({v, color_at(v), alpha_at(v)});
+    }
+    transfer.check_and_sort();
+    return transfer;
+}
+
+} // namespace
+
+Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
+    if (header_.kind != Kind::structured)
+        throw Error(ErrorKind::data, "this volume is hierarchical; render takes structured ones", "vkt resample makes one of it");
+    execution_.threads = std::max(1, execution.threads);
+    auto const start = Clock::now();
+    lattice_ = make_lattice(volume.view(), header_.values, execution_);
+    prepare_seconds_ = seconds_since(start);
+}
+
+Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
+    Look look;
+    Geometry const& g = header_.geometry;
+    look.domain = resolve_domain(settings.domain, lattice_.histogram);
+    double const smallest = smallest_spacing(g);
+    look.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
+    if (settings.unit == "auto")
+        look.unit = diagonal(g, header_.dims) / 256;
+    else if (!settings.unit.empty())
+        look.unit = parse_double(settings.unit);
+    if (!(look.unit > 0) || !std::isfinite(look.unit)) refuse("the unit distance must be positive");
+
+    double const extent = std::cbrt(voxel_size(g) * static_cast<double>(header_.voxels()));
+    Automatic const automatic = choose_transfer(lattice_.histogram, look.domain, settings.colormap, extent, look.unit);
+    bool chosen = false;
+    if (settings.transfer) {
+        look.transfer = *settings.transfer;
+    } else if (!settings.lut.empty()) {
+        look.transfer = transfer_from_lut(settings.lut, look.domain.lower, look.domain.upper);
+    } else if (settings.opacity != "auto") {
+        look.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, look.domain, read_opacity(settings.opacity, look.domain));
+    } else {
+        look.transfer = automatic.transfer;
+        chosen = true;
+    }
+    look.transfer.check_and_sort();
+    look.domain.lower = look.transfer.points.front().value;
+    look.domain.upper = look.transfer.points.back().value;
+    bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
+    look.shade = settings.shade >= 0 ? settings.shade : surfaces ? 1 : chosen ? 0.8 : 0;
+    if (!surfaces) return look;
+
+    std::vector<double> isos = settings.isos;
+    if (isos.empty()) isos.push_back(automatic.iso);
+    std::vector<Knot> const knots = knots_of(look.transfer, {}, 0, 1, 1);
+    for (double const iso : isos) {
+        Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), iso);
+        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - lattice_.offset), static_cast<float>(k.red),
+                             static_cast<float>(k.green), static_cast<float>(k.blue)});
+    }
+    return look;
+}
+
+SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const {
+    SceneView scene{};
+    Geometry const& g = header_.geometry;
+    scene.frame = frame_of(camera, g, settings.width, settings.height);
+    double const low = lattice_padding - 0.5;
+    scene.lower = {low, low, low};
+    scene.upper = {low + static_cast<double>(header_.dims.x), low + static_cast<double>(header_.dims.y), low + static_cast<double>(header_.dims.z)};
+    scene.to_lattice = world_to_lattice(g);
+
+    // |A^T g|^2 for a lattice gradient g, A mapping world to lattice vectors.
+    Matrix3 const& a = scene.to_lattice;
+    Double3 const rows[3] = {{a.x.x, a.y.x, a.z.x}, {a.x.y, a.y.y, a.z.y}, {a.x.z, a.y.z, a.z.z}};
+    auto const metric = [&](int i, int j, double factor) { return static_cast<float>(factor * dot(rows[i], rows[j])); };
+    double const stored_range = std::abs((look.domain.upper - look.domain.lower) / header_.values.slope);
+    scene.shade = {static_cast<float>(look.shade), 0.25F, 0.12F, static_cast<float>(0.02 * stored_range / smallest_spacing(g)),
+                   {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
+    scene.iso_count = static_cast<int>(look.isos.size());
+    std::copy(look.isos.begin(), look.isos.end(), scene.isos);
+    scene.step = static_cast<float>(settings.step);
+    scene.skip = settings.skip;
+    scene.samples = settings.samples;
+    scene.first_sample = settings.first_sample;
+    scene.bounces = settings.bounces;
+    scene.seed = settings.seed;
+    scene.albedo = static_cast<float>(settings.albedo);
+    scene.emission = settings.emission;
+    scene.light[0] = static_cast<float>(settings.light.red);
+    scene.light[1] = static_cast<float>(settings.light.green);
+    scene.light[2] = static_cast<float>(settings.light.blue);
+    return scene;
+}
+
+Image Renderer::render(RenderSettings const& settings, RenderReport* report) const {
+    check(settings);
+    auto const start = Clock::now();
+    Look const look = look_of(settings);
+    Camera const camera = make_camera(settings.camera, header_.geometry, header_.dims, static_cast<double>(settings.width) / settings.height);
+    SceneView scene = scene_of(settings, look, camera);
+
+    std::vector<Knot> const knots = knots_of(look.transfer, header_.values, lattice_.offset, look.unit, settings.opacity_scale);
+    TransferTable const table(knots);
+    bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
+    CellVisibility const cells = surfaces ? classify_cells(lattice_.cells, scene.isos, scene.iso_count) : classify_cells(lattice_.cells, table);
+    scene.table = table.view();
+    scene.knots = knots.data();
+    scene.knot_count = static_cast<int>(knots.size());
+    scene.cells = view_of(lattice_.cells, cells);
+    Integrator const integrator = surfaces                                              ? Integrator::iso
+                                  : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
+                                  : settings.exact                                    ? Integrator::exact
+                                                                                      : Integrator::march;
+
+    Image image{settings.width, settings.height, {}};
+    image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
+    TileFunction const run = tile_function(execution_.instructions);
+    int const across = (settings.width + tile_size - 1) / tile_size, down = (settings.height + tile_size - 1) / tile_size;
+    std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
+    for (int i = 0; i < across * down; ++i) {
+        int const x = i % across * tile_size, y = i / across * tile_size;
+        Counters counters;
+        run(scene, lattice_.view, integrator, {x, y, std::min(x + tile_size, settings.width), std::min(y + tile_size, settings.height)},
+            image.pixels.data(), settings.width, counters);
+        rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
+    }
+    if (report != nullptr) {
+        report->camera = camera;
+        report->unit = look.unit;
+        report->domain = look.domain;
+        report->transfer = transfer_to_json(look.transfer);
+        report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
+        report->skipped = 1 - static_cast<double>(cells.visible_count) / static_cast<double>(cells.visible.size());
+        report->missing = lattice_.histogram.missing, report->infinite = lattice_.histogram.infinite;
+        report->method = surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
+                         : integrator == Integrator::scatter
+                             ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
+                             : text(settings.exact ? "exact (two-point Gauss per voxel), step " : "ray marching, step ", settings.step,
+                                    " voxel, shading ", look.shade);
+        report->prepare_seconds = prepare_seconds_;
+        report->render_seconds = seconds_since(start);
+    }
+    return image;
+}
+
+Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution, RenderReport* report) {
+    return Renderer(volume, execution).render(settings, report);
+}
+
+TileFunction tile_function([[maybe_unused]] InstructionSet instructions) {
+#if defined(__x86_64__)
+    if (instructions == InstructionSet::avx512) return avx512::tile_function();
+    if (instructions == InstructionSet::avx2) return avx2::tile_function();
+#endif
+    return baseline::tile_function();
+}
+
+} // namespace vkt::render

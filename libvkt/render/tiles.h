@@ -1,0 +1,44 @@
+// The compiled inner loops: one function per instruction set that renders one tile of the image.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/render/inner/scene.h"
+
+namespace vkt::render {
+
+enum class Integrator : std::uint8_t { march, exact, iso, scatter };
+
+/// Storage types that rays can sample; the others are converted to float before.
+enum class LatticeType : std::uint8_t { uint8, uint16, int16, float32 };
+
+struct LatticeView {
+    void const* data = nullptr; ///< voxel (0,0,0) of the padded array
+    LatticeType type = LatticeType::float32;
+    std::int64_t row = 0, slice = 0;
+    bool compact = false;
+};
+
+struct Tile {
+    int x0, y0, x1, y1;
+};
+
+/// Renders the pixels of a tile into four floats per pixel (premultiplied linear colour, transmittance);
+/// `pixels` is pixel (0,0) of the image, `width` its row length. Adds to the counters.
+using TileFunction = void (*)(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile,
+                              float* pixels, std::int64_t width, Counters& counters);
+
+namespace baseline {
+TileFunction tile_function();
+}
+namespace avx2 {
+TileFunction tile_function();
+}
+namespace avx512 {
+TileFunction tile_function();
+}
+
+/// The one for an instruction set; falls back to the best that was compiled.
+TileFunction tile_function(InstructionSet instructions);
+
+} // namespace vkt::render

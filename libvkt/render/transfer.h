@@ -1,0 +1,93 @@
+// Transfer functions: control points from value to colour and opacity, and the tables that integrators look up.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/header.h"
+#include "libvkt/render/colormap.h"
+#include "libvkt/render/inner/optics.h"
+#include "libvkt/render/inner/scene.h"
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace vkt::render {
+
+/// Opacity is that of a layer as thick as the unit distance: alpha in [0,1]. Colours are sRGB unless said otherwise.
+struct ControlPoint {
+    double value = 0; ///< physical
+    Color color;
+    double alpha = 0;
+    friend bool operator==(ControlPoint const&, ControlPoint const&) = default;
+};
+
+/// Linear in extinction and colour between control points (never in alpha), constant beyond the ends. Two points at one
+/// value make a step.
+struct TransferFunction {
+    std::vector<ControlPoint> points;
+    bool linear_colors = false; ///< colours are linear light, not sRGB
+    double unit = 0;            ///< world length for which alpha holds; 0: not said
+
+    /// Throws Error{usage}: no points, values not finite, alpha or colour outside [0,1]. Sorts by value.
+    void check_and_sort();
+};
+
+/// Largest extinction times unit distance: alpha = 1 transmits 1e-7 of the light over the unit distance.
+inline constexpr double most_extinction = 16;
+
+/// Extinction per unit distance of an opacity in [0,1]: -ln(1 - alpha), at most 16.
+double extinction_of(double alpha);
+
+/// The 4n numbers r g b a … as n equidistant points over [lower, upper] (one entry: constant). Colours are sRGB.
+/// Throws Error{usage} unless the count is a positive multiple of 4 and all lie in [0,1].
+TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower, double upper);
+
+/// {"points": [[value, r, g, b, a], …], "unit": u, "colors": "srgb" | "linear", "domain": [lo, hi]}. With a domain,
+/// values of the points run from 0 to 1 over it. Throws Error{data}.
+TransferFunction transfer_from_json(std::string const& json);
+std::string transfer_to_json(TransferFunction const& transfer);
+
+/// Knots in stored values: stored = (physical - intercept) / slope - offset, ascending. Extinctions are per world length
+/// (unit in world units), multiplied by `scale` and then limited; colours are linear.
+std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit, double scale);
+
+/// The knots sampled at equidistant nodes with running integrals, and maxima over ranges for majorants.
+class TransferTable {
+public:
+    /// `nodes` equidistant nodes from the first to the last knot. Features narrower than a node's distance keep their
+    /// integral.
+    explicit TransferTable(std::vector<Knot> const& knots, int nodes = 1024);
+
+    TableView view() const { return {nodes_.data(), count_, origin_, scale_}; }
+    /// An upper bound of the extinction for stored values in [lowest, highest], one node wider on either side; 0 only
+    /// if every integral over that range is 0.
+    float greatest_extinction(float lowest, float highest) const;
+
+private:
+    std::vector<Quad> nodes_;
+    std::vector<std::vector<float>> greatest_; ///< level l: maxima over 2^l nodes
+    int count_ = 0;
+    float origin_ = 0, scale_ = 1;
+};
+
+/// Counts of stored values as physical ones, in equal bins from the least to the greatest.
+struct Histogram {
+    double least = 0, greatest = 0; ///< finite physical values
+    std::vector<std::int64_t> bins;
+    std::int64_t total = 0, missing = 0, infinite = 0;
+
+    double bin_width() const { return (greatest - least) / static_cast<double>(bins.size()); }
+    double center(std::size_t i) const { return least + (static_cast<double>(i) + 0.5) * bin_width(); }
+    /// The value below which the share p of the finite voxels lies.
+    double percentile(double p) const;
+};
+
+/// "lo:hi", "minmax", "pA:pB" (percentiles) or "auto". Throws Error{usage}.
+struct Domain {
+    std::string text = "auto";
+    double lower = 0, upper = 1;
+};
+Domain resolve_domain(std::string const& text, Histogram const& histogram);
+
+} // namespace vkt::render
