@@ -159,6 +159,7 @@ private:
     Piece empty_piece();
     void release_front();
     void read_shared(SlabHeader const& slab);
+    std::vector<BrickRecord> read_records(std::uint64_t count);
     std::size_t slice_bytes() const {
         return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
     }
@@ -510,6 +511,20 @@ void StreamSource::Reader::finish() {
     if (failure_) std::rethrow_exception(failure_);
 }
 
+/// Grows with what arrives: the stated count allocates nothing.
+std::vector<BrickRecord> StreamSource::Reader::read_records(std::uint64_t count) {
+    constexpr std::uint64_t batch = 4096;
+    std::vector<BrickRecord> records;
+    while (records.size() < count) {
+        std::size_t const old = records.size();
+        std::size_t const more = std::min(batch, count - old);
+        records.resize(old + more);
+        std::size_t const bytes = more * sizeof(BrickRecord);
+        if (input_.read(records.data() + old, bytes) != bytes) ended_early();
+    }
+    return records;
+}
+
 Volume StreamSource::Reader::load_hierarchical() {
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
         throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
@@ -525,9 +540,8 @@ Volume StreamSource::Reader::load_hierarchical() {
         if (group.first != bricks.size() || group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
             group.count > (frame.length - sizeof group) / sizeof(BrickRecord))
             throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
-        std::vector<BrickRecord> records(group.count);
+        std::vector<BrickRecord> const records = read_records(group.count);
         std::size_t const record_bytes = records.size() * sizeof(BrickRecord);
-        if (input_.read(records.data(), record_bytes) != record_bytes) ended_early();
         std::int64_t cells = 0;
         for (auto const& r : records) {
             Brick const brick{{r.lower[0], r.lower[1], r.lower[2]}, {r.dims[0], r.dims[1], r.dims[2]}, r.level};
