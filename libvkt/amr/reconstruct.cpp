@@ -23,7 +23,7 @@ struct Workspace {
 };
 
 void basis(tile::Job const& job, auto& scratch, InstructionSet instructions) {
-#ifdef __x86_64__
+#ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::basis_tile(job, scratch);
     if (instructions == InstructionSet::avx2) return avx2::basis_tile(job, scratch);
 #endif
@@ -31,7 +31,7 @@ void basis(tile::Job const& job, auto& scratch, InstructionSet instructions) {
 }
 
 void average(tile::Job const& job, tile::ScratchDouble& scratch, InstructionSet instructions) {
-#ifdef __x86_64__
+#ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::average_tile(job, scratch);
     if (instructions == InstructionSet::avx2) return avx2::average_tile(job, scratch);
 #endif

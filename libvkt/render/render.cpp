@@ -243,7 +243,7 @@ Image render(Volume const& volume, RenderSettings const& settings, Execution con
 }
 
 TileFunction tile_function([[maybe_unused]] InstructionSet instructions) {
-#if defined(__x86_64__)
+#ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::tile_function();
     if (instructions == InstructionSet::avx2) return avx2::tile_function();
 #endif
