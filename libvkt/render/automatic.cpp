@@ -62,7 +62,7 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
     for (int i = 0; i <= points; ++i) {
         double const x = i / static_cast<double>(points), value = lower + x * (upper - lower);
         // Common values get a sharper edge: they are solid rather than a few bright spots.
-        double const share = share_from(value), depth = 16 * x * x + 30 * share * std::sqrt(x);
+        double const share = share_from(value), depth = 16 * x * x + 200 * share * share * std::sqrt(x);
         double const extinction = depth / (extent * std::cbrt(share));
         result.transfer.points.push_back({value, colormap(map, x), -std::expm1(-extinction * unit)});
     }

@@ -25,23 +25,6 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
     throw Error(ErrorKind::usage, message, hint);
 }
 
-void check(RenderSettings const& s) {
-    auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
-    if (!fits(s.width) || !fits(s.height))
-        refuse(text("the image size must be 1 to ", largest_image, " pixels each way"));
-    if (!(s.step >= 1.0 / 256 && s.step <= 4))
-        refuse(text("the step must be between 1/256 and 4 voxels, not ", s.step));
-    if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
-    if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
-    if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
-    if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
-    if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
-    if (s.bounces < 1) refuse("the number of bounces must be at least 1");
-    if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
-    for (double const v : s.isos)
-        if (!std::isfinite(v)) refuse("an iso-value is not finite");
-}
-
 double smallest_spacing(Geometry const& g) { return std::min({g.spacing.x, g.spacing.y, g.spacing.z}); }
 
 /// Volume of one voxel in the world.
@@ -121,6 +104,23 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
 }
 
 } // namespace
+
+void check(RenderSettings const& s) {
+    auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
+    if (!fits(s.width) || !fits(s.height))
+        refuse(text("the image size must be 1 to ", largest_image, " pixels each way"));
+    if (!(s.step >= 1.0 / 256 && s.step <= 4))
+        refuse(text("the step must be between 1/256 and 4 voxels, not ", s.step));
+    if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
+    if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
+    if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
+    if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
+    if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    if (s.bounces < 1) refuse("the number of bounces must be at least 1");
+    if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
+    for (double const v : s.isos)
+        if (!std::isfinite(v)) refuse("an iso-value is not finite");
+}
 
 Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
     if (header_.kind != Kind::structured)

@@ -54,6 +54,9 @@ struct RenderSettings {
     int bounces = 100000;
 };
 
+/// Throws Error{usage} for settings that no volume can be rendered with.
+void check(RenderSettings const& settings);
+
 /// Facts about a picture, for reports.
 struct RenderReport {
     Camera camera;
