@@ -10,14 +10,14 @@
 namespace vkt::shell {
 namespace {
 
-Command const* lookup(std::vector<std::pair<std::string, Command>> const& list, std::string const& name) {
-    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.first == name; });
-    return found == list.end() ? nullptr : &found->second;
+Command const* lookup(std::vector<NamedCommand> const& list, std::string const& name) {
+    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.name == name; });
+    return found == list.end() ? nullptr : &found->command;
 }
 
-std::vector<std::string> names_of(std::vector<std::pair<std::string, Command>> const& list) {
+std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
     std::vector<std::string> names;
-    for (auto const& entry : list) names.push_back(entry.first);
+    for (auto const& entry : list) names.push_back(entry.name);
     return names;
 }
 
@@ -62,6 +62,8 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         kind.volume_output = true;
     }
     common_.declare(shared_, kind);
+    // A command that gives an option its own meaning (read --format) takes it from the common ones.
+    std::erase_if(shared_.all(), [&](Parameter const& p) { return own_.find(p.name) != nullptr; });
     if (inputs > 0 && !inputs_are_parameters_) {
         Parameter& p = positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
         p.optional().values(1, inputs).not_in_history();
@@ -78,7 +80,7 @@ void Invocation::parse() {
     }
     if (!verb_.command->verbs.empty() && !operation_) {
         std::vector<std::string> names;
-        for (auto const& entry : verb_.command->verbs) names.push_back(entry.first);
+        for (auto const& entry : verb_.command->verbs) names.push_back(entry.name);
         throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")), text("try 'vkt ", verb_.name, " --help'"));
     }
     parse_words(words, {&own_, &positional_inputs_, &shared_});
