@@ -9,7 +9,8 @@
 
 namespace vkt {
 
-VKT_CPU_KERNEL(row_statistics, (ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution),
+VKT_CPU_KERNEL(row_statistics,
+               (ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution),
                (slab, origin, rows, execution))
 
 #ifndef __CUDACC__
@@ -30,16 +31,15 @@ constexpr int registers = lanes / doubles;
 constexpr std::int64_t chunk = 2048; // stays in the first cache between the two loops; a multiple of the lanes
 
 typedef double DoubleRegister __attribute__((vector_size(register_bytes)));
-template <class T>
-struct Loads {
-    typedef T part __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
+template <class T> struct Loads {
+    typedef T part
+        __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
     typedef T full __attribute__((vector_size(register_bytes)));
     typedef T unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(T)), may_alias));
 };
 
 /// Sums and extremes of a row of floats, fed chunk by chunk.
-template <class T>
-class FloatRow {
+template <class T> class FloatRow {
 public:
     explicit FloatRow(double shift) : shift_(shift) {}
 
@@ -140,7 +140,8 @@ private:
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
                 DoubleRegister const d =
-                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister) - shift_;
+                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister) -
+                    shift_;
                 s[r] += d;
                 q[r] += d * d;
             }
@@ -164,15 +165,13 @@ private:
 };
 
 /// The first finite value of a row, 0 if there is none: sums of differences from it neither cancel nor stall.
-template <class T>
-double shift_of(T const* p, std::int64_t n) {
+template <class T> double shift_of(T const* p, std::int64_t n) {
     for (std::int64_t i = 0; i < n; ++i)
         if (auto const v = static_cast<double>(p[i]); v - v == 0) return v;
     return 0;
 }
 
-template <class T>
-void float_row(T const* p, std::int64_t n, double origin, RowStatistics& out) {
+template <class T> void float_row(T const* p, std::int64_t n, double origin, RowStatistics& out) {
     if constexpr (std::is_same_v<T, Half>) {
         FloatRow<float> row(shift_of(p, n));
         float wide[chunk];
@@ -190,8 +189,7 @@ void float_row(T const* p, std::int64_t n, double origin, RowStatistics& out) {
 }
 
 /// Exact sum and sum of squares of at most `chunk` integers of up to 32 bits.
-template <class T>
-void exact_sums(T const* p, std::int64_t n, Moments& m) {
+template <class T> void exact_sums(T const* p, std::int64_t n, Moments& m) {
     if constexpr (sizeof(T) == 1) {
         std::int32_t sum = 0, squares = 0;
         for (std::int64_t i = 0; i < n; ++i) {
@@ -228,8 +226,7 @@ void exact_sums(T const* p, std::int64_t n, Moments& m) {
     }
 }
 
-template <class T>
-void integer_row(T const* p, std::int64_t n, Int128 origin, RowStatistics& out) {
+template <class T> void integer_row(T const* p, std::int64_t n, Int128 origin, RowStatistics& out) {
     T low = p[0], high = p[0];
     Moments m;
     m.finite = n;
@@ -261,8 +258,7 @@ void integer_row(T const* p, std::int64_t n, Int128 origin, RowStatistics& out) 
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
 }
 
-template <class T>
-void rows_of(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, int threads) {
+template <class T> void rows_of(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, int threads) {
     View<T const> const in = slab.as<T>();
     Index3 const n = slab.dims();
     Box const box = slab.box;
@@ -298,8 +294,7 @@ void add_keeping_error(double& sum, double& error, double value) {
 }
 
 /// Index of the first voxel of a row that has a value.
-template <class T, class V>
-std::int64_t find_in_row(ConstView slab, Index3 row, V value) {
+template <class T, class V> std::int64_t find_in_row(ConstView slab, Index3 row, V value) {
     View<T const> const in = slab.as<T>();
     std::int64_t x = slab.box.lower.x;
     while (x + 1 < slab.box.upper.x && !(static_cast<V>(in(x, row.y, row.z)) == value)) ++x;
@@ -393,7 +388,8 @@ Plan Statistics::plan(std::span<Header const> inputs) {
         throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
     Plan plan;
     plan.output = input_;
-    plan.method = is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
+    plan.method =
+        is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
     plan.exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     plan.error_bound = plan.exact ? 0 : 1e-15;
     plan.error_is_estimate = !plan.exact;
@@ -428,7 +424,8 @@ void Statistics::merge_extremes(ConstView slab) {
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         Range const& range = rows_[r].range;
         if (!range.valid) continue;
-        Index3 const row{lower.x, lower.y + static_cast<std::int64_t>(r) % ny, lower.z + static_cast<std::int64_t>(r) / ny};
+        Index3 const row{lower.x, lower.y + static_cast<std::int64_t>(r) % ny,
+                         lower.z + static_cast<std::int64_t>(r) / ny};
         if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
             min_ = {true, range.low, range.integer_low, row};
             new_min = true;
