@@ -62,6 +62,8 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         kind.volume_output = true;
     }
     common_.declare(shared_, kind);
+    // A command that gives an option its own meaning (read --format) takes it from the common ones.
+    std::erase_if(shared_.all(), [&](Parameter const& p) { return own_.find(p.name) != nullptr; });
     if (inputs > 0 && !inputs_are_parameters_) {
         Parameter& p = positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
         p.optional().values(1, inputs).not_in_history();

@@ -199,7 +199,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        source = open_volume(std::move(bytes), {});
+        source = prefetch(open_volume(std::move(bytes), {}), execution_of(stage));
     }
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     return source;

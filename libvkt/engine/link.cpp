@@ -165,7 +165,7 @@ std::int64_t Link::natural_slab() const {
 }
 
 void Link::expect(Box const& region) {
-    if (region.empty()) return;
+    if (region.empty() || plan_.access == Access::random) return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = plan_.shift ? moved(region) : operation_.footprint(region, static_cast<int>(i));
         inputs_[i]->expect(intersect(footprint, box_of(inputs_[i]->header().dims)));

@@ -6,6 +6,7 @@
 
 namespace vkt {
 
+Format metaimage_format();
 Format nrrd_format();
 Format raw_format();
 

@@ -52,7 +52,7 @@ std::string writable_extensions() {
 } // namespace
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(), raw_format()};
+    static std::vector<Format> const list{nrrd_format(), metaimage_format(), raw_format()};
     return list;
 }
 

@@ -13,6 +13,8 @@
 #include <optional>
 #include <utility>
 
+#include <unistd.h>
+
 namespace vkt {
 
 namespace {
@@ -119,7 +121,7 @@ std::string whole_header(Header const& header, std::int64_t volumes, bool gzip, 
 
 class NrrdWriter : public VolumeWriter {
 public:
-    NrrdWriter(std::string const& path, WriteOptions const& options) : gzip_(options.compress) {
+    NrrdWriter(std::string const& path, WriteOptions const& options) : gzip_(options.compress), force_(options.force) {
         if (lower_case(path).ends_with(".nhdr")) {
             std::string const data = path.substr(0, path.size() - 5) + (gzip_ ? ".raw.gz" : ".raw");
             header_file_.emplace(path, options.force);
@@ -142,7 +144,7 @@ public:
 private:
     void check_volume(Header const& header) const;
 
-    bool gzip_;
+    bool gzip_, force_;
     std::optional<OutputFile> header_file_, data_file_;
     std::string data_name_; ///< empty if attached
     std::optional<DeflateWriter> deflate_;
@@ -190,7 +192,14 @@ void NrrdWriter::close() {
     }
     // A header must not be seen without its data.
     data_file_->commit();
-    if (header_file_) header_file_->commit();
+    if (!header_file_) return;
+    try {
+        header_file_->commit();
+    } catch (...) {
+        // Nor should data stay without its header, unless it has replaced other data anyway.
+        if (!force_) ::unlink(data_file_->path().c_str());
+        throw;
+    }
 }
 
 std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& options) {

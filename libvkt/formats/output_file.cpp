@@ -97,11 +97,6 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
         in_place_ = true;
         descriptor_ = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
         if (descriptor_ < 0) throw system_error("cannot write standard output");
-        if (::isatty(descriptor_)) {
-            ::close(descriptor_);
-            throw Error(ErrorKind::usage, "refusing to write binary data to the terminal",
-                        "name a file, or pipe into another command");
-        }
         return;
     }
     if (path_.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");

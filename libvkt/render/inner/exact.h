@@ -6,7 +6,8 @@
 
 namespace vkt::render {
 
-/// Extinction per world length and colour straight from the knots; constant beyond the ends, zero where there is no data.
+/// Extinction per world length and colour straight from the knots; constant beyond the ends, zero where there is no
+/// data.
 VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
     if (!(value == value)) return {value, 0, 0, 0, 0};
     int low = 0, high = count; // the first knot beyond the value
@@ -49,7 +50,8 @@ VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& r
             double const through = 0.5 * world * (a.extinction + b.extinction);
             if (!(through > 0)) continue;
             // Depth from the part's begin to a Gauss point, for extinction linear through both points.
-            double const slope = (b.extinction - a.extinction) / (2 * offset), centre = 0.5 * (a.extinction + b.extinction);
+            double const slope = (b.extinction - a.extinction) / (2 * offset),
+                         centre = 0.5 * (a.extinction + b.extinction);
             auto const depth_to = [&](double s) __attribute__((always_inline)) {
                 return world * (centre * s + 0.5 * slope * (s * s - s));
             };

@@ -21,7 +21,8 @@ struct Shading {
 };
 VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along) {
     float const* m = shade.metric;
-    float const squared = m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
+    float const squared =
+        m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
     float const reference = shade.reference * shade.reference;
     float const surface = squared > 0 ? shade.strength * squared / (squared + reference) : 0.0F;
     float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
@@ -32,8 +33,7 @@ VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, f
 }
 
 /// One ray on its way. Segments lie between the points k * step of the comb, the last one ends where the ray does.
-template <Sampler S>
-struct March {
+template <Sampler S> struct March {
     S const& sampler;
     SceneView const& scene;
     Float3 origin, direction;
@@ -144,8 +144,10 @@ struct March {
         constexpr float slack = 4e-3F;
         float const per_step = 1.0F / scene.step;
         int from = 0, to = 0;
+        int distance = 0;
         do {
-            if (!scene.cells.visible[scene.cells.index(cells.cell)]) continue;
+            distance = scene.cells.distance[scene.cells.index(cells.cell)];
+            if (distance > 0) continue;
             int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
             int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
             int const last_segment = b < count ? b : count;
@@ -159,7 +161,7 @@ struct March {
                 from = advance(from, to);
                 if (transmittance < least_transmittance) return;
             }
-        } while (cells.advance());
+        } while (cells.leap(distance));
         add(from, to);
     }
 };
@@ -168,8 +170,13 @@ template <Sampler S>
 VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
-    March<S> march{sampler, scene, to_float(ray.entry), to_float(ray.direction), length,
-                   static_cast<float>(ray.world_per_lattice), count < 1 ? 1 : count};
+    March<S> march{sampler,
+                   scene,
+                   to_float(ray.entry),
+                   to_float(ray.direction),
+                   length,
+                   static_cast<float>(ray.world_per_lattice),
+                   count < 1 ? 1 : count};
     if (scene.skip)
         march.walk();
     else

@@ -1,0 +1,86 @@
+// vkt write: a stream into a file of any format.
+// SPDX-License-Identifier: MIT
+#include "ipc/stream.h"
+#include "libvkt/core/error.h"
+#include "libvkt/formats/format.h"
+#include "shell/command.h"
+#include "shell/terminal.h"
+
+#include <unistd.h>
+
+namespace vkt::shell {
+namespace {
+
+class Write : public Consumer {
+public:
+    void parameters(Parameters& p) override {
+        p.positional("out", path_, "output: a file whose extension tells the format, or '-' for standard output")
+            .optional();
+        p.option("output", output_, "OUT", "the output, said as an option").short_form('o');
+        p.option("format", options_.format, "F", "output format, if the file name does not tell it");
+        p.flag("compress", options_.compress, "compress, where the format can");
+        p.flag("force", options_.force, "overwrite an existing output file");
+    }
+
+    void check() const override {
+        if (path_.empty() == output_.empty())
+            throw Error(ErrorKind::usage,
+                        path_.empty() ? "missing OUT: the file to write"
+                                      : text("two outputs: '", path_, "' and '", output_, "'"),
+                        "e.g. vkt write out.nrrd");
+        if (stream() && options_.compress) throw Error(ErrorKind::usage, "--compress: streams are not compressed");
+    }
+
+    bool writes() const override { return true; }
+
+    int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        Source& source = *inputs.front();
+        // Made before anything is read, so that what is wrong with it is said at once.
+        auto const sink = make_sink(context);
+        bool planned_only = false;
+        while (source.next_volume()) {
+            if (source.header().dry_run) {
+                planned_only = true;
+                source.finish();
+            } else {
+                drain_volume(source, *sink, context.execution());
+            }
+        }
+        if (!planned_only) sink->close();
+        return 0;
+    }
+
+private:
+    std::string const& out() const { return output_.empty() ? path_ : output_; }
+    bool stream() const {
+        return options_.format == "vkt" || (options_.format.empty() && lower_case(out()).ends_with(".vkt"));
+    }
+
+    std::unique_ptr<Sink> make_sink(Context& context) const {
+        if (out() == "-" && output_is_terminal())
+            throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
+        if (!stream()) return create_volume(out(), options_);
+        if (out() != "-") return ipc::create_stream_file(out(), options_.force, true);
+        ipc::StreamOptions stream_options;
+        stream_options.stage = context.stage_info().name;
+        return std::make_unique<ipc::StreamSink>(STDOUT_FILENO, stream_options);
+    }
+
+    std::string path_, output_;
+    WriteOptions options_;
+};
+
+} // namespace
+
+Command write_command() {
+    return consumer_command<Write>(
+        {"Write a volume to a file.",
+         "The extension tells the format: .nrrd .nhdr .mha .mhd .raw .raw.gz .vkt, and others that are built in. The "
+         "file\n"
+         "appears when it is complete; an existing one is replaced only with --force.",
+         {{"NRRD, compressed", "vkt read volume.nrrd | vkt write small.nrrd --compress"},
+          {"MetaImage with the voxels in a file beside it", "vkt read volume.nrrd | vkt write volume.mhd"},
+          {"Bare voxels, x fastest, to another program", "vkt read volume.nrrd | vkt write - --format raw | wc -c"}}});
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,61 @@
+// Regions as sources.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/region_source.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/engine/decorator.h"
+
+#include <utility>
+
+namespace vkt {
+
+namespace {
+
+class RegionSource : public SourceDecorator {
+public:
+    RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi)
+        : SourceDecorator(std::move(source)), roi_(std::move(roi)), world_roi_(std::move(world_roi)) {}
+
+    bool next_volume() override;
+    Header const& header() const override { return header_; }
+    void read(AnyView out) override { inner().read(out.moved_to(out.box.lower + box_.lower)); }
+    std::optional<ConstView> borrow(Box const& region) override {
+        auto view = inner().borrow(in_whole(region));
+        if (view) view = view->moved_to(region.lower);
+        return view;
+    }
+    void expect(Box const& region) override { inner().expect(in_whole(region)); }
+
+private:
+    Box in_whole(Box const& region) const { return {region.lower + box_.lower, region.upper + box_.lower}; }
+
+    Roi roi_;
+    WorldRoi world_roi_;
+    Header header_;
+    Box box_;
+};
+
+bool RegionSource::next_volume() {
+    if (!inner().next_volume()) return false;
+    header_ = inner().header();
+    if (header_.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "a region of a hierarchical volume cannot be read by itself",
+                    "crop it: vkt crop --roi");
+    box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
+    header_.dims = box_.dims();
+    header_.geometry = cropped(header_.geometry, box_.lower);
+    if (header_.history) header_.history = History{{"crop", "--roi", to_text(box_)}, {*header_.history}};
+    // What depends on the whole lattice is true no longer.
+    header_.part.reset();
+    return true;
+}
+
+} // namespace
+
+std::unique_ptr<Source> region_of(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi) {
+    if (roi.empty() && world_roi.empty()) return source;
+    return std::make_unique<RegionSource>(std::move(source), std::move(roi), std::move(world_roi));
+}
+
+} // namespace vkt
