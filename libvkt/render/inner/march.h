@@ -121,7 +121,8 @@ template <Sampler S> struct March {
             } else {
                 light = light + mean[j] * (share / mean[j][0]);
             }
-            transmittance *= through[j];
+            // Each form where it rounds less: thin segments are many, and their errors would add up.
+            transmittance = weight[j] < 0.5F ? transmittance - share : transmittance * through[j];
             if (transmittance < least_transmittance) return;
         }
     }
