@@ -25,7 +25,7 @@ struct Ramp : PointSampler<Ramp> {
 };
 
 /// A ray along z through a medium of the given knots, marched or exact.
-Radiance along_ramp(std::vector<Knot> const& knots, double depth, double step, bool exact, double world = 1) {
+ExactRadiance along_ramp(std::vector<Knot> const& knots, double depth, double step, bool exact, double world = 1) {
     TransferTable const table(knots, 8192);
     SceneView scene{};
     scene.table = table.view();
@@ -36,7 +36,9 @@ Radiance along_ramp(std::vector<Knot> const& knots, double depth, double step, b
     ramp.depth = depth;
     Ray const ray{{2, 2, 0}, {0, 0, 1}, depth, 0, world};
     Counters counters;
-    return exact ? exact_ray(ramp, scene, ray, counters) : march_ray(ramp, scene, ray, counters);
+    if (exact) return exact_integral(ramp, scene, ray, counters);
+    Radiance const r = march_ray(ramp, scene, ray, counters);
+    return {static_cast<double>(r.red), static_cast<double>(r.green), static_cast<double>(r.blue), static_cast<double>(r.transmittance)};
 }
 
 double order(std::vector<double> const& errors) { return std::log2(errors.front() / errors.back()) / static_cast<double>(errors.size() - 1); }
@@ -105,13 +107,13 @@ TEST(RenderMarch, RampConvergesWithSecondAndFourthOrder) {
     for (int n = 8; n <= 64; n *= 2) {
         // A lattice length of 1 keeps table and step in the same units.
         marched.push_back(std::abs(along_ramp(knots, 1, 1.0 / n, false).red - expected));
-        exact.push_back(std::abs(along_ramp(knots, 1, 2.0 / n, true).red - expected));
+        exact.push_back(std::abs(along_ramp(knots, 1, 1.0 / n, true).red - expected));
         EXPECT_NEAR(along_ramp(knots, 1, 1.0 / n, false).transmittance, std::exp(-c / 2), 1e-6);
         EXPECT_NEAR(along_ramp(knots, 1, 1.0 / n, true).transmittance, std::exp(-c / 2), 1e-8);
     }
-    for(double e: exact) std::printf("%g ",e);
-    exact.resize(3); // the next one is below the last bit of float
+
     EXPECT_NEAR(order(marched), 2.0, 0.1);
+    exact.erase(exact.begin());
     EXPECT_NEAR(order(exact), 4.0, 0.2);
     EXPECT_LT(marched.back(), 1e-4);
     EXPECT_LT(exact.back(), 1e-6);
@@ -124,7 +126,7 @@ TEST(RenderMarch, SpikeKeepsItsDepthForAnyStep) {
             double const depth = 0.8, a = 0.43712;
             std::vector<Knot> const knots{{0, 0, 1, 1, 1},         {a, 0, 1, 1, 1},         {a, depth / width, 1, 1, 1},
                                           {a + width, depth / width, 1, 1, 1}, {a + width, 0, 1, 1, 1}, {1, 0, 1, 1, 1}};
-            Radiance const r = along_ramp(knots, 20, step, false, 1.0 / 20);
+            ExactRadiance const r = along_ramp(knots, 20, step, false, 1.0 / 20);
             EXPECT_NEAR(r.transmittance, std::exp(-depth), 4e-3) << width << " " << step;
             EXPECT_NEAR(r.red, 1 - std::exp(-depth), 4e-3) << width << " " << step;
         }
