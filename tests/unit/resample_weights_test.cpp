@@ -1,0 +1,70 @@
+// Weight tables: rational positions, exact sums, footprints.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/resample_weights.h"
+
+#include <gtest/gtest.h>
+
+namespace vkt {
+namespace {
+
+double sum_of_weights(Taps const& t, std::int64_t o) {
+    double sum = 0;
+    for (std::int64_t i = t.start[o]; i < t.start[o + 1]; ++i) sum += t.weight[i];
+    return sum;
+}
+
+TEST(WeightTable, WeightsSumToTheDivisor) {
+    for (Kernel const kernel : {Kernel::nearest, Kernel::linear, Kernel::area, Kernel::cubic})
+        for (Boundary const boundary : {Boundary::clamp, Boundary::mirror, Boundary::wrap})
+            for (auto const& [from, to] :
+                 {std::pair<int, int>{7, 3}, {3, 7}, {512, 216}, {1, 5}, {5, 1}, {9, 9}, {2, 1000}}) {
+                WeightTable const table(from, to, kernel, boundary);
+                Taps const t = table.taps(Space::host);
+                for (std::int64_t o = 0; o < to; ++o) {
+                    if (kernel == Kernel::cubic)
+                        EXPECT_NEAR(sum_of_weights(t, o), table.divisor(), 1e-14);
+                    else
+                        EXPECT_EQ(sum_of_weights(t, o), table.divisor()) << from << " to " << to << " at " << o;
+                }
+            }
+}
+
+TEST(WeightTable, ClampAndMirrorStayInside) {
+    for (Kernel const kernel : {Kernel::nearest, Kernel::linear, Kernel::area, Kernel::cubic})
+        for (Boundary const boundary : {Boundary::clamp, Boundary::mirror})
+            for (auto const& [from, to] : {std::pair<int, int>{7, 3}, {3, 7}, {1, 5}, {50, 1}, {3, 2}}) {
+                WeightTable const table(from, to, kernel, boundary);
+                auto const [low, high] = table.footprint(0, to);
+                EXPECT_GE(low, 0);
+                EXPECT_LE(high, from);
+            }
+}
+
+TEST(WeightTable, PositionsAreCellCentred) {
+    WeightTable const table(4, 8, Kernel::linear, Boundary::clamp);
+    Taps const t = table.taps(Space::host);
+    EXPECT_EQ(t.first[0], 0); // -1/4, folded onto the first voxel
+    EXPECT_EQ(t.start[1] - t.start[0], 1);
+    EXPECT_EQ(t.first[1], 0); // 1/4
+    EXPECT_EQ(t.weight[t.start[1]] / table.divisor(), 0.75);
+    EXPECT_EQ(t.pair[2] / table.divisor(), 0.75);
+    EXPECT_EQ(t.pair[3] / table.divisor(), 0.25);
+}
+
+TEST(WeightTable, KnowsHalvings) {
+    EXPECT_EQ(WeightTable(8, 4, Kernel::area, Boundary::clamp).halving(), 2);
+    EXPECT_EQ(WeightTable(8, 8, Kernel::area, Boundary::clamp).halving(), 1);
+    EXPECT_EQ(WeightTable(9, 4, Kernel::area, Boundary::clamp).halving(), 0);
+    EXPECT_EQ(WeightTable(8, 4, Kernel::linear, Boundary::clamp).halving(), 0);
+}
+
+TEST(WeightTable, PositionsOfLongLinesDoNotDrift) {
+    // 2^26 voxels at 2^26 - 1: the last position is n - 1 - tiny, which float32 coordinates would round away.
+    std::int64_t const n = 60'000'000, m = n - 1;
+    WeightTable const table(n, m, Kernel::nearest, Boundary::clamp);
+    EXPECT_EQ(table.taps(Space::host).first[m - 1], n - 1);
+    EXPECT_EQ(table.taps(Space::host).first[0], 0);
+}
+
+} // namespace
+} // namespace vkt
