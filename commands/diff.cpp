@@ -63,11 +63,13 @@ private:
 Command diff_command() {
     return consumer_command<Diff>(
         {"Compare two volumes.",
-         "Exit code 0 if no voxel differs by more than the tolerance, 1 if one does or if the sizes differ. Physical values are "
+         "Exit code 0 if no voxel differs by more than the tolerance, 1 if one does or if the sizes differ. Physical "
+         "values are "
          "compared, whatever the data types. NaN equals NaN.",
-         {{"Is a round trip exact?", "vkt make noise --dims 20 30 40 -o a.vkt && vkt flip x a.vkt | vkt flip x | vkt diff a.vkt"},
-          {"What does a smaller type cost?",
-           "vkt make noise --dims 20 30 40 -o b.vkt && vkt convert b.vkt --dtype uint8 --range 0:1 | vkt diff b.vkt --tolerance 0.002"}}});
+         {{"Is a round trip exact?",
+           "vkt make noise --dims 20 30 40 -o a.vkt && vkt flip x a.vkt | vkt flip x | vkt diff a.vkt"},
+          {"What does a smaller type cost?", "vkt make noise --dims 20 30 40 -o b.vkt && vkt convert b.vkt --dtype "
+                                             "uint8 --range 0:1 | vkt diff b.vkt --tolerance 0.002"}}});
 }
 
 } // namespace vkt::shell

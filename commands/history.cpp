@@ -33,7 +33,9 @@ std::string json(History const& step, std::size_t depth) {
 
 class Past : public Consumer {
 public:
-    void parameters(Parameters& p) override { p.flag("as-shell", as_shell_, "print a pipeline that makes the volume again"); }
+    void parameters(Parameters& p) override {
+        p.flag("as-shell", as_shell_, "print a pipeline that makes the volume again");
+    }
     bool reports() const override { return true; }
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         Source& source = *inputs.front();
@@ -59,7 +61,8 @@ private:
 Command history_command() {
     return consumer_command<Past>(
         {"Show the commands that made a volume.",
-         "The newest step comes first, what it read is indented below it. With --as-shell the same as a pipeline that a shell runs.",
+         "The newest step comes first, what it read is indented below it. With --as-shell the same as a pipeline that "
+         "a shell runs.",
          {{"The steps", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history"},
           {"As a pipeline", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history --as-shell"}}});
 }

@@ -9,7 +9,9 @@ namespace {
 
 class Stats : public Consumer {
 public:
-    void parameters(Parameters& p) override { p.option("roi", roi_, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)"); }
+    void parameters(Parameters& p) override {
+        p.option("roi", roi_, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
+    }
     bool reports() const override { return true; }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
@@ -47,11 +49,14 @@ private:
 Command stats_command() {
     return consumer_command<Stats>(
         {"Count, extremes and where they are, sum, mean, variance of a volume.",
-         "One pass. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the same bit for "
-         "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count as values. "
+         "One pass. Values are physical (slope * stored + intercept). Sums of integers are exact; the result is the "
+         "same bit for "
+         "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count as "
+         "values. "
          "variance and stddev divide by the number of values.",
          {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
-          {"Of a part, for a program", "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"}}});
+          {"Of a part, for a program",
+           "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"}}});
 }
 
 } // namespace vkt::shell

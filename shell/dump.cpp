@@ -30,10 +30,12 @@ std::string fixed(double value) {
 
 std::string head(Header const& h) {
     // The values that the ends of the stored range stand for; a float's own values range over [0, 1] in volkit.
-    double const low = is_integer(h.dtype) ? lowest_of(h.dtype) : 0, high = is_integer(h.dtype) ? highest_of(h.dtype) : 1;
-    return text("Object: StructuredVolume\n  dims: (", h.dims.x, ",", h.dims.y, ",", h.dims.z, ")\n  bytesPerVoxel: ",
-                static_cast<std::int64_t>(size_of(h.dtype)), "\n  dist: (", fixed(h.geometry.spacing.x), ",", fixed(h.geometry.spacing.y), ",",
-                fixed(h.geometry.spacing.z), ")\n  voxelMapping: (", fixed(h.values.physical(low)), ",", fixed(h.values.physical(high)),
+    double const low = is_integer(h.dtype) ? lowest_of(h.dtype) : 0,
+                 high = is_integer(h.dtype) ? highest_of(h.dtype) : 1;
+    return text("Object: StructuredVolume\n  dims: (", h.dims.x, ",", h.dims.y, ",", h.dims.z,
+                ")\n  bytesPerVoxel: ", static_cast<std::int64_t>(size_of(h.dtype)), "\n  dist: (",
+                fixed(h.geometry.spacing.x), ",", fixed(h.geometry.spacing.y), ",", fixed(h.geometry.spacing.z),
+                ")\n  voxelMapping: (", fixed(h.values.physical(low)), ",", fixed(h.values.physical(high)),
                 ")\ndata:\n");
 }
 
@@ -48,7 +50,8 @@ void Dump::parameters(Parameters& p) {
 
 void Dump::check() const {
     if (first_.has_value() != last_.has_value()) throw Error(ErrorKind::usage, "--first and --last go together");
-    if (first_ && !roi_.empty()) throw Error(ErrorKind::usage, "--roi and --first/--last say the same: give one of them");
+    if (first_ && !roi_.empty())
+        throw Error(ErrorKind::usage, "--roi and --first/--last say the same: give one of them");
     if (needs_range_ && !first_ && roi_.empty())
         throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
 }
@@ -57,7 +60,8 @@ Box Dump::region(Index3 dims) const {
     if (!first_) return roi_.empty() ? box_of(dims) : roi_.resolve(dims);
     Box const box{*first_, *last_};
     if (box.empty()) throw Error(ErrorKind::usage, text("the range ", box, " is empty"));
-    if (!box_of(dims).contains(box)) throw Error(ErrorKind::usage, text("the range ", box, " leaves the volume of ", dims, " voxels"));
+    if (!box_of(dims).contains(box))
+        throw Error(ErrorKind::usage, text("the range ", box, " leaves the volume of ", dims, " voxels"));
     return box;
 }
 

@@ -14,8 +14,7 @@ struct BoundaryRule {
     friend bool operator==(BoundaryRule const&, BoundaryRule const&) = default;
 };
 
-template <>
-struct ValueText<BoundaryRule> : OneWord {
+template <> struct ValueText<BoundaryRule> : OneWord {
     static std::vector<std::string> choices() { return ValueText<Boundary>::choices(); }
     static BoundaryRule read(std::vector<std::string> const& w, std::string_view name) {
         std::string_view const word = w.front();

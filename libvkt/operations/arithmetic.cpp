@@ -20,7 +20,7 @@ struct ArithmeticOperand {
 struct ArithmeticTask {
     ArithmeticOp op = ArithmeticOp::add;
     ArithmeticOperand a, b;
-    ValueMap result;        ///< stored result = (value - intercept) / slope
+    ValueMap result;          ///< stored result = (value - intercept) / slope
     bool count_zeros = false; ///< integer division
 };
 
@@ -28,11 +28,14 @@ struct ArithmeticCounts {
     std::int64_t clipped = 0, nan = 0, zero_divisors = 0;
 };
 
-VKT_CPU_KERNEL(arithmetic_float, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+VKT_CPU_KERNEL(arithmetic_float,
+               (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
                (task, out, counts, execution))
-VKT_CPU_KERNEL(arithmetic_double, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+VKT_CPU_KERNEL(arithmetic_double,
+               (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
                (task, out, counts, execution))
-VKT_CPU_KERNEL(arithmetic_integers, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+VKT_CPU_KERNEL(arithmetic_integers,
+               (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
                (task, out, counts, execution))
 
 #ifndef __CUDACC__
@@ -40,7 +43,8 @@ namespace VKT_BACKEND {
 namespace {
 
 template <class C>
-void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* to) {
+void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n,
+                  C* to) {
     if (operand.view == nullptr) {
         std::fill_n(to, n, static_cast<C>(operand.number));
         return;
@@ -52,21 +56,25 @@ void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t
     for (std::int64_t i = 0; i < n; ++i) to[i] = slope * to[i] + intercept;
 }
 
-template <class C, class F>
-void combine_with(C* a, C const* b, std::int64_t n, F const f) {
+template <class C, class F> void combine_with(C* a, C const* b, std::int64_t n, F const f) {
 #pragma omp simd
     for (std::int64_t i = 0; i < n; ++i) a[i] = f(a[i], b[i]);
 }
 
-template <class C>
-void combine(ArithmeticOp op, C* a, C const* b, std::int64_t n) {
+template <class C> void combine(ArithmeticOp op, C* a, C const* b, std::int64_t n) {
     switch (op) {
-    case ArithmeticOp::add: return combine_with(a, b, n, [](C u, C v) { return u + v; });
-    case ArithmeticOp::sub: return combine_with(a, b, n, [](C u, C v) { return u - v; });
-    case ArithmeticOp::mul: return combine_with(a, b, n, [](C u, C v) { return u * v; });
-    case ArithmeticOp::div: return combine_with(a, b, n, [](C u, C v) { return u / v; });
-    case ArithmeticOp::min: return combine_with(a, b, n, [](C u, C v) { return u < v || u != u ? u : v; });
-    case ArithmeticOp::max: return combine_with(a, b, n, [](C u, C v) { return u > v || u != u ? u : v; });
+    case ArithmeticOp::add:
+        return combine_with(a, b, n, [](C u, C v) { return u + v; });
+    case ArithmeticOp::sub:
+        return combine_with(a, b, n, [](C u, C v) { return u - v; });
+    case ArithmeticOp::mul:
+        return combine_with(a, b, n, [](C u, C v) { return u * v; });
+    case ArithmeticOp::div:
+        return combine_with(a, b, n, [](C u, C v) { return u / v; });
+    case ArithmeticOp::min:
+        return combine_with(a, b, n, [](C u, C v) { return u < v || u != u ? u : v; });
+    case ArithmeticOp::max:
+        return combine_with(a, b, n, [](C u, C v) { return u > v || u != u ? u : v; });
     }
 }
 
@@ -81,8 +89,7 @@ void add(ArithmeticCounts& total, ArithmeticCounts const& part) {
 }
 
 /// Integer division by zero shows as infinity (clipped) and NaN here; it is counted as what it is instead.
-template <class C>
-void count_zero_divisors(C const* a, C const* b, std::int64_t n, ArithmeticCounts& counts) {
+template <class C> void count_zero_divisors(C const* a, C const* b, std::int64_t n, ArithmeticCounts& counts) {
     for (std::int64_t i = 0; i < n; ++i) {
         if (b[i] != C(0)) continue;
         ++counts.zero_divisors;
@@ -115,13 +122,13 @@ void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts
     });
 }
 
-template <class T>
-void load_integers(std::byte const* from, Int128* to, std::int64_t n) {
+template <class T> void load_integers(std::byte const* from, Int128* to, std::int64_t n) {
     auto const* const in = reinterpret_cast<T const*>(from);
     for (std::int64_t i = 0; i < n; ++i) to[i] = static_cast<Int128>(in[i]);
 }
 
-void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, Int128* to) {
+void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n,
+                  Int128* to) {
     if (operand.view == nullptr) {
         std::fill_n(to, n, static_cast<Int128>(operand.number));
         return;
@@ -142,8 +149,10 @@ Int128 divide(Int128 a, Int128 b) { // halves to even
 
 Int128 combine(ArithmeticOp op, Int128 a, Int128 b, ArithmeticCounts& counts) {
     switch (op) {
-    case ArithmeticOp::add: return a + b;
-    case ArithmeticOp::sub: return a - b;
+    case ArithmeticOp::add:
+        return a + b;
+    case ArithmeticOp::sub:
+        return a - b;
     case ArithmeticOp::mul: {
         Int128 product = 0;
         return __builtin_mul_overflow(a, b, &product) ? ((a < 0) == (b < 0) ? huge : -huge) : product;
@@ -153,14 +162,15 @@ Int128 combine(ArithmeticOp op, Int128 a, Int128 b, ArithmeticCounts& counts) {
         ++counts.zero_divisors;
         if (a != 0) --counts.clipped;
         return a > 0 ? huge : a < 0 ? -huge : 0;
-    case ArithmeticOp::min: return std::min(a, b);
-    case ArithmeticOp::max: return std::max(a, b);
+    case ArithmeticOp::min:
+        return std::min(a, b);
+    case ArithmeticOp::max:
+        return std::max(a, b);
     }
     return 0;
 }
 
-template <class T>
-std::int64_t store_integers(Int128 const* from, std::byte* to, std::int64_t n) {
+template <class T> std::int64_t store_integers(Int128 const* from, std::byte* to, std::int64_t n) {
     auto* const out = reinterpret_cast<T*>(to);
     std::int64_t clipped = 0;
     if constexpr (std::is_integral_v<T>) {
@@ -185,7 +195,8 @@ void arithmetic_double(ArithmeticTask const& task, AnyView out, ArithmeticCounts
     in_floats<double>(task, out, counts, execution);
 }
 
-void arithmetic_integers(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
+void arithmetic_integers(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts,
+                         Execution const& execution) {
     for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) Int128 a[row_piece], b[row_piece];
         for (std::int64_t begin = 0; begin < n; begin += row_piece) {
@@ -194,7 +205,8 @@ void arithmetic_integers(ArithmeticTask const& task, AnyView out, ArithmeticCoun
             load_operand(task.b, x + begin, y, z, m, b);
             ArithmeticCounts mine;
             for (std::int64_t i = 0; i < m; ++i) a[i] = combine(task.op, a[i], b[i], mine);
-            for_each_type(out.type, [&]<class T>(T) { mine.clipped += store_integers<T>(a, out.at(x + begin, y, z), m); });
+            for_each_type(out.type,
+                          [&]<class T>(T) { mine.clipped += store_integers<T>(a, out.at(x + begin, y, z), m); });
             add(counts, mine);
         }
     });
@@ -223,8 +235,11 @@ bool is_wide(DataType type) { return is_integer(type) && size_of(type) == 8; }
 DataType promoted(DataType a, DataType b) {
     if (a == b) return a;
     if (is_integer(a) && is_integer(b)) {
-        for (DataType const t : {DataType::uint8, DataType::int8, DataType::uint16, DataType::int16, DataType::uint32, DataType::int32, DataType::uint64})
-            if (lowest_of(t) <= std::min(lowest_of(a), lowest_of(b)) && highest_of(t) >= std::max(highest_of(a), highest_of(b))) return t;
+        for (DataType const t : {DataType::uint8, DataType::int8, DataType::uint16, DataType::int16, DataType::uint32,
+                                 DataType::int32, DataType::uint64})
+            if (lowest_of(t) <= std::min(lowest_of(a), lowest_of(b)) &&
+                highest_of(t) >= std::max(highest_of(a), highest_of(b)))
+                return t;
         return DataType::int64;
     }
     DataType const f = is_integer(a) ? b : a, other = is_integer(a) ? a : b;
@@ -248,7 +263,9 @@ void Arithmetic::parameters(Parameters& p) {
 }
 
 void Arithmetic::check() const {
-    if (operands().empty()) throw Error(ErrorKind::usage, text("both operands, ", a, " and ", b, ", are numbers"), text("a file of that name is written ./", a));
+    if (operands().empty())
+        throw Error(ErrorKind::usage, text("both operands, ", a, " and ", b, ", are numbers"),
+                    text("a file of that name is written ./", a));
 }
 
 /// Decides in which values to compute, and what the result is stored as.
@@ -264,23 +281,29 @@ void Arithmetic::choose_values(Header const& first, Header const* second, Header
         map_b_ = second->values;
         output.values = {};
         bool const small = size_of(first.dtype) <= 2 && size_of(second->dtype) <= 2;
-        output.dtype = small || (first.dtype == DataType::float32 && second->dtype == DataType::float32) ? DataType::float32 : DataType::float64;
+        output.dtype = small || (first.dtype == DataType::float32 && second->dtype == DataType::float32)
+                           ? DataType::float32
+                           : DataType::float64;
     }
     if (dtype) output.dtype = *dtype;
     type_ = output.dtype;
 
     bool const stored = map_a_ == ValueMap{} && map_b_ == ValueMap{};
-    auto const fits_float = [](std::optional<double> const& v) { return !v || static_cast<double>(static_cast<float>(*v)) == *v; };
+    auto const fits_float = [](std::optional<double> const& v) {
+        return !v || static_cast<double>(static_cast<float>(*v)) == *v;
+    };
     auto const small_type = [](DataType t) { return size_of(t) <= 2 || t == DataType::float32; };
-    bool const whole = (!number_a_ || *number_a_ == std::rint(*number_a_)) && (!number_b_ || *number_b_ == std::rint(*number_b_));
+    bool const whole =
+        (!number_a_ || *number_a_ == std::rint(*number_a_)) && (!number_b_ || *number_b_ == std::rint(*number_b_));
     bool const integers = is_integer(first.dtype) && (second == nullptr || is_integer(second->dtype));
     bool const wide = is_wide(first.dtype) || (second != nullptr && is_wide(second->dtype)) || is_wide(type_);
     integers_ = integers && is_integer(type_);
     way_ = Way::in_double;
-    if (stored && integers_ && wide && whole && std::abs(number_a_.value_or(0)) < 0x1p63 && std::abs(number_b_.value_or(0)) < 0x1p63)
+    if (stored && integers_ && wide && whole && std::abs(number_a_.value_or(0)) < 0x1p63 &&
+        std::abs(number_b_.value_or(0)) < 0x1p63)
         way_ = Way::in_integers;
-    else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) && small_type(type_) &&
-             fits_float(number_a_) && fits_float(number_b_))
+    else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) &&
+             small_type(type_) && fits_float(number_a_) && fits_float(number_b_))
         way_ = Way::in_float;
 }
 
@@ -293,12 +316,15 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     zero_divisors_ = 0;
     if (second != nullptr) {
         if (first.kind != Kind::structured || second->kind != Kind::structured)
-            throw Error(ErrorKind::usage, "one of the volumes is hierarchical", "make it a grid first: vkt amr-resample");
+            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
+                        "make it a grid first: vkt amr-resample");
         if (!(first.dims == second->dims))
-            throw Error(ErrorKind::usage, text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),
+            throw Error(ErrorKind::usage,
+                        text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),
                         text("vkt resample --dims ", first.dims, " brings the second to the first one's"));
         if (!same_geometry(first.geometry, second->geometry))
-            throw Error(ErrorKind::usage, "the volumes lie at different places in the world (origin, spacing or direction)",
+            throw Error(ErrorKind::usage,
+                        "the volumes lie at different places in the world (origin, spacing or direction)",
                         "vkt set --origin … --spacing … corrects a header");
     }
     Plan plan;
@@ -327,9 +353,15 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     task.count_zeros = op == ArithmeticOp::div && integers_;
     ArithmeticCounts counts;
     switch (way_) {
-    case Way::in_float: arithmetic_float(task, out, counts, execution); break;
-    case Way::in_double: arithmetic_double(task, out, counts, execution); break;
-    case Way::in_integers: arithmetic_integers(task, out, counts, execution); break;
+    case Way::in_float:
+        arithmetic_float(task, out, counts, execution);
+        break;
+    case Way::in_double:
+        arithmetic_double(task, out, counts, execution);
+        break;
+    case Way::in_integers:
+        arithmetic_integers(task, out, counts, execution);
+        break;
     }
     counts_.clipped += counts.clipped;
     counts_.nan += counts.nan;

@@ -8,18 +8,18 @@
 namespace vkt {
 
 enum class ArithmeticOp : std::uint8_t { add, sub, mul, div, min, max };
-template <>
-struct EnumNames<ArithmeticOp> {
+template <> struct EnumNames<ArithmeticOp> {
     static std::vector<std::pair<ArithmeticOp, char const*>> all() {
         return {{ArithmeticOp::add, "add"}, {ArithmeticOp::sub, "sub"}, {ArithmeticOp::mul, "mul"},
                 {ArithmeticOp::div, "div"}, {ArithmeticOp::min, "min"}, {ArithmeticOp::max, "max"}};
     }
 };
 
-/// Voxel by voxel; dims and geometry must agree. Two volumes with equal value maps are combined in stored values, keeping
-/// the map; with different maps, or with a number and a map, in physical values. Results are computed without
-/// intermediate rounding (128-bit integers for 64-bit types), rounded once half to even, and saturate. x / 0 in integers
-/// is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow IEEE. min and max hand NaN on.
+/// Voxel by voxel; dims and geometry must agree. Two volumes with equal value maps are combined in stored values,
+/// keeping the map; with different maps, or with a number and a map, in physical values. Results are computed without
+/// intermediate rounding (128-bit integers for 64-bit types), rounded once half to even, and saturate. x / 0 in
+/// integers is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow IEEE. min and max hand
+/// NaN on.
 class Arithmetic : public Operation {
 public:
     ArithmeticOp op = ArithmeticOp::add;
@@ -51,8 +51,8 @@ private:
     StoreCounts counts_;
 };
 
-/// Type of the result of two volumes: the type itself if both agree; the smallest integer type that holds both (int64 if
-/// there is none); with a float the wider float, at least float32 for 16-bit integers and float64 for 32-bit ones.
+/// Type of the result of two volumes: the type itself if both agree; the smallest integer type that holds both (int64
+/// if there is none); with a float the wider float, at least float32 for 16-bit integers and float64 for 32-bit ones.
 DataType promoted(DataType a, DataType b);
 
 } // namespace vkt

@@ -44,8 +44,7 @@ constexpr std::array<std::array<double, 2>, 6> legendre{{{0.1252334085114689, 0.
                                                          {0.9815606342467192, 0.0471753363865118}}};
 
 /// Integral of f over [a, b]; the substitution by a cosine tames square-root ends.
-template <class F>
-double integrate(double a, double b, F const& f) {
+template <class F> double integrate(double a, double b, F const& f) {
     double sum = 0;
     for (auto const& [node, weight] : legendre)
         for (double const sign : {-1.0, 1.0}) {
@@ -77,7 +76,8 @@ double ball_coverage(Vec3 center, double radius) {
     std::sort(kinks.begin(), kinks.end());
     double volume = 0;
     for (std::size_t i = 0; i + 1 < kinks.size(); ++i)
-        if (kinks[i + 1] > kinks[i]) volume += integrate(kinks[i], kinks[i + 1], [&](double y) { return slice_area(x0, z0, r2 - y * y); });
+        if (kinks[i + 1] > kinks[i])
+            volume += integrate(kinks[i], kinks[i + 1], [&](double y) { return slice_area(x0, z0, r2 - y * y); });
     return std::clamp(volume, 0.0, 1.0);
 }
 

@@ -14,35 +14,36 @@ struct LinearMap {
     double low = 0, factor = 1, to_low = 0, least = 0, most = 0;
 };
 
-VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution), (in, out, tally, execution))
-VKT_CPU_KERNEL(convert_range, (ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution),
-           (in, out, map, tally, execution))
+VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
+               (in, out, tally, execution))
+VKT_CPU_KERNEL(convert_range,
+               (ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution),
+               (in, out, map, tally, execution))
 
 #ifndef __CUDACC__
 namespace VKT_BACKEND {
 namespace {
 
 /// Calls f(x, y, z, n, scratch) for pieces of rows; scratch holds row_piece values of C.
-template <class C, class F>
-void for_each_row_piece(Execution const& execution, Box const& box, F const& f) {
+template <class C, class F> void for_each_row_piece(Execution const& execution, Box const& box, F const& f) {
     for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) C scratch[row_piece];
         for (std::int64_t i = 0; i < n; i += row_piece) f(x + i, y, z, std::min(row_piece, n - i), scratch);
     });
 }
 
-template <class C>
-void convert_through(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
-    for_each_row_piece<C>(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* scratch) {
-        load_row(in.type, in.at(x, y, z), scratch, n);
-        driver::add(tally, store_row(out.type, static_cast<C const*>(scratch), out.at(x, y, z), n));
-    });
+template <class C> void convert_through(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+    for_each_row_piece<C>(
+        execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* scratch) {
+            load_row(in.type, in.at(x, y, z), scratch, n);
+            driver::add(tally, store_row(out.type, static_cast<C const*>(scratch), out.at(x, y, z), n));
+        });
 }
 
-template <class T, class U>
-U direct(T v) {
+template <class T, class U> U direct(T v) {
     if constexpr (std::is_same_v<U, Half>)
-        return Half(static_cast<float>(v)); // floats hold more than twice the bits of a half: no double rounding below 2^16
+        return Half(
+            static_cast<float>(v)); // floats hold more than twice the bits of a half: no double rounding below 2^16
     else if constexpr (std::is_floating_point_v<U>)
         return static_cast<U>(v);
     else
@@ -67,9 +68,9 @@ void convert_wide(View<T const> in, View<U> out, Box const& box, Tally& tally, E
     });
 }
 
-template <class T>
-void convert_wide_from(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
-    for_each_type(out.type, [&]<class U>(U) { convert_wide<T, U>(in.as<T>(), out.as<U>(), out.box, tally, execution); });
+template <class T> void convert_wide_from(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+    for_each_type(out.type,
+                  [&]<class U>(U) { convert_wide<T, U>(in.as<T>(), out.as<U>(), out.box, tally, execution); });
 }
 
 Tally limit_and_map(double* v, std::int64_t n, LinearMap const& map) {
@@ -96,11 +97,12 @@ void convert_values(ConstView in, AnyView out, Tally& tally, Execution const& ex
 }
 
 void convert_range(ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution) {
-    for_each_row_piece<double>(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
-        load_row(in.type, in.at(x, y, z), scratch, n);
-        driver::add(tally, limit_and_map(scratch, n, map));
-        driver::add(tally, store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n));
-    });
+    for_each_row_piece<double>(
+        execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
+            load_row(in.type, in.at(x, y, z), scratch, n);
+            driver::add(tally, limit_and_map(scratch, n, map));
+            driver::add(tally, store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n));
+        });
 }
 
 } // namespace VKT_BACKEND
@@ -129,10 +131,12 @@ ValueRange ValueText<ValueRange>::read(std::vector<std::string> const& w, std::s
     if (word == "minmax") return {{true, 0}, {true, 100}};
     std::size_t const colon = word.find(':');
     if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
-        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"), "for example 0:255, minmax or p1:p99");
+        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
+                    "for example 0:255, minmax or p1:p99");
     ValueRange const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
     if (range.low.percentile == range.high.percentile && !(range.low.value < range.high.value))
-        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is empty: the first end must be below the second"));
+        throw Error(ErrorKind::usage,
+                    text("--", name, ": '", word, "' is empty: the first end must be below the second"));
     return range;
 }
 
@@ -143,14 +147,18 @@ std::vector<std::string> ValueText<ValueRange>::write(ValueRange const& v) {
 
 void Convert::parameters(Parameters& p) {
     p.option("dtype", dtype, "TYPE", "data type of the result").alias("data-format");
-    p.option("range", range, "LO:HI|minmax|pA:pB", "map these values to the full range of the result; what lies outside is clipped");
+    p.option("range", range, "LO:HI|minmax|pA:pB",
+             "map these values to the full range of the result; what lies outside is clipped");
     p.option("to", to, "LO:HI", "with --range: map to these stored values instead");
 }
 
 void Convert::check() const {
-    if (!dtype && !range) throw Error(ErrorKind::usage, "neither --dtype nor --range is given", "say for example --dtype uint8 --range minmax");
+    if (!dtype && !range)
+        throw Error(ErrorKind::usage, "neither --dtype nor --range is given",
+                    "say for example --dtype uint8 --range minmax");
     if (to && !range) throw Error(ErrorKind::usage, "--to needs --range");
-    if (to && (to->low.percentile || to->high.percentile)) throw Error(ErrorKind::usage, "--to takes two numbers, as in 0:255");
+    if (to && (to->low.percentile || to->high.percentile))
+        throw Error(ErrorKind::usage, "--to takes two numbers, as in 0:255");
 }
 
 Plan Convert::plan(std::span<Header const> inputs) {
@@ -181,7 +189,8 @@ Plan Convert::plan(std::span<Header const> inputs) {
         return plan;
     }
     plan.scans = true;
-    percentiles_ = (range->low.percentile && !is_extreme(range->low)) || (range->high.percentile && !is_extreme(range->high));
+    percentiles_ =
+        (range->low.percentile && !is_extreme(range->low)) || (range->high.percentile && !is_extreme(range->high));
     plan.method = percentiles_ ? "percentiles first, then linear map" : "extremes first, then linear map";
     plan.state_bytes = percentiles_ ? std::size_t{16} << 20 : 0;
     extremes_.plan(inputs);
@@ -197,7 +206,8 @@ void Convert::scan(ConstView slab, Execution const& execution) {
 void Convert::scan_end() {
     extremes_.scan_end();
     StatisticsResult const& r = extremes_.result();
-    if (!r.valid) throw Error(ErrorKind::data, "all voxels are NaN: there is no range to map", "give numbers: --range LO:HI");
+    if (!r.valid)
+        throw Error(ErrorKind::data, "all voxels are NaN: there is no range to map", "give numbers: --range LO:HI");
     bool const falling = input_.values.slope < 0; // percentiles are of physical values
     auto const resolve = [&](RangeEnd const& end) {
         if (!end.percentile) return end.value;
@@ -207,9 +217,11 @@ void Convert::scan_end() {
     };
     double const low = resolve(range->low), high = resolve(range->high);
     if (!std::isfinite(low) || !std::isfinite(high))
-        throw Error(ErrorKind::data, text("the volume's range reaches from ", low, " to ", high), "use percentiles, as in --range p1:p99");
+        throw Error(ErrorKind::data, text("the volume's range reaches from ", low, " to ", high),
+                    "use percentiles, as in --range p1:p99");
     if (!(low < high))
-        throw Error(ErrorKind::data, text("the range to map is empty: it reaches from ", low, " to ", high), "give numbers: --range LO:HI");
+        throw Error(ErrorKind::data, text("the range to map is empty: it reaches from ", low, " to ", high),
+                    "give numbers: --range LO:HI");
     set_map(low, high);
 }
 
@@ -229,7 +241,8 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
     if (copies_) return copy_region(in, out, execution);
     Tally tally;
     if (range)
-        convert_range(in, out, {low_, factor_, to_low_, std::min(low_, high_), std::max(low_, high_)}, tally, execution);
+        convert_range(in, out, {low_, factor_, to_low_, std::min(low_, high_), std::max(low_, high_)}, tally,
+                      execution);
     else
         convert_values(in, out, tally, execution);
     counts_.clipped += tally.clipped;
@@ -240,7 +253,8 @@ std::vector<Remark> Convert::remarks() const {
     std::int64_t const voxels = input_.voxels();
     std::vector<Remark> result = store_remarks(counts_, voxels, type_);
     if (range && counts_.clipped > 0)
-        result.front().message = text(share_text(counts_.clipped, voxels), " clipped to [", to_low_, ",", to_high_, "]");
+        result.front().message =
+            text(share_text(counts_.clipped, voxels), " clipped to [", to_low_, ",", to_high_, "]");
     return result;
 }
 

@@ -24,8 +24,7 @@ struct ValueRange {
     friend bool operator==(ValueRange const&, ValueRange const&) = default;
 };
 
-template <>
-struct ValueText<ValueRange> : OneWord {
+template <> struct ValueText<ValueRange> : OneWord {
     static ValueRange read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(ValueRange const& v);
 };

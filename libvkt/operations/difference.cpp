@@ -27,7 +27,8 @@ struct SlabPair {
     ValueMap map_a, map_b;
 };
 
-VKT_CPU_KERNEL(difference_rows, (SlabPair const& pair, RowDifference* rows, Execution const& execution), (pair, rows, execution))
+VKT_CPU_KERNEL(difference_rows, (SlabPair const& pair, RowDifference* rows, Execution const& execution),
+               (pair, rows, execution))
 
 #ifndef __CUDACC__
 namespace VKT_BACKEND {
@@ -50,7 +51,8 @@ void absolute_differences(double const* a, double const* b, double* to, std::int
 template <class T>
 void integer_differences(std::byte const* a, std::byte const* b, double* to, std::int64_t n, double slope) {
     auto const *const u = reinterpret_cast<T const*>(a), *const v = reinterpret_cast<T const*>(b);
-    for (std::int64_t i = 0; i < n; ++i) to[i] = std::abs(slope * static_cast<double>(static_cast<Int128>(u[i]) - static_cast<Int128>(v[i])));
+    for (std::int64_t i = 0; i < n; ++i)
+        to[i] = std::abs(slope * static_cast<double>(static_cast<Int128>(u[i]) - static_cast<Int128>(v[i])));
 }
 
 void map_values(double* v, std::int64_t n, ValueMap const& map) {
@@ -90,7 +92,8 @@ RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) 
     std::fill_n(sums.low, lanes, infinity);
     std::fill_n(sums.high, lanes, -infinity);
     RowDifference row;
-    bool const wide = pair.a.type == pair.b.type && pair.map_a == pair.map_b && (pair.a.type == DataType::int64 || pair.a.type == DataType::uint64);
+    bool const wide = pair.a.type == pair.b.type && pair.map_a == pair.map_b &&
+                      (pair.a.type == DataType::int64 || pair.a.type == DataType::uint64);
     for (std::int64_t x = box.lower.x; x < box.upper.x; x += row_piece) {
         std::int64_t const n = std::min(row_piece, box.upper.x - x);
         load_row(pair.a.type, pair.a.at(x, y, z), a, n);
@@ -132,7 +135,8 @@ void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const&
     Box const box = pair.a.box;
     std::int64_t const ny = box.dims().y;
     for_each_item(threads_for(execution, box.voxels()), ny * box.dims().z, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t r = begin; r < end; ++r) rows[r] = compare_row(pair, box.lower.y + r % ny, box.lower.z + r / ny);
+        for (std::int64_t r = begin; r < end; ++r)
+            rows[r] = compare_row(pair, box.lower.y + r % ny, box.lower.z + r / ny);
     });
 }
 

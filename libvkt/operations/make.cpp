@@ -25,12 +25,15 @@ struct NoiseField {
     double low = 0, high = 1;
 };
 
-VKT_CPU_KERNEL(make_ramp, (AnyView out, Axis axis, double first, double last, std::int64_t n, Execution const& execution),
+VKT_CPU_KERNEL(make_ramp,
+               (AnyView out, Axis axis, double first, double last, std::int64_t n, Execution const& execution),
                (out, axis, first, last, n, execution))
-VKT_CPU_KERNEL(make_checkerboard, (AnyView out, std::int64_t period, double low, double high, Execution const& execution),
+VKT_CPU_KERNEL(make_checkerboard,
+               (AnyView out, std::int64_t period, double low, double high, Execution const& execution),
                (out, period, low, high, execution))
 VKT_CPU_KERNEL(make_ball, (AnyView out, BallField const& field, Execution const& execution), (out, field, execution))
-VKT_CPU_KERNEL(make_marschner_lobb, (AnyView out, MarschnerLobbField const& field, Execution const& execution), (out, field, execution))
+VKT_CPU_KERNEL(make_marschner_lobb, (AnyView out, MarschnerLobbField const& field, Execution const& execution),
+               (out, field, execution))
 VKT_CPU_KERNEL(make_noise, (AnyView out, NoiseField const& field, Execution const& execution), (out, field, execution))
 
 #ifndef __CUDACC__
@@ -38,8 +41,7 @@ namespace VKT_BACKEND {
 namespace {
 
 /// Calls f(x, y, z, n, to) for pieces of rows and stores the doubles it leaves in to.
-template <class F>
-void fill_rows(AnyView out, Execution const& execution, F const& f) {
+template <class F> void fill_rows(AnyView out, Execution const& execution, F const& f) {
     for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) double row[row_piece];
         for (std::int64_t i = 0; i < n; i += row_piece) {
@@ -89,8 +91,7 @@ void philox(std::uint64_t first, std::int64_t n, std::uint64_t seed, std::uint32
     }
 }
 
-template <class T>
-void noise(View<T> out, Box const& box, NoiseField const& field, Execution const& execution) {
+template <class T> void noise(View<T> out, Box const& box, NoiseField const& field, Execution const& execution) {
     constexpr std::int64_t words_per_voxel = sizeof(T) == 8 ? 2 : 1;
     for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) std::uint32_t words[2 * row_piece + 8];
@@ -107,8 +108,11 @@ void noise(View<T> out, Box const& box, NoiseField const& field, Execution const
                 if constexpr (words_per_voxel == 2) bits |= static_cast<std::uint64_t>(w[2 * j + 1]) << 32;
                 if constexpr (std::is_integral_v<T>) {
                     // bits / 2^k of the number of integers, rounded down: no integer is more than 2^-k likelier
-                    Int128 const from = round_to<T>(field.low), count = static_cast<Int128>(round_to<T>(field.high)) - from + 1;
-                    to[j] = static_cast<T>(from + static_cast<Int128>((static_cast<Unsigned128>(bits) * static_cast<Unsigned128>(count)) >> (32 * words_per_voxel)));
+                    Int128 const from = round_to<T>(field.low),
+                                 count = static_cast<Int128>(round_to<T>(field.high)) - from + 1;
+                    to[j] = static_cast<T>(
+                        from + static_cast<Int128>((static_cast<Unsigned128>(bits) * static_cast<Unsigned128>(count)) >>
+                                                   (32 * words_per_voxel)));
                 } else if constexpr (sizeof(T) == 8) {
                     to[j] = low + width * (static_cast<double>(bits >> 11) * 0x1p-53);
                 } else {
@@ -155,7 +159,9 @@ void make_ball(AnyView out, BallField const& field, Execution const& execution) 
 }
 
 void make_marschner_lobb(AnyView out, MarschnerLobbField const& field, Execution const& execution) {
-    auto const position = [](std::int64_t i, std::int64_t n) { return static_cast<double>(2 * i + 1 - n) / static_cast<double>(n); };
+    auto const position = [](std::int64_t i, std::int64_t n) {
+        return static_cast<double>(2 * i + 1 - n) / static_cast<double>(n);
+    };
     fill_rows(out, execution, [=](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t m, double* to) {
         double const v = position(y, field.dims.y), w = position(z, field.dims.z);
         double const depth = 1 - cos_turns(w / 4 - 0.25); // 1 - sin(pi z / 2)
@@ -189,12 +195,14 @@ void MakeField::check() const {
     check_dims(*dims, dtype, "dims");
     check_spacing(spacing, "spacing");
     for (int axis = 0; axis < 3; ++axis)
-        if (!std::isfinite(origin[axis])) throw Error(ErrorKind::usage, text("--origin: ", origin[axis], " is not finite"));
+        if (!std::isfinite(origin[axis]))
+            throw Error(ErrorKind::usage, text("--origin: ", origin[axis], " is not finite"));
 }
 
 void MakeField::check_value(double value, std::string_view option) const {
     if (is_integer(dtype) && !(value >= lowest_of(dtype) && value <= highest_of(dtype)))
-        throw Error(ErrorKind::usage, text("--", option, ": ", dtype, " cannot hold ", value), "choose another --dtype");
+        throw Error(ErrorKind::usage, text("--", option, ": ", dtype, " cannot hold ", value),
+                    "choose another --dtype");
 }
 
 Plan MakeField::plan(std::span<Header const>) {
@@ -273,7 +281,8 @@ void MakeSphere::parameters(Parameters& p) {
     p.option("center", center, "X,Y,Z", "centre in voxel indices (the middle)");
     p.option("inside", inside, "VALUE", "stored value inside (1, or the largest of an integer type)");
     p.option("outside", outside, "VALUE", "stored value outside (0)");
-    p.option("edge", edge, "EDGE", "hard: by voxel centres; coverage: share of the voxel inside; distance: signed distance to the surface");
+    p.option("edge", edge, "EDGE",
+             "hard: by voxel centres; coverage: share of the voxel inside; distance: signed distance to the surface");
 }
 void MakeSphere::check() const {
     MakeField::check();
@@ -282,14 +291,17 @@ void MakeSphere::check() const {
     check_value(high_or_default(inside), "inside");
     check_value(low_or_default(outside), "outside");
     if (edge == SphereEdge::distance && (inside || outside))
-        throw Error(ErrorKind::usage, "--inside and --outside do not apply to --edge distance, whose values are distances");
+        throw Error(ErrorKind::usage,
+                    "--inside and --outside do not apply to --edge distance, whose values are distances");
     if (edge == SphereEdge::distance && is_integer(dtype) && !is_signed(dtype))
-        throw Error(ErrorKind::usage, text("--edge distance is negative inside, which ", dtype, " cannot hold"), "use --dtype float32");
+        throw Error(ErrorKind::usage, text("--edge distance is negative inside, which ", dtype, " cannot hold"),
+                    "use --dtype float32");
 }
 void MakeSphere::run(std::span<ConstView const>, AnyView out, Execution const& execution) {
     Index3 const n = *dims;
     BallField field;
-    field.center = center.value_or(Vec3{static_cast<double>(n.x - 1) / 2, static_cast<double>(n.y - 1) / 2, static_cast<double>(n.z - 1) / 2});
+    field.center = center.value_or(
+        Vec3{static_cast<double>(n.x - 1) / 2, static_cast<double>(n.y - 1) / 2, static_cast<double>(n.z - 1) / 2});
     field.radius = radius.value_or(0.4 * static_cast<double>(std::min({n.x, n.y, n.z})));
     field.inside = high_or_default(inside);
     field.outside = low_or_default(outside);
@@ -305,8 +317,10 @@ void MakeMarschnerLobb::parameters(Parameters& p) {
 }
 void MakeMarschnerLobb::check() const {
     MakeField::check();
-    if (!std::isfinite(frequency) || frequency < 0) throw Error(ErrorKind::usage, text("--frequency: ", frequency, " is not a frequency"));
-    if (!std::isfinite(amplitude) || amplitude < 0) throw Error(ErrorKind::usage, text("--amplitude: ", amplitude, " is not an amplitude"));
+    if (!std::isfinite(frequency) || frequency < 0)
+        throw Error(ErrorKind::usage, text("--frequency: ", frequency, " is not a frequency"));
+    if (!std::isfinite(amplitude) || amplitude < 0)
+        throw Error(ErrorKind::usage, text("--amplitude: ", amplitude, " is not an amplitude"));
     check_levels(low_or_default(low), high_or_default(high));
     check_value(low_or_default(low), "low");
     check_value(high_or_default(high), "high");

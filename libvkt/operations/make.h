@@ -6,8 +6,8 @@
 
 namespace vkt {
 
-/// What all test fields share. Values are stored values; regions may be computed in any order and cut. Where a field has
-/// a low and a high value they default to 0 and 1 for floating types, 0 and the largest value for integers.
+/// What all test fields share. Values are stored values; regions may be computed in any order and cut. Where a field
+/// has a low and a high value they default to 0 and 1 for floating types, 0 and the largest value for integers.
 class MakeField : public Operation {
 public:
     std::optional<Index3> dims;
@@ -26,7 +26,9 @@ protected:
     /// Throws Error{usage} if the type cannot hold the value.
     void check_value(double value, std::string_view option) const;
     double low_or_default(std::optional<double> low) const { return low.value_or(0); }
-    double high_or_default(std::optional<double> high) const { return high.value_or(is_integer(dtype) ? highest_of(dtype) : 1); }
+    double high_or_default(std::optional<double> high) const {
+        return high.value_or(is_integer(dtype) ? highest_of(dtype) : 1);
+    }
 };
 
 /// One value everywhere.
@@ -63,8 +65,7 @@ public:
 };
 
 enum class SphereEdge : std::uint8_t { hard, coverage, distance };
-template <>
-struct EnumNames<SphereEdge> {
+template <> struct EnumNames<SphereEdge> {
     static std::vector<std::pair<SphereEdge, char const*>> all() {
         return {{SphereEdge::hard, "hard"}, {SphereEdge::coverage, "coverage"}, {SphereEdge::distance, "distance"}};
     }
@@ -94,8 +95,9 @@ public:
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
 };
 
-/// White noise, uniform in [low, high] (integers: every value alike). Voxel i of the whole volume takes word i (64-bit types:
-/// words 2i and 2i + 1) of the counter-based generator Philox4x32-10 (Salmon et al., SC 2011) with the seed as key.
+/// White noise, uniform in [low, high] (integers: every value alike). Voxel i of the whole volume takes word i (64-bit
+/// types: words 2i and 2i + 1) of the counter-based generator Philox4x32-10 (Salmon et al., SC 2011) with the seed as
+/// key.
 class MakeNoise : public MakeField {
 public:
     std::int64_t seed = 0;

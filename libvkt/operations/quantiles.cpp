@@ -20,12 +20,9 @@ std::uint32_t key_of(float value) {
     auto const bits = std::bit_cast<std::uint32_t>(value);
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
-float value_of(std::uint32_t key) {
-    return std::bit_cast<float>((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key);
-}
+float value_of(std::uint32_t key) { return std::bit_cast<float>((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key); }
 
-template <class T>
-void count_small(ConstView slab, std::uint64_t* counters, int threads) {
+template <class T> void count_small(ConstView slab, std::uint64_t* counters, int threads) {
     View<T const> const in = slab.as<T>();
     Box const box = slab.box;
     constexpr std::size_t bins = std::size_t{1} << (8 * sizeof(T));
@@ -38,7 +35,8 @@ void count_small(ConstView slab, std::uint64_t* counters, int threads) {
             for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
                 T const* const row = &in(box.lower.x, y, z);
                 std::int64_t const n = box.dims().x;
-                for (std::int64_t x = 0; x < n; ++x) ++mine[static_cast<std::size_t>(static_cast<int>(row[x]) - lowest)];
+                for (std::int64_t x = 0; x < n; ++x)
+                    ++mine[static_cast<std::size_t>(static_cast<int>(row[x]) - lowest)];
             }
 #pragma omp critical(vkt_quantiles)
         for (std::size_t i = 0; i < bins; ++i) counters[i] += mine[i];
@@ -67,10 +65,18 @@ void Quantiles::add(ConstView slab, int threads) {
 
 void Quantiles::add_exactly(ConstView slab, int threads) {
     switch (type_) {
-    case DataType::uint8: count_small<std::uint8_t>(slab, counters_.data(), threads); break;
-    case DataType::int8: count_small<std::int8_t>(slab, counters_.data(), threads); break;
-    case DataType::uint16: count_small<std::uint16_t>(slab, counters_.data(), threads); break;
-    default: count_small<std::int16_t>(slab, counters_.data(), threads); break;
+    case DataType::uint8:
+        count_small<std::uint8_t>(slab, counters_.data(), threads);
+        break;
+    case DataType::int8:
+        count_small<std::int8_t>(slab, counters_.data(), threads);
+        break;
+    case DataType::uint16:
+        count_small<std::uint16_t>(slab, counters_.data(), threads);
+        break;
+    default:
+        count_small<std::int16_t>(slab, counters_.data(), threads);
+        break;
     }
     count_ += slab.box.voxels();
 }
@@ -118,7 +124,8 @@ double Quantiles::value_at_rank(std::int64_t rank) const {
         if (leaves_[prefix] < 0) continue;
         std::int64_t inside = 0;
         auto const begin = static_cast<std::size_t>(leaves_[prefix]) << leaf_bits_;
-        for (std::size_t j = 0; j < std::size_t{1} << leaf_bits_; ++j) inside += static_cast<std::int64_t>(counters_[begin + j]);
+        for (std::size_t j = 0; j < std::size_t{1} << leaf_bits_; ++j)
+            inside += static_cast<std::int64_t>(counters_[begin + j]);
         if (before + inside > rank) return std::clamp(value_in_leaf(prefix, rank - before), low_, high_);
         before += inside;
     }

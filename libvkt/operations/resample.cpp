@@ -20,10 +20,13 @@ struct WeightedSum {
     bool x_identity = false;
 };
 
-VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution), (in, out, sum, execution))
-VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution), (in, out, factors, execution))
+VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
+           (in, out, sum, execution))
+VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution),
+           (in, out, factors, execution))
 VKT_KERNEL(resample_weighted,
-           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally, Execution const& execution),
+           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+            Execution const& execution),
            (in, out, sum, scratch, tally, execution))
 
 namespace VKT_BACKEND {
@@ -31,12 +34,12 @@ namespace {
 
 /// The type in which up to eight voxels are added: exactly for integers, in their own precision for floats.
 template <class T>
-using Sum = std::conditional_t<!std::is_integral_v<T>, std::conditional_t<std::is_same_v<T, double>, double, float>,
-                               std::conditional_t<sizeof(T) <= 2, std::int32_t, std::conditional_t<sizeof(T) == 4, std::int64_t, Int128>>>;
+using Sum = std::conditional_t<
+    !std::is_integral_v<T>, std::conditional_t<std::is_same_v<T, double>, double, float>,
+    std::conditional_t<sizeof(T) <= 2, std::int32_t, std::conditional_t<sizeof(T) == 4, std::int64_t, Int128>>>;
 
 /// A term of the mean of 2^shift voxels: floats are divided first, so that no sum overflows.
-template <class T>
-VKT_HD Sum<T> term_of(T v, Sum<T> share) {
+template <class T> VKT_HD Sum<T> term_of(T v, Sum<T> share) {
     if constexpr (std::is_integral_v<T>)
         return static_cast<Sum<T>>(v);
     else
@@ -44,8 +47,7 @@ VKT_HD Sum<T> term_of(T v, Sum<T> share) {
 }
 
 /// The mean of 2^shift voxels from their terms, halves to even.
-template <class T>
-VKT_HD T mean_of(Sum<T> sum, int shift) {
+template <class T> VKT_HD T mean_of(Sum<T> sum, int shift) {
     if constexpr (std::is_integral_v<T>) {
         Sum<T> const half = (Sum<T>(1) << shift) / 2;
         return static_cast<T>(shift == 0 ? sum : (sum + half - 1 + ((sum >> shift) & 1)) >> shift);
@@ -54,8 +56,7 @@ VKT_HD T mean_of(Sum<T> sum, int shift) {
     }
 }
 
-template <class T>
-Sum<T> share_of(int shift) {
+template <class T> Sum<T> share_of(int shift) {
     return std::is_integral_v<T> ? Sum<T>(1) : Sum<T>(1) / static_cast<Sum<T>>(1 << shift);
 }
 
@@ -84,8 +85,7 @@ void halved(View<T const> in, View<T> out, Box const& box, Index3 factors, Execu
     });
 }
 
-template <class T>
-struct WeightedAt {
+template <class T> struct WeightedAt {
     View<T const> in;
     WeightedSum sum;
     VKT_HD double operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
@@ -97,7 +97,8 @@ struct WeightedAt {
             double column = 0;
             for (std::int64_t k = 0; k < nz; ++k)
                 for (std::int64_t j = 0; j < ny; ++j)
-                    column += sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * static_cast<double>(in(fx + i, fy + j, fz + k));
+                    column +=
+                        sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * static_cast<double>(in(fx + i, fy + j, fz + k));
             total += sum.x_identity ? column : sum.x.weight[x0 + i] * column;
         }
         return total / sum.divisor * sum.scale + sum.offset;
@@ -105,20 +106,24 @@ struct WeightedAt {
 };
 
 template <class T>
-void weighted_to_double(View<T const> in, View<double> out, Box const& box, WeightedSum const& sum, Execution const& execution) {
+void weighted_to_double(View<T const> in, View<double> out, Box const& box, WeightedSum const& sum,
+                        Execution const& execution) {
     gather(execution, box, out, WeightedAt<T>{in, sum});
 }
 template <class T>
-void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Tally& tally, Execution const& execution) {
+void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Tally& tally,
+                        Execution const& execution) {
     gather_rounded(execution, box, out, tally, WeightedAt<T>{in, sum});
 }
 template <class U>
 void store_doubles(View<double const> in, View<U> out, Box const& box, Tally& tally, Execution const& execution) {
-    map_rounded(execution, box, out, tally, [=] VKT_DEVICE(double v) { return v; }, in);
+    map_rounded(
+        execution, box, out, tally, [=] VKT_DEVICE(double v) { return v; }, in);
 }
 
 template <class T>
-void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally, Execution const& execution) {
+void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+              Execution const& execution) {
     if (in.type == out.type) return weighted_same_type(in.as<T>(), out.as<T>(), out.box, sum, tally, execution);
     scratch.reserve(static_cast<std::size_t>(out.box.voxels()) * sizeof(double));
     AnyView const wide = dense_view(scratch.write(Space::device), DataType::float64, out.box, Space::device);
@@ -132,7 +137,8 @@ void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch
 
 /// Calls f(x0, x1, y, z) for pieces of output rows, in parallel; maker() gives each thread its own f.
 template <class Maker>
-void for_each_piece(Execution const& execution, Box const& box, std::int64_t length, std::int64_t work, Maker const& maker) {
+void for_each_piece(Execution const& execution, Box const& box, std::int64_t length, std::int64_t work,
+                    Maker const& maker) {
     if (box.empty()) return;
     Index3 const n = box.dims();
     std::int64_t const pieces = (n.x + length - 1) / length;
@@ -140,7 +146,8 @@ void for_each_piece(Execution const& execution, Box const& box, std::int64_t len
         auto f = maker();
         for (std::int64_t item = begin; item < end; ++item) {
             std::int64_t const x0 = box.lower.x + item % pieces * length;
-            f(x0, std::min(x0 + length, box.upper.x), box.lower.y + item / pieces % n.y, box.lower.z + item / pieces / n.y);
+            f(x0, std::min(x0 + length, box.upper.x), box.lower.y + item / pieces % n.y,
+              box.lower.z + item / pieces / n.y);
         }
     });
 }
@@ -156,8 +163,7 @@ void nearest(View<U const> in, View<U> out, Box const& box, WeightedSum const& s
 }
 
 /// to[i] = sum of the rows' voxels i.
-template <class T, int N>
-void add_rows(T const* const (&rows)[4], Sum<T>* to, std::int64_t n, Sum<T> share) {
+template <class T, int N> void add_rows(T const* const (&rows)[4], Sum<T>* to, std::int64_t n, Sum<T> share) {
     T const *const a = rows[0], *const b = rows[1], *const c = rows[2], *const d = rows[3];
 #pragma omp simd
     for (std::int64_t i = 0; i < n; ++i) {
@@ -168,8 +174,7 @@ void add_rows(T const* const (&rows)[4], Sum<T>* to, std::int64_t n, Sum<T> shar
     }
 }
 
-template <class T>
-void halve_columns(Sum<T> const* sums, T* to, std::int64_t n, bool pairs, int shift) {
+template <class T> void halve_columns(Sum<T> const* sums, T* to, std::int64_t n, bool pairs, int shift) {
     if (pairs) {
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) to[i] = mean_of<T>(sums[2 * i] + sums[2 * i + 1], shift);
@@ -184,7 +189,8 @@ void halved(View<T const> in, View<T> out, Box const& box, Index3 factors, Execu
     int const shift = log2_of(factors);
     Sum<T> const share = share_of<T>(shift);
     for_each_piece(execution, box, row_piece / 2, box.voxels() << shift, [&] {
-        return [&, sums = std::vector<Sum<T>>(row_piece)](std::int64_t x0, std::int64_t x1, std::int64_t y, std::int64_t z) mutable {
+        return [&, sums = std::vector<Sum<T>>(row_piece)](std::int64_t x0, std::int64_t x1, std::int64_t y,
+                                                          std::int64_t z) mutable {
             std::int64_t const n = (x1 - x0) * factors.x;
             T const* rows[4] = {};
             int count = 0;
@@ -213,8 +219,7 @@ void add_weighted4(T const* const* rows, double const* weights, double* to, std:
         to[i] = s + wd * static_cast<double>(d[i]);
     }
 }
-template <bool First, class T>
-void add_weighted(T const* row, double weight, double* to, std::int64_t n) {
+template <bool First, class T> void add_weighted(T const* row, double weight, double* to, std::int64_t n) {
 #pragma omp simd
     for (std::int64_t i = 0; i < n; ++i) {
         double const s = weight * static_cast<double>(row[i]);
@@ -224,7 +229,8 @@ void add_weighted(T const* row, double weight, double* to, std::int64_t n) {
 
 /// The weighted sum of all rows in the footprint of output row (y, z), for input columns [lower, lower + n).
 template <class T>
-void sum_rows(View<T const> in, WeightedSum const& sum, std::int64_t y, std::int64_t z, std::int64_t lower, std::int64_t n, double* to) {
+void sum_rows(View<T const> in, WeightedSum const& sum, std::int64_t y, std::int64_t z, std::int64_t lower,
+              std::int64_t n, double* to) {
     std::int64_t const ny = sum.y.start[y + 1] - sum.y.start[y], nz = sum.z.start[z + 1] - sum.z.start[z];
     double const *const wy = sum.y.weight + sum.y.start[y], *const wz = sum.z.weight + sum.z.start[z];
     T const* rows[4];
@@ -247,7 +253,8 @@ void sum_rows(View<T const> in, WeightedSum const& sum, std::int64_t y, std::int
 }
 
 /// Weighted sums along x. columns[i] belongs to input column lower + i.
-void sum_columns(Taps const& x, std::int64_t x0, std::int64_t x1, double const* columns, std::int64_t lower, double* to) {
+void sum_columns(Taps const& x, std::int64_t x0, std::int64_t x1, double const* columns, std::int64_t lower,
+                 double* to) {
     if (x.pair != nullptr) { // a zero weight must not touch its neighbour: 0 * infinity is NaN
         double const* const pairs = x.pair + 2 * x0;
         std::int64_t const* const first = x.first + x0;
@@ -321,7 +328,8 @@ void resample_halved(ConstView in, AnyView out, Index3 factors, Execution const&
     for_each_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
 }
 
-void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally, Execution const& execution) {
+void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+                       Execution const& execution) {
     for_each_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, tally, execution); });
 }
 
@@ -333,19 +341,27 @@ void Resample::parameters(Parameters& p) {
     p.option("scale", scale, "S|SX,SY,SZ", "factor for the numbers of voxels, rounded to the nearest");
     p.option("dims", dims, "X Y Z", "numbers of voxels of the result");
     p.option("size", size, "N,auto,auto", "number of voxels along one axis, the others in proportion");
-    p.option("spacing", spacing, "S|SX,SY,SZ", "size of the result's voxels in world units, met as nearly as whole voxels allow");
+    p.option("spacing", spacing, "S|SX,SY,SZ",
+             "size of the result's voxels in world units, met as nearly as whole voxels allow");
     p.option("like", like, "FILE", "as many voxels as this volume file has");
     p.option("method", method, "METHOD", "auto: area average where an axis shrinks, linear where it grows");
-    p.option("boundary", boundary, "RULE", "how the volume continues outside, for linear and cubic: mirror, clamp (default), wrap or border[:VALUE]");
+    p.option("boundary", boundary, "RULE",
+             "how the volume continues outside, for linear and cubic: mirror, clamp (default), wrap or border[:VALUE]");
     p.option("dtype", dtype, "TYPE", "data type of the result, values kept").alias("data-format");
     p.option("bytes-per-voxel", bytes_per_voxel, "N", "unsigned integers of this many bytes (volkit)").alias("bpv");
-    p.option("dist", dist, "X Y Z", "spacing to write into the header, instead of the one that keeps the extent (volkit)").values(3, 3);
-    p.option("voxel-mapping", voxel_mapping, "LO HI", "values that the range of the result's integers stands for (volkit)").alias("vm");
+    p.option("dist", dist, "X Y Z",
+             "spacing to write into the header, instead of the one that keeps the extent (volkit)")
+        .values(3, 3);
+    p.option("voxel-mapping", voxel_mapping, "LO HI",
+             "values that the range of the result's integers stands for (volkit)")
+        .alias("vm");
 }
 
 void Resample::check() const {
-    int const given = (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) + (like.empty() ? 0 : 1);
-    if (given > 1) throw Error(ErrorKind::usage, "only one of --scale, --dims, --size, --spacing and --like can be followed");
+    int const given =
+        (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) + (like.empty() ? 0 : 1);
+    if (given > 1)
+        throw Error(ErrorKind::usage, "only one of --scale, --dims, --size, --spacing and --like can be followed");
     if (given == 0 && !dtype && !bytes_per_voxel && !dist && !voxel_mapping)
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     if (scale)
@@ -358,10 +374,12 @@ void Resample::check() const {
     if (bytes_per_voxel) {
         DataType const type = type_of_bytes(*bytes_per_voxel);
         if (dtype && size_of(*dtype) != size_of(type))
-            throw Error(ErrorKind::usage, text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
+            throw Error(ErrorKind::usage,
+                        text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
     }
     if (boundary && (method == ResampleMethod::nearest || method == ResampleMethod::area))
-        throw Error(ErrorKind::usage, text("--boundary does not apply to --method ", enum_name(method), ", which never looks outside"));
+        throw Error(ErrorKind::usage,
+                    text("--boundary does not apply to --method ", enum_name(method), ", which never looks outside"));
 }
 
 namespace {
@@ -376,18 +394,21 @@ std::int64_t rounded_extent(double voxels) {
 /// "512,auto,auto": the numbers given, and for the axes without one the scale of those that have one.
 Index3 dims_of_size(std::string const& size, Index3 dims) {
     std::vector<std::string> const parts = split(size, ',');
-    if (parts.size() != 3) throw Error(ErrorKind::usage, text("--size: '", size, "' is not X,Y,Z"), "for example --size 512,auto,auto");
+    if (parts.size() != 3)
+        throw Error(ErrorKind::usage, text("--size: '", size, "' is not X,Y,Z"), "for example --size 512,auto,auto");
     Index3 result{};
     double factor = 0;
     for (int axis = 0; axis < 3; ++axis) {
         std::string const& part = parts[static_cast<std::size_t>(axis)];
         if (part == "auto") continue;
         result[axis] = parse_integer(part);
-        if (result[axis] < 1) throw Error(ErrorKind::usage, text("--size: ", part, " is not a positive number of voxels"));
+        if (result[axis] < 1)
+            throw Error(ErrorKind::usage, text("--size: ", part, " is not a positive number of voxels"));
         double const here = static_cast<double>(result[axis]) / static_cast<double>(dims[axis]);
         factor = factor == 0 ? here : std::min(factor, here);
     }
-    if (factor == 0) throw Error(ErrorKind::usage, "--size gives no axis a number of voxels", "for example --size 512,auto,auto");
+    if (factor == 0)
+        throw Error(ErrorKind::usage, "--size gives no axis a number of voxels", "for example --size 512,auto,auto");
     for (int axis = 0; axis < 3; ++axis)
         if (result[axis] == 0) result[axis] = rounded_extent(static_cast<double>(dims[axis]) * factor);
     return result;
@@ -414,11 +435,16 @@ Index3 Resample::target_dims(Header const& input) const {
 
 Kernel Resample::kernel_for(std::int64_t n_in, std::int64_t n_out) const {
     switch (method) {
-    case ResampleMethod::nearest: return Kernel::nearest;
-    case ResampleMethod::linear: return Kernel::linear;
-    case ResampleMethod::area: return Kernel::area;
-    case ResampleMethod::cubic: return Kernel::cubic;
-    case ResampleMethod::automatic: break;
+    case ResampleMethod::nearest:
+        return Kernel::nearest;
+    case ResampleMethod::linear:
+        return Kernel::linear;
+    case ResampleMethod::area:
+        return Kernel::area;
+    case ResampleMethod::cubic:
+        return Kernel::cubic;
+    case ResampleMethod::automatic:
+        break;
     }
     return n_out < n_in ? Kernel::area : Kernel::linear;
 }
@@ -432,7 +458,8 @@ void Resample::choose_header(Header const& input, Header& output) {
     bool const lobes = method == ResampleMethod::cubic && !(from_ == to_);
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
         output.dtype = size_of(input.dtype) <= 2 ? DataType::float32 : DataType::float64;
-    if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel))) output.dtype = type_of_bytes(*bytes_per_voxel);
+    if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
+        output.dtype = type_of_bytes(*bytes_per_voxel);
     if (dtype) output.dtype = *dtype;
     scale_value_ = 1;
     offset_value_ = 0;

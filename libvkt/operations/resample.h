@@ -13,27 +13,29 @@
 namespace vkt {
 
 enum class ResampleMethod : std::uint8_t { automatic, nearest, linear, area, cubic };
-template <>
-struct EnumNames<ResampleMethod> {
+template <> struct EnumNames<ResampleMethod> {
     static std::vector<std::pair<ResampleMethod, char const*>> all() {
-        return {{ResampleMethod::automatic, "auto"}, {ResampleMethod::nearest, "nearest"}, {ResampleMethod::linear, "linear"},
-                {ResampleMethod::area, "area"}, {ResampleMethod::cubic, "cubic"}};
+        return {{ResampleMethod::automatic, "auto"},
+                {ResampleMethod::nearest, "nearest"},
+                {ResampleMethod::linear, "linear"},
+                {ResampleMethod::area, "area"},
+                {ResampleMethod::cubic, "cubic"}};
     }
 };
 
-/// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto takes the area average
-/// of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the axes that keep their
-/// length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a = -1/2, stretched when
-/// shrinking) can leave the range of its input, so that unsigned types become float32 (float64 from 32 bits on) unless a
-/// type is given. Sums are in double. One pass: a row of output is the weighted sum of the input rows in its footprint,
-/// then of their voxels; about one multiply-add per input voxel when shrinking.
+/// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto
+/// takes the area average of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the
+/// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a
+/// = -1/2, stretched when shrinking) can leave the range of its input, so that unsigned types become float32 (float64
+/// from 32 bits on) unless a type is given. Sums are in double. One pass: a row of output is the weighted sum of the
+/// input rows in its footprint, then of their voxels; about one multiply-add per input voxel when shrinking.
 class Resample : public Operation {
 public:
     std::optional<Vec3> scale;
     std::optional<Index3> dims;
-    std::string size;              ///< "512,auto,auto"
-    std::optional<Vec3> spacing;   ///< world units of the result's voxels
-    std::string like;              ///< a volume file whose dims are taken
+    std::string size;            ///< "512,auto,auto"
+    std::optional<Vec3> spacing; ///< world units of the result's voxels
+    std::string like;            ///< a volume file whose dims are taken
     ResampleMethod method = ResampleMethod::automatic;
     std::optional<BoundaryRule> boundary;
     std::optional<DataType> dtype;

@@ -93,7 +93,8 @@ void trim(Line& line) {
 /// Moves weights of voxels outside [0, n) to the voxels that stand for them.
 Line folded(Line const& line, std::int64_t n, Boundary boundary) {
     auto const size = static_cast<std::int64_t>(line.weights.size());
-    if ((line.lower >= 0 && line.lower + size <= n) || boundary == Boundary::wrap || boundary == Boundary::border) return line;
+    if ((line.lower >= 0 && line.lower + size <= n) || boundary == Boundary::wrap || boundary == Boundary::border)
+        return line;
     std::int64_t low = n, high = -1;
     for (std::int64_t i = 0; i < size; ++i) {
         std::int64_t const at = fold(line.lower + i, n, boundary);
@@ -102,17 +103,23 @@ Line folded(Line const& line, std::int64_t n, Boundary boundary) {
     }
     Line result{low, std::vector<double>(static_cast<std::size_t>(high - low + 1), 0.0)};
     for (std::int64_t i = 0; i < size; ++i)
-        result.weights[static_cast<std::size_t>(fold(line.lower + i, n, boundary) - low)] += line.weights[static_cast<std::size_t>(i)];
+        result.weights[static_cast<std::size_t>(fold(line.lower + i, n, boundary) - low)] +=
+            line.weights[static_cast<std::size_t>(i)];
     return result;
 }
 
 Line line_of(std::int64_t o, Ratio ratio, Kernel kernel) {
     switch (kernel) {
-    case Kernel::identity: return {o, {1.0}};
-    case Kernel::nearest: return {floor_quotient((2 * Int128{o} + 1) * ratio.a, 2 * Int128{ratio.b}), {1.0}};
-    case Kernel::linear: return linear_line(o, ratio);
-    case Kernel::area: return area_line(o, ratio);
-    case Kernel::cubic: return cubic_line(o, ratio);
+    case Kernel::identity:
+        return {o, {1.0}};
+    case Kernel::nearest:
+        return {floor_quotient((2 * Int128{o} + 1) * ratio.a, 2 * Int128{ratio.b}), {1.0}};
+    case Kernel::linear:
+        return linear_line(o, ratio);
+    case Kernel::area:
+        return area_line(o, ratio);
+    case Kernel::cubic:
+        return cubic_line(o, ratio);
     }
     return {};
 }

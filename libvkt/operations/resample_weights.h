@@ -1,5 +1,5 @@
-// Where a resampled line takes its values from: for every output voxel of an axis the first input voxel and the weights.
-// SPDX-License-Identifier: MIT
+// Where a resampled line takes its values from: for every output voxel of an axis the first input voxel and the
+// weights. SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/buffer.h"
@@ -12,20 +12,22 @@ namespace vkt {
 
 enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic };
 
-/// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] + i),
-/// 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
+/// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] +
+/// i), 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
 struct Taps {
     std::int64_t const* first = nullptr;
     std::int64_t const* start = nullptr;
     double const* weight = nullptr;
-    double const* pair = nullptr; ///< tables of at most two taps: both weights of every output, side by side, 0 for none
+    double const* pair =
+        nullptr; ///< tables of at most two taps: both weights of every output, side by side, 0 for none
 };
 
-/// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational and
-/// kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer voxels
-/// in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are reproduced. Taps
-/// beyond the ends are folded back (mirror, clamp) or left outside for the engine to fill (wrap, border). Weights that
-/// are zero at either end are left out, so that a NaN spreads no further than the kernel's support.
+/// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational
+/// and kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer
+/// voxels in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are
+/// reproduced. Taps beyond the ends are folded back (mirror, clamp) or left outside for the engine to fill (wrap,
+/// border). Weights that are zero at either end are left out, so that a NaN spreads no further than the kernel's
+/// support.
 class WeightTable {
 public:
     WeightTable() = default;

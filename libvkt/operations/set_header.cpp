@@ -12,12 +12,14 @@ namespace {
 std::array<Vec3, 3> parse_direction(std::string const& text_) {
     std::vector<std::string> const parts = split(text_, ',');
     if (parts.size() != 9)
-        throw Error(ErrorKind::usage, text("--direction: '", text_, "' is not nine numbers"), "for example 1,0,0,0,1,0,0,0,1");
+        throw Error(ErrorKind::usage, text("--direction: '", text_, "' is not nine numbers"),
+                    "for example 1,0,0,0,1,0,0,0,1");
     std::array<Vec3, 3> columns;
     for (std::size_t i = 0; i < 9; ++i) columns[i / 3][static_cast<int>(i % 3)] = parse_double(parts[i]);
     for (Vec3& column : columns) {
         double const length = std::sqrt(column.x * column.x + column.y * column.y + column.z * column.z);
-        if (!std::isfinite(length) || !(length > 0)) throw Error(ErrorKind::usage, "--direction: a vector has no length");
+        if (!std::isfinite(length) || !(length > 0))
+            throw Error(ErrorKind::usage, "--direction: a vector has no length");
         column = column * (1 / length);
     }
     return columns;
@@ -33,7 +35,9 @@ void SetHeader::parameters(Parameters& p) {
     p.option("units", units, "UNIT", "unit of the physical values, for example HU");
     p.option("slope", slope, "A", "physical value = A * stored value + B");
     p.option("intercept", intercept, "B", "see --slope");
-    p.option("voxel-mapping", voxel_mapping, "LO HI", "values that the range of the stored integers stands for (volkit)").alias("vm");
+    p.option("voxel-mapping", voxel_mapping, "LO HI",
+             "values that the range of the stored integers stands for (volkit)")
+        .alias("vm");
     p.option("attribute", attributes, "KEY=VALUE", "free attributes; KEY= removes one");
     p.option("dims", dims, "X Y Z", "read the same sequence of voxels with other extents");
 }
@@ -44,9 +48,12 @@ void SetHeader::check() const {
     if (dist) check_spacing(*dist, "dist");
     if (dims) check_dims(*dims, DataType::uint8, "dims");
     if (!direction.empty()) parse_direction(direction);
-    if (voxel_mapping && (slope || intercept)) throw Error(ErrorKind::usage, "--voxel-mapping sets slope and intercept: give one or the other");
-    if (slope && (!std::isfinite(*slope) || *slope == 0)) throw Error(ErrorKind::usage, text("--slope: ", *slope, " is not a finite number other than 0"));
-    if (intercept && !std::isfinite(*intercept)) throw Error(ErrorKind::usage, text("--intercept: ", *intercept, " is not finite"));
+    if (voxel_mapping && (slope || intercept))
+        throw Error(ErrorKind::usage, "--voxel-mapping sets slope and intercept: give one or the other");
+    if (slope && (!std::isfinite(*slope) || *slope == 0))
+        throw Error(ErrorKind::usage, text("--slope: ", *slope, " is not a finite number other than 0"));
+    if (intercept && !std::isfinite(*intercept))
+        throw Error(ErrorKind::usage, text("--intercept: ", *intercept, " is not finite"));
     for (auto const& attribute : attributes)
         if (std::size_t const equals = attribute.find('='); equals == std::string::npos || equals == 0)
             throw Error(ErrorKind::usage, text("--attribute: '", attribute, "' is not KEY=VALUE"));
@@ -59,10 +66,13 @@ Plan SetHeader::plan(std::span<Header const> inputs) {
     from_ = input.dims;
     to_ = dims.value_or(input.dims);
     if (!(to_ == from_)) {
-        if (input.kind != Kind::structured) throw Error(ErrorKind::usage, "--dims does not apply to a hierarchical volume");
+        if (input.kind != Kind::structured)
+            throw Error(ErrorKind::usage, "--dims does not apply to a hierarchical volume");
         if (box_of(to_).voxels() != input.voxels())
-            throw Error(ErrorKind::usage, text("--dims ", to_, ": ", box_of(to_).voxels(), " voxels, but the volume has ", input.voxels()),
-                        "to change the number of voxels use vkt resample or vkt crop");
+            throw Error(
+                ErrorKind::usage,
+                text("--dims ", to_, ": ", box_of(to_).voxels(), " voxels, but the volume has ", input.voxels()),
+                "to change the number of voxels use vkt resample or vkt crop");
         h.dims = to_;
         h.part.reset();
     } else {
@@ -113,7 +123,8 @@ void SetHeader::run(std::span<ConstView const> inputs, AnyView out, Execution co
                 std::int64_t const at = (z * to_.y + y) * to_.x + x;
                 std::int64_t const from_x = at % from_.x;
                 std::int64_t const n = std::min(box.upper.x - x, from_.x - from_x);
-                std::memcpy(out.at(x, y, z), in.at(from_x, at / from_.x % from_.y, at / from_.x / from_.y), static_cast<std::size_t>(n) * size);
+                std::memcpy(out.at(x, y, z), in.at(from_x, at / from_.x % from_.y, at / from_.x / from_.y),
+                            static_cast<std::size_t>(n) * size);
                 x += n;
             }
         }
@@ -124,7 +135,8 @@ void DeclareStructured::parameters(Parameters& p) {
     p.option("data-format", dtype, "TYPE", "data type (uint8)").alias("dtype");
     p.option("bytes-per-voxel", bytes_per_voxel, "N", "unsigned integers of this many bytes").alias("bpv");
     p.option("dist", dist, "X Y Z", "size of a voxel in world units (1 1 1)").values(3, 3).alias("spacing");
-    p.option("voxel-mapping", voxel_mapping, "LO HI", "values that the range of an integer type stands for (0 1)").alias("vm");
+    p.option("voxel-mapping", voxel_mapping, "LO HI", "values that the range of an integer type stands for (0 1)")
+        .alias("vm");
 }
 
 void DeclareStructured::check() const {
@@ -133,7 +145,8 @@ void DeclareStructured::check() const {
     if (dist) check_spacing(*dist, "dist");
     if (voxel_mapping) value_map_of(*voxel_mapping, type());
     if (bytes_per_voxel && dtype && size_of(*dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
-        throw Error(ErrorKind::usage, text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --data-format ", *dtype));
+        throw Error(ErrorKind::usage,
+                    text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --data-format ", *dtype));
 }
 
 DataType DeclareStructured::type() const {

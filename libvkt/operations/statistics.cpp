@@ -9,7 +9,9 @@
 
 namespace vkt {
 
-VKT_CPU_KERNEL(row_statistics, (ConstView slab, RowStatistics* rows, Execution const& execution), (slab, rows, execution))
+VKT_CPU_KERNEL(row_statistics,
+               (ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution),
+               (slab, origin, rows, execution))
 
 #ifndef __CUDACC__
 namespace VKT_BACKEND {
@@ -29,16 +31,15 @@ constexpr int registers = lanes / doubles;
 constexpr std::int64_t chunk = 2048; // stays in the first cache between the two loops; a multiple of the lanes
 
 typedef double DoubleRegister __attribute__((vector_size(register_bytes)));
-template <class T>
-struct Loads {
-    typedef T part __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
+template <class T> struct Loads {
+    typedef T part
+        __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
     typedef T full __attribute__((vector_size(register_bytes)));
     typedef T unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(T)), may_alias));
 };
 
 /// Sums and extremes of a row of floats, fed chunk by chunk.
-template <class T>
-class FloatRow {
+template <class T> class FloatRow {
 public:
     explicit FloatRow(double shift) : shift_(shift) {}
 
@@ -57,7 +58,7 @@ public:
         sums(replaced, n);
     }
 
-    void finish(RowStatistics& out) const {
+    void finish(double origin, RowStatistics& out) const {
         double s[lanes], q[lanes];
         for (int j = 0; j < lanes; ++j) {
             s[j] = s_[j / doubles][j % doubles] + tail_s_[j];
@@ -80,7 +81,7 @@ public:
             m.sum = product + s[0];
             double const back = m.sum - product;
             m.sum_error = (product - (m.sum - back)) + (s[0] - back) + __builtin_fma(n, shift_, -product);
-            m.mean = shift_ + s[0] / n;
+            m.mean = (shift_ - origin) + s[0] / n;
             double const deviations = q[0] - s[0] * s[0] / n;
             m.deviations = deviations > 0 || deviations != deviations ? deviations : 0;
         }
@@ -139,7 +140,8 @@ private:
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
                 DoubleRegister const d =
-                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister) - shift_;
+                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister) -
+                    shift_;
                 s[r] += d;
                 q[r] += d * d;
             }
@@ -163,15 +165,13 @@ private:
 };
 
 /// The first finite value of a row, 0 if there is none: sums of differences from it neither cancel nor stall.
-template <class T>
-double shift_of(T const* p, std::int64_t n) {
+template <class T> double shift_of(T const* p, std::int64_t n) {
     for (std::int64_t i = 0; i < n; ++i)
         if (auto const v = static_cast<double>(p[i]); v - v == 0) return v;
     return 0;
 }
 
-template <class T>
-void float_row(T const* p, std::int64_t n, RowStatistics& out) {
+template <class T> void float_row(T const* p, std::int64_t n, double origin, RowStatistics& out) {
     if constexpr (std::is_same_v<T, Half>) {
         FloatRow<float> row(shift_of(p, n));
         float wide[chunk];
@@ -180,17 +180,16 @@ void float_row(T const* p, std::int64_t n, RowStatistics& out) {
             for (std::int64_t j = 0; j < m; ++j) wide[j] = static_cast<float>(p[i + j]);
             row.add(wide, m);
         }
-        row.finish(out);
+        row.finish(origin, out);
     } else {
         FloatRow<T> row(shift_of(p, n));
         for (std::int64_t i = 0; i < n; i += chunk) row.add(p + i, std::min(chunk, n - i));
-        row.finish(out);
+        row.finish(origin, out);
     }
 }
 
 /// Exact sum and sum of squares of at most `chunk` integers of up to 32 bits.
-template <class T>
-void exact_sums(T const* p, std::int64_t n, Moments& m) {
+template <class T> void exact_sums(T const* p, std::int64_t n, Moments& m) {
     if constexpr (sizeof(T) == 1) {
         std::int32_t sum = 0, squares = 0;
         for (std::int64_t i = 0; i < n; ++i) {
@@ -227,8 +226,7 @@ void exact_sums(T const* p, std::int64_t n, Moments& m) {
     }
 }
 
-template <class T>
-void integer_row(T const* p, std::int64_t n, RowStatistics& out) {
+template <class T> void integer_row(T const* p, std::int64_t n, Int128 origin, RowStatistics& out) {
     T low = p[0], high = p[0];
     Moments m;
     m.finite = n;
@@ -253,15 +251,14 @@ void integer_row(T const* p, std::int64_t n, RowStatistics& out) {
             q += d * d;
         }
         auto const count = static_cast<double>(n);
-        m.mean = static_cast<double>(p[0]) + s / count;
+        m.mean = static_cast<double>(static_cast<Int128>(p[0]) - origin) + s / count;
         m.deviations = std::max(0.0, q - s * s / count);
     }
     out.moments = m;
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
 }
 
-template <class T>
-void rows_of(ConstView slab, RowStatistics* rows, int threads) {
+template <class T> void rows_of(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, int threads) {
     View<T const> const in = slab.as<T>();
     Index3 const n = slab.dims();
     Box const box = slab.box;
@@ -269,16 +266,16 @@ void rows_of(ConstView slab, RowStatistics* rows, int threads) {
     for (std::int64_t r = 0; r < n.y * n.z; ++r) {
         T const* const p = &in(box.lower.x, box.lower.y + r % n.y, box.lower.z + r / n.y);
         if constexpr (std::is_integral_v<T>)
-            integer_row(p, n.x, rows[r]);
+            integer_row(p, n.x, origin.integer, rows[r]);
         else
-            float_row(p, n.x, rows[r]);
+            float_row(p, n.x, origin.value, rows[r]);
     }
 }
 
 } // namespace
 
-void row_statistics(ConstView slab, RowStatistics* rows, Execution const& execution) {
-    for_each_type(slab.type, [&]<class T>(T) { rows_of<T>(slab, rows, execution.threads); });
+void row_statistics(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution) {
+    for_each_type(slab.type, [&]<class T>(T) { rows_of<T>(slab, origin, rows, execution.threads); });
 }
 
 } // namespace VKT_BACKEND
@@ -297,8 +294,7 @@ void add_keeping_error(double& sum, double& error, double value) {
 }
 
 /// Index of the first voxel of a row that has a value.
-template <class T, class V>
-std::int64_t find_in_row(ConstView slab, Index3 row, V value) {
+template <class T, class V> std::int64_t find_in_row(ConstView slab, Index3 row, V value) {
     View<T const> const in = slab.as<T>();
     std::int64_t x = slab.box.lower.x;
     while (x + 1 < slab.box.upper.x && !(static_cast<V>(in(x, row.y, row.z)) == value)) ++x;
@@ -314,6 +310,24 @@ std::int64_t find(ConstView slab, Index3 row, Extreme const& extreme) {
             x = find_in_row<T>(slab, row, extreme.value);
     });
     return x;
+}
+
+/// The first finite voxel of a slab in x-fastest order.
+MeanOrigin first_finite(ConstView slab) {
+    MeanOrigin origin;
+    baseline::for_each_type(slab.type, [&]<class T>(T) {
+        View<T const> const in = slab.as<T>();
+        Box const b = slab.box;
+        for (std::int64_t z = b.lower.z; z < b.upper.z && !origin.known; ++z)
+            for (std::int64_t y = b.lower.y; y < b.upper.y && !origin.known; ++y)
+                for (std::int64_t x = b.lower.x; x < b.upper.x && !origin.known; ++x) {
+                    auto const v = static_cast<double>(in(x, y, z));
+                    if (!std::isfinite(v)) continue;
+                    origin = {true, v, 0};
+                    if constexpr (std::is_integral_v<T>) origin.integer = static_cast<Int128>(in(x, y, z));
+                }
+    });
+    return origin;
 }
 
 /// Variance from exact sums: the sum of squares about the integer nearest to the mean is exact too.
@@ -368,10 +382,14 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
     total_ = {};
     min_ = max_ = {};
+    origin_ = {};
     result_ = {};
+    if (input_.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
     Plan plan;
     plan.output = input_;
-    plan.method = is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
+    plan.method =
+        is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
     plan.exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     plan.error_bound = plan.exact ? 0 : 1e-15;
     plan.error_is_estimate = !plan.exact;
@@ -385,7 +403,8 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     ConstView const part = slab.part(box);
     Index3 const n = box.dims();
     rows_.resize(static_cast<std::size_t>(n.y * n.z));
-    row_statistics(part, rows_.data(), execution);
+    if (!origin_.known) origin_ = first_finite(part);
+    row_statistics(part, origin_, rows_.data(), execution);
     // Rows to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
     bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     slices_.assign(static_cast<std::size_t>(n.z), {});
@@ -405,7 +424,8 @@ void Statistics::merge_extremes(ConstView slab) {
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         Range const& range = rows_[r].range;
         if (!range.valid) continue;
-        Index3 const row{lower.x, lower.y + static_cast<std::int64_t>(r) % ny, lower.z + static_cast<std::int64_t>(r) / ny};
+        Index3 const row{lower.x, lower.y + static_cast<std::int64_t>(r) % ny,
+                         lower.z + static_cast<std::int64_t>(r) / ny};
         if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
             min_ = {true, range.low, range.integer_low, row};
             new_min = true;
@@ -448,7 +468,7 @@ void Statistics::scan_end() {
     } else {
         sum = m.sum + m.sum_error;
         mean = sum / static_cast<double>(m.finite);
-        if (!std::isfinite(mean)) mean = m.mean; // the sum overflowed, the mean did not
+        if (!std::isfinite(mean)) mean = origin_.value + m.mean; // the sum overflowed, the mean did not
         variance = m.deviations / static_cast<double>(m.finite);
     }
     Extreme const low = map.slope < 0 ? max_ : min_, high = map.slope < 0 ? min_ : max_;

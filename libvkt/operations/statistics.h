@@ -10,15 +10,15 @@
 
 namespace vkt {
 
-/// What is known about (a part of) one line, slice or volume; append() adds what follows in x-fastest order. Integers up
-/// to 32 bits keep exact sums of values and squares; the others keep mean and sum of squared deviations, which are
+/// What is known about (a part of) one line, slice or volume; append() adds what follows in x-fastest order. Integers
+/// up to 32 bits keep exact sums of values and squares; the others keep mean and sum of squared deviations, which are
 /// merged by Chan, Golub and LeVeque's update ("Updating formulae and a pairwise algorithm", 1979) in a fixed order.
 struct Moments {
     std::int64_t finite = 0, nan = 0, positive_infinity = 0, negative_infinity = 0;
-    Int128 integer_sum = 0;  ///< integers: exact sum
-    Unsigned128 squares = 0; ///< integers up to 32 bits: exact sum of squares
-    double sum = 0, sum_error = 0;          ///< floats: sum of the finite values, and the part that rounding lost
-    double mean = 0, deviations = 0;        ///< floats and 64-bit integers: mean, sum of (value - mean)^2
+    Int128 integer_sum = 0;          ///< integers: exact sum
+    Unsigned128 squares = 0;         ///< integers up to 32 bits: exact sum of squares
+    double sum = 0, sum_error = 0;   ///< floats: sum of the finite values, and the part that rounding lost
+    double mean = 0, deviations = 0; ///< floats and 64-bit integers: mean less the origin, sum of (value - mean)^2
 
     /// `exact`: only counts and integer sums matter.
     void append(Moments const& next, bool exact);
@@ -32,6 +32,14 @@ struct Range {
     bool valid = false;
     double low = 0, high = 0;
     Int128 integer_low = 0, integer_high = 0;
+};
+
+/// The volume's first finite voxel. Means are kept as differences from it, so that a large common offset costs no
+/// digits.
+struct MeanOrigin {
+    bool known = false;
+    double value = 0;
+    Int128 integer = 0;
 };
 
 /// What one row of a slab contributes.
@@ -81,6 +89,7 @@ private:
     Header input_;
     Box region_;
     Moments total_;
+    MeanOrigin origin_;
     Extreme min_, max_;
     std::vector<RowStatistics> rows_; ///< scratch: one per row of a slab
     std::vector<Moments> slices_;     ///< scratch: one per slice of a slab

@@ -1,0 +1,112 @@
+# vkt convert: rounding, saturation, ranges, percentiles; NumPy as oracle.
+load helper
+
+raw() { vkt write - --format raw; }
+check() {
+    python_with numpy
+    /usr/bin/python3 -c "import numpy as np, json
+$1"
+}
+
+@test "floats to bytes: half to even, saturated, NaN to 0, all of it counted" {
+    check 'np.array([-.5, .5, 1.5, 2.5, 254.5, 255.49, 255.5, 1e20, -1e20, np.nan, np.inf], "f4").tofile("v_11x1x1_float32.raw")'
+    vkt read v_11x1x1_float32.raw | vkt convert --dtype uint8 2>remarks | raw >out
+    check 'assert np.fromfile("out", "u1").tolist() == [0, 0, 2, 2, 254, 255, 255, 255, 0, 0, 255]'
+    grep -q '4 of 11 voxels (36.36 %) clipped to \[0,255\]' remarks
+    grep -q '1 of 11 voxels (9.09 %) not a number, stored as 0' remarks
+}
+
+@test "loss is an error with --strict" {
+    vkt make ramp --dims 300 1 1 --dtype int16 -o r.vkt
+    run vkt convert r.vkt --dtype uint8 --strict -o out.vkt
+    [ "$status" -ne 0 ]
+    [ ! -e out.vkt ]
+}
+
+@test "every code survives a wider type and the way back" {
+    vkt make ramp --dims 256 16 16 --dtype uint8 -o u8.vkt
+    vkt make ramp --dims 65536 2 1 --dtype uint16 -o u16.vkt
+    vkt make noise --dims 17 18 19 --dtype uint32 -o u32.vkt
+    vkt make noise --dims 17 18 19 --dtype int64 --low -9e18 --high 9e18 -o i64.vkt
+    vkt convert u8.vkt --dtype float32 | vkt convert --dtype uint8 | vkt diff u8.vkt
+    vkt convert u8.vkt --dtype float16 | vkt convert --dtype uint8 | vkt diff u8.vkt
+    vkt convert u16.vkt --dtype float32 | vkt convert --dtype uint16 | vkt diff u16.vkt
+    vkt convert u32.vkt --dtype float64 | vkt convert --dtype uint32 | vkt diff u32.vkt
+    vkt convert u32.vkt --dtype int64 | vkt convert --dtype uint32 | vkt diff u32.vkt
+    vkt convert i64.vkt --dtype int64 | vkt diff i64.vkt
+}
+
+@test "all pairs of types agree with numpy" {
+    check 'rng = np.random.default_rng(1)
+v = np.concatenate([rng.normal(0, 300, 500), rng.uniform(-3e9, 3e9, 300), [0, -0.0, .5, -.5, 65504, 1e5, 127.5, 32767.5]])
+v[:808 - 8] = v[:800]; v.reshape(101, 2, 4).tofile("v_4x2x101_float64.raw")'
+    for from in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt read v_4x2x101_float64.raw | vkt convert --dtype $from -q | tee from.vkt | raw >from.$from
+        for to in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+            vkt convert from.vkt --dtype $to -q | raw >from.$from.$to
+        done
+    done
+    check 'types = "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split()
+import warnings; warnings.simplefilter("ignore")
+for f in types:
+    v = np.fromfile("from." + f, f)
+    for t in types:
+        got = np.fromfile(f"from.{f}.{t}", t)
+        if t[0] == "f": want = v.astype(t)
+        else:
+            i = np.iinfo(t)
+            want = np.array([min(max(int(np.rint(x)) if f[0] == "f" and np.isfinite(x) else int(x) if f[0] != "f" else i.max if x > 0 else i.min, i.min), i.max) for x in v], t)
+        assert (got == want).all(), (f, t, v[got != want][:3], got[got != want][:3], want[got != want][:3])'
+}
+
+@test "a range is spread over the type and physical values stay" {
+    vkt make ramp --dims 11 3 2 -o r.vkt
+    vkt convert r.vkt --dtype uint8 --range 2:7 >c.vkt 2>remark
+    raw <c.vkt >out
+    check 'v = np.clip(np.arange(11.), 2, 7); assert np.fromfile("out", "u1")[:11].tolist() == np.rint((v - 2) * 51).tolist()'
+    grep -q '30 of 66 voxels (45.45 %) clipped to \[0,255\]' remark
+    vkt stats c.vkt --json >s
+    check 's = json.load(open("s")); assert abs(s["min"] - 2) < 1e-12 and abs(s["max"] - 7) < 1e-12, s'
+    [ "$(vkt convert r.vkt --dtype uint8 --range 0:10 --to 100:200 -q | raw | od -An -tu1 -N11 | tr -s ' ')" = ' 100 110 120 130 140 150 160 170 180 190 200' ]
+}
+
+@test "minmax and percentiles agree with numpy, from a pipe and from a file" {
+    vkt make noise --dims 30 31 32 --dtype uint16 --seed 1 | vkt write u16.nrrd
+    vkt make noise --dims 30 31 32 --low 1000 --high 1001 --dtype float32 --seed 2 | vkt write f32.nrrd
+    for name in u16 f32; do
+        for range in minmax p1:p99 p0.5:p90; do
+            vkt convert $name.nrrd --dtype float64 --range $range -q | vkt stats --json >$name.$range
+            vkt read $name.nrrd | vkt convert --dtype float64 --range $range -q | vkt stats --json >piped
+            cmp piped $name.$range
+        done
+        vkt read $name.nrrd | raw >$name.raw
+    done
+    check 'for name, t in (("u16", "u2"), ("f32", "f4")):
+    v = np.fromfile(name + ".raw", t).astype(float)
+    for r, p in (("minmax", (0, 100)), ("p1:p99", (1, 99)), ("p0.5:p90", (.5, 90))):
+        s = json.load(open(name + "." + r)); lo, hi = np.percentile(v, p)
+        tol = 1e-9 * hi if t == "u2" else 1e-4
+        assert abs(s["min"] - lo) < tol and abs(s["max"] - hi) < tol, (name, r, s, lo, hi)'
+}
+
+@test "slabs and threads do not matter" {
+    vkt make noise --dims 33 15 21 --low -5 --high 300 | vkt write n.nrrd
+    for args in "--dtype uint8" "--dtype uint8 --range p2:p98" "--dtype int16 --range minmax" "--dtype float16"; do
+        vkt convert n.nrrd $args -q --slab 50 --threads 1 | raw >all
+        vkt convert n.nrrd $args -q --slab 1 --threads 3 | raw >cut
+        cmp all cut
+        VKT_INSTRUCTION_SET=baseline vkt convert n.nrrd $args -q | raw >cut
+        cmp all cut
+    done
+}
+
+@test "ranges that make no sense" {
+    vkt make constant --dims 4 4 4 --value 5 -o c.vkt
+    fails_with 2 "is empty" vkt convert c.vkt --dtype uint8 --range 3:3
+    fails_with 2 "not a range" vkt convert c.vkt --dtype uint8 --range 3
+    fails_with 2 "percentile" vkt convert c.vkt --dtype uint8 --range p1:p101
+    fails_with 2 "--to needs --range" vkt convert c.vkt --dtype uint8 --to 0:10
+    fails_with 2 "neither" vkt convert c.vkt
+    fails_with 3 "range to map is empty" vkt convert c.vkt --dtype uint8 --range minmax -o out.vkt
+    fails_with 2 "does not fit" vkt convert c.vkt --dtype uint8 --range 0:1 --to 0:300 -o out.vkt
+}

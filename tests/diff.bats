@@ -1,0 +1,64 @@
+# vkt diff: figures, tolerance, exit codes.
+load helper
+
+setup_more() {
+    vkt make noise --dims 17 9 13 --seed 1 -o a.vkt
+    vkt make noise --dims 17 9 13 --seed 2 -o b.vkt
+}
+
+@test "equal volumes" {
+    vkt diff a.vkt a.vkt --json >d
+    grep -q '"max_abs": 0' d
+    grep -q '"same_geometry": true' d
+    vkt diff a.vkt <a.vkt
+}
+
+@test "figures agree with numpy" {
+    python_with numpy
+    run -1 vkt diff a.vkt b.vkt --json
+    echo "$output" >d
+    for n in a b; do vkt read $n.vkt | vkt write $n.raw --format raw; done
+    /usr/bin/python3 -c '
+import numpy as np, json
+a, b, d = np.fromfile("a.raw", "f4").astype(float), np.fromfile("b.raw", "f4").astype(float), json.load(open("d"))
+e = abs(a - b); rmse = np.sqrt((e**2).mean()); i = int(np.nonzero(e)[0][0])
+assert d["max_abs"] == e.max() and abs(d["rmse"] / rmse - 1) < 1e-12, d
+assert abs(d["psnr"] - 20 * np.log10((a.max() - a.min()) / rmse)) < 1e-9 and d["differing"] == (e > 0).sum(), d
+assert d["count"] == a.size and d["first"] == [i % 17, i // 17 % 9, i // 153], d'
+}
+
+@test "tolerance decides the exit code" {
+    vkt arith add a.vkt 0.25 -o c.vkt
+    run -1 vkt diff a.vkt c.vkt
+    run -1 vkt diff a.vkt c.vkt --tolerance 0.2
+    vkt diff a.vkt c.vkt --tolerance 0.2501
+    fails_with 2 "negative" vkt diff a.vkt c.vkt --tolerance -1
+}
+
+@test "types may differ, sizes may not, geometry is reported" {
+    vkt make ramp --dims 9 8 7 -o r.vkt
+    vkt convert r.vkt --dtype uint8 | vkt diff r.vkt
+    run -1 vkt diff a.vkt r.vkt --json
+    [[ "$output" == *'"same_dims": false'* && "$output" == *'"max_abs": null'* ]]
+    vkt set r.vkt --spacing 2 | vkt diff r.vkt --json | grep -q '"same_geometry": false'
+    run -1 vkt diff --geometry r.vkt <(vkt set r.vkt --spacing 2)
+}
+
+@test "NaN equals NaN, and 64-bit integers differ by one" {
+    python_with numpy
+    /usr/bin/python3 -c '
+import numpy as np
+v = np.ones(24, "f4"); v[5] = np.nan; v.tofile("n_4x3x2_float32.raw"); v[6] = np.nan; v.tofile("m_4x3x2_float32.raw")
+w = np.full(24, 2**62, "i8"); w.tofile("i_4x3x2_int64.raw"); w[23] += 1; w.tofile("j_4x3x2_int64.raw")'
+    vkt diff n_4x3x2_float32.raw n_4x3x2_float32.raw
+    run -1 vkt diff n_4x3x2_float32.raw m_4x3x2_float32.raw --json
+    [[ "$output" == *'"differing": 1,'* ]]
+    run -1 vkt diff i_4x3x2_int64.raw j_4x3x2_int64.raw --json
+    [[ "$output" == *'"max_abs": 1,'* && "$output" == *'"first": [3, 2, 1]'* ]]
+}
+
+@test "a truncated input is an error, not a difference" {
+    vkt make noise --dims 40 40 40 | head -c 100000 >cut.vkt
+    run vkt diff cut.vkt cut.vkt
+    [ "$status" -eq 3 ]
+}

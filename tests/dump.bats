@@ -1,0 +1,53 @@
+# vkt dump and dump-range: volkit's layout, byte for byte.
+load helper
+
+@test "the layout of a small volume" {
+    vkt make ramp --dims 3 2 2 --spacing 1,0.5,2 --dtype uint8 | vkt dump >out
+    diff out - <<'END'
+Object: StructuredVolume
+  dims: (3,2,2)
+  bytesPerVoxel: 1
+  dist: (1.0,0.5,2.0)
+  voxelMapping: (0.0,255.0)
+data:
+[0]
+{
+  [0] {0.0, 1.0, 2.0}
+  [1] {0.0, 1.0, 2.0}
+}
+
+[1]
+{
+  [0] {0.0, 1.0, 2.0}
+  [1] {0.0, 1.0, 2.0}
+}
+END
+}
+
+@test "ranges in both spellings keep absolute indices" {
+    vkt make ramp --dims 6 5 4 --axis z -o r.vkt
+    vkt dump r.vkt --roi 1:3,4:5,2:4 >a
+    vkt dump r.vkt --first 1 4 2 --last 3 5 4 >b
+    vkt dump-range -i r.vkt --first 1 4 2 --last 3 5 4 >c
+    vkt dump-range -first 1 4 2 -last 3 5 4 <r.vkt >d
+    cmp a b
+    cmp a c
+    cmp a d
+    [ "$(tail -n 8 a | tr -d '\n')" = "{  [4] {2.0, 2.0}}[3]{  [4] {3.0, 3.0}}" ]
+}
+
+@test "values are physical" {
+    vkt declare-sv --dims 2 1 1 --data-format uint8 -vm -1 1 | vkt dump >out
+    grep -q 'voxelMapping: (-1.0,1.0)' out
+    grep -q '{-1.0, -1.0}' out
+}
+
+@test "ranges that make no sense" {
+    vkt make ramp --dims 6 5 4 -o r.vkt
+    fails_with 2 "no range" vkt dump-range r.vkt
+    fails_with 2 "go together" vkt dump r.vkt --first 0 0 0
+    run vkt dump r.vkt --first 0 0 0 --last 7 1 1
+    [ "$status" -eq 2 ]
+    run vkt dump r.vkt --first 2 0 0 --last 2 1 1
+    [ "$status" -eq 2 ]
+}

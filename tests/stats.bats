@@ -1,0 +1,83 @@
+# vkt stats: against NumPy, exact where it must be, the same for every cut.
+load helper
+
+check() {
+    python_with numpy
+    /usr/bin/python3 -c "import numpy as np, json
+$1"
+}
+
+@test "all types agree with numpy" {
+    for dtype in uint8 int8 uint16 int16 uint32 int32 uint64 int64; do
+        vkt make noise --dims 37 19 11 --dtype $dtype --seed 5 | vkt write v.$dtype --format raw
+        vkt read v.$dtype --dims 37 19 11 --dtype $dtype | vkt stats --json >s.$dtype
+    done
+    for dtype in float16 float32 float64; do
+        vkt make noise --dims 37 19 11 --dtype $dtype --low -3 --high 5 --seed 6 | vkt write v.$dtype --format raw
+        vkt read v.$dtype --dims 37 19 11 --dtype $dtype | vkt stats --json >s.$dtype
+    done
+    check 'for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    v = np.fromfile("v." + t, t); s = json.load(open("s." + t)); w = v.astype(np.longdouble)
+    at = lambda i: [int(i % 37), int(i // 37 % 19), int(i // 703)]
+    assert s["count"] == v.size and s["nan"] == 0 and s["inf"] == 0
+    assert s["min"] == (int(v.min()) if t[0] != "f" else float(v.min())) and s["max"] == (int(v.max()) if t[0] != "f" else float(v.max())), (t, s)
+    assert s["argmin"] == at(v.argmin()) and s["argmax"] == at(v.argmax()), (t, s)
+    if t[0] != "f": assert s["sum"] == sum(int(x) for x in v), t
+    else: assert abs(s["sum"] - w.sum()) < 1e-12 * abs(w).sum()
+    assert abs(s["mean"] - w.mean()) <= 1e-12 * abs(w).max(), t
+    assert abs(s["variance"] - w.var()) <= 1e-12 * w.var(), (t, s["variance"], w.var())
+    assert abs(s["stddev"] - w.std()) <= 1e-12 * w.std()'
+}
+
+@test "large offsets do not cost the variance" {
+    check 'rng = np.random.default_rng(7)
+(1e6 + rng.normal(0, 1, (20, 30, 40))).astype("f4").tofile("a_40x30x20_float32.raw")
+(1e9 + rng.normal(0, 1, (20, 30, 40))).tofile("b_40x30x20_float64.raw")'
+    vkt read a_40x30x20_float32.raw | vkt stats --json >a
+    vkt read b_40x30x20_float64.raw | vkt stats --json >b
+    check 'for n, t in (("a", "f4"), ("b", "f8")):
+    v = np.fromfile({"a": "a_40x30x20_float32.raw", "b": "b_40x30x20_float64.raw"}[n], t).astype(np.longdouble)
+    assert abs(json.load(open(n))["variance"] / v.var() - 1) < 1e-9'
+    vkt make constant --dims 64 64 64 --value 1 | vkt stats --json >one
+    grep -q '"mean": 1,' one
+    grep -q '"variance": 0,' one
+}
+
+@test "NaN and infinities" {
+    check 'v = np.arange(24, dtype="f4"); v[[3, 5]] = np.nan; v.tofile("n_4x3x2_float32.raw"); v[7] = np.inf; v.tofile("i_4x3x2_float32.raw")
+np.full(24, np.nan, "f4").tofile("a_4x3x2_float32.raw")
+np.array([0, -0.0, 1, 1], "f4").tofile("z_4x1x1_float32.raw")'
+    vkt stats n_4x3x2_float32.raw --json >n
+    vkt stats i_4x3x2_float32.raw --json >i
+    vkt stats a_4x3x2_float32.raw --json >a
+    vkt stats z_4x1x1_float32.raw --json >z
+    check 'n, i, a, z = (json.load(open(x)) for x in "niaz")
+assert n["count"] == 24 and n["nan"] == 2 and n["sum"] == 276 - 8 and n["mean"] == 268 / 22, n
+assert i["inf"] == 1 and i["max"] is None and i["argmax"] == [3, 1, 0] and i["variance"] is None, i
+assert a["nan"] == 24 and a["min"] is None and a["mean"] is None and a["argmin"] is None, a
+assert z["argmin"] == [0, 0, 0] and z["argmax"] == [2, 0, 0], z'
+}
+
+@test "physical values and regions" {
+    vkt make ramp --dims 10 4 3 | vkt set --slope -2 --intercept 1 | vkt stats --json >s
+    vkt make ramp --dims 10 4 3 | vkt stats --roi 2:5,:,1:2 --json >r
+    check 's, r = json.load(open("s")), json.load(open("r"))
+assert s["min"] == -17 and s["max"] == 1 and s["argmin"] == [9, 0, 0] and s["mean"] == -8 and s["variance"] == 33, s
+assert r["count"] == 12 and r["mean"] == 3 and r["argmin"] == [2, 0, 1], r'
+    fails_with 2 "--roi" vkt stats --roi 5:5,:,: <(vkt make ramp --dims 10 4 3)
+}
+
+@test "the same bits for every slab height, thread count and instruction set" {
+    vkt make noise --dims 100 37 23 --low -1 --high 1 | vkt write n.nrrd
+    vkt make noise --dims 100 37 23 --dtype int64 | vkt write i.nrrd
+    for name in n i; do
+        vkt stats $name.nrrd --json --threads 1 --slab 23 >want
+        for args in "--slab 1" "--slab 7 --threads 2" "--slab 5 --threads 5"; do vkt stats $name.nrrd --json $args | cmp - want; done
+        for set in baseline avx2; do VKT_INSTRUCTION_SET=$set vkt stats $name.nrrd --json | cmp - want; done
+    done
+}
+
+@test "a table for people" {
+    vkt make ramp --dims 4 3 2 | vkt stats >table
+    grep -qx 'mean *1.5' table
+}
