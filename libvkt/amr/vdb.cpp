@@ -15,9 +15,14 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wconversion"
 #pragma GCC diagnostic ignored "-Wshadow"
+#include <openvdb/io/Archive.h>
 #include <openvdb/io/File.h>
+#include <openvdb/io/GridDescriptor.h>
 #include <openvdb/openvdb.h>
 #pragma GCC diagnostic pop
+
+#include <filesystem>
+#include <fstream>
 
 namespace vkt {
 
@@ -39,13 +44,40 @@ std::optional<DataType> dtype_of(openvdb::GridBase const& grid) {
     return std::nullopt;
 }
 
+/// Walks the table of grids. OpenVDB itself does not look whether the stream ended: on a truncated file it goes on with
+/// arbitrary sizes, for minutes or until memory ends.
+class WholenessCheck : openvdb::io::Archive {
+public:
+    static void run(std::string const& path) {
+        WholenessCheck archive;
+        std::ifstream file(path, std::ios::binary);
+        file.exceptions(std::ios::eofbit | std::ios::failbit | std::ios::badbit);
+        auto const size = static_cast<std::int64_t>(std::filesystem::file_size(path));
+        archive.readHeader(file);
+        openvdb::MetaMap().readMeta(file);
+        if (!archive.inputHasGridOffsets()) return; // written to a stream: nothing states where grids end
+        std::int32_t const count = openvdb::io::Archive::readGridCount(file);
+        for (std::int32_t i = 0; i < count; ++i) {
+            openvdb::io::GridDescriptor descriptor;
+            descriptor.read(file);
+            if (descriptor.getGridPos() < 0 || descriptor.getGridPos() > descriptor.getEndPos() || descriptor.getEndPos() > size)
+                throw Error(ErrorKind::data, text(path, ": ended early: grid '", openvdb::Name(descriptor.gridName()), "' ends at byte ",
+                                                  static_cast<std::int64_t>(descriptor.getEndPos()), ", the file at ", size));
+            file.seekg(descriptor.getEndPos());
+        }
+    }
+};
+
 /// An open file; OpenVDB's exceptions become ours.
 class VdbFile {
 public:
     explicit VdbFile(std::string const& path) : path_(path), file_(path) {
         if (access(path.c_str(), R_OK) != 0)
             throw Error(ErrorKind::io, text("cannot read ", path, ": ", std::strerror(errno)));
-        guarded([&] { file_.open(false); });
+        guarded([&] {
+            WholenessCheck::run(path);
+            file_.open(false);
+        });
     }
 
     AmrListing list() {
