@@ -54,15 +54,18 @@ public:
         file.exceptions(std::ios::eofbit | std::ios::failbit | std::ios::badbit);
         auto const size = static_cast<std::int64_t>(std::filesystem::file_size(path));
         archive.readHeader(file);
+        openvdb::io::setVersion(file, archive.libraryVersion(), archive.fileVersion());
         openvdb::MetaMap().readMeta(file);
         if (!archive.inputHasGridOffsets()) return; // written to a stream: nothing states where grids end
         std::int32_t const count = openvdb::io::Archive::readGridCount(file);
         for (std::int32_t i = 0; i < count; ++i) {
             openvdb::io::GridDescriptor descriptor;
             descriptor.read(file);
-            if (descriptor.getGridPos() < 0 || descriptor.getGridPos() > descriptor.getEndPos() || descriptor.getEndPos() > size)
-                throw Error(ErrorKind::data, text(path, ": ended early: grid '", openvdb::Name(descriptor.gridName()), "' ends at byte ",
-                                                  static_cast<std::int64_t>(descriptor.getEndPos()), ", the file at ", size));
+            if (descriptor.getGridPos() < 0 || descriptor.getGridPos() > descriptor.getEndPos() ||
+                descriptor.getEndPos() > size)
+                throw Error(ErrorKind::data,
+                            text(path, ": ended early: grid '", openvdb::Name(descriptor.gridName()), "' ends at byte ",
+                                 static_cast<std::int64_t>(descriptor.getEndPos()), ", the file at ", size));
             file.seekg(descriptor.getEndPos());
         }
     }
