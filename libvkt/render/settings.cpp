@@ -64,46 +64,46 @@ void SettingsParameters::declare(Parameters& list) {
     list_ = &list;
     RenderSettings& s = settings_;
     list.option("render-algo", algorithm_, "ALGORITHM", "how light travels").alias("ra");
-    list.option("size", size_, "WxH", "pixels of the picture (default 512x512)");
+    list.option("size", size_, "WxH", "pixels of the picture");
     list.option("background", background_, "R,G,B[,A]",
                 "sRGB colour behind the volume, 0 to 1; A below 1 keeps the picture transparent");
 
-    list.option("view", s.camera.view, "VIEW", "side the camera stands on: oblique (default), x, -x, y, -y, z, -z");
+    list.option("view", s.camera.view, "VIEW", "side the camera stands on: oblique, x, -x, y, -y, z, -z");
     list.option("azimuth", s.camera.azimuth, "DEGREES", "turn around z; 0 is the -y side, 90 the x side");
     list.option("elevation", s.camera.elevation, "DEGREES", "height above the xy plane, -90 to 90");
     list.option("eye", s.camera.eye, "X,Y,Z", "camera position in world units; overrules view and angles");
     list.option("target", s.camera.target, "X,Y,Z",
                 "point to look at in world units (default: centre of what is shown)");
     list.option("up", s.camera.up, "X,Y,Z", "direction that points upwards in the picture");
-    list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large (default 1)");
-    list.option("fov", s.camera.fov, "DEGREES", "vertical field of view (default 30)");
-    list.option("projection", s.camera.projection, "PROJECTION", "perspective (default) or orthographic");
-    list.option("fit", s.camera.fit, "WHAT", "default camera shows the visible content (default) or the whole volume");
+    list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large");
+    list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
+    list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
+    list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
     list.option("rgba-lookup-table", s.lut, "R G B A",
                 "transfer function: colour and opacity, 0 to 1, equally spaced over the domain")
         .alias("lut");
     list.option("transfer", transfer_file_, "FILE", "transfer function from a JSON file");
     list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
-    list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto (default)");
+    list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI",
-                "values that the colours span; also minmax, p1:p99 (percentiles), auto (default)");
+                "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit", s.unit, "DISTANCE",
                 "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
-    list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions (default 1)");
-    list.option("shade", shading_, "SHADING", "light at the camera: gradient, none, or auto (default)");
+    list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
+    list.option("shade", shading_, "SHADING", "light at the camera: auto shades iso-surfaces and automatic colours");
 
-    list.option("step", s.step, "VOXELS", "ray marching: length of a segment (default 0.5)");
+    list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
     list.flag("exact", s.exact, "ray marching: slow reference, fourth order, transfer function without a table");
     list.flag("no-skip", no_skip_, "ray marching: sample empty space too; the picture is the same");
 
     list.option("iso", s.isos, "VALUE", "implicit-iso: values of the surfaces (default: chosen from the data)");
 
-    list.option("spp", s.samples, "N", "multi-scattering: paths per pixel (default 64)");
+    list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
-    list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers (default 0)");
-    list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1 (default 1)");
-    list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear (default 1,1,1)");
+    list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
+    list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
+    list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
 

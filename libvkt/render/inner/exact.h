@@ -26,10 +26,15 @@ VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
             a.green + f * (b.green - a.green), a.blue + f * (b.blue - a.blue)};
 }
 
+/// Radiance before it is rounded.
+struct ExactRadiance {
+    double red, green, blue, transmittance;
+};
+
 /// Fourth order in the length of the parts: within a lattice cell the value along a ray is a cubic, and extinction is
 /// taken as linear through the two Gauss points. Parts are cells cut into pieces no longer than the step.
 template <Sampler S>
-VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+VKT_HD ExactRadiance exact_integral(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     constexpr double offset = 0.28867513459481287; // 1 / (2 sqrt 3)
     double red = 0, green = 0, blue = 0, depth = 0;
     CellWalk<double> cells;
@@ -64,8 +69,14 @@ VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& r
             depth += through;
         }
     } while (cells.advance());
-    return {static_cast<float>(red), static_cast<float>(green), static_cast<float>(blue),
-            static_cast<float>(std::exp(-depth))};
+    return {red, green, blue, std::exp(-depth)};
+}
+
+template <Sampler S>
+VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ExactRadiance const r = exact_integral(sampler, scene, ray, counters);
+    return {static_cast<float>(r.red), static_cast<float>(r.green), static_cast<float>(r.blue),
+            static_cast<float>(r.transmittance)};
 }
 
 } // namespace vkt::render

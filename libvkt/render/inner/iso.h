@@ -104,6 +104,11 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
                 scene.cells.ny, scene.cells.nz);
     Side side = Side::unknown;
     int distance = 0;
+    double last = 0; // rounding must not turn the order of crossings around
+    auto const met = [&](double t, Side behind) __attribute__((always_inline)) {
+        last = t > last ? t : last;
+        return hit(last, behind);
+    };
     do {
         std::int64_t const index = scene.cells.index(outer.cell);
         double const lowest = scene.cells.lowest[index];
@@ -111,7 +116,7 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
         if (distance > 0) {
             // All cells within that distance lie on one side, as they share faces.
             Side const here = lowest >= iso ? Side::above : Side::below;
-            if (side != Side::unknown && side != here && !hit(outer.t, here)) return;
+            if (side != Side::unknown && side != here && !met(outer.t, here)) return;
             side = here;
             continue;
         }
@@ -138,13 +143,13 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
                 side = Side::unknown;
             } else if (above || below) {
                 Side const here = above ? Side::above : Side::below;
-                if (side != Side::unknown && side != here && !hit(t0, here)) return;
+                if (side != Side::unknown && side != here && !met(t0, here)) return;
                 side = here;
             } else {
                 Cubic const f = cubic_along(v, ray.entry + ray.direction * t0 - cell, ray.direction * width);
                 bool const on = cross_cell(
                     f, iso, side, [&](double s, Side behind) __attribute__((always_inline)) {
-                        return hit(t0 + s * width, behind);
+                        return met(t0 + s * width, behind);
                     });
                 if (!on) return;
             }

@@ -8,7 +8,7 @@
 namespace vkt::render {
 
 /// Rays end where less than this is transmitted: the bias is at most a quarter of a display level.
-inline constexpr float least_transmittance = 1.0F / 1024.0F;
+inline constexpr double least_transmittance = 1.0 / 1024;
 
 /// Premultiplied linear colour and what is transmitted from behind.
 struct Radiance {
@@ -40,7 +40,7 @@ template <Sampler S> struct March {
     float length, world;
     int count; ///< segments of the whole ray
     Quad light{};
-    float transmittance = 1.0F;
+    double transmittance = 1; ///< in double, because the errors of many thin segments would add up
     int known = -1; ///< the point that `last` belongs to
     Classified last{};
     float last_position = 0;
@@ -114,14 +114,15 @@ template <Sampler S> struct March {
         }
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
-            float const share = transmittance * weight[j];
+            float const share = static_cast<float>(transmittance) * weight[j];
             if (shaded) {
                 float const g = share * glint[j];
                 light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
             } else {
                 light = light + mean[j] * (share / mean[j][0]);
             }
-            transmittance *= through[j];
+            double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
+            transmittance *= absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
             if (transmittance < least_transmittance) return;
         }
     }
@@ -184,7 +185,7 @@ VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& r
     ++counters.rays;
     counters.segments += march.count;
     counters.samples += march.samples;
-    return {march.light[1], march.light[2], march.light[3], march.transmittance};
+    return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
 }
 
 } // namespace vkt::render
