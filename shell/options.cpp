@@ -95,6 +95,8 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             CLI::Option* const option = app.add_option(spelling(p), values[&p]);
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+            // Otherwise the first positional would take the words of those after it.
+            if (p.positional && p.max_values >= 0) option->allow_extra_args(false);
             options[&p] = option;
         }
     }
