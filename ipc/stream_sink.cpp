@@ -1,5 +1,6 @@
 // The writing end: slabs are filled in a small ring of reused buffers and written by a thread behind the computation.
 // SPDX-License-Identifier: MIT
+#include "ipc/channel.h"
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 
@@ -7,6 +8,8 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <condition_variable>
 #include <cstring>
@@ -23,12 +26,19 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t ring_slabs = 3;
+constexpr std::uint32_t shared_slots = 4;
+constexpr std::chrono::milliseconds patience{250}; ///< for the next stage to take the offered memory
+/// From this size on mapping pages into the pipe beats copying them, and buffers come from fresh mappings.
+constexpr std::size_t splice_bytes = std::size_t{512} << 10;
+constexpr std::size_t mapped_bytes = std::size_t{2} << 20;
 constexpr std::size_t bricks_per_frame = 4096;
 
 struct Slab {
     Box box;
     Buffer voxels;
     std::size_t bytes = 0;
+    std::optional<std::uint32_t> slot; ///< in shared memory, by name
+    std::uint64_t spliced_at = 0;      ///< bytes written when its pages had gone into the pipe
 };
 
 iovec part(void const* data, std::size_t bytes) { return {const_cast<void*>(data), bytes}; }
@@ -37,7 +47,10 @@ iovec part(void const* data, std::size_t bytes) { return {const_cast<void*>(data
 
 class StreamSink::Writer {
 public:
-    Writer(int descriptor, StreamOptions options) : descriptor_(descriptor), options_(std::move(options)) { enlarge_pipe(descriptor); }
+    Writer(int descriptor, StreamOptions options)
+        : descriptor_(descriptor), options_(std::move(options)), pipe_bytes_(enlarge_pipe(descriptor)) {
+        if (pipe_bytes_ > 0) channel_ = std::make_unique<ProducerChannel>(descriptor);
+    }
     ~Writer() { stop(true); }
     Writer(Writer const&) = delete;
     Writer& operator=(Writer const&) = delete;
@@ -57,12 +70,22 @@ private:
     void write_text(FrameType type, std::string const& payload, bool with_magic);
     void write_slab(Slab& slab);
     void write_frame(FrameHeader frame, std::span<iovec> parts);
+    void write_voxels(FrameHeader const& frame, SlabHeader const& head, Slab& slab);
+    void meet_consumer();
+    bool take_slot();
+    bool may_splice(Slab const& slab);
+    void recycle(Slab slab);
     void work();
     void wait_until_written();
     void stop(bool cancel);
 
     int descriptor_;
     StreamOptions options_;
+    std::size_t pipe_bytes_ = 0; ///< capacity of the pipe; 0 if the output is no pipe
+    std::unique_ptr<ProducerChannel> channel_;
+    bool shares_ = false;  ///< slabs go through shared memory
+    bool direct_ = false;  ///< the reader copies out of the pipe itself, so pages may be mapped into it
+    bool told_ = false;
     Header header_;
     EndReport end_;
     double wait_ = 0;
@@ -74,7 +97,8 @@ private:
     std::condition_variable changed_;
     std::deque<Slab> queue_;
     std::vector<Slab> spare_;
-    std::size_t slabs_ = 0;  ///< buffers in circulation
+    std::deque<Slab> in_pipe_; ///< their pages may still be referenced by the pipe
+    std::size_t slabs_ = 0;    ///< buffers in circulation
     bool busy_ = false, stop_ = false, cancel_ = false;
     std::exception_ptr failure_;
     Slab current_;
@@ -113,13 +137,40 @@ void StreamSink::Writer::begin(Header const& header) {
     while ((magic.size() + sizeof(FrameHeader) + json.size()) % 64 != 0) json.insert(json.size() - 1, 1, ' ');
     write_text(FrameType::header, json, true);
     open_volume_ = true;
+    if (options_.transport == Transport::shm && header.kind == Kind::structured && !header.dry_run) meet_consumer();
+}
+
+void StreamSink::Writer::meet_consumer() {
+    shares_ = channel_ && channel_->connected(patience);
+    if (shares_ || std::exchange(told_, true) || !options_.notice) return;
+    options_.notice("the next stage does not share memory: voxels go through the pipe");
+}
+
+/// Puts the current slab into a slot of shared memory; false if there is none to be had.
+bool StreamSink::Writer::take_slot() {
+    try {
+        if (channel_->ring() == nullptr || channel_->ring()->slot_bytes() < current_.bytes) channel_->share_ring(shared_slots, current_.bytes);
+    } catch (Error const& e) {
+        shares_ = false;
+        if (!std::exchange(told_, true) && options_.notice) options_.notice(text(e.what(), ": voxels go through the pipe"));
+        return false;
+    }
+    auto const begin = Clock::now();
+    current_.slot = slot_name(channel_->generation(), channel_->acquire_slot());
+    wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
+    return true;
 }
 
 AnyView StreamSink::Writer::acquire(Box const& box) {
+    current_.bytes = static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype);
+    if (shares_) {
+        current_.box = box;
+        if (take_slot()) return dense_view(channel_->ring()->slot(*current_.slot & 0xffff), header_.dtype, box);
+    }
     {
         std::unique_lock lock(mutex_);
         auto const begin = Clock::now();
-        changed_.wait(lock, [&] { return failure_ || !spare_.empty() || slabs_ < ring_slabs; });
+        changed_.wait(lock, [&] { return failure_ || !spare_.empty() || slabs_ < ring_slabs + in_pipe_.size(); });
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
         if (failure_) std::rethrow_exception(failure_);
         if (spare_.empty()) {
@@ -132,11 +183,18 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     }
     current_.box = box;
     current_.bytes = static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype);
-    current_.voxels.reserve(current_.bytes);
+    bool const splices = channel_ && current_.bytes >= splice_bytes;
+    current_.voxels.reserve(splices ? std::max(current_.bytes, mapped_bytes) : current_.bytes);
     return dense_view(current_.voxels.write(Space::host), header_.dtype, box);
 }
 
 void StreamSink::Writer::commit() {
+    if (current_.slot) {
+        // A frame of a few bytes: the pipe always has room for as many as there are slots.
+        write_slab(current_);
+        current_ = {};
+        return;
+    }
     std::lock_guard const lock(mutex_);
     queue_.push_back(std::move(current_));
     changed_.notify_all();
@@ -160,26 +218,59 @@ void StreamSink::Writer::work() {
         }
         lock.lock();
         busy_ = false;
-        spare_.push_back(std::move(slab));
+        recycle(std::move(slab));
         if (failure) failure_ = failure;
         changed_.notify_all();
         if (failure_) return;
     }
 }
 
-void StreamSink::Writer::write_slab(Slab& slab) {
-    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, Place::here, 0, slab.bytes};
-    std::byte const* const voxels = slab.voxels.read(Space::host);
-    FrameHeader frame{FrameType::slab, flag_required, sizeof head + slab.bytes, 0, 0};
-    if (options_.checksum) {
-        frame.flags |= flag_checksum;
-        frame.checksum = hash({voxels, slab.bytes}, hash(std::as_bytes(std::span(&head, 1))));
+/// The reader must be a vkt process at the other end of this very pipe: others (pv, tee) may keep references to the pages.
+bool StreamSink::Writer::may_splice(Slab const& slab) {
+    if (!channel_ || slab.bytes < splice_bytes || slab.voxels.bytes() < mapped_bytes) return false;
+    if (!direct_) direct_ = channel_->connected();
+    return direct_;
+}
+
+/// Makes a written slab's buffer available again, once the pipe can no longer hold pages of it: after as many further
+/// bytes as the pipe has room for.
+void StreamSink::Writer::recycle(Slab slab) {
+    if (slab.spliced_at > 0)
+        in_pipe_.push_back(std::move(slab));
+    else
+        spare_.push_back(std::move(slab));
+    while (!in_pipe_.empty() && written_ >= in_pipe_.front().spliced_at + pipe_bytes_) {
+        in_pipe_.front().spliced_at = 0;
+        spare_.push_back(std::move(in_pipe_.front()));
+        in_pipe_.pop_front();
     }
-    std::array<iovec, 2> parts{part(&head, sizeof head), part(voxels, slab.bytes)};
-    write_frame(frame, parts);
+}
+
+void StreamSink::Writer::write_slab(Slab& slab) {
+    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, slab.slot ? Place::shared : Place::here, slab.slot.value_or(0), slab.bytes};
+    FrameHeader frame{FrameType::slab, flag_required, sizeof head + (slab.slot ? 0 : slab.bytes), 0, 0};
+    if (options_.checksum && !slab.slot) { // shared voxels never leave memory: there is no way on which they could be damaged
+        frame.flags |= flag_checksum;
+        frame.checksum = hash({slab.voxels.read(Space::host), slab.bytes}, hash(std::as_bytes(std::span(&head, 1))));
+    }
+    write_voxels(frame, head, slab);
     ++end_.frames;
     end_.bytes += slab.bytes;
     end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
+}
+
+void StreamSink::Writer::write_voxels(FrameHeader const& frame, SlabHeader const& head, Slab& slab) {
+    std::array<iovec, 2> parts{part(&head, sizeof head), part(nullptr, 0)};
+    if (slab.slot) return write_frame(frame, std::span(parts).first(1));
+    std::byte const* const voxels = slab.voxels.read(Space::host);
+    if (!may_splice(slab)) {
+        parts[1] = part(voxels, slab.bytes);
+        return write_frame(frame, parts);
+    }
+    write_frame(frame, std::span(parts).first(1));
+    splice_all(descriptor_, voxels, slab.bytes);
+    written_ += slab.bytes;
+    slab.spliced_at = written_;
 }
 
 void StreamSink::Writer::put_hierarchical(Volume const& volume) {

@@ -1,5 +1,6 @@
 // The reading end: parses frames, verifies them, reads ahead on a thread into a small ring of reused slabs.
 // SPDX-License-Identifier: MIT
+#include "ipc/channel.h"
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 
@@ -112,6 +113,8 @@ private:
 struct Piece {
     std::int64_t z_begin = 0, z_end = 0;
     Buffer voxels;
+    std::byte const* shared = nullptr; ///< where they lie in shared memory
+    std::uint32_t slot = 0;
 };
 
 } // namespace
@@ -152,16 +155,22 @@ private:
     void start();
     void stop();
     Piece* piece_with(std::int64_t z);
+    void hand_out(Piece piece);
+    Piece empty_piece();
+    void release_front();
+    void read_shared(SlabHeader const& slab);
+    std::vector<BrickRecord> read_records(std::uint64_t count);
     std::size_t slice_bytes() const {
         return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
     }
     ConstView view_of(Piece& piece) const {
         Box const box{{0, 0, piece.z_begin}, {header_.dims.x, header_.dims.y, piece.z_end}};
-        return dense_view(piece.voxels.read(Space::host), header_.dtype, box);
+        return dense_view(piece.shared != nullptr ? piece.shared : piece.voxels.read(Space::host), header_.dtype, box);
     }
 
     Input input_;
     StreamOptions options_;
+    std::unique_ptr<ConsumerChannel> channel_;
     Header header_;
     bool any_volume_ = false, in_volume_ = false;
     Box expected_;
@@ -269,6 +278,8 @@ bool StreamSource::Reader::next_volume() {
     }
     if (frame.type != FrameType::header) throw Error(ErrorKind::data, text("the stream on ", input_.name(), " does not begin with a header"));
     header_ = header_from_json(read_text(frame, "HEAD"));
+    // Only now is it certain that the producer is a vkt process and listens.
+    if (!channel_ && is_pipe(input_.descriptor())) channel_ = std::make_unique<ConsumerChannel>(input_.descriptor());
     any_volume_ = in_volume_ = true;
     complete_ = false;
     frames_ = bytes_ = chain_ = 0;
@@ -287,7 +298,8 @@ SlabHeader StreamSource::Reader::read_slab_header(FrameHeader const& frame) {
     if (input_.read(&slab, sizeof slab) != sizeof slab) ended_early();
     bool const in_order = slab.z_begin == next_z_ && slab.z_end > slab.z_begin && slab.z_end <= header_.dims.z;
     if (!in_order || slab.bytes != slice_bytes() * static_cast<std::uint64_t>(slab.z_end - slab.z_begin) ||
-        frame.length != sizeof slab + (slab.place == Place::here ? slab.bytes : 0) || slab.place != Place::here)
+        frame.length != sizeof slab + (slab.place == Place::here ? slab.bytes : 0) ||
+        (slab.place != Place::here && slab.place != Place::shared))
         throw Error(ErrorKind::data, text("a slab on ", input_.name(), " is out of order or of the wrong size"));
     return slab;
 }
@@ -303,7 +315,7 @@ std::int64_t StreamSource::Reader::first_slab_height() {
     }
     std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
     std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
-    return pending_slab_->bytes <= 2 * piece_bytes ? height : std::min(height, most);
+    return pending_slab_->place == Place::shared || pending_slab_->bytes <= 2 * piece_bytes ? height : std::min(height, most);
 }
 
 void StreamSource::Reader::start() {
@@ -357,10 +369,55 @@ bool StreamSource::Reader::wanted(std::int64_t z_begin, std::int64_t z_end) cons
     return z_end > expected_.lower.z && z_begin < expected_.upper.z && !expected_.empty();
 }
 
+Piece StreamSource::Reader::empty_piece() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return cancel_ || ready_.size() < ring_slabs; });
+    Piece piece;
+    if (cancel_) throw Cancelled{};
+    if (!spare_.empty()) {
+        piece = std::move(spare_.back());
+        spare_.pop_back();
+    }
+    return piece;
+}
+
+void StreamSource::Reader::hand_out(Piece piece) {
+    std::lock_guard const lock(mutex_);
+    ready_.push_back(std::move(piece));
+    changed_.notify_all();
+}
+
+/// Under the lock: the first piece is no longer needed.
+void StreamSource::Reader::release_front() {
+    Piece& piece = ready_.front();
+    if (piece.shared != nullptr)
+        channel_->give_back(piece.slot);
+    else
+        spare_.push_back(std::move(piece));
+    ready_.pop_front();
+    changed_.notify_all();
+}
+
+void StreamSource::Reader::read_shared(SlabHeader const& slab) {
+    if (!channel_) throw Error(ErrorKind::data, text("a slab on ", input_.name(), " lies in shared memory of another pipeline"));
+    Piece piece;
+    piece.shared = channel_->slot(slab.slot, slab.bytes);
+    piece.slot = slab.slot;
+    piece.z_begin = slab.z_begin;
+    piece.z_end = slab.z_end;
+    if (wanted(slab.z_begin, slab.z_end))
+        hand_out(std::move(piece));
+    else
+        channel_->give_back(slab.slot);
+    bytes_ += slab.bytes;
+}
+
 void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const& slab) {
     bool const check = (frame.flags & flag_checksum) != 0;
     if (!check) all_checked_ = false;
-    if (!wanted(slab.z_begin, slab.z_end)) {
+    if (slab.place == Place::shared) {
+        read_shared(slab);
+    } else if (!wanted(slab.z_begin, slab.z_end)) {
         // Nobody will look at these voxels: their length counts, their bytes are not even copied.
         std::size_t const got = input_.discard(slab.bytes);
         bytes_ += got;
@@ -372,16 +429,7 @@ void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const&
                                         ? slab.z_end - slab.z_begin
                                         : static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice));
         for (std::int64_t z = slab.z_begin; z < slab.z_end; z += height) {
-            Piece piece;
-            {
-                std::unique_lock lock(mutex_);
-                changed_.wait(lock, [&] { return cancel_ || ready_.size() < ring_slabs; });
-                if (cancel_) return;
-                if (!spare_.empty()) {
-                    piece = std::move(spare_.back());
-                    spare_.pop_back();
-                }
-            }
+            Piece piece = empty_piece();
             piece.z_begin = z;
             piece.z_end = std::min(z + height, slab.z_end);
             std::size_t const bytes = static_cast<std::size_t>(piece.z_end - piece.z_begin) * slice;
@@ -396,9 +444,7 @@ void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const&
                 if (got != n) ended_early();
                 if (check) hasher.add({target + done, n});
             }
-            std::lock_guard const lock(mutex_);
-            ready_.push_back(std::move(piece));
-            changed_.notify_all();
+            hand_out(std::move(piece));
         }
         verify(frame, check ? hasher.value() : 0);
     }
@@ -412,11 +458,7 @@ Piece* StreamSource::Reader::piece_with(std::int64_t z) {
     start();
     std::unique_lock lock(mutex_);
     while (true) {
-        while (!ready_.empty() && ready_.front().z_end <= z) {
-            spare_.push_back(std::move(ready_.front()));
-            ready_.pop_front();
-            changed_.notify_all();
-        }
+        while (!ready_.empty() && ready_.front().z_end <= z) release_front();
         for (auto& piece : ready_)
             if (piece.z_begin <= z && z < piece.z_end) return &piece;
         if (failure_) std::rethrow_exception(failure_);
@@ -460,17 +502,27 @@ void StreamSource::Reader::finish() {
     start();
     while (true) {
         std::unique_lock lock(mutex_);
-        while (!ready_.empty()) {
-            spare_.push_back(std::move(ready_.front()));
-            ready_.pop_front();
-        }
-        changed_.notify_all();
+        while (!ready_.empty()) release_front();
         if (complete_) break;
         changed_.wait(lock);
     }
     if (thread_.joinable()) thread_.join();
     in_volume_ = false;
     if (failure_) std::rethrow_exception(failure_);
+}
+
+/// Grows with what arrives: the stated count allocates nothing.
+std::vector<BrickRecord> StreamSource::Reader::read_records(std::uint64_t count) {
+    constexpr std::uint64_t batch = 4096;
+    std::vector<BrickRecord> records;
+    while (records.size() < count) {
+        std::size_t const old = records.size();
+        std::size_t const more = std::min(batch, count - old);
+        records.resize(old + more);
+        std::size_t const bytes = more * sizeof(BrickRecord);
+        if (input_.read(records.data() + old, bytes) != bytes) ended_early();
+    }
+    return records;
 }
 
 Volume StreamSource::Reader::load_hierarchical() {
@@ -488,9 +540,8 @@ Volume StreamSource::Reader::load_hierarchical() {
         if (group.first != bricks.size() || group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
             group.count > (frame.length - sizeof group) / sizeof(BrickRecord))
             throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
-        std::vector<BrickRecord> records(group.count);
+        std::vector<BrickRecord> const records = read_records(group.count);
         std::size_t const record_bytes = records.size() * sizeof(BrickRecord);
-        if (input_.read(records.data(), record_bytes) != record_bytes) ended_early();
         std::int64_t cells = 0;
         for (auto const& r : records) {
             Brick const brick{{r.lower[0], r.lower[1], r.lower[2]}, {r.dims[0], r.dims[1], r.dims[2]}, r.level};

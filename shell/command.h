@@ -74,6 +74,8 @@ public:
 /// Does something else entirely (help, completion, pipe); gets its raw words.
 using Body = std::function<int(std::vector<std::string> const& words)>;
 
+struct NamedCommand;
+
 struct Command {
     Texts texts;
     /// Exactly one of these is set. Makers, because each use (also within `vkt pipe`) needs its own parameters.
@@ -81,7 +83,12 @@ struct Command {
     std::function<std::unique_ptr<Consumer>()> consumer;
     std::function<std::unique_ptr<Opener>()> opener;
     Body body;
-    std::vector<std::pair<std::string, Command>> verbs; ///< sub-verbs: filter gaussian, make sphere
+    std::vector<NamedCommand> verbs; ///< sub-verbs: filter gaussian, make sphere
+};
+
+struct NamedCommand {
+    std::string name;
+    Command command;
 };
 
 template <class T>
@@ -107,6 +114,6 @@ Command opener_command(Texts texts) {
 }
 
 /// All commands by verb, in alphabetical order; generated at configure time from the files in commands/.
-std::vector<std::pair<std::string, Command>> const& commands();
+std::vector<NamedCommand> const& commands();
 
 } // namespace vkt::shell

@@ -53,7 +53,7 @@ std::string usage_line(Invocation& invocation) {
 
 void examples_into(std::string& lines, Command const& command) {
     for (auto const& example : command.texts.examples) lines += example.line + "\n";
-    for (auto const& verb : command.verbs) examples_into(lines, verb.second);
+    for (auto const& verb : command.verbs) examples_into(lines, verb.command);
 }
 
 } // namespace
@@ -71,7 +71,7 @@ std::string verb_list() {
     std::string result;
     for (auto const& [name, command] : commands()) {
         if (command.verbs.empty()) result += name + "\n";
-        for (auto const& verb : command.verbs) result += text(name, " ", verb.first, "\n");
+        for (auto const& verb : command.verbs) result += text(name, " ", verb.name, "\n");
     }
     return result;
 }
@@ -136,14 +136,14 @@ std::vector<std::string> completions(std::vector<std::string> words) {
         if (candidate.starts_with(prefix)) candidates.push_back(candidate);
     };
     if (words.empty()) {
-        for (auto const& entry : commands()) offer(entry.first);
+        for (auto const& entry : commands()) offer(entry.name);
         return candidates;
     }
     try {
         Invocation invocation(find_verb(words));
         Command const& command = invocation.command();
         if (!command.verbs.empty() && words.size() == 1) {
-            for (auto const& verb : command.verbs) offer(verb.first);
+            for (auto const& verb : command.verbs) offer(verb.name);
             return candidates;
         }
         std::string const& before = words.back();

@@ -10,14 +10,14 @@
 namespace vkt::shell {
 namespace {
 
-Command const* lookup(std::vector<std::pair<std::string, Command>> const& list, std::string const& name) {
-    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.first == name; });
-    return found == list.end() ? nullptr : &found->second;
+Command const* lookup(std::vector<NamedCommand> const& list, std::string const& name) {
+    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.name == name; });
+    return found == list.end() ? nullptr : &found->command;
 }
 
-std::vector<std::string> names_of(std::vector<std::pair<std::string, Command>> const& list) {
+std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
     std::vector<std::string> names;
-    for (auto const& entry : list) names.push_back(entry.first);
+    for (auto const& entry : list) names.push_back(entry.name);
     return names;
 }
 
@@ -80,7 +80,7 @@ void Invocation::parse() {
     }
     if (!verb_.command->verbs.empty() && !operation_) {
         std::vector<std::string> names;
-        for (auto const& entry : verb_.command->verbs) names.push_back(entry.first);
+        for (auto const& entry : verb_.command->verbs) names.push_back(entry.name);
         throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")), text("try 'vkt ", verb_.name, " --help'"));
     }
     parse_words(words, {&own_, &positional_inputs_, &shared_});

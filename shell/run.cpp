@@ -199,7 +199,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        source = open_volume(std::move(bytes), {});
+        source = prefetch(open_volume(std::move(bytes), {}), execution_of(stage));
     }
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     return source;
@@ -357,14 +357,26 @@ int Runner::run() {
     for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
     check_ends();
     std::unique_ptr<Source> source;
-    for (auto& stage : stages_) {
-        if (stage.consumer() != nullptr) return consume(stage, std::move(source));
-        source = build(stage, std::move(source));
+    try {
+        for (auto& stage : stages_) {
+            if (stage.consumer() != nullptr) return consume(stage, std::move(source));
+            source = build(stage, std::move(source));
+        }
+    } catch (std::exception const& e) {
+        say_downstream(last_, e.what());
+        throw;
     }
     return drain(std::move(source));
 }
 
 } // namespace
+
+void say_downstream(Invocation const& stage, std::string const& message) {
+    bool const streams = stage.yields_volumes() && stage.common().output == "-" && ipc::is_pipe(STDOUT_FILENO);
+    if (!streams) return;
+    ipc::StreamSink sink(STDOUT_FILENO, {});
+    tell(sink, stage.stage(), message);
+}
 
 int run(std::vector<Invocation>& stages) {
     Runner runner(stages);
@@ -381,7 +393,12 @@ int run_words(std::vector<std::string> const& words) {
     std::vector<Invocation> stages;
     stages.emplace_back(verb);
     Invocation& stage = stages.front();
-    stage.parse();
+    try {
+        stage.parse();
+    } catch (Error const& e) {
+        say_downstream(stage, e.what());
+        throw;
+    }
     if (stage.common().examples || stage.common().help) {
         std::string const answer = stage.common().examples ? command_examples(*verb.command) : command_help(stage);
         std::fputs(answer.c_str(), stdout);

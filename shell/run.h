@@ -16,6 +16,9 @@ int run(std::vector<Invocation>& stages);
 /// Parses and runs one command line (without the leading "vkt"); help requests are answered here.
 int run_words(std::vector<std::string> const& words);
 
+/// A stage that fails before it has opened its output tells the next one all the same, so that only one complains.
+void say_downstream(Invocation const& stage, std::string const& message);
+
 /// Runs a body, prints its error in one line, returns the exit code: the one place where errors end.
 int guarded(std::string const& stage, std::function<int()> const& body);
 

@@ -94,7 +94,7 @@ fi
 
 if has tsan && build tsan; then
     # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
-    export TSAN_OPTIONS="suppressions=$root/tests/tsan.suppressions:ignore_noninstrumented_modules=1:halt_on_error=1"
+    export TSAN_OPTIONS="ignore_noninstrumented_modules=1:halt_on_error=1"
     export OMP_TOOL=enabled
     check build-tsan tsan -R 'Engine|Pipeline|Stream|Transport|Spool|Prefetch|Buffer|Parallel|bats/(pipe|properties|filter-gaussian|resample|arith)\.bats'
     unset TSAN_OPTIONS OMP_TOOL

@@ -45,6 +45,8 @@ private:
 class LibraryGuard {
 public:
     LibraryGuard() : lock_(mutex()) {
+        // Damaged files leave things open inside the library, and it would complain about them when the process ends.
+        [[maybe_unused]] static bool const quiet_end = H5dont_atexit() >= 0;
         H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
         H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     }

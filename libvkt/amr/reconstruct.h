@@ -74,7 +74,6 @@ public:
     std::size_t state_bytes() const;
 
 private:
-    struct TileOutput;
     void bin(Box const& region, Index3 const& tiles, Index3 const& first_tile, std::vector<std::int64_t>& starts,
              std::vector<std::int32_t>& ids) const;
 

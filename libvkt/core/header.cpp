@@ -180,7 +180,11 @@ std::string to_json(Header const& header) {
     if (header.dry_run) result["dry_run"] = true;
     if (header.timing) result["timing"] = true;
     if (header.history) result["history"] = to_value(*header.history);
-    return result.dump(1, ' ', false, Json::error_handler_t::replace);
+    // One key a line: a person who looks into a stream shall see what it is.
+    std::string text = "{";
+    for (auto const& [key, value] : result.items())
+        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ", value.dump(-1, ' ', false, Json::error_handler_t::replace));
+    return text + "\n}";
 }
 
 Header header_from_json(std::string_view json) {

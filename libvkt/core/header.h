@@ -74,7 +74,7 @@ inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
 /// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
 void check(Header const& header);
 
-std::string to_json(Header const& header);     ///< one object, two-space indent, fixed key order
+std::string to_json(Header const& header);     ///< one object, one key a line, fixed order
 Header header_from_json(std::string_view text); ///< throws Error{data}; unknown keys are ignored
 
 /// The pipeline that a history tree describes, as a line a POSIX shell (with process substitution) runs.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/link.h"
 
+#include "libvkt/amr/apply.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
@@ -126,6 +127,9 @@ bool Link::next_volume() {
 void Link::plan_volume() {
     std::vector<Header> headers;
     for (auto const& input : inputs_) headers.push_back(input->header());
+    tree_.reset();
+    bool const hierarchical = std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
+    if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
     plan_ = operation_.plan(headers);
     check(plan_.output);
     if (!headers.empty()) {
@@ -145,6 +149,34 @@ void Link::plan_volume() {
     if (plan_.scans) scan();
 }
 
+/// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
+void Link::plan_tree(std::vector<Header> const& headers) {
+    std::vector<Volume> volumes;
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        if (headers[i].kind == Kind::hierarchical)
+            volumes.push_back(inputs_[i]->load_hierarchical());
+        else
+            volumes.push_back(load(*inputs_[i], requested_));
+    }
+    execution_ = requested_;
+    execution_.device = Device::cpu;
+    tree_remarks_.clear();
+    Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+    tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &tree_remarks_);
+    plan_ = {};
+    plan_.output = tree_->header();
+    plan_.output.timing = headers.front().timing;
+    if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
+    tree_->header().history = plan_.output.history;
+    if (info_.times) info_.times->voxels += plan_.output.voxels();
+    if (info_.on_plan) info_.on_plan(plan_, headers);
+}
+
+Volume Link::load_hierarchical() {
+    if (!tree_) return Source::load_hierarchical();
+    return std::move(*tree_);
+}
+
 void Link::scan() {
     Input& input = *inputs_.front();
     scan_volume(input, operation_, requested_, info_.times.get());
@@ -153,11 +185,13 @@ void Link::scan() {
 }
 
 Access Link::access() const {
+    if (tree_) return Access::random;
     bool const random = std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
 }
 
 std::int64_t Link::natural_slab() const {
+    if (tree_) return 0;
     if (plan_.slab_hint > 0) return plan_.slab_hint;
     bool const in_step = operation_.shape() == Shape::pointwise || (plan_.shift && plan_.shift->z == 0);
     if (!inputs_.empty() && in_step && plan_.access == Access::forward) return inputs_.front()->natural_slab();
@@ -165,7 +199,7 @@ std::int64_t Link::natural_slab() const {
 }
 
 void Link::expect(Box const& region) {
-    if (region.empty()) return;
+    if (tree_ || region.empty() || plan_.access == Access::random) return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = plan_.shift ? moved(region) : operation_.footprint(region, static_cast<int>(i));
         inputs_[i]->expect(intersect(footprint, box_of(inputs_[i]->header().dims)));
@@ -173,6 +207,7 @@ void Link::expect(Box const& region) {
 }
 
 std::optional<ConstView> Link::borrow(Box const& region) {
+    if (tree_) return tree_->view().part(region);
     if (!plan_.shift) return std::nullopt;
     auto lent = inputs_.front()->borrow(moved(region));
     if (!lent || lent->space != space()) return std::nullopt;
@@ -188,6 +223,7 @@ ConstView Link::fetch(std::size_t i, Box const& footprint) {
 }
 
 void Link::read(AnyView out) {
+    if (tree_) return copy_region(tree_->view().part(out.box), out, execution_);
     if (plan_.shift) {
         AnyView const to = out.moved_to(out.box.lower + *plan_.shift);
         if (auto const lent = inputs_.front()->borrow(to.box))
@@ -227,9 +263,10 @@ void Link::run(AnyView out) {
 }
 
 void Link::finish() {
-    for (auto& input : inputs_) input->finish();
+    if (!tree_)
+        for (auto& input : inputs_) input->finish();
     if (!info_.listener) return;
-    for (auto const& remark : operation_.remarks()) info_.listener(info_.name, remark.message, remark.lossy);
+    for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks()) info_.listener(info_.name, remark.message, remark.lossy);
 }
 
 } // namespace vkt

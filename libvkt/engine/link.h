@@ -17,9 +17,10 @@ public:
     Access access() const override;
     void read(AnyView out) override;
     std::optional<ConstView> borrow(Box const& region) override;
+    Volume load_hierarchical() override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
-    Space space() const override { return execution_.space(); }
+    Space space() const override { return tree_ ? Space::host : execution_.space(); }
     void finish() override;
 
 private:
@@ -35,6 +36,7 @@ private:
         void expect(Box const& region) override;
         std::int64_t natural_slab() const override { return source_->natural_slab(); }
         Space space() const override { return spool_ ? Space::host : source_->space(); }
+        Volume load_hierarchical() override { return source_->load_hierarchical(); }
         void finish() override;
         void spool(Execution const& execution, StageInfo const& info);
 
@@ -46,6 +48,7 @@ private:
     };
 
     void plan_volume();
+    void plan_tree(std::vector<Header> const& headers);
     void scan();
     void run(AnyView out);
     ConstView fetch(std::size_t i, Box const& footprint);
@@ -56,6 +59,8 @@ private:
     Execution requested_, execution_;
     StageInfo info_;
     Plan plan_;
+    std::optional<Volume> tree_;       ///< the result, if an input is hierarchical: computed at once
+    std::vector<Remark> tree_remarks_;
     Buffer staging_;
     bool generated_ = false; ///< a source operation yields exactly one volume
 };

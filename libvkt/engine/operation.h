@@ -83,6 +83,15 @@ public:
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;
 
+    /// Hierarchical volumes: the cells that scan() and run() see next are this many finest cells wide along each axis, and
+    /// positions count cells of their level. Reductions weight by the product, operations with regions scale them.
+    virtual void enter_level(Index3 /*cell_width*/) {}
+    /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
+    /// brick by brick.
+    virtual bool uses_position() const { return true; }
+    /// Geometric operations that have a form of their own for hierarchical volumes compute it here and say true.
+    virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
+
     /// True if run() works on device memory.
     virtual bool runs_on_gpu() const { return false; }
     /// What was clipped, not a number, … in the volume just finished.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
 
+#include "libvkt/amr/apply.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/link.h"
@@ -34,6 +35,11 @@ private:
     std::vector<Volume> volumes_;
     std::size_t next_ = 0;
 };
+
+void tell_remarks(Operation const& operation, StageInfo const& info) {
+    if (!info.listener) return;
+    for (auto const& remark : operation.remarks()) info.listener(info.name, remark.message, remark.lossy);
+}
 
 } // namespace
 
@@ -89,19 +95,24 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
 
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
+    if (headers.front().kind == Kind::hierarchical && !headers.front().dry_run) {
+        reduce_hierarchical(reduction, source.load_hierarchical(), execution);
+        return tell_remarks(reduction, info);
+    }
     Plan const plan = reduction.plan(headers);
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
     scan_volume(source, reduction, execution, info.times.get());
     source.finish();
-    if (!info.listener) return;
-    for (auto const& remark : reduction.remarks()) info.listener(info.name, remark.message, remark.lossy);
+    tell_remarks(reduction, info);
 }
 
 void drain_volume(Source& source, Sink& sink, Execution const& execution) {
     Header const header = source.header();
     sink.begin(header);
-    if (!header.dry_run) {
+    if (header.kind == Kind::hierarchical && !header.dry_run) {
+        sink.put_hierarchical(source.load_hierarchical());
+    } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
         if (hint == 0) hint = sink.natural_slab();
         std::int64_t const height = slab_height(header, hint, execution);
@@ -123,6 +134,7 @@ void drain(Source& source, Sink& sink, Execution const& execution) {
 
 Volume load(Source& source, Execution const& execution) {
     Header header = source.header();
+    if (header.kind == Kind::hierarchical) return source.load_hierarchical();
     std::size_t const bytes = header.bytes();
     if (bytes > execution.memory)
         throw Error(ErrorKind::resources,

@@ -100,7 +100,7 @@ void Window::fill_outer_slices(Source& source, std::int64_t kept0, std::int64_t 
         slice.lower.z = z;
         slice.upper.z = z + 1;
         std::int64_t const from = fold(z, rule_.volume_dims.z, rule_.boundary);
-        if (from >= region.lower.z && from < region.upper.z) {
+        if (from >= 0 && from >= region.lower.z && from < region.upper.z) {
             Box twin = slice;
             twin.lower.z = from;
             twin.upper.z = from + 1;

@@ -85,6 +85,27 @@
     }
 #endif
 
+/// The same for kernels that run on CPUs only; their operations leave runs_on_gpu() false, and their back-end part stands
+/// inside #ifndef __CUDACC__.
+#if VKT_HOST
+#define VKT_CPU_KERNEL(name, params, args)                                                                             \
+    namespace baseline {                                                                                               \
+    void name params;                                                                                                  \
+    }                                                                                                                  \
+    VKT_IN_X86_BACKENDS(void name params)                                                                              \
+    static void name params {                                                                                          \
+        VKT_CALL_X86_BACKEND(name, args)                                                                               \
+        return baseline::name args;                                                                                    \
+    }
+#elif defined(__CUDACC__)
+#define VKT_CPU_KERNEL(name, params, args)
+#else
+#define VKT_CPU_KERNEL(name, params, args)                                                                             \
+    namespace VKT_BACKEND {                                                                                            \
+    void name params;                                                                                                  \
+    }
+#endif
+
 namespace vkt {
 
 /// Throws Error{resources}: this build has no CUDA.

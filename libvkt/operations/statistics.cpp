@@ -9,8 +9,9 @@
 
 namespace vkt {
 
-VKT_KERNEL(row_statistics, (ConstView slab, RowStatistics* rows, Execution const& execution), (slab, rows, execution))
+VKT_CPU_KERNEL(row_statistics, (ConstView slab, RowStatistics* rows, Execution const& execution), (slab, rows, execution))
 
+#ifndef __CUDACC__
 namespace VKT_BACKEND {
 namespace {
 
@@ -281,6 +282,7 @@ void row_statistics(ConstView slab, RowStatistics* rows, Execution const& execut
 }
 
 } // namespace VKT_BACKEND
+#endif
 
 #if VKT_HOST
 

@@ -26,7 +26,8 @@ struct Basis {
 };
 Basis basis_of(Camera const& camera) {
     Vec3 const way = camera.target - camera.eye;
-    if (!(dot(way, way) > 0)) throw Error(ErrorKind::usage, "the camera's eye lies on its target", "move --eye or --target");
+    if (!(dot(way, way) > 0))
+        throw Error(ErrorKind::usage, "the camera's eye lies on its target", "move --eye or --target");
     Basis b{unit(way), {}, {}};
     Vec3 side = cross(b.forward, camera.up);
     // Looking along the up direction: any other axis serves.
@@ -41,7 +42,13 @@ Basis basis_of(Camera const& camera) {
 Vec3 side_of_view(CameraRequest const& request) {
     double azimuth = 32, elevation = 22;
     static constexpr std::array<std::pair<char const*, std::array<double, 2>>, 7> views{{
-        {"oblique", {32, 22}}, {"-y", {0, 0}}, {"x", {90, 0}}, {"y", {180, 0}}, {"-x", {270, 0}}, {"z", {0, 90}}, {"-z", {0, -90}},
+        {"oblique", {32, 22}},
+        {"-y", {0, 0}},
+        {"x", {90, 0}},
+        {"y", {180, 0}},
+        {"-x", {270, 0}},
+        {"z", {0, 90}},
+        {"-z", {0, -90}},
     }};
     bool known = false;
     std::vector<std::string> names;
@@ -63,25 +70,28 @@ Vec3 side_of_view(CameraRequest const& request) {
 
 } // namespace
 
-std::array<Vec3, 8> corners_of(Geometry const& geometry, Index3 dims) {
+std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box) {
     std::array<Vec3, 8> corners;
     for (std::size_t i = 0; i < 8; ++i) {
-        auto const at = [&](std::size_t bit, std::int64_t n) { return (i >> bit & 1U) != 0 ? static_cast<double>(n) - 0.5 : -0.5; };
-        corners[i] = index_to_world(geometry, {at(0, dims.x), at(1, dims.y), at(2, dims.z)});
+        auto const at = [&](int axis) {
+            return static_cast<double>((i >> axis & 1U) != 0 ? box.upper[axis] : box.lower[axis]) - 0.5;
+        };
+        corners[i] = index_to_world(geometry, {at(0), at(1), at(2)});
     }
     return corners;
 }
 
-Camera make_camera(CameraRequest const& request, Geometry const& geometry, Index3 dims, double aspect) {
-    if (!(request.fov > 0 && request.fov < 180)) throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
+Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corners, double aspect) {
+    if (!(request.fov > 0 && request.fov < 180))
+        throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
     if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
-    auto const corners = corners_of(geometry, dims);
     Vec3 centre{0, 0, 0};
     for (Vec3 const& c : corners) centre = centre + c * 0.125;
 
     Camera camera;
     camera.projection = request.projection;
-    double const tangent = std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
+    double const tangent =
+        std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
     camera.fov = 2 * std::atan(tangent) * 180 / std::numbers::pi;
     camera.target = request.target.value_or(centre);
     Vec3 const side = side_of_view(request);
@@ -101,7 +111,9 @@ Camera make_camera(CameraRequest const& request, Geometry const& geometry, Index
         half_height = std::max(half_height, std::max(x, y) * margin);
         radius = std::max(radius, std::sqrt(dot(c, c)));
     }
-    if (!request.eye) camera.eye = camera.target - b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance);
+    if (!request.eye)
+        camera.eye = camera.target -
+                     b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance);
     camera.height = 2 * half_height / request.zoom;
     return camera;
 }
@@ -145,7 +157,8 @@ RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int
 
 std::string camera_text(Camera const& c) {
     std::string const head = text("eye ", c.eye, " target ", c.target, " up ", c.up);
-    return c.projection == Projection::perspective ? text(head, " fov ", c.fov) : text(head, " orthographic height ", c.height);
+    return c.projection == Projection::perspective ? text(head, " fov ", c.fov)
+                                                   : text(head, " orthographic height ", c.height);
 }
 
 } // namespace vkt::render

@@ -5,6 +5,8 @@
 #include "libvkt/core/geometry.h"
 #include "libvkt/render/inner/ray.h"
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -21,23 +23,27 @@ struct Camera {
     double height = 1; ///< orthographic only, world units
 };
 
+/// What the default camera shows: all that the transfer function lets see, or the whole box of the volume.
+enum class Fit : std::uint8_t { content, volume };
+
 /// What the user asks for; the rest follows from the volume.
 struct CameraRequest {
-    std::string view = "oblique";          ///< x, -x, y, -y, z, -z (the side on which the camera stands) or oblique
-    std::optional<double> azimuth;         ///< degrees around z, 0 on the -y side, towards +x
-    std::optional<double> elevation;       ///< degrees above the xy plane, in [-90, 90]
-    std::optional<Vec3> eye, target, up;   ///< world units; an eye overrules view and angles
+    std::string view = "oblique";        ///< x, -x, y, -y, z, -z (the side on which the camera stands) or oblique
+    std::optional<double> azimuth;       ///< degrees around z, 0 on the -y side, towards +x
+    std::optional<double> elevation;     ///< degrees above the xy plane, in [-90, 90]
+    std::optional<Vec3> eye, target, up; ///< world units; an eye overrules view and angles
     Projection projection = Projection::perspective;
     double fov = 30;
-    double zoom = 1;                       ///< 2 shows things twice as large
+    double zoom = 1; ///< 2 shows things twice as large
+    Fit fit = Fit::content;
 };
 
-/// World box of a volume: its eight corners, outer faces of the outer voxels.
-std::array<Vec3, 8> corners_of(Geometry const& geometry, Index3 dims);
+/// World positions of the corners of a box of voxels: outer faces of the outer voxels.
+std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box);
 
-/// Shows the whole volume with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown views,
-/// an eye on the target, or values out of range.
-Camera make_camera(CameraRequest const& request, Geometry const& geometry, Index3 dims, double aspect);
+/// Shows all of the corners with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown
+/// views, an eye on the target, or values out of range.
+Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corners, double aspect);
 
 /// The camera in the padded lattice of a volume.
 RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int height);

@@ -18,10 +18,12 @@ namespace {
 class Encoder {
 public:
     Encoder() {
-        for (std::size_t i = 0; i < 255; ++i) thresholds_[i] = static_cast<float>(srgb_to_linear((static_cast<double>(i) + 0.5) / 255));
+        for (std::size_t i = 0; i < 255; ++i)
+            thresholds_[i] = static_cast<float>(srgb_to_linear((static_cast<double>(i) + 0.5) / 255));
     }
     unsigned char operator()(float linear) const {
-        return static_cast<unsigned char>(std::upper_bound(thresholds_.begin(), thresholds_.end(), linear) - thresholds_.begin());
+        return static_cast<unsigned char>(std::upper_bound(thresholds_.begin(), thresholds_.end(), linear) -
+                                          thresholds_.begin());
     }
 
 private:
@@ -34,7 +36,9 @@ void append(png_structp png, png_bytep data, std::size_t n) {
     out.insert(out.end(), bytes, bytes + n);
 }
 
-[[noreturn]] void fail(png_structp, char const* message) { throw Error(ErrorKind::failure, std::string("cannot encode PNG: ") + message); }
+[[noreturn]] void fail(png_structp, char const* message) {
+    throw Error(ErrorKind::failure, std::string("cannot encode PNG: ") + message);
+}
 
 } // namespace
 
@@ -42,7 +46,8 @@ std::vector<unsigned char> to_bytes(Image const& image, Background const& backgr
     Encoder const encode;
     bool const opaque = background.alpha >= 1;
     auto const linear = [](double v) { return static_cast<float>(srgb_to_linear(v)); };
-    std::array<float, 3> const back{linear(background.color.red), linear(background.color.green), linear(background.color.blue)};
+    std::array<float, 3> const back{linear(background.color.red), linear(background.color.green),
+                                    linear(background.color.blue)};
     auto const back_alpha = static_cast<float>(background.alpha);
     std::size_t const n = image.pixels.size() / 4, channels = opaque ? 3 : 4;
     std::vector<unsigned char> bytes(n * channels);
@@ -58,7 +63,8 @@ std::vector<unsigned char> to_bytes(Image const& image, Background const& backgr
     return bytes;
 }
 
-std::vector<std::byte> to_png(Image const& image, Background const& background, std::vector<std::pair<std::string, std::string>> const& texts) {
+std::vector<std::byte> to_png(Image const& image, Background const& background,
+                              std::vector<std::pair<std::string, std::string>> const& texts) {
     std::vector<unsigned char> const bytes = to_bytes(image, background);
     bool const opaque = background.alpha >= 1;
     std::vector<std::byte> out;
@@ -69,8 +75,8 @@ std::vector<std::byte> to_png(Image const& image, Background const& background, 
         if (info == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
         png_set_write_fn(png, &out, append, nullptr);
         png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
-                     opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-                     PNG_FILTER_TYPE_DEFAULT);
+                     opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE,
+                     PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
         png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
         png_set_compression_level(png, 5);
         std::vector<png_text> chunks;

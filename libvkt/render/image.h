@@ -16,7 +16,10 @@ struct Image {
     int width = 0, height = 0;
     std::vector<float> pixels;
 
-    float const* at(int x, int y) const { return pixels.data() + 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)); }
+    float const* at(int x, int y) const {
+        return pixels.data() +
+               4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
+    }
 };
 
 /// What shows where nothing else does. sRGB; alpha 0 keeps the picture transparent.

@@ -17,7 +17,8 @@ constexpr int histogram_bins = 4096;
 
 /// IEEE half to float; all halves are floats.
 float float_of_half(std::uint16_t half) {
-    std::uint32_t const sign = static_cast<std::uint32_t>(half & 0x8000U) << 16, exponent = (half >> 10) & 31U, mantissa = half & 1023U;
+    std::uint32_t const sign = static_cast<std::uint32_t>(half & 0x8000U) << 16, exponent = (half >> 10) & 31U,
+                        mantissa = half & 1023U;
     if (exponent == 31) return std::bit_cast<float>(sign | 0x7F800000U | (mantissa << 13));
     if (exponent == 0) {
         float const small = static_cast<float>(mantissa) * 0x1p-24F;
@@ -29,8 +30,7 @@ float float_of_half(std::uint16_t half) {
 struct Half {
     std::uint16_t bits;
 };
-template <class T>
-double number(T value) {
+template <class T> double number(T value) {
     if constexpr (std::is_same_v<T, Half>)
         return static_cast<double>(float_of_half(value.bits));
     else
@@ -38,20 +38,30 @@ double number(T value) {
 }
 
 /// Calls body with a null pointer of the element type.
-template <class Body>
-void with_type(DataType type, Body&& body) {
+template <class Body> void with_type(DataType type, Body&& body) {
     switch (type) {
-    case DataType::uint8: return body(static_cast<std::uint8_t const*>(nullptr));
-    case DataType::int8: return body(static_cast<std::int8_t const*>(nullptr));
-    case DataType::uint16: return body(static_cast<std::uint16_t const*>(nullptr));
-    case DataType::int16: return body(static_cast<std::int16_t const*>(nullptr));
-    case DataType::uint32: return body(static_cast<std::uint32_t const*>(nullptr));
-    case DataType::int32: return body(static_cast<std::int32_t const*>(nullptr));
-    case DataType::uint64: return body(static_cast<std::uint64_t const*>(nullptr));
-    case DataType::int64: return body(static_cast<std::int64_t const*>(nullptr));
-    case DataType::float16: return body(static_cast<Half const*>(nullptr));
-    case DataType::float32: return body(static_cast<float const*>(nullptr));
-    case DataType::float64: return body(static_cast<double const*>(nullptr));
+    case DataType::uint8:
+        return body(static_cast<std::uint8_t const*>(nullptr));
+    case DataType::int8:
+        return body(static_cast<std::int8_t const*>(nullptr));
+    case DataType::uint16:
+        return body(static_cast<std::uint16_t const*>(nullptr));
+    case DataType::int16:
+        return body(static_cast<std::int16_t const*>(nullptr));
+    case DataType::uint32:
+        return body(static_cast<std::uint32_t const*>(nullptr));
+    case DataType::int32:
+        return body(static_cast<std::int32_t const*>(nullptr));
+    case DataType::uint64:
+        return body(static_cast<std::uint64_t const*>(nullptr));
+    case DataType::int64:
+        return body(static_cast<std::int64_t const*>(nullptr));
+    case DataType::float16:
+        return body(static_cast<Half const*>(nullptr));
+    case DataType::float32:
+        return body(static_cast<float const*>(nullptr));
+    case DataType::float64:
+        return body(static_cast<double const*>(nullptr));
     }
 }
 
@@ -60,8 +70,7 @@ struct Extremes {
     std::int64_t missing = 0, infinite = 0;
 };
 
-template <class T>
-Extremes extremes_of(View<T const> v, Index3 dims, int threads) {
+template <class T> Extremes extremes_of(View<T const> v, Index3 dims, int threads) {
     Extremes all;
 #pragma omp parallel num_threads(threads)
     {
@@ -103,7 +112,8 @@ Extremes extremes_of(View<T const> v, Index3 dims, int threads) {
 
 /// Adds counts per bin of the stored values; integers (all sums) do not depend on the number of threads.
 template <class T>
-void count_bins(View<T const> v, Index3 dims, double least, double greatest, std::vector<std::int64_t>& bins, int threads) {
+void count_bins(View<T const> v, Index3 dims, double least, double greatest, std::vector<std::int64_t>& bins,
+                int threads) {
     auto const last = static_cast<double>(bins.size() - 1);
     double const scale = greatest > least ? static_cast<double>(bins.size()) / (greatest - least) : 0;
     std::int64_t const n = dims.x * dims.y * dims.z;
@@ -137,7 +147,8 @@ void fill(View<T const> v, Index3 dims, Lattice& lattice, int threads, Convert c
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (std::int64_t z = 0; z < padded.z; ++z)
         for (std::int64_t y = 0; y < padded.y; ++y) {
-            T const* from = v.data + std::clamp<std::int64_t>(y - p, 0, dims.y - 1) * v.row + std::clamp<std::int64_t>(z - p, 0, dims.z - 1) * v.slice;
+            T const* from = v.data + std::clamp<std::int64_t>(y - p, 0, dims.y - 1) * v.row +
+                            std::clamp<std::int64_t>(z - p, 0, dims.z - 1) * v.slice;
             U* to = out + (z * padded.y + y) * padded.x;
             for (std::int64_t x = 0; x < dims.x; ++x) to[x + p] = convert(from[x]);
             for (std::int64_t x = 0; x < p; ++x) to[x] = to[p], to[dims.x + p + x] = to[dims.x + p - 1];
@@ -149,11 +160,11 @@ void fill(View<T const> v, Index3 dims, Lattice& lattice, int threads, Convert c
     lattice.view.compact = static_cast<double>(lattice.view.slice) * sizeof(U) * (16 * 4 + 4) < 2147483647.0;
 }
 
-template <class T>
-void convert(ConstView voxels, Extremes const& extremes, Lattice& lattice, int threads) {
+template <class T> void convert(ConstView voxels, Extremes const& extremes, Lattice& lattice, int threads) {
     View<T const> const v = voxels.as<T>();
     Index3 const dims = voxels.dims();
-    if constexpr (std::is_same_v<T, std::uint8_t> || std::is_same_v<T, std::uint16_t> || std::is_same_v<T, std::int16_t>) {
+    if constexpr (std::is_same_v<T, std::uint8_t> || std::is_same_v<T, std::uint16_t> ||
+                  std::is_same_v<T, std::int16_t>) {
         lattice.view.type = std::is_same_v<T, std::uint8_t> ? LatticeType::uint8
                             : std::is_signed_v<T>           ? LatticeType::int16
                                                             : LatticeType::uint16;

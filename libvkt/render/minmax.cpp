@@ -13,7 +13,8 @@ int cell_count(std::int64_t n) { return static_cast<int>((n + 1 + macrocell_size
 
 /// Range and missing flags of the macrocells with one (j, k): all corners of their cells.
 template <class T>
-void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGrid& grid, T* low, T* high, std::uint8_t* nan) {
+void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGrid& grid, T* low, T* high,
+                  std::uint8_t* nan) {
     constexpr std::int64_t first = lattice_padding - 1;
     std::int64_t const y0 = first + macrocell_size * j, z0 = first + macrocell_size * k;
     std::int64_t const y1 = std::min(y0 + macrocell_size, dims.y + lattice_padding);
@@ -36,17 +37,18 @@ void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGri
                 for (std::int64_t x = 0; x < n; ++x) nan[x] = static_cast<std::uint8_t>(nan[x] | (row[x] != row[x]));
         }
     for (int i = 0; i < grid.nx; ++i) {
-        std::int64_t const x0 = macrocell_size * static_cast<std::int64_t>(i), x1 = std::min<std::int64_t>(x0 + macrocell_size, n - 1);
+        std::int64_t const x0 = macrocell_size * static_cast<std::int64_t>(i),
+                           x1 = std::min<std::int64_t>(x0 + macrocell_size, n - 1);
         std::size_t const cell = (static_cast<std::size_t>(k) * grid.ny + j) * grid.nx + i;
-        T const lowest = *std::min_element(low + x0, low + x1 + 1), highest = *std::max_element(high + x0, high + x1 + 1);
+        T const lowest = *std::min_element(low + x0, low + x1 + 1),
+                highest = *std::max_element(high + x0, high + x1 + 1);
         grid.lowest[cell] = static_cast<float>(lowest);
         grid.highest[cell] = static_cast<float>(highest);
         if constexpr (floating) grid.missing[cell] = *std::max_element(nan + x0, nan + x1 + 1);
     }
 }
 
-template <class T>
-void ranges(LatticeView const& lattice, Index3 dims, CellGrid& grid, int threads) {
+template <class T> void ranges(LatticeView const& lattice, Index3 dims, CellGrid& grid, int threads) {
     std::int64_t const rows = static_cast<std::int64_t>(grid.ny) * grid.nz;
 #pragma omp parallel num_threads(threads)
     {
@@ -59,20 +61,61 @@ void ranges(LatticeView const& lattice, Index3 dims, CellGrid& grid, int threads
     }
 }
 
+/// Turns 0 (visible) and 255 into distances by two sweeps over the 26 neighbours (exact for this metric), and counts.
+void measure(CellGrid const& grid, CellVisibility& result) {
+    std::int64_t const nx = grid.nx, ny = grid.ny, nz = grid.nz;
+    bool some = false;
+    for (std::int64_t i = 0; i < nx * ny * nz; ++i) {
+        if (result.distance[static_cast<std::size_t>(i)] != 0) continue;
+        int const at[3] = {static_cast<int>(i % nx), static_cast<int>(i / nx % ny), static_cast<int>(i / (nx * ny))};
+        for (int axis = 0; axis < 3; ++axis) {
+            result.first[axis] = some ? std::min(result.first[axis], at[axis]) : at[axis];
+            result.last[axis] = std::max(result.last[axis], at[axis]);
+        }
+        some = true;
+        ++result.visible_count;
+    }
+    auto const sweep = [&](std::int64_t way) {
+        for (std::int64_t k = 0; k < nx * ny * nz; ++k) {
+            std::int64_t const i = way > 0 ? k : nx * ny * nz - 1 - k;
+            std::int64_t const x = i % nx, y = i / nx % ny, z = i / (nx * ny);
+            int least = result.distance[static_cast<std::size_t>(i)];
+            for (int n = 0; n < 13 && least > 1; ++n) { // the half of the neighbours that come before
+                std::int64_t const u = x + way * (n % 3 - 1), v = y + way * (n / 3 % 3 - 1), w = z + way * (n / 9 - 1);
+                if (u < 0 || v < 0 || w < 0 || u >= nx || v >= ny || w >= nz) continue;
+                least = std::min(least, result.distance[static_cast<std::size_t>((w * ny + v) * nx + u)] + 1);
+            }
+            result.distance[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(least);
+        }
+    };
+    if (result.visible_count == nx * ny * nz) return;
+    sweep(1);
+    sweep(-1);
+}
+
 } // namespace
 
 CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads) {
     CellGrid grid;
     grid.nx = cell_count(dims.x), grid.ny = cell_count(dims.y), grid.nz = cell_count(dims.z);
-    auto const n = static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny) * static_cast<std::size_t>(grid.nz);
+    auto const n =
+        static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny) * static_cast<std::size_t>(grid.nz);
     grid.lowest.resize(n);
     grid.highest.resize(n);
     grid.missing.resize(n);
     switch (lattice.type) {
-    case LatticeType::uint8: ranges<std::uint8_t>(lattice, dims, grid, threads); break;
-    case LatticeType::uint16: ranges<std::uint16_t>(lattice, dims, grid, threads); break;
-    case LatticeType::int16: ranges<std::int16_t>(lattice, dims, grid, threads); break;
-    case LatticeType::float32: ranges<float>(lattice, dims, grid, threads); break;
+    case LatticeType::uint8:
+        ranges<std::uint8_t>(lattice, dims, grid, threads);
+        break;
+    case LatticeType::uint16:
+        ranges<std::uint16_t>(lattice, dims, grid, threads);
+        break;
+    case LatticeType::int16:
+        ranges<std::int16_t>(lattice, dims, grid, threads);
+        break;
+    case LatticeType::float32:
+        ranges<float>(lattice, dims, grid, threads);
+        break;
     }
     return grid;
 }
@@ -81,34 +124,41 @@ CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table) 
     CellVisibility result;
     std::size_t const n = grid.lowest.size();
     result.majorant.resize(n);
-    result.visible.resize(n);
+    result.distance.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
         // A little more than the greatest value, because interpolation rounds.
         float const majorant = table.greatest_extinction(grid.lowest[i], grid.highest[i]) * (1.0F + 0x1p-18F);
         result.majorant[i] = majorant;
         // Beyond missing data the value may jump between two samples, so that such cells count as visible.
-        result.visible[i] = majorant > 0 || grid.missing[i] != 0;
-        result.visible_count += result.visible[i];
+        result.distance[i] = majorant > 0 || grid.missing[i] != 0 ? 0 : 255;
     }
+    measure(grid, result);
     return result;
 }
 
-CellVisibility classify_cells(CellGrid const& grid, IsoView const* isos, int count) {
+CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& isos) {
     CellVisibility result;
     std::size_t const n = grid.lowest.size();
     result.majorant.assign(n, 0.0F);
-    result.visible.resize(n);
+    result.distance.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
         bool visible = grid.missing[i] != 0;
-        for (int k = 0; k < count; ++k) visible = visible || (grid.lowest[i] < isos[k].value && grid.highest[i] >= isos[k].value);
-        result.visible[i] = visible;
-        result.visible_count += visible;
+        for (IsoView const& iso : isos)
+            visible = visible || (grid.lowest[i] < iso.value && grid.highest[i] >= iso.value);
+        result.distance[i] = visible ? 0 : 255;
     }
+    measure(grid, result);
     return result;
 }
 
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility) {
-    return {grid.lowest.data(), grid.highest.data(), visibility.majorant.data(), visibility.visible.data(), grid.nx, grid.ny, grid.nz};
+    return {grid.lowest.data(),
+            grid.highest.data(),
+            visibility.majorant.data(),
+            visibility.distance.data(),
+            grid.nx,
+            grid.ny,
+            grid.nz};
 }
 
 } // namespace vkt::render

@@ -11,7 +11,8 @@
 
 namespace vkt::render {
 
-/// Macrocell (i,j,k) holds the lattice cells [1+8i, 9+8i) of the padded lattice per axis; its range covers their corners.
+/// Macrocell (i,j,k) holds the lattice cells [1+8i, 9+8i) of the padded lattice per axis; its range covers their
+/// corners.
 struct CellGrid {
     int nx = 0, ny = 0, nz = 0;
     std::vector<float> lowest, highest; ///< lowest > highest where there is no data
@@ -24,11 +25,12 @@ CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads);
 /// What a transfer function or iso-values make of the grid.
 struct CellVisibility {
     std::vector<float> majorant;
-    std::vector<std::uint8_t> visible;
+    std::vector<std::uint8_t> distance; ///< Chebyshev distance to the nearest visible cell
     std::int64_t visible_count = 0;
+    int first[3] = {0, 0, 0}, last[3] = {-1, -1, -1}; ///< box of the visible cells; empty if there is none
 };
 CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table);
-CellVisibility classify_cells(CellGrid const& grid, IsoView const* isos, int count);
+CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& isos);
 
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility);
 

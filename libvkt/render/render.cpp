@@ -21,21 +21,8 @@ constexpr int largest_image = 16384;
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) { throw Error(ErrorKind::usage, message, hint); }
-
-void check(RenderSettings const& s) {
-    auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
-    if (!fits(s.width) || !fits(s.height)) refuse(text("the image size must be 1 to ", largest_image, " pixels each way"));
-    if (!(s.step >= 1.0 / 256 && s.step <= 4)) refuse(text("the step must be between 1/256 and 4 voxels, not ", s.step));
-    if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
-    if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
-    if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
-    if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
-    if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
-    if (s.bounces < 1) refuse("the number of bounces must be at least 1");
-    if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
-    for (double const v : s.isos)
-        if (!std::isfinite(v)) refuse("an iso-value is not finite");
+[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
+    throw Error(ErrorKind::usage, message, hint);
 }
 
 double smallest_spacing(Geometry const& g) { return std::min({g.spacing.x, g.spacing.y, g.spacing.z}); }
@@ -48,7 +35,7 @@ double voxel_size(Geometry const& g) {
 }
 
 double diagonal(Geometry const& g, Index3 dims) {
-    auto const c = corners_of(g, dims);
+    auto const c = corners_of(g, box_of(dims));
     double longest = 0;
     for (std::size_t i = 0; i < 4; ++i) {
         Vec3 const d = c[7 - i] - c[i];
@@ -65,11 +52,13 @@ std::vector<std::pair<double, double>> read_opacity(std::string const& words, Do
         auto const pair = split(parts[i], ':');
         bool const placed = pair.size() == 2;
         if (pair.size() > 2 || pair.empty() || (i > 0 && placed != (split(parts[0], ':').size() == 2)))
-            refuse(text("--opacity '", words, "' is neither auto nor A,A,… nor VALUE:A,VALUE:A,…"), "for example --opacity 0,0,0.1,0.8");
+            refuse(text("--opacity '", words, "' is neither auto nor A,A,… nor VALUE:A,VALUE:A,…"),
+                   "for example --opacity 0,0,0.1,0.8");
         double const share = parts.size() > 1 ? static_cast<double>(i) / static_cast<double>(parts.size() - 1) : 1;
         double const value = placed ? parse_double(pair[0]) : domain.lower + share * (domain.upper - domain.lower);
         ramp.emplace_back(value, parse_double(pair.back()));
-        if (!(ramp.back().second >= 0 && ramp.back().second <= 1)) refuse(text("--opacity '", words, "' has an opacity outside 0 to 1"));
+        if (!(ramp.back().second >= 0 && ramp.back().second <= 1))
+            refuse(text("--opacity '", words, "' has an opacity outside 0 to 1"));
     }
     return ramp;
 }
@@ -84,7 +73,8 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
         for (std::size_t i = 1; i < ramp.size(); ++i) {
             if (v > ramp[i].first) continue;
             double const w = ramp[i].first - ramp[i - 1].first;
-            return w > 0 ? ramp[i - 1].second + (v - ramp[i - 1].first) / w * (ramp[i].second - ramp[i - 1].second) : ramp[i].second;
+            return w > 0 ? ramp[i - 1].second + (v - ramp[i - 1].first) / w * (ramp[i].second - ramp[i - 1].second)
+                         : ramp[i].second;
         }
         return ramp.back().second;
     };
@@ -100,11 +90,42 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
     return transfer;
 }
 
+/// Voxels that lie in visible macrocells; all of them if there is none.
+Box visible_box(CellVisibility const& cells, Index3 dims) {
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (cells.last[axis] < cells.first[axis]) return box_of(dims);
+        constexpr std::int64_t before = lattice_padding - 1; // cells begin there in the padded lattice
+        box.lower[axis] = macrocell_size * static_cast<std::int64_t>(cells.first[axis]) + before - lattice_padding;
+        box.upper[axis] =
+            macrocell_size * static_cast<std::int64_t>(cells.last[axis] + 1) + before - lattice_padding + 1;
+    }
+    return intersect(box, box_of(dims));
+}
+
 } // namespace
+
+void check(RenderSettings const& s) {
+    auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
+    if (!fits(s.width) || !fits(s.height))
+        refuse(text("the image size must be 1 to ", largest_image, " pixels each way"));
+    if (!(s.step >= 1.0 / 256 && s.step <= 4))
+        refuse(text("the step must be between 1/256 and 4 voxels, not ", s.step));
+    if (!(s.opacity_scale >= 0) || !std::isfinite(s.opacity_scale)) refuse("the opacity scale must be 0 or greater");
+    if (!(s.shade <= 1)) refuse("the shading strength must be between 0 and 1");
+    if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
+    if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
+    if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    if (s.bounces < 1) refuse("the number of bounces must be at least 1");
+    if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
+    for (double const v : s.isos)
+        if (!std::isfinite(v)) refuse("an iso-value is not finite");
+}
 
 Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
     if (header_.kind != Kind::structured)
-        throw Error(ErrorKind::data, "this volume is hierarchical; render takes structured ones", "vkt resample makes one of it");
+        throw Error(ErrorKind::data, "this volume is hierarchical; render takes structured ones",
+                    "vkt resample makes one of it");
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
     lattice_ = make_lattice(volume.view(), header_.values, execution_);
@@ -131,7 +152,8 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
     } else if (!settings.lut.empty()) {
         look.transfer = transfer_from_lut(settings.lut, look.domain.lower, look.domain.upper);
     } else if (settings.opacity != "auto") {
-        look.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, look.domain, read_opacity(settings.opacity, look.domain));
+        look.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, look.domain,
+                                read_opacity(settings.opacity, look.domain));
     } else {
         look.transfer = automatic.transfer;
         chosen = true;
@@ -148,8 +170,8 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
     std::vector<Knot> const knots = knots_of(look.transfer, {}, 0, 1, 1);
     for (double const iso : isos) {
         Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), iso);
-        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - lattice_.offset), static_cast<float>(k.red),
-                             static_cast<float>(k.green), static_cast<float>(k.blue)});
+        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - lattice_.offset),
+                             static_cast<float>(k.red), static_cast<float>(k.green), static_cast<float>(k.blue)});
     }
     return look;
 }
@@ -160,7 +182,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
     scene.frame = frame_of(camera, g, settings.width, settings.height);
     double const low = lattice_padding - 0.5;
     scene.lower = {low, low, low};
-    scene.upper = {low + static_cast<double>(header_.dims.x), low + static_cast<double>(header_.dims.y), low + static_cast<double>(header_.dims.z)};
+    scene.upper = {low + static_cast<double>(header_.dims.x), low + static_cast<double>(header_.dims.y),
+                   low + static_cast<double>(header_.dims.z)};
     scene.to_lattice = world_to_lattice(g);
 
     // |A^T g|^2 for a lattice gradient g, A mapping world to lattice vectors.
@@ -168,8 +191,12 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
     Double3 const rows[3] = {{a.x.x, a.y.x, a.z.x}, {a.x.y, a.y.y, a.z.y}, {a.x.z, a.y.z, a.z.z}};
     auto const metric = [&](int i, int j, double factor) { return static_cast<float>(factor * dot(rows[i], rows[j])); };
     double const stored_range = std::abs((look.domain.upper - look.domain.lower) / header_.values.slope);
-    scene.shade = {static_cast<float>(look.shade), 0.25F, 0.12F, static_cast<float>(0.02 * stored_range / smallest_spacing(g)),
-                   {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
+    scene.shade = {
+        static_cast<float>(look.shade),
+        0.25F,
+        0.12F,
+        static_cast<float>(0.02 * stored_range / smallest_spacing(g)),
+        {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
     scene.iso_count = static_cast<int>(look.isos.size());
     std::copy(look.isos.begin(), look.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
@@ -190,18 +217,21 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report) con
     check(settings);
     auto const start = Clock::now();
     Look const look = look_of(settings);
-    Camera const camera = make_camera(settings.camera, header_.geometry, header_.dims, static_cast<double>(settings.width) / settings.height);
-    SceneView scene = scene_of(settings, look, camera);
-
-    std::vector<Knot> const knots = knots_of(look.transfer, header_.values, lattice_.offset, look.unit, settings.opacity_scale);
+    std::vector<Knot> const knots =
+        knots_of(look.transfer, header_.values, lattice_.offset, look.unit, settings.opacity_scale);
     TransferTable const table(knots);
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
-    CellVisibility const cells = surfaces ? classify_cells(lattice_.cells, scene.isos, scene.iso_count) : classify_cells(lattice_.cells, table);
+    CellVisibility const cells =
+        surfaces ? classify_cells(lattice_.cells, look.isos) : classify_cells(lattice_.cells, table);
+    Box const content = settings.camera.fit == Fit::content ? visible_box(cells, header_.dims) : box_of(header_.dims);
+    Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
+                                      static_cast<double>(settings.width) / settings.height);
+    SceneView scene = scene_of(settings, look, camera);
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
     scene.cells = view_of(lattice_.cells, cells);
-    Integrator const integrator = surfaces                                              ? Integrator::iso
+    Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
                                   : settings.exact                                    ? Integrator::exact
                                                                                       : Integrator::march;
@@ -209,13 +239,15 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report) con
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     TileFunction const run = tile_function(execution_.instructions);
-    int const across = (settings.width + tile_size - 1) / tile_size, down = (settings.height + tile_size - 1) / tile_size;
+    int const across = (settings.width + tile_size - 1) / tile_size,
+              down = (settings.height + tile_size - 1) / tile_size;
     std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
     for (int i = 0; i < across * down; ++i) {
         int const x = i % across * tile_size, y = i / across * tile_size;
         Counters counters;
-        run(scene, lattice_.view, integrator, {x, y, std::min(x + tile_size, settings.width), std::min(y + tile_size, settings.height)},
+        run(scene, lattice_.view, integrator,
+            {x, y, std::min(x + tile_size, settings.width), std::min(y + tile_size, settings.height)},
             image.pixels.data(), settings.width, counters);
         rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
     }
@@ -225,13 +257,14 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report) con
         report->domain = look.domain;
         report->transfer = transfer_to_json(look.transfer);
         report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
-        report->skipped = 1 - static_cast<double>(cells.visible_count) / static_cast<double>(cells.visible.size());
+        report->skipped = 1 - static_cast<double>(cells.visible_count) / static_cast<double>(cells.distance.size());
         report->missing = lattice_.histogram.missing, report->infinite = lattice_.histogram.infinite;
-        report->method = surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-                         : integrator == Integrator::scatter
-                             ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
-                             : text(settings.exact ? "exact (two-point Gauss per voxel), step " : "ray marching, step ", settings.step,
-                                    " voxel, shading ", look.shade);
+        report->method =
+            surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
+            : integrator == Integrator::scatter
+                ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
+                : text(settings.exact ? "exact (two-point Gauss per voxel), step " : "ray marching, step ",
+                       settings.step, " voxel, shading ", look.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }
@@ -243,7 +276,7 @@ Image render(Volume const& volume, RenderSettings const& settings, Execution con
 }
 
 TileFunction tile_function([[maybe_unused]] InstructionSet instructions) {
-#if defined(__x86_64__)
+#ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::tile_function();
     if (instructions == InstructionSet::avx2) return avx2::tile_function();
 #endif

@@ -27,25 +27,26 @@ struct RenderSettings {
 
     // Transfer function: the first that is given holds; the colour map and opacities make one otherwise.
     std::optional<TransferFunction> transfer;
-    std::vector<double> lut;        ///< r g b a … over the domain
-    std::string colormap;           ///< empty: chosen from the data
-    std::string opacity = "auto";   ///< "auto" or "A0,A1,…" over the domain or "VALUE:A,…"
-    std::string domain = "auto";    ///< see resolve_domain
-    std::string unit;               ///< world length, "auto" (diagonal / 256) or empty (the transfer's, else smallest spacing)
-    double opacity_scale = 1;       ///< multiplies extinctions
+    std::vector<double> lut;      ///< r g b a … over the domain
+    std::string colormap;         ///< empty: chosen from the data
+    std::string opacity = "auto"; ///< "auto" or "A0,A1,…" over the domain or "VALUE:A,…"
+    std::string domain = "auto";  ///< see resolve_domain
+    std::string unit; ///< world length, "auto" (diagonal / 256) or empty (the transfer's, else smallest spacing)
+    double opacity_scale = 1; ///< multiplies extinctions
 
     // Ray marching.
-    double step = 0.5;     ///< in voxels along the ray, in [1/256, 4]
-    bool exact = false;    ///< reference mode
-    double shade = -1;     ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
-    bool skip = true;      ///< leave out empty space; the picture is the same bit for bit
+    double step = 0.5;  ///< in voxels along the ray, in [1/256, 4]
+    bool exact = false; ///< reference mode
+    double shade =
+        -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
+    bool skip = true; ///< leave out empty space; the picture is the same bit for bit
 
     // Iso-surfaces: physical values; none: one is chosen from the data.
     std::vector<double> isos;
 
     // Multiple scattering.
-    int samples = 64;      ///< paths per pixel
-    int first_sample = 0;  ///< number of the first one, to continue elsewhere
+    int samples = 64;     ///< paths per pixel
+    int first_sample = 0; ///< number of the first one, to continue elsewhere
     std::uint64_t seed = 0;
     double albedo = 1;     ///< multiplies the colours
     bool emission = false; ///< colours also glow
@@ -53,18 +54,21 @@ struct RenderSettings {
     int bounces = 100000;
 };
 
+/// Throws Error{usage} for settings that no volume can be rendered with.
+void check(RenderSettings const& settings);
+
 /// Facts about a picture, for reports.
 struct RenderReport {
     Camera camera;
-    std::string method;         ///< one line: algorithm and its knobs
-    double unit = 0;            ///< world units
+    std::string method; ///< one line: algorithm and its knobs
+    double unit = 0;    ///< world units
     Domain domain;
-    std::string transfer;       ///< as JSON
-    std::int64_t rays = 0;      ///< pixels whose ray meets the volume
-    std::int64_t segments = 0;  ///< that lie on these rays (paths for scattering)
-    std::int64_t samples = 0;   ///< values that were looked up
-    std::int64_t capped = 0;    ///< paths that were cut at the bounce limit
-    double skipped = 0;         ///< share of the macrocells that nothing can be seen in
+    std::string transfer;                   ///< as JSON
+    std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
+    std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
+    std::int64_t samples = 0;               ///< values that were looked up
+    std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
+    double skipped = 0;                     ///< share of the macrocells that nothing can be seen in
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     double prepare_seconds = 0, render_seconds = 0;
 };
@@ -97,7 +101,8 @@ private:
     double prepare_seconds_ = 0;
 };
 
-Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution, RenderReport* report = nullptr);
+Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution,
+             RenderReport* report = nullptr);
 
 /// A transfer function and an iso-value that suit most data: see automatic.cpp for how.
 struct Automatic {
@@ -111,16 +116,19 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
 } // namespace vkt::render
 
 namespace vkt {
-template <>
-struct EnumNames<render::Algorithm> {
+template <> struct EnumNames<render::Algorithm> {
     static std::vector<std::pair<render::Algorithm, char const*>> all() {
         return {{render::Algorithm::ray_marching, "ray-marching"},
                 {render::Algorithm::implicit_iso, "implicit-iso"},
                 {render::Algorithm::multi_scattering, "multi-scattering"}};
     }
 };
-template <>
-struct EnumNames<render::Projection> {
+template <> struct EnumNames<render::Fit> {
+    static std::vector<std::pair<render::Fit, char const*>> all() {
+        return {{render::Fit::content, "content"}, {render::Fit::volume, "volume"}};
+    }
+};
+template <> struct EnumNames<render::Projection> {
     static std::vector<std::pair<render::Projection, char const*>> all() {
         return {{render::Projection::perspective, "perspective"}, {render::Projection::orthographic, "orthographic"}};
     }

@@ -31,12 +31,14 @@ using TileFunction = void (*)(SceneView const& scene, LatticeView const& lattice
 namespace baseline {
 TileFunction tile_function();
 }
+#ifdef VKT_X86_BACKENDS
 namespace avx2 {
 TileFunction tile_function();
 }
 namespace avx512 {
 TileFunction tile_function();
 }
+#endif
 
 /// The one for an instruction set; falls back to the best that was compiled.
 TileFunction tile_function(InstructionSet instructions);

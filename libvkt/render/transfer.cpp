@@ -15,7 +15,8 @@ namespace {
 bool in_unit_range(double value) { return value >= 0 && value <= 1; }
 
 Knot knot_at(std::vector<Knot> const& knots, double value) {
-    auto const after = std::upper_bound(knots.begin(), knots.end(), value, [](double v, Knot const& k) { return v < k.value; });
+    auto const after =
+        std::upper_bound(knots.begin(), knots.end(), value, [](double v, Knot const& k) { return v < k.value; });
     if (after == knots.begin()) return knots.front();
     if (after == knots.end()) return knots.back();
     Knot const &a = *(after - 1), &b = *after;
@@ -33,7 +34,8 @@ Density density_of(Knot const& k) {
 /// Mean density between two values that lie within one segment of the knots: extinction and colour are linear there,
 /// so their product is a parabola and Simpson's rule is exact.
 Density mean_density(Knot const& a, Knot const& b) {
-    Knot const middle{0, (a.extinction + b.extinction) / 2, (a.red + b.red) / 2, (a.green + b.green) / 2, (a.blue + b.blue) / 2};
+    Knot const middle{0, (a.extinction + b.extinction) / 2, (a.red + b.red) / 2, (a.green + b.green) / 2,
+                      (a.blue + b.blue) / 2};
     Density const p = density_of(a), q = density_of(middle), r = density_of(b);
     Density mean;
     for (std::size_t i = 0; i < 4; ++i) mean[i] = (p[i] + 4 * q[i] + r[i]) / 6;
@@ -46,8 +48,10 @@ void TransferFunction::check_and_sort() {
     if (points.empty()) throw Error(ErrorKind::usage, "the transfer function has no points");
     for (ControlPoint const& p : points) {
         if (!std::isfinite(p.value)) throw Error(ErrorKind::usage, "a value of the transfer function is not finite");
-        if (!in_unit_range(p.alpha) || !in_unit_range(p.color.red) || !in_unit_range(p.color.green) || !in_unit_range(p.color.blue))
-            throw Error(ErrorKind::usage, text("the transfer function has a colour or opacity outside 0 to 1 at value ", p.value));
+        if (!in_unit_range(p.alpha) || !in_unit_range(p.color.red) || !in_unit_range(p.color.green) ||
+            !in_unit_range(p.color.blue))
+            throw Error(ErrorKind::usage,
+                        text("the transfer function has a colour or opacity outside 0 to 1 at value ", p.value));
     }
     if (!(unit >= 0) || !std::isfinite(unit)) throw Error(ErrorKind::usage, "the unit distance must be positive");
     std::stable_sort(points.begin(), points.end(), [](auto const& a, auto const& b) { return a.value < b.value; });
@@ -61,25 +65,29 @@ double extinction_of(double alpha) {
 
 TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower, double upper) {
     if (rgba.empty() || rgba.size() % 4 != 0)
-        throw Error(ErrorKind::usage, text("--rgba-lookup-table takes r g b a for every entry; ", static_cast<std::int64_t>(rgba.size()),
-                                           " numbers are no multiple of 4"));
+        throw Error(ErrorKind::usage, text("--rgba-lookup-table takes r g b a for every entry; ",
+                                           static_cast<std::int64_t>(rgba.size()), " numbers are no multiple of 4"));
     TransferFunction transfer;
     std::size_t const n = rgba.size() / 4;
     for (std::size_t i = 0; i < n; ++i) {
         double const share = n > 1 ? static_cast<double>(i) / static_cast<double>(n - 1) : 0.5;
-        transfer.points.push_back({lower + share * (upper - lower), {rgba[4 * i], rgba[4 * i + 1], rgba[4 * i + 2]}, rgba[4 * i + 3]});
+        transfer.points.push_back(
+            {lower + share * (upper - lower), {rgba[4 * i], rgba[4 * i + 1], rgba[4 * i + 2]}, rgba[4 * i + 3]});
     }
     transfer.check_and_sort();
     return transfer;
 }
 
-std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit, double scale) {
+std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit,
+                           double scale) {
     std::vector<Knot> knots;
     auto const add = [&](double value, double extinction, Color c) {
         if (!transfer.linear_colors) c = {srgb_to_linear(c.red), srgb_to_linear(c.green), srgb_to_linear(c.blue)};
         knots.push_back({values.stored(value) - offset, extinction, c.red, c.green, c.blue});
     };
-    auto const extinction = [&](double alpha) { return std::min(extinction_of(alpha) * scale, most_extinction) / unit; };
+    auto const extinction = [&](double alpha) {
+        return std::min(extinction_of(alpha) * scale, most_extinction) / unit;
+    };
     for (std::size_t i = 0; i < transfer.points.size(); ++i) {
         ControlPoint const& p = transfer.points[i];
         if (i > 0) {
@@ -90,7 +98,8 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
                 double const f = k / static_cast<double>(parts);
                 auto const mix = [f](double a, double b) { return a + f * (b - a); };
                 add(mix(o.value, p.value), mix(extinction(o.alpha), extinction(p.alpha)),
-                    {mix(o.color.red, p.color.red), mix(o.color.green, p.color.green), mix(o.color.blue, p.color.blue)});
+                    {mix(o.color.red, p.color.red), mix(o.color.green, p.color.green),
+                     mix(o.color.blue, p.color.blue)});
             }
         }
         add(p.value, extinction(p.alpha), p.color);
@@ -110,7 +119,8 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
     std::vector<Density> density(static_cast<std::size_t>(count_));
     double greatest = 0;
     for (std::size_t i = 0; i < density.size(); ++i)
-        density[i] = density_of(knot_at(knots, i + 1 < density.size() ? lower + static_cast<double>(i) * width : upper));
+        density[i] =
+            density_of(knot_at(knots, i + 1 < density.size() ? lower + static_cast<double>(i) * width : upper));
     if (knots.front().value == knots.back().value) density.front() = density_of(knots.front());
     for (Knot const& k : knots) greatest = std::max(greatest, k.extinction);
 
@@ -146,7 +156,8 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
     nodes_.resize(2 * density.size());
     Density running{};
     auto const quad = [](Density const& d) {
-        return Quad{static_cast<float>(d[0]), static_cast<float>(d[1]), static_cast<float>(d[2]), static_cast<float>(d[3])};
+        return Quad{static_cast<float>(d[0]), static_cast<float>(d[1]), static_cast<float>(d[2]),
+                    static_cast<float>(d[3])};
     };
     greatest_.emplace_back();
     for (std::size_t i = 0; i < density.size(); ++i) {
@@ -167,9 +178,14 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
 float TransferTable::greatest_extinction(float lowest, float highest) const {
     if (!(lowest <= highest)) return 0;
     TableView const table = view();
-    auto const place = [&](float value) { return std::clamp(table_position(table, value), 0.0F, static_cast<float>(count_ - 1)); };
-    auto const first = static_cast<std::size_t>(std::max(0.0F, std::floor(place(lowest)) - 1));
-    auto const last = static_cast<std::size_t>(std::min(static_cast<float>(count_ - 1), std::ceil(place(highest)) + 1));
+    // Interpolation between equal values is exact; otherwise it may pass the ends by a rounding error.
+    float const slack = lowest == highest ? 0.0F : 1.0F / 64;
+    float const from = table_position(table, lowest), to = table_position(table, highest);
+    auto const node = [&](float x) {
+        return static_cast<std::size_t>(std::clamp(x, 0.0F, static_cast<float>(count_ - 1)));
+    };
+    std::size_t const first = node(std::floor(std::min(from, to) - slack)),
+                      last = node(std::ceil(std::max(from, to) + slack));
     std::size_t level = 0;
     while ((std::size_t{2} << level) <= last - first + 1) ++level;
     return std::max(greatest_[level][first], greatest_[level][last + 1 - (std::size_t{1} << level)]);
@@ -190,7 +206,8 @@ double Histogram::percentile(double p) const {
 }
 
 Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
-    if (text_of == "auto" || text_of == "minmax" || text_of.empty()) return {text_of, histogram.least, histogram.greatest};
+    if (text_of == "auto" || text_of == "minmax" || text_of.empty())
+        return {text_of, histogram.least, histogram.greatest};
     auto const fail = [&] {
         return Error(ErrorKind::usage, text("domain '", text_of, "' is not LO:HI, minmax, pA:pB or auto"),
                      "for example --domain 0:255 or --domain p1:p99");

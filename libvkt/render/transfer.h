@@ -48,9 +48,10 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
 TransferFunction transfer_from_json(std::string const& json);
 std::string transfer_to_json(TransferFunction const& transfer);
 
-/// Knots in stored values: stored = (physical - intercept) / slope - offset, ascending. Extinctions are per world length
-/// (unit in world units), multiplied by `scale` and then limited; colours are linear.
-std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit, double scale);
+/// Knots in stored values: stored = (physical - intercept) / slope - offset, ascending. Extinctions are per world
+/// length (unit in world units), multiplied by `scale` and then limited; colours are linear.
+std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit,
+                           double scale);
 
 /// The knots sampled at equidistant nodes with running integrals, and maxima over ranges for majorants.
 class TransferTable {
@@ -60,8 +61,8 @@ public:
     explicit TransferTable(std::vector<Knot> const& knots, int nodes = 1024);
 
     TableView view() const { return {nodes_.data(), count_, origin_, scale_}; }
-    /// An upper bound of the extinction for stored values in [lowest, highest], one node wider on either side; 0 only
-    /// if every integral over that range is 0.
+    /// An upper bound of the extinction for stored values in [lowest, highest] and what rounding makes of
+    /// them; 0 only if nothing can be seen there.
     float greatest_extinction(float lowest, float highest) const;
 
 private:

@@ -21,7 +21,8 @@ TransferFunction transfer_from_json(std::string const& json) {
     double lower = 0, width = 1;
     if (root.contains("domain")) {
         Json const& domain = root["domain"];
-        if (!domain.is_array() || domain.size() != 2 || !domain[0].is_number() || !domain[1].is_number()) throw malformed;
+        if (!domain.is_array() || domain.size() != 2 || !domain[0].is_number() || !domain[1].is_number())
+            throw malformed;
         lower = domain[0].get<double>();
         width = domain[1].get<double>() - lower;
     }
@@ -51,7 +52,8 @@ TransferFunction transfer_from_json(std::string const& json) {
 
 std::string transfer_to_json(TransferFunction const& transfer) {
     Json points = Json::array();
-    for (ControlPoint const& p : transfer.points) points.push_back({p.value, p.color.red, p.color.green, p.color.blue, p.alpha});
+    for (ControlPoint const& p : transfer.points)
+        points.push_back({p.value, p.color.red, p.color.green, p.color.blue, p.alpha});
     Json root{{"points", points}, {"colors", transfer.linear_colors ? "linear" : "srgb"}};
     if (transfer.unit > 0) root["unit"] = transfer.unit;
     return root.dump();

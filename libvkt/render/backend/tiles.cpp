@@ -10,14 +10,12 @@ namespace vkt::render::VKT_BACKEND {
 
 namespace {
 
-template <class T>
-LatticeSampler<T> sampler_of(LatticeView const& lattice) {
+template <class T> LatticeSampler<T> sampler_of(LatticeView const& lattice) {
     return {static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
 }
 
 /// Calls body(x, y) for the pixels of a tile and stores what it returns.
-template <class Body>
-void for_pixels(Tile tile, float* pixels, std::int64_t width, Body body) {
+template <class Body> void for_pixels(Tile tile, float* pixels, std::int64_t width, Body body) {
     for (int y = tile.y0; y < tile.y1; ++y)
         for (int x = tile.x0; x < tile.x1; ++x) {
             Radiance const r = body(x, y);
@@ -39,9 +37,15 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
         });
     };
     switch (integrator) {
-    case Integrator::march: along_ray([&](Ray const& ray) { return march_ray(sampler, scene, ray, counters); }); break;
-    case Integrator::exact: along_ray([&](Ray const& ray) { return exact_ray(sampler, scene, ray, counters); }); break;
-    case Integrator::iso: along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); }); break;
+    case Integrator::march:
+        along_ray([&](Ray const& ray) { return march_ray(sampler, scene, ray, counters); });
+        break;
+    case Integrator::exact:
+        along_ray([&](Ray const& ray) { return exact_ray(sampler, scene, ray, counters); });
+        break;
+    case Integrator::iso:
+        along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); });
+        break;
     case Integrator::scatter:
         for_pixels(tile, pixels, width, [&](int x, int y) { return scatter_pixel(sampler, scene, x, y, counters); });
         break;
@@ -55,10 +59,18 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
 void render_tile(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile, float* pixels,
                  std::int64_t width, Counters& counters) {
     switch (lattice.type) {
-    case LatticeType::uint8: run<std::uint8_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
-    case LatticeType::uint16: run<std::uint16_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
-    case LatticeType::int16: run<std::int16_t>(scene, lattice, integrator, tile, pixels, width, counters); break;
-    case LatticeType::float32: run<float>(scene, lattice, integrator, tile, pixels, width, counters); break;
+    case LatticeType::uint8:
+        run<std::uint8_t>(scene, lattice, integrator, tile, pixels, width, counters);
+        break;
+    case LatticeType::uint16:
+        run<std::uint16_t>(scene, lattice, integrator, tile, pixels, width, counters);
+        break;
+    case LatticeType::int16:
+        run<std::int16_t>(scene, lattice, integrator, tile, pixels, width, counters);
+        break;
+    case LatticeType::float32:
+        run<float>(scene, lattice, integrator, tile, pixels, width, counters);
+        break;
     }
 }
 

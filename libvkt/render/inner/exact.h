@@ -6,7 +6,8 @@
 
 namespace vkt::render {
 
-/// Extinction per world length and colour straight from the knots; constant beyond the ends, zero where there is no data.
+/// Extinction per world length and colour straight from the knots; constant beyond the ends, zero where there is no
+/// data.
 VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
     if (!(value == value)) return {value, 0, 0, 0, 0};
     int low = 0, high = count; // the first knot beyond the value
@@ -25,10 +26,15 @@ VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
             a.green + f * (b.green - a.green), a.blue + f * (b.blue - a.blue)};
 }
 
+/// Radiance before it is rounded.
+struct ExactRadiance {
+    double red, green, blue, transmittance;
+};
+
 /// Fourth order in the length of the parts: within a lattice cell the value along a ray is a cubic, and extinction is
 /// taken as linear through the two Gauss points. Parts are cells cut into pieces no longer than the step.
 template <Sampler S>
-VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+VKT_HD ExactRadiance exact_integral(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     constexpr double offset = 0.28867513459481287; // 1 / (2 sqrt 3)
     double red = 0, green = 0, blue = 0, depth = 0;
     CellWalk<double> cells;
@@ -49,7 +55,8 @@ VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& r
             double const through = 0.5 * world * (a.extinction + b.extinction);
             if (!(through > 0)) continue;
             // Depth from the part's begin to a Gauss point, for extinction linear through both points.
-            double const slope = (b.extinction - a.extinction) / (2 * offset), centre = 0.5 * (a.extinction + b.extinction);
+            double const slope = (b.extinction - a.extinction) / (2 * offset),
+                         centre = 0.5 * (a.extinction + b.extinction);
             auto const depth_to = [&](double s) __attribute__((always_inline)) {
                 return world * (centre * s + 0.5 * slope * (s * s - s));
             };
@@ -62,8 +69,14 @@ VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& r
             depth += through;
         }
     } while (cells.advance());
-    return {static_cast<float>(red), static_cast<float>(green), static_cast<float>(blue),
-            static_cast<float>(std::exp(-depth))};
+    return {red, green, blue, std::exp(-depth)};
+}
+
+template <Sampler S>
+VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ExactRadiance const r = exact_integral(sampler, scene, ray, counters);
+    return {static_cast<float>(r.red), static_cast<float>(r.green), static_cast<float>(r.blue),
+            static_cast<float>(r.transmittance)};
 }
 
 } // namespace vkt::render

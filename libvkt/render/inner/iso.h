@@ -8,7 +8,9 @@ namespace vkt::render {
 
 /// A sampler whose values are trilinear in the cells of a lattice.
 template <class S>
-concept CellSampler = Sampler<S> && requires(S const& s, float* c) { s.corners(1, 1, 1, c); };
+concept CellSampler = Sampler<S> && requires(S const& s, float* c) {
+    s.corners(1, 1, 1, c);
+};
 
 /// Values along a ray through one cell, as a cubic of s in [0,1].
 struct Cubic {
@@ -59,8 +61,7 @@ VKT_HD Side side_of(double difference) { return difference >= 0 ? Side::above : 
 
 /// Finds all crossings within one cell, beginning on the carried side; calls hit(s, new side) until it returns false.
 /// Returns false if it was told to stop. The side after the cell is left in `side`.
-template <class Hit>
-VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit&& hit) {
+template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit&& hit) {
     f.d -= iso;
     double const begin = f.d, end = f(1.0);
     if (side == Side::unknown) side = side_of(begin);
@@ -95,18 +96,27 @@ VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit&& hit) {
 
 /// All crossings of one iso-value along a ray in ascending order: hit(t, side behind) until it returns false.
 template <CellSampler S, class Hit>
-VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters, Hit&& hit) {
+VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters,
+                      Hit&& hit) {
     CellWalk<double> outer;
     constexpr double size = macrocell_size;
     outer.start(ray.entry, ray.direction, ray.length, static_cast<double>(macrocell_origin), size, scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
     Side side = Side::unknown;
+    int distance = 0;
+    double last = 0; // rounding must not turn the order of crossings around
+    auto const met = [&](double t, Side behind) __attribute__((always_inline)) {
+        last = t > last ? t : last;
+        return hit(last, behind);
+    };
     do {
         std::int64_t const index = scene.cells.index(outer.cell);
-        double const lowest = scene.cells.lowest[index], highest = scene.cells.highest[index];
-        if (scene.skip && lowest <= highest && !scene.cells.visible[index] && (lowest >= iso || highest < iso)) {
+        double const lowest = scene.cells.lowest[index];
+        distance = scene.skip ? scene.cells.distance[index] : 0;
+        if (distance > 0) {
+            // All cells within that distance lie on one side, as they share faces.
             Side const here = lowest >= iso ? Side::above : Side::below;
-            if (side != Side::unknown && side != here && !hit(outer.t, here)) return;
+            if (side != Side::unknown && side != here && !met(outer.t, here)) return;
             side = here;
             continue;
         }
@@ -133,17 +143,18 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
                 side = Side::unknown;
             } else if (above || below) {
                 Side const here = above ? Side::above : Side::below;
-                if (side != Side::unknown && side != here && !hit(t0, here)) return;
+                if (side != Side::unknown && side != here && !met(t0, here)) return;
                 side = here;
             } else {
                 Cubic const f = cubic_along(v, ray.entry + ray.direction * t0 - cell, ray.direction * width);
-                bool const on = cross_cell(f, iso, side, [&](double s, Side behind) __attribute__((always_inline)) {
-                    return hit(t0 + s * width, behind);
-                });
+                bool const on = cross_cell(
+                    f, iso, side, [&](double s, Side behind) __attribute__((always_inline)) {
+                        return met(t0 + s * width, behind);
+                    });
                 if (!on) return;
             }
         } while (inner.advance());
-    } while (outer.advance());
+    } while (outer.leap(distance));
 }
 
 /// The nearest surface of all iso-values, shaded by a light at the eye.
@@ -156,13 +167,14 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
         // A nearer surface found before shortens the ray for the ones that follow.
         Ray shorter = ray;
         shorter.length = nearest;
-        cross_ray(sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
-            if (surface < 0 || t < nearest) {
-                nearest = t;
-                surface = i;
-            }
-            return false;
-        });
+        cross_ray(
+            sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
+                if (surface < 0 || t < nearest) {
+                    nearest = t;
+                    surface = i;
+                }
+                return false;
+            });
     }
     if (surface < 0) return {0, 0, 0, 1};
     Float3 const g = sampler.gradient(to_float(ray.entry + ray.direction * nearest));

@@ -8,7 +8,7 @@
 namespace vkt::render {
 
 /// Rays end where less than this is transmitted: the bias is at most a quarter of a display level.
-inline constexpr float least_transmittance = 1.0F / 1024.0F;
+inline constexpr double least_transmittance = 1.0 / 1024;
 
 /// Premultiplied linear colour and what is transmitted from behind.
 struct Radiance {
@@ -21,7 +21,8 @@ struct Shading {
 };
 VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along) {
     float const* m = shade.metric;
-    float const squared = m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
+    float const squared =
+        m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
     float const reference = shade.reference * shade.reference;
     float const surface = squared > 0 ? shade.strength * squared / (squared + reference) : 0.0F;
     float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
@@ -32,15 +33,14 @@ VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, f
 }
 
 /// One ray on its way. Segments lie between the points k * step of the comb, the last one ends where the ray does.
-template <Sampler S>
-struct March {
+template <Sampler S> struct March {
     S const& sampler;
     SceneView const& scene;
     Float3 origin, direction;
     float length, world;
     int count; ///< segments of the whole ray
     Quad light{};
-    float transmittance = 1.0F;
+    double transmittance = 1; ///< in double, because the errors of many thin segments would add up
     int known = -1; ///< the point that `last` belongs to
     Classified last{};
     float last_position = 0;
@@ -114,14 +114,15 @@ struct March {
         }
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
-            float const share = transmittance * weight[j];
+            float const share = static_cast<float>(transmittance) * weight[j];
             if (shaded) {
                 float const g = share * glint[j];
                 light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
             } else {
                 light = light + mean[j] * (share / mean[j][0]);
             }
-            transmittance *= through[j];
+            double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
+            transmittance *= absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
             if (transmittance < least_transmittance) return;
         }
     }
@@ -144,8 +145,10 @@ struct March {
         constexpr float slack = 4e-3F;
         float const per_step = 1.0F / scene.step;
         int from = 0, to = 0;
+        int distance = 0;
         do {
-            if (!scene.cells.visible[scene.cells.index(cells.cell)]) continue;
+            distance = scene.cells.distance[scene.cells.index(cells.cell)];
+            if (distance > 0) continue;
             int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
             int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
             int const last_segment = b < count ? b : count;
@@ -159,7 +162,7 @@ struct March {
                 from = advance(from, to);
                 if (transmittance < least_transmittance) return;
             }
-        } while (cells.advance());
+        } while (cells.leap(distance));
         add(from, to);
     }
 };
@@ -168,8 +171,13 @@ template <Sampler S>
 VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
-    March<S> march{sampler, scene, to_float(ray.entry), to_float(ray.direction), length,
-                   static_cast<float>(ray.world_per_lattice), count < 1 ? 1 : count};
+    March<S> march{sampler,
+                   scene,
+                   to_float(ray.entry),
+                   to_float(ray.direction),
+                   length,
+                   static_cast<float>(ray.world_per_lattice),
+                   count < 1 ? 1 : count};
     if (scene.skip)
         march.walk();
     else
@@ -177,7 +185,7 @@ VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& r
     ++counters.rays;
     counters.segments += march.count;
     counters.samples += march.samples;
-    return {march.light[1], march.light[2], march.light[3], march.transmittance};
+    return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
 }
 
 } // namespace vkt::render

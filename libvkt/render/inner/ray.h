@@ -13,7 +13,8 @@ namespace vkt::render {
 /// Voxels of clamped padding around every lattice: one for interpolation, one more for central differences.
 inline constexpr int lattice_padding = 2;
 
-/// The camera mapped into lattice space, where padded voxel i lies at coordinate i. Vectors are images of world vectors.
+/// The camera mapped into lattice space, where padded voxel i lies at coordinate i. Vectors are images of world
+/// vectors.
 struct RayFrame {
     Double3 eye, forward, right, up; ///< right and up span half the image
     double right_length, up_length;  ///< their lengths in the world
@@ -66,10 +67,10 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, D
 
 /// Steps of a ray through a grid of cubic cells with edges at multiples of `size` from `lower`. The cell index is
 /// authoritative: it changes by one along one axis per step, whatever rounding does to positions.
-template <class Real>
-struct CellWalk {
+template <class Real> struct CellWalk {
     int cell[3], step[3], end[3];
-    Real next[3], width[3];
+    Real next[3], width[3], per_width[3];
+    int count[3];
     Real t, exit;
 
     template <class Vector>
@@ -82,8 +83,11 @@ struct CellWalk {
             cell[axis] = i < 0 ? 0 : i >= n[axis] ? n[axis] - 1 : i;
             step[axis] = d[axis] > 0 ? 1 : d[axis] < 0 ? -1 : 0;
             end[axis] = d[axis] > 0 ? n[axis] : -1;
-            Real const ahead = d[axis] > 0 ? static_cast<Real>(cell[axis] + 1) - place : place - static_cast<Real>(cell[axis]);
+            Real const ahead =
+                d[axis] > 0 ? static_cast<Real>(cell[axis] + 1) - place : place - static_cast<Real>(cell[axis]);
             width[axis] = d[axis] == 0 ? 0 : size / (d[axis] > 0 ? d[axis] : -d[axis]);
+            per_width[axis] = (d[axis] > 0 ? d[axis] : -d[axis]) / size;
+            count[axis] = n[axis];
             next[axis] = d[axis] == 0 ? std::numeric_limits<Real>::infinity() : ahead * width[axis];
         }
         t = 0;
@@ -103,6 +107,25 @@ struct CellWalk {
         cell[axis] += step[axis];
         next[axis] += width[axis];
         return cell[axis] != end[axis];
+    }
+    /// Leaves the cube of cells less than `distance` away from the present one at once; false behind the last cell.
+    VKT_HD bool leap(int distance) {
+        if (distance <= 1) return advance();
+        auto const further = static_cast<Real>(distance - 1);
+        Real const x = next[0] + further * width[0], y = next[1] + further * width[1], z = next[2] + further * width[2];
+        Real const xy = x < y ? x : y;
+        Real const out = xy < z ? xy : z;
+        if (!(out < exit)) return false;
+        t = out;
+        bool inside = true;
+        for (int axis = 0; axis < 3; ++axis) {
+            if (!(next[axis] <= out)) continue;
+            int const steps = static_cast<int>((out - next[axis]) * per_width[axis]) + 1;
+            cell[axis] += steps * step[axis];
+            next[axis] += static_cast<Real>(steps) * width[axis];
+            inside = inside && cell[axis] >= 0 && cell[axis] < count[axis];
+        }
+        return inside;
     }
 };
 

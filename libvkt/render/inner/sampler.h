@@ -35,8 +35,7 @@ concept Sampler = requires(S const& s, Float3 p, Double3 q, float const* t, floa
 };
 
 /// Base for samplers that have only value() and gradient(): asks them one by one.
-template <class Derived>
-struct PointSampler {
+template <class Derived> struct PointSampler {
     VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
         for (int k = 0; k < chunk; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
     }
@@ -50,8 +49,7 @@ struct PointSampler {
 
 /// A padded lattice of voxels of type T: voxel (i,j,k) of the padded array lies at lattice position (i,j,k).
 /// The array is followed by at least 8 readable bytes, because gathers fetch whole words.
-template <class T>
-struct LatticeSampler {
+template <class T> struct LatticeSampler {
     T const* data;
     std::int64_t row, slice;
     bool compact; ///< offsets within one chunk of a ray fit into 31 bits
@@ -60,7 +58,8 @@ struct LatticeSampler {
 
     VKT_HD float value(Float3 p) const {
         int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
-        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y), fz = p.z - static_cast<float>(z);
+        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y),
+                    fz = p.z - static_cast<float>(z);
         return cell_value(data + (x + y * row + z * slice), fx, fy, fz);
     }
     VKT_HD double precise(Double3 p) const {
@@ -68,8 +67,10 @@ struct LatticeSampler {
         float c[8];
         corners(x, y, z, c);
         double const fx = p.x - x, fy = p.y - y, fz = p.z - z;
-        double const a = c[0] + fx * (static_cast<double>(c[1]) - c[0]), b = c[2] + fx * (static_cast<double>(c[3]) - c[2]);
-        double const d = c[4] + fx * (static_cast<double>(c[5]) - c[4]), e = c[6] + fx * (static_cast<double>(c[7]) - c[6]);
+        double const a = c[0] + fx * (static_cast<double>(c[1]) - c[0]),
+                     b = c[2] + fx * (static_cast<double>(c[3]) - c[2]);
+        double const d = c[4] + fx * (static_cast<double>(c[5]) - c[4]),
+                     e = c[6] + fx * (static_cast<double>(c[7]) - c[6]);
         double const near = a + fy * (b - a), far = d + fy * (e - d);
         return near + fz * (far - near);
     }
@@ -84,7 +85,8 @@ struct LatticeSampler {
     /// Trilinear interpolation of central differences: continuous, second order.
     VKT_HD Float3 gradient(Float3 p) const {
         int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
-        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y), fz = p.z - static_cast<float>(z);
+        float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y),
+                    fz = p.z - static_cast<float>(z);
         T const* v = data + (x + y * row + z * slice);
         return {0.5F * (cell_value(v + 1, fx, fy, fz) - cell_value(v - 1, fx, fy, fz)),
                 0.5F * (cell_value(v + row, fx, fy, fz) - cell_value(v - row, fx, fy, fz)),
@@ -125,12 +127,9 @@ struct Lanes {
     static VKT_HD I gather(void const* p, I i) { return _mm512_i32gather_epi32(i, p, 1); }
     static VKT_HD F floats(I a) { return _mm512_castsi512_ps(a); }
     static VKT_HD I mask(I a, int m) { return _mm512_and_si512(a, set(m)); }
-    template <int n>
-    static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
-    template <int n>
-    static VKT_HD I right_signed(I a) { return _mm512_srai_epi32(a, n); }
-    template <int n>
-    static VKT_HD I left(I a) { return _mm512_slli_epi32(a, n); }
+    template <int n> static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
+    template <int n> static VKT_HD I right_signed(I a) { return _mm512_srai_epi32(a, n); }
+    template <int n> static VKT_HD I left(I a) { return _mm512_slli_epi32(a, n); }
 };
 #elif defined(__AVX2__) && !defined(__CUDACC__)
 #define VKT_LANES 8
@@ -153,12 +152,9 @@ struct Lanes {
     static VKT_HD I gather(void const* p, I i) { return _mm256_i32gather_epi32(static_cast<int const*>(p), i, 1); }
     static VKT_HD F floats(I a) { return _mm256_castsi256_ps(a); }
     static VKT_HD I mask(I a, int m) { return _mm256_and_si256(a, set(m)); }
-    template <int n>
-    static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }
-    template <int n>
-    static VKT_HD I right_signed(I a) { return _mm256_srai_epi32(a, n); }
-    template <int n>
-    static VKT_HD I left(I a) { return _mm256_slli_epi32(a, n); }
+    template <int n> static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }
+    template <int n> static VKT_HD I right_signed(I a) { return _mm256_srai_epi32(a, n); }
+    template <int n> static VKT_HD I left(I a) { return _mm256_slli_epi32(a, n); }
 };
 #endif
 
@@ -170,8 +166,7 @@ struct LaneCells {
 };
 
 /// Two neighbours along x, interpolated; they come with one gather where both fit into 32 bits.
-template <class T>
-VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, Lanes::F f) {
+template <class T> VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, Lanes::F f) {
     Lanes::F a, b;
     if constexpr (std::is_same_v<T, float>) {
         a = Lanes::floats(Lanes::gather(base, offset));
@@ -215,8 +210,7 @@ VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int
 }
 #endif
 
-template <class T>
-VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
+template <class T> VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
 #ifdef VKT_LANES
     if (compact) {
         Float3 const first = o + d * t[0];

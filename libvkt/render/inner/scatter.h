@@ -11,8 +11,7 @@ namespace vkt::render {
 struct Medium {
     float extinction, red, green, blue;
 };
-template <Sampler S>
-VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, Float3 p) {
+template <Sampler S> VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, Float3 p) {
     float const value = sampler.value(p);
     if (!(value == value)) return {0, 0, 0, 0};
     Quad const q = classify(scene.table, table_position(scene.table, value)).density;
@@ -35,7 +34,9 @@ VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float
     cells.start(origin, direction, length, macrocell_origin, static_cast<float>(macrocell_size), scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
     float left = -std::log(1.0F - random.next());
+    int distance = 0;
     do {
+        distance = scene.cells.distance[scene.cells.index(cells.cell)];
         float const majorant = scene.cells.majorant[scene.cells.index(cells.cell)] * world;
         if (!(majorant > 0)) continue;
         float t = cells.t;
@@ -48,13 +49,14 @@ VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float
             left = -std::log(1.0F - random.next());
         }
         left -= majorant * (leave - t);
-    } while (cells.advance());
+    } while (cells.leap(distance));
     return {false, length, {}};
 }
 
 /// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
 template <Sampler S>
-VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random, Counters& counters) {
+VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random,
+                             Counters& counters) {
     constexpr int roulette_from = 8;
     constexpr float two_pi = 6.28318530718F;
     float through[3] = {1, 1, 1}, sum[3] = {0, 0, 0};
@@ -109,7 +111,8 @@ VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, i
         Random random(scene.seed, pixel, static_cast<std::uint32_t>(scene.first_sample + i));
         float const dx = random.next(), dy = random.next();
         Ray ray;
-        if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.lower, scene.upper, ray)) {
+        if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.lower, scene.upper,
+                      ray)) {
             sum[3] += 1;
             continue;
         }

@@ -15,10 +15,10 @@ inline constexpr float macrocell_origin = lattice_padding - 1;
 
 /// Macrocells with the range of the stored values in them (their far faces included) and what follows from it.
 struct CellGridView {
-    float const* lowest;         ///< +inf where there is no data
-    float const* highest;        ///< -inf where there is no data
-    float const* majorant;       ///< bound of the extinction per world length; 0 where nothing can be seen
-    std::uint8_t const* visible; ///< 0 only where no segment can contribute
+    float const* lowest;          ///< +inf where there is no data
+    float const* highest;         ///< -inf where there is no data
+    float const* majorant;        ///< bound of the extinction per world length; 0 where nothing can be seen
+    std::uint8_t const* distance; ///< cells to the nearest one in which something can be seen (itself: 0; at most 255)
     int nx, ny, nz;
 
     VKT_HD std::int64_t index(int const* cell) const {
@@ -66,10 +66,10 @@ struct SceneView {
 
 /// What happened, summed over rays. The report is made of it.
 struct Counters {
-    std::int64_t rays = 0;       ///< that met the volume
-    std::int64_t segments = 0;   ///< that lie on these rays
-    std::int64_t samples = 0;    ///< values that were looked up
-    std::int64_t capped = 0;     ///< paths that were cut
+    std::int64_t rays = 0;     ///< that met the volume
+    std::int64_t segments = 0; ///< that lie on these rays
+    std::int64_t samples = 0;  ///< values that were looked up
+    std::int64_t capped = 0;   ///< paths that were cut
 };
 
 } // namespace vkt::render

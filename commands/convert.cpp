@@ -1,0 +1,18 @@
+// vkt convert: another data type.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/convert.h"
+#include "shell/command.h"
+
+namespace vkt::shell {
+
+Command convert_command() {
+    return operation_command<Convert>(
+        {"Change the data type of a volume.",
+         "Values are kept, rounded half to even and clipped to what the type holds. With --range the values in the range are spread over the "
+         "whole type (0 to 1 for floats), and the header's slope and intercept are set so that physical values stay what they were. What is lost is counted and reported.",
+         {{"To floats", "vkt make noise --dims 32 32 32 --dtype uint16 | vkt convert --dtype float32 | vkt stats"},
+          {"To bytes, the darkest and brightest per cent clipped",
+           "vkt make marschner-lobb --dims 40 40 40 | vkt convert --dtype uint8 --range p1:p99 | vkt stats"}}});
+}
+
+} // namespace vkt::shell

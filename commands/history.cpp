@@ -1,0 +1,67 @@
+// vkt history: what made a volume.
+// SPDX-License-Identifier: MIT
+#include "shell/command.h"
+#include "shell/report.h"
+
+namespace vkt::shell {
+namespace {
+
+std::string command_line(History const& step) {
+    std::vector<std::string> words{"vkt"};
+    for (auto const& word : step.command) words.push_back(shell_quoted(word));
+    return join(words, " ");
+}
+
+/// The newest step first, what it read below it.
+std::string tree(History const& step, std::size_t depth) {
+    std::string result = std::string(2 * depth, ' ');
+    result += step.command.empty() ? "(unknown)" : command_line(step);
+    result += '\n';
+    for (auto const& input : step.inputs) result += tree(input, depth + 1);
+    return result;
+}
+
+std::string json(History const& step, std::size_t depth) {
+    std::string const margin(2 * depth, ' ');
+    std::vector<std::string> words, inputs;
+    for (auto const& word : step.command) words.push_back(json_string(word));
+    for (auto const& input : step.inputs) inputs.push_back(margin + "    " + json(input, depth + 2));
+    std::string result = text("{\n", margin, "  \"command\": [", join(words, ", "), "]");
+    if (!inputs.empty()) result += text(",\n", margin, "  \"inputs\": [\n", join(inputs, ",\n"), "\n", margin, "  ]");
+    return result += text("\n", margin, "}");
+}
+
+class Past : public Consumer {
+public:
+    void parameters(Parameters& p) override { p.flag("as-shell", as_shell_, "print a pipeline that makes the volume again"); }
+    bool reports() const override { return true; }
+    int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        Source& source = *inputs.front();
+        while (source.next_volume()) {
+            std::optional<History> const history = source.header().history;
+            source.finish();
+            if (context.json())
+                context.print(history ? json(*history, 0) + "\n" : "null\n");
+            else if (!history)
+                context.note("the volume has no history");
+            else
+                context.print(as_shell_ ? history_as_shell(*history) + "\n" : tree(*history, 0));
+        }
+        return 0;
+    }
+
+private:
+    bool as_shell_ = false;
+};
+
+} // namespace
+
+Command history_command() {
+    return consumer_command<Past>(
+        {"Show the commands that made a volume.",
+         "The newest step comes first, what it read is indented below it. With --as-shell the same as a pipeline that a shell runs.",
+         {{"The steps", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history"},
+          {"As a pipeline", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history --as-shell"}}});
+}
+
+} // namespace vkt::shell

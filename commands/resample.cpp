@@ -1,0 +1,19 @@
+// vkt resample: another number of voxels for the same extent.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/resample.h"
+#include "shell/command.h"
+
+namespace vkt::shell {
+
+Command resample_command() {
+    return operation_command<Resample>(
+        {"Resample a volume to another number of voxels.",
+         "The volume keeps its extent in the world; voxels are cells, so the outer faces stay where they are. By default axes that shrink are averaged "
+         "by area and axes that grow are interpolated linearly. nearest, linear and area keep the data type; cubic turns unsigned integers "
+         "into floats, because it can leave their range.",
+         {{"Half as many voxels along each axis", "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
+          {"Sizes in voxels, cubic", "vkt make sphere --dims 32 32 24 | vkt resample --dims 48 48 48 --method cubic | vkt info"},
+          {"Cubic voxels from slices", "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}});
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,26 @@
+// AMReX plotfiles (directories with text headers and FAB data) as hierarchical volumes.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/file.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/volume.h"
+
+#include <string>
+
+namespace vkt {
+
+/// True if the path is a directory with a plotfile's Header. Never throws.
+bool is_amrex(std::string const& path);
+
+/// Variables with their types and ranges, the tree that remains when covered coarse cells are taken away, geometry.
+/// Throws Error{data} for malformed, missing or contradictory headers, Error{io} for what cannot be opened.
+AmrListing list_amrex(std::string const& path);
+
+/// Reads one variable. Coarse cells that finer boxes cover are removed by box difference; the rest of every box becomes
+/// one brick or a few. Ghost cells are dropped; 4- and 8-byte reals of either byte order; refinement ratios that are
+/// powers of two, the same along all axes, any per level. The tree must cover the domain. With a region only bricks
+/// whose domain meets it are read. Format: AMReX documentation, "AMReX Plotfile Format", and files.
+Volume read_amrex(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+
+} // namespace vkt

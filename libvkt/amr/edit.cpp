@@ -1,0 +1,204 @@
+// Crop, flip and merging of hierarchical volumes.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/edit.h"
+
+#include "libvkt/amr/cells.h"
+#include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <array>
+#include <cstring>
+#include <unordered_map>
+
+namespace vkt {
+
+namespace {
+
+Vec3 as_point(Index3 p) { return {static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)}; }
+
+void require_tree(Volume const& volume) {
+    if (volume.header().kind != Kind::hierarchical) throw Error(ErrorKind::failure, "not a hierarchical volume");
+}
+
+template <class T> void reverse_brick(T const* from, T* to, Index3 n, int axis) {
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t y = 0; y < n.y; ++y) {
+            std::int64_t const source_y = axis == 1 ? n.y - 1 - y : y, source_z = axis == 2 ? n.z - 1 - z : z;
+            T const* const row = from + (source_z * n.y + source_y) * n.x;
+            T* const out = to + (z * n.y + y) * n.x;
+            for (std::int64_t x = 0; x < n.x; ++x) out[x] = row[axis == 0 ? n.x - 1 - x : x];
+        }
+}
+
+/// Where the cells of a brick go in the merged volume.
+struct Placement {
+    std::size_t brick; ///< of the merged volume
+    Index3 at;         ///< first cell in it
+};
+
+struct Merging {
+    std::vector<Brick> bricks;
+    std::vector<Placement> placement; ///< of every original brick
+};
+
+struct PositionHash {
+    std::size_t operator()(std::array<std::int64_t, 7> const& key) const {
+        std::uint64_t hash = 0x9e3779b97f4a7c15ULL;
+        for (std::int64_t const v : key)
+            hash = (hash ^ static_cast<std::uint64_t>(v)) * 0xff51afd7ed558ccdULL ^ hash >> 29;
+        return hash;
+    }
+};
+
+/// One round: groups of equal siblings become one brick at the place of the first. False if there was no group.
+bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
+    struct Group {
+        std::vector<std::size_t> members;
+    };
+    std::unordered_map<std::array<std::int64_t, 7>, Group, PositionHash> groups;
+    int siblings = 1;
+    for (int a = 0; a < 3; ++a) siblings *= logical[a] == 1 ? 1 : 2;
+    auto const factor = [&](int a) { return std::int64_t{logical[a] == 1 ? 1 : 2}; };
+    auto const key_of = [&](Brick const& brick) {
+        std::array<std::int64_t, 7> key{brick.level, brick.dims.x, brick.dims.y, brick.dims.z, 0, 0, 0};
+        Index3 const w = cell_width(logical, brick.level);
+        for (int a = 0; a < 3; ++a) {
+            std::int64_t const extent = brick.dims[a] * w[a];
+            if (brick.lower[a] % extent != 0 || brick.dims[a] * factor(a) > largest)
+                return std::array<std::int64_t, 7>{-1};
+            key[static_cast<std::size_t>(4 + a)] = brick.lower[a] / extent / factor(a);
+        }
+        return key;
+    };
+    for (std::size_t b = 0; b < merging.bricks.size(); ++b) {
+        auto const key = key_of(merging.bricks[b]);
+        if (key[0] >= 0) groups[key].members.push_back(b);
+    }
+    std::vector<std::size_t> target(merging.bricks.size());
+    std::vector<Index3> shift(merging.bricks.size());
+    std::vector<Brick> result;
+    std::vector<std::int64_t> leader(merging.bricks.size(), -1);
+    bool any = false;
+    for (std::size_t b = 0; b < merging.bricks.size(); ++b) {
+        Brick const& brick = merging.bricks[b];
+        auto const key = key_of(brick);
+        auto const group = key[0] >= 0 ? groups.find(key) : groups.end();
+        bool const whole =
+            group != groups.end() && static_cast<int>(group->second.members.size()) == siblings && siblings > 1;
+        std::size_t const first = whole ? group->second.members.front() : b;
+        if (first == b) {
+            leader[b] = static_cast<std::int64_t>(result.size());
+            Brick merged = brick;
+            if (whole)
+                for (int a = 0; a < 3; ++a) {
+                    merged.lower[a] = key[static_cast<std::size_t>(4 + a)] * factor(a) * brick.dims[a] *
+                                      cell_width(logical, brick.level)[a];
+                    merged.dims[a] = brick.dims[a] * factor(a);
+                }
+            result.push_back(merged);
+            any = any || whole;
+        }
+        target[b] = static_cast<std::size_t>(leader[first]);
+        Index3 const w = cell_width(logical, brick.level);
+        for (int a = 0; a < 3; ++a) shift[b][a] = (brick.lower[a] - result[target[b]].lower[a]) / w[a];
+    }
+    for (Placement& place : merging.placement) {
+        place.at = place.at + shift[place.brick];
+        place.brick = target[place.brick];
+    }
+    merging.bricks = std::move(result);
+    return any;
+}
+
+} // namespace
+
+Volume crop_tree(Volume const& volume, Box const& region, Execution const& execution) {
+    require_tree(volume);
+    Header header = volume.header();
+    Box const present = region_of(header);
+    if (region.empty() || !present.contains(region))
+        throw Error(ErrorKind::usage, text("region ", region, " leaves the hierarchical volume's ", present));
+    std::vector<Brick> bricks;
+    std::vector<std::size_t> kept;
+    for (std::size_t b = 0; b < volume.bricks().size(); ++b) {
+        if (!domain_meets(volume.bricks()[b], header.dims, as_point(region.lower), as_point(region.upper))) continue;
+        bricks.push_back(volume.bricks()[b]);
+        kept.push_back(b);
+    }
+    if (bricks.empty())
+        throw Error(ErrorKind::usage, text("region ", region, " meets no brick of the hierarchical volume"));
+    header.attributes["roi"] = to_text(region);
+    Volume result(header, std::move(bricks));
+    std::byte const* const from = volume.buffer().read(Space::host);
+    std::byte* const to = result.buffer().write(Space::host);
+    std::size_t const bytes = size_of(header.dtype);
+    auto const count = static_cast<std::int64_t>(kept.size());
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+    for (std::int64_t i = 0; i < count; ++i) {
+        auto const b = static_cast<std::size_t>(i);
+        std::memcpy(to + static_cast<std::size_t>(result.brick_offset(b)) * bytes,
+                    from + static_cast<std::size_t>(volume.brick_offset(kept[b])) * bytes,
+                    static_cast<std::size_t>(result.bricks()[b].cells()) * bytes);
+    }
+    return result;
+}
+
+Volume flip_tree(Volume const& volume, Axis axis, Execution const& execution) {
+    require_tree(volume);
+    auto const a = static_cast<int>(axis);
+    Header header = volume.header();
+    Index3 const logical = header.dims;
+    std::vector<Brick> bricks = volume.bricks();
+    for (Brick& brick : bricks) brick.lower[a] = logical[a] - bounds_of(brick, logical).upper[a];
+    header.geometry = flipped(header.geometry, axis, logical[a]);
+    if (header.attributes.contains("roi")) {
+        Box region = region_of(header);
+        std::int64_t const lower = region.lower[a];
+        region.lower[a] = logical[a] - region.upper[a];
+        region.upper[a] = logical[a] - lower;
+        header.attributes["roi"] = to_text(region);
+    }
+    Volume result(header, std::move(bricks));
+    std::byte const* const from = volume.buffer().read(Space::host);
+    std::byte* const to = result.buffer().write(Space::host);
+    auto const count = static_cast<std::int64_t>(result.bricks().size());
+    with_cell_type(header.dtype, [&]<class T>(T) {
+        auto const* const source = reinterpret_cast<T const*>(from);
+        auto* const target = reinterpret_cast<T*>(to);
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+        for (std::int64_t i = 0; i < count; ++i) {
+            auto const b = static_cast<std::size_t>(i);
+            reverse_brick(source + volume.brick_offset(b), target + result.brick_offset(b), result.bricks()[b].dims, a);
+        }
+    });
+    return result;
+}
+
+Volume merge_siblings(Volume const& volume, std::int64_t largest, Execution const& execution) {
+    require_tree(volume);
+    Merging merging{volume.bricks(), {}};
+    for (std::size_t b = 0; b < merging.bricks.size(); ++b) merging.placement.push_back({b, {0, 0, 0}});
+    while (merge_round(merging, volume.header().dims, largest)) {
+    }
+    Volume result(volume.header(), std::move(merging.bricks));
+    std::byte const* const from = volume.buffer().read(Space::host);
+    std::byte* const to = result.buffer().write(Space::host);
+    DataType const dtype = volume.header().dtype;
+    std::size_t const bytes = size_of(dtype);
+    auto const count = static_cast<std::int64_t>(merging.placement.size());
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+    for (std::int64_t i = 0; i < count; ++i) {
+        auto const b = static_cast<std::size_t>(i);
+        Placement const& place = merging.placement[b];
+        Index3 const n = volume.bricks()[b].dims;
+        ConstView const source =
+            dense_view(from + static_cast<std::size_t>(volume.brick_offset(b)) * bytes, dtype, box_of(n));
+        AnyView const whole = dense_view(to + static_cast<std::size_t>(result.brick_offset(place.brick)) * bytes, dtype,
+                                         box_of(result.bricks()[place.brick].dims));
+        copy(source, whole.part({place.at, place.at + n}));
+    }
+    return result;
+}
+
+} // namespace vkt

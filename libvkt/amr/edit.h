@@ -1,0 +1,22 @@
+// Hierarchical to hierarchical without touching values: crop by region, flip, merging of sibling blocks.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/tree.h"
+#include "libvkt/core/execution.h"
+
+namespace vkt {
+
+/// The bricks whose domain meets a region of finest cells, whole and in their order; the logical grid stays, the
+/// header's attribute "roi" names the region. Any reconstruction inside the region is the same as before, bit for bit.
+/// Throws Error{usage} if the region leaves what an earlier crop left, or meets no brick.
+Volume crop_tree(Volume const& volume, Box const& region, Execution const& execution);
+
+/// The mirrored tree: bricks and their cells reversed along an axis; cells keep their world positions.
+Volume flip_tree(Volume const& volume, Axis axis, Execution const& execution);
+
+/// Joins 2 x 2 x 2 sibling bricks of one level into one brick, again and again while the result has at most
+/// `largest` cells along an axis. Reconstructions stay what they were (to rounding); there are fewer bricks to visit.
+Volume merge_siblings(Volume const& volume, std::int64_t largest, Execution const& execution);
+
+} // namespace vkt

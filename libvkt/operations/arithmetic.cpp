@@ -1,0 +1,347 @@
+// Arithmetic: pieces of rows in float, double or 128-bit integers, whichever is exact.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/arithmetic.h"
+
+#include "libvkt/operations/rows.h"
+#include "libvkt/operations/wide.h"
+
+#include <cmath>
+
+namespace vkt {
+
+/// One operand: a volume (null for a number) and the map from its stored values to those computed with.
+struct ArithmeticOperand {
+    ConstView const* view = nullptr;
+    double number = 0;
+    ValueMap map;
+};
+
+/// What the kernels need to know.
+struct ArithmeticTask {
+    ArithmeticOp op = ArithmeticOp::add;
+    ArithmeticOperand a, b;
+    ValueMap result;        ///< stored result = (value - intercept) / slope
+    bool count_zeros = false; ///< integer division
+};
+
+struct ArithmeticCounts {
+    std::int64_t clipped = 0, nan = 0, zero_divisors = 0;
+};
+
+VKT_CPU_KERNEL(arithmetic_float, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+               (task, out, counts, execution))
+VKT_CPU_KERNEL(arithmetic_double, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+               (task, out, counts, execution))
+VKT_CPU_KERNEL(arithmetic_integers, (ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution),
+               (task, out, counts, execution))
+
+#ifndef __CUDACC__
+namespace VKT_BACKEND {
+namespace {
+
+template <class C>
+void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* to) {
+    if (operand.view == nullptr) {
+        std::fill_n(to, n, static_cast<C>(operand.number));
+        return;
+    }
+    load_row(operand.view->type, operand.view->at(x, y, z), to, n);
+    if (operand.map == ValueMap{}) return;
+    C const slope = static_cast<C>(operand.map.slope), intercept = static_cast<C>(operand.map.intercept);
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) to[i] = slope * to[i] + intercept;
+}
+
+template <class C, class F>
+void combine_with(C* a, C const* b, std::int64_t n, F const f) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) a[i] = f(a[i], b[i]);
+}
+
+template <class C>
+void combine(ArithmeticOp op, C* a, C const* b, std::int64_t n) {
+    switch (op) {
+    case ArithmeticOp::add: return combine_with(a, b, n, [](C u, C v) { return u + v; });
+    case ArithmeticOp::sub: return combine_with(a, b, n, [](C u, C v) { return u - v; });
+    case ArithmeticOp::mul: return combine_with(a, b, n, [](C u, C v) { return u * v; });
+    case ArithmeticOp::div: return combine_with(a, b, n, [](C u, C v) { return u / v; });
+    case ArithmeticOp::min: return combine_with(a, b, n, [](C u, C v) { return u < v || u != u ? u : v; });
+    case ArithmeticOp::max: return combine_with(a, b, n, [](C u, C v) { return u > v || u != u ? u : v; });
+    }
+}
+
+void add(ArithmeticCounts& total, ArithmeticCounts const& part) {
+    if (part.clipped == 0 && part.nan == 0 && part.zero_divisors == 0) return;
+#pragma omp critical(vkt_arithmetic)
+    {
+        total.clipped += part.clipped;
+        total.nan += part.nan;
+        total.zero_divisors += part.zero_divisors;
+    }
+}
+
+/// Integer division by zero shows as infinity (clipped) and NaN here; it is counted as what it is instead.
+template <class C>
+void count_zero_divisors(C const* a, C const* b, std::int64_t n, ArithmeticCounts& counts) {
+    for (std::int64_t i = 0; i < n; ++i) {
+        if (b[i] != C(0)) continue;
+        ++counts.zero_divisors;
+        (a[i] == C(0) ? counts.nan : counts.clipped) -= 1;
+    }
+}
+
+template <class C>
+void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
+    C const slope = static_cast<C>(task.result.slope), intercept = static_cast<C>(task.result.intercept);
+    bool const same_values = task.result == ValueMap{};
+    for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        alignas(64) C a[row_piece], b[row_piece];
+        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+            std::int64_t const m = std::min(row_piece, n - begin);
+            load_operand(task.a, x + begin, y, z, m, a);
+            load_operand(task.b, x + begin, y, z, m, b);
+            ArithmeticCounts mine;
+            if (task.count_zeros) count_zero_divisors(a, b, m, mine);
+            combine(task.op, a, b, m);
+            if (!same_values) {
+#pragma omp simd
+                for (std::int64_t i = 0; i < m; ++i) a[i] = (a[i] - intercept) / slope;
+            }
+            Tally const tally = store_row(out.type, static_cast<C const*>(a), out.at(x + begin, y, z), m);
+            mine.clipped += tally.clipped;
+            mine.nan += tally.nan;
+            add(counts, mine);
+        }
+    });
+}
+
+template <class T>
+void load_integers(std::byte const* from, Int128* to, std::int64_t n) {
+    auto const* const in = reinterpret_cast<T const*>(from);
+    for (std::int64_t i = 0; i < n; ++i) to[i] = static_cast<Int128>(in[i]);
+}
+
+void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, Int128* to) {
+    if (operand.view == nullptr) {
+        std::fill_n(to, n, static_cast<Int128>(operand.number));
+        return;
+    }
+    for_each_type(operand.view->type, [&]<class T>(T) {
+        if constexpr (std::is_integral_v<T>) load_integers<T>(operand.view->at(x, y, z), to, n);
+    });
+}
+
+constexpr Int128 huge = (Int128{1} << 126) - 1 + (Int128{1} << 126); ///< the largest Int128: saturates every type
+
+Int128 divide(Int128 a, Int128 b) { // halves to even
+    Int128 const q = a / b, rest = a - q * b;
+    Int128 const twice = (rest < 0 ? -rest : rest) * 2, size = b < 0 ? -b : b;
+    if (twice < size || (twice == size && (q & 1) == 0)) return q;
+    return (a < 0) == (b < 0) ? q + 1 : q - 1;
+}
+
+Int128 combine(ArithmeticOp op, Int128 a, Int128 b, ArithmeticCounts& counts) {
+    switch (op) {
+    case ArithmeticOp::add: return a + b;
+    case ArithmeticOp::sub: return a - b;
+    case ArithmeticOp::mul: {
+        Int128 product = 0;
+        return __builtin_mul_overflow(a, b, &product) ? ((a < 0) == (b < 0) ? huge : -huge) : product;
+    }
+    case ArithmeticOp::div:
+        if (b != 0) return divide(a, b);
+        ++counts.zero_divisors;
+        if (a != 0) --counts.clipped;
+        return a > 0 ? huge : a < 0 ? -huge : 0;
+    case ArithmeticOp::min: return std::min(a, b);
+    case ArithmeticOp::max: return std::max(a, b);
+    }
+    return 0;
+}
+
+template <class T>
+std::int64_t store_integers(Int128 const* from, std::byte* to, std::int64_t n) {
+    auto* const out = reinterpret_cast<T*>(to);
+    std::int64_t clipped = 0;
+    if constexpr (std::is_integral_v<T>) {
+        constexpr Int128 low = std::numeric_limits<T>::lowest(), high = std::numeric_limits<T>::max();
+        for (std::int64_t i = 0; i < n; ++i) {
+            clipped += from[i] < low || from[i] > high;
+            out[i] = static_cast<T>(std::clamp(from[i], low, high));
+        }
+    } else {
+        for (std::int64_t i = 0; i < n; ++i) out[i] = round_to<T>(static_cast<double>(from[i]));
+    }
+    return clipped;
+}
+
+} // namespace
+
+void arithmetic_float(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
+    in_floats<float>(task, out, counts, execution);
+}
+
+void arithmetic_double(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
+    in_floats<double>(task, out, counts, execution);
+}
+
+void arithmetic_integers(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
+    for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        alignas(64) Int128 a[row_piece], b[row_piece];
+        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+            std::int64_t const m = std::min(row_piece, n - begin);
+            load_operand(task.a, x + begin, y, z, m, a);
+            load_operand(task.b, x + begin, y, z, m, b);
+            ArithmeticCounts mine;
+            for (std::int64_t i = 0; i < m; ++i) a[i] = combine(task.op, a[i], b[i], mine);
+            for_each_type(out.type, [&]<class T>(T) { mine.clipped += store_integers<T>(a, out.at(x + begin, y, z), m); });
+            add(counts, mine);
+        }
+    });
+}
+
+} // namespace VKT_BACKEND
+#endif
+
+#if VKT_HOST
+
+namespace {
+
+std::optional<double> as_number(std::string const& word) {
+    if (word.empty() || word == "-") return std::nullopt;
+    try {
+        return parse_double(word);
+    } catch (Error const&) {
+        return std::nullopt;
+    }
+}
+
+bool is_wide(DataType type) { return is_integer(type) && size_of(type) == 8; }
+
+} // namespace
+
+DataType promoted(DataType a, DataType b) {
+    if (a == b) return a;
+    if (is_integer(a) && is_integer(b)) {
+        for (DataType const t : {DataType::uint8, DataType::int8, DataType::uint16, DataType::int16, DataType::uint32, DataType::int32, DataType::uint64})
+            if (lowest_of(t) <= std::min(lowest_of(a), lowest_of(b)) && highest_of(t) >= std::max(highest_of(a), highest_of(b))) return t;
+        return DataType::int64;
+    }
+    DataType const f = is_integer(a) ? b : a, other = is_integer(a) ? a : b;
+    if (!is_integer(other)) return std::max(f, other); // float16 < float32 < float64
+    if (size_of(other) == 1) return f;
+    return std::max(f, size_of(other) == 2 ? DataType::float32 : DataType::float64);
+}
+
+std::vector<std::string> Arithmetic::operands() const {
+    std::vector<std::string> result;
+    if (!as_number(a)) result.push_back(a.empty() ? "-" : a);
+    if (!b.empty() && !as_number(b)) result.push_back(b);
+    return result;
+}
+
+void Arithmetic::parameters(Parameters& p) {
+    p.positional("op", op, "add, sub, mul, div, min or max");
+    p.positional("a", a, "first operand: a volume ('-' is standard input) or a number");
+    p.positional("b", b, "second operand: a volume or a number");
+    p.option("dtype", dtype, "TYPE", "data type of the result");
+}
+
+void Arithmetic::check() const {
+    if (operands().empty()) throw Error(ErrorKind::usage, text("both operands, ", a, " and ", b, ", are numbers"), text("a file of that name is written ./", a));
+}
+
+/// Decides in which values to compute, and what the result is stored as.
+void Arithmetic::choose_values(Header const& first, Header const* second, Header& output) {
+    map_a_ = map_b_ = map_out_ = {};
+    output.dtype = second == nullptr ? first.dtype : promoted(first.dtype, second->dtype);
+    if (second == nullptr && !(first.values == ValueMap{})) { // a number is a physical value
+        (number_a_ ? map_b_ : map_a_) = first.values;
+        map_out_ = first.values;
+    }
+    if (second != nullptr && !(first.values == second->values)) {
+        map_a_ = first.values;
+        map_b_ = second->values;
+        output.values = {};
+        bool const small = size_of(first.dtype) <= 2 && size_of(second->dtype) <= 2;
+        output.dtype = small || (first.dtype == DataType::float32 && second->dtype == DataType::float32) ? DataType::float32 : DataType::float64;
+    }
+    if (dtype) output.dtype = *dtype;
+    type_ = output.dtype;
+
+    bool const stored = map_a_ == ValueMap{} && map_b_ == ValueMap{};
+    auto const fits_float = [](std::optional<double> const& v) { return !v || static_cast<double>(static_cast<float>(*v)) == *v; };
+    auto const small_type = [](DataType t) { return size_of(t) <= 2 || t == DataType::float32; };
+    bool const whole = (!number_a_ || *number_a_ == std::rint(*number_a_)) && (!number_b_ || *number_b_ == std::rint(*number_b_));
+    bool const integers = is_integer(first.dtype) && (second == nullptr || is_integer(second->dtype));
+    bool const wide = is_wide(first.dtype) || (second != nullptr && is_wide(second->dtype)) || is_wide(type_);
+    integers_ = integers && is_integer(type_);
+    way_ = Way::in_double;
+    if (stored && integers_ && wide && whole && std::abs(number_a_.value_or(0)) < 0x1p63 && std::abs(number_b_.value_or(0)) < 0x1p63)
+        way_ = Way::in_integers;
+    else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) && small_type(type_) &&
+             fits_float(number_a_) && fits_float(number_b_))
+        way_ = Way::in_float;
+}
+
+Plan Arithmetic::plan(std::span<Header const> inputs) {
+    Header const& first = inputs.front();
+    Header const* const second = inputs.size() > 1 ? &inputs[1] : nullptr;
+    number_a_ = as_number(a);
+    number_b_ = as_number(b);
+    counts_ = {};
+    zero_divisors_ = 0;
+    if (second != nullptr) {
+        if (first.kind != Kind::structured || second->kind != Kind::structured)
+            throw Error(ErrorKind::usage, "one of the volumes is hierarchical", "make it a grid first: vkt amr-resample");
+        if (!(first.dims == second->dims))
+            throw Error(ErrorKind::usage, text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),
+                        text("vkt resample --dims ", first.dims, " brings the second to the first one's"));
+        if (!same_geometry(first.geometry, second->geometry))
+            throw Error(ErrorKind::usage, "the volumes lie at different places in the world (origin, spacing or direction)",
+                        "vkt set --origin … --spacing … corrects a header");
+    }
+    Plan plan;
+    plan.output = first;
+    choose_values(first, second, plan.output);
+    voxels_ = first.voxels();
+    plan.method = way_ == Way::in_integers ? "128-bit integers" : way_ == Way::in_float ? "float32" : "float64";
+    return plan;
+}
+
+void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    ArithmeticTask task;
+    task.op = op;
+    std::size_t next = 0;
+    if (number_a_)
+        task.a.number = *number_a_;
+    else
+        task.a.view = &inputs[next++];
+    if (number_b_)
+        task.b.number = *number_b_;
+    else
+        task.b.view = &inputs[next];
+    task.a.map = map_a_;
+    task.b.map = map_b_;
+    task.result = map_out_;
+    task.count_zeros = op == ArithmeticOp::div && integers_;
+    ArithmeticCounts counts;
+    switch (way_) {
+    case Way::in_float: arithmetic_float(task, out, counts, execution); break;
+    case Way::in_double: arithmetic_double(task, out, counts, execution); break;
+    case Way::in_integers: arithmetic_integers(task, out, counts, execution); break;
+    }
+    counts_.clipped += counts.clipped;
+    counts_.nan += counts.nan;
+    zero_divisors_ += counts.zero_divisors;
+}
+
+std::vector<Remark> Arithmetic::remarks() const {
+    std::vector<Remark> result = store_remarks(counts_, voxels_, type_);
+    if (zero_divisors_ > 0) result.push_back({text(share_text(zero_divisors_, voxels_), " divided by zero"), true});
+    return result;
+}
+
+#endif
+
+} // namespace vkt

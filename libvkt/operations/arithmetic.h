@@ -1,0 +1,58 @@
+// Arithmetic of two volumes, or of a volume and a number.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/remarks.h"
+
+namespace vkt {
+
+enum class ArithmeticOp : std::uint8_t { add, sub, mul, div, min, max };
+template <>
+struct EnumNames<ArithmeticOp> {
+    static std::vector<std::pair<ArithmeticOp, char const*>> all() {
+        return {{ArithmeticOp::add, "add"}, {ArithmeticOp::sub, "sub"}, {ArithmeticOp::mul, "mul"},
+                {ArithmeticOp::div, "div"}, {ArithmeticOp::min, "min"}, {ArithmeticOp::max, "max"}};
+    }
+};
+
+/// Voxel by voxel; dims and geometry must agree. Two volumes with equal value maps are combined in stored values, keeping
+/// the map; with different maps, or with a number and a map, in physical values. Results are computed without
+/// intermediate rounding (128-bit integers for 64-bit types), rounded once half to even, and saturate. x / 0 in integers
+/// is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow IEEE. min and max hand NaN on.
+class Arithmetic : public Operation {
+public:
+    ArithmeticOp op = ArithmeticOp::add;
+    std::string a, b; ///< paths or numbers
+    std::optional<DataType> dtype;
+
+    std::string_view name() const override { return "arith"; }
+    Shape shape() const override { return Shape::pointwise; }
+    int inputs() const override { return static_cast<int>(operands().size()); }
+    std::vector<std::string> input_names() const override { return operands(); }
+    /// Paths of the operands that are volumes, in order; "-" if nothing is said yet.
+    std::vector<std::string> operands() const;
+    void parameters(Parameters& p) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<Remark> remarks() const override;
+
+private:
+    enum class Way : std::uint8_t { in_float, in_double, in_integers };
+    void choose_values(Header const& first, Header const* second, Header& output);
+
+    Way way_ = Way::in_double;
+    std::optional<double> number_a_, number_b_;
+    ValueMap map_a_, map_b_, map_out_; ///< from stored operands to what is computed with, and back
+    bool integers_ = false;
+    std::int64_t voxels_ = 0, zero_divisors_ = 0;
+    DataType type_ = DataType::uint8;
+    StoreCounts counts_;
+};
+
+/// Type of the result of two volumes: the type itself if both agree; the smallest integer type that holds both (int64 if
+/// there is none); with a float the wider float, at least float32 for 16-bit integers and float64 for 32-bit ones.
+DataType promoted(DataType a, DataType b);
+
+} // namespace vkt

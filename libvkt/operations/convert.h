@@ -1,0 +1,69 @@
+// Changing the data type: values kept, or a range of values mapped to the full range of the new type.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/quantiles.h"
+#include "libvkt/operations/remarks.h"
+#include "libvkt/operations/statistics.h"
+
+#include <memory>
+
+namespace vkt {
+
+/// One end of a range: a physical value, or a percentile of the volume (0 and 100 are the extremes).
+struct RangeEnd {
+    bool percentile = false;
+    double value = 0;
+    friend bool operator==(RangeEnd const&, RangeEnd const&) = default;
+};
+
+/// "LO:HI", "minmax", "p1:p99", or mixtures such as "0:p99.5".
+struct ValueRange {
+    RangeEnd low, high;
+    friend bool operator==(ValueRange const&, ValueRange const&) = default;
+};
+
+template <>
+struct ValueText<ValueRange> : OneWord {
+    static ValueRange read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(ValueRange const& v);
+};
+
+/// Without a range stored values are kept: rounded half to even, saturated, NaN to 0; both are counted. 64-bit integers
+/// convert exactly. With a range, physical values in [low, high] are mapped linearly to `to`, by default the full range
+/// of an integer type and [0, 1] of a floating one; what lies outside is clipped and counted; the output's value map is
+/// composed so that physical values stay what they were. Percentiles and extremes take a pass of their own; see
+/// Quantiles for their accuracy.
+class Convert : public Operation {
+public:
+    std::optional<DataType> dtype;
+    std::optional<ValueRange> range;
+    std::optional<ValueRange> to; ///< stored values of the output
+
+    std::string_view name() const override { return "convert"; }
+    Shape shape() const override { return Shape::pointwise; }
+    void parameters(Parameters& p) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+    void scan(ConstView slab, Execution const& execution) override;
+    void scan_end() override;
+    void after_scan(Header& output) const override { output.values = values_; }
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<Remark> remarks() const override;
+
+private:
+    void set_map(double low, double high);
+
+    Header input_;
+    DataType type_ = DataType::uint8;
+    ValueMap values_;
+    double low_ = 0, high_ = 0, to_low_ = 0, to_high_ = 1, factor_ = 1; ///< stored input range, stored output range
+    bool percentiles_ = false;
+    Statistics extremes_;
+    std::unique_ptr<Quantiles> quantiles_;
+    StoreCounts counts_;
+    bool copies_ = false;
+};
+
+} // namespace vkt

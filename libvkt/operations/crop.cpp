@@ -1,0 +1,145 @@
+// Crop: finding the box; the engine hands the voxels through.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/crop.h"
+
+#include "libvkt/kernel/border.h"
+
+#if VKT_HOST
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace vkt {
+namespace {
+
+/// Index-space bounds of the eight corners that `corner(low or high per axis)` gives in the world.
+template <class Corner> std::array<Vec3, 2> index_bounds(Geometry const& geometry, Corner const& corner) {
+    double const inf = std::numeric_limits<double>::infinity();
+    std::array<Vec3, 2> bounds{{{inf, inf, inf}, {-inf, -inf, -inf}}};
+    for (int i = 0; i < 8; ++i) {
+        Vec3 const index = world_to_index(geometry, corner((i & 1) != 0, (i & 2) != 0, (i & 4) != 0));
+        for (int axis = 0; axis < 3; ++axis) {
+            bounds[0][axis] = std::min(bounds[0][axis], index[axis]);
+            bounds[1][axis] = std::max(bounds[1][axis], index[axis]);
+        }
+    }
+    return bounds;
+}
+
+/// Voxels with centres in [lower, upper), cut to the volume; bounds within 1e-6 voxels of a centre count as on it.
+Box voxels_between(std::array<Vec3, 2> const& bounds, Index3 dims) {
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const n = static_cast<double>(dims[axis]);
+        box.lower[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(bounds[0][axis] - 1e-6), 0.0, n));
+        box.upper[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(bounds[1][axis] - 1e-6), 0.0, n));
+    }
+    return box;
+}
+
+} // namespace
+
+Box resolve(WorldRoi const& region, Header const& header) {
+    std::vector<std::string> const ranges = split(region.text, ',');
+    if (ranges.size() != 3)
+        throw Error(ErrorKind::usage, text("world region '", region.text, "' is not X0:X1,Y0:Y1,Z0:Z1"));
+    Vec3 low, high;
+    std::array<bool, 3> open_below{}, open_above{};
+    for (int axis = 0; axis < 3; ++axis) {
+        std::vector<std::string> const ends = split(ranges[static_cast<std::size_t>(axis)], ':');
+        if (ends.size() != 2)
+            throw Error(ErrorKind::usage, text("world region '", region.text, "' is not X0:X1,Y0:Y1,Z0:Z1"));
+        auto const a = static_cast<std::size_t>(axis);
+        open_below[a] = ends[0].empty();
+        open_above[a] = ends[1].empty();
+        low[axis] = open_below[a] ? 0 : parse_double(ends[0]);
+        high[axis] = open_above[a] ? 0 : parse_double(ends[1]);
+        if (!std::isfinite(low[axis]) || !std::isfinite(high[axis]))
+            throw Error(ErrorKind::usage, text("world region '", region.text, "' is not finite"));
+        if (!open_below[a] && !open_above[a] && low[axis] >= high[axis])
+            throw Error(ErrorKind::usage, text("world region '", region.text, "' is empty"),
+                        "the lower end comes first");
+    }
+    // An open end is the volume's own, found in the world.
+    Index3 const dims = header.dims;
+    for (int i = 0; i < 8; ++i) {
+        Vec3 const corner = index_to_world(header.geometry, {(i & 1) != 0 ? static_cast<double>(dims.x) - 0.5 : -0.5,
+                                                             (i & 2) != 0 ? static_cast<double>(dims.y) - 0.5 : -0.5,
+                                                             (i & 4) != 0 ? static_cast<double>(dims.z) - 0.5 : -0.5});
+        for (int axis = 0; axis < 3; ++axis) {
+            auto const a = static_cast<std::size_t>(axis);
+            if (open_below[a]) low[axis] = i == 0 ? corner[axis] : std::min(low[axis], corner[axis]);
+            if (open_above[a]) high[axis] = i == 0 ? corner[axis] : std::max(high[axis], corner[axis]);
+        }
+    }
+    Box const box =
+        voxels_between(index_bounds(header.geometry,
+                                    [&](bool x, bool y, bool z) {
+                                        return Vec3{x ? high.x : low.x, y ? high.y : low.y, z ? high.z : low.z};
+                                    }),
+                       dims);
+    if (box.empty())
+        throw Error(ErrorKind::usage, text("world region '", region.text, "' holds no voxel centre"),
+                    "'vkt info' shows origin and spacing");
+    return box;
+}
+
+void Crop::parameters(Parameters& parameters) {
+    parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1");
+    parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");
+    parameters.option("like", like_file_, "FILE", "keep what lies within the extent of this volume");
+}
+
+void Crop::check() const {
+    int const given = (region_.empty() ? 0 : 1) + (world_.empty() ? 0 : 1) + (like_file_.empty() && !like_ ? 0 : 1);
+    if (given == 1) return;
+    throw Error(ErrorKind::usage, given == 0 ? "no region given" : "more than one region given",
+                "use one of --roi X0:X1,Y0:Y1,Z0:Z1, --roi-world, --like FILE");
+}
+
+void Crop::set_like(Geometry const& geometry, Index3 dims) { like_ = {geometry, dims}; }
+
+Plan Crop::plan(std::span<Header const> inputs) {
+    Header const& in = inputs[0];
+    if (like_) {
+        Geometry const& g = like_->geometry;
+        Index3 const n = like_->dims;
+        box_ = voxels_between(index_bounds(in.geometry,
+                                           [&](bool x, bool y, bool z) {
+                                               return index_to_world(g, {x ? static_cast<double>(n.x) - 0.5 : -0.5,
+                                                                         y ? static_cast<double>(n.y) - 0.5 : -0.5,
+                                                                         z ? static_cast<double>(n.z) - 0.5 : -0.5});
+                                           }),
+                              in.dims);
+        if (box_.empty())
+            throw Error(ErrorKind::usage,
+                        text("the volume does not overlap ", like_file_.empty() ? "the other" : like_file_),
+                        "compare the extents with 'vkt info'");
+    } else {
+        box_ = world_.empty() ? region_.resolve(in.dims) : resolve(world_, in);
+    }
+    Plan plan;
+    plan.output = in;
+    plan.output.dims = box_.dims();
+    plan.output.geometry = cropped(in.geometry, box_.lower);
+    // Still the same place in the whole; what a halo was is not known after the cut.
+    if (auto& part = plan.output.part) {
+        part->offset = part->offset + box_.lower;
+        if (!(box_ == box_of(in.dims))) part->halo = {};
+    }
+    plan.shift = box_.lower;
+    plan.method = "copy";
+    plan.cost = 0;
+    return plan;
+}
+
+Box Crop::footprint(Box const& output, int) const { return {output.lower + box_.lower, output.upper + box_.lower}; }
+
+void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    copy_region(inputs[0].part(footprint(out.box, 0)), out, execution);
+}
+
+} // namespace vkt
+
+#endif

@@ -1,0 +1,51 @@
+// Crop: keeps the voxels of a region, given in voxels, in world units, or by another volume's extent.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+
+#include <optional>
+
+namespace vkt {
+
+/// The smallest box of voxels that holds all voxels whose centres lie in a world region (half-open, cut to the volume).
+/// Exact where the axes are parallel to the world's, a bounding box where they are oblique. Throws Error{usage}.
+Box resolve(WorldRoi const& region, Header const& header);
+
+/// Keeps a region and moves the origin so that voxels keep their world positions. Exact for every data type. Only what
+/// is kept is asked for, so that a seekable source reads no more than that.
+class Crop : public Operation {
+public:
+    Crop() = default;
+    explicit Crop(Roi region) : region_(std::move(region)) {}
+    explicit Crop(WorldRoi region) : world_(std::move(region)) {}
+
+    std::string_view name() const override { return "crop"; }
+    Shape shape() const override { return Shape::geometric; }
+    void parameters(Parameters& parameters) override;
+    /// Throws Error{usage} unless exactly one region is given.
+    void check() const override;
+    /// Throws Error{usage} if the region is empty or does not lie in the volume.
+    Plan plan(std::span<Header const> inputs) override;
+    Box footprint(Box const& output, int input) const override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
+
+    /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
+    void set_like(Geometry const& geometry, Index3 dims);
+
+protected:
+    std::string like_file_; ///< `--like`: whoever reads the file calls set_like()
+
+private:
+    struct Extent {
+        Geometry geometry;
+        Index3 dims;
+    };
+    Roi region_;
+    WorldRoi world_;
+    std::optional<Extent> like_;
+    Box box_;
+};
+
+} // namespace vkt

@@ -1,0 +1,202 @@
+// Comparing rows, merging them in order.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/difference.h"
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/operations/rows.h"
+#include "libvkt/operations/wide.h"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace vkt {
+
+/// What one row contributes.
+struct RowDifference {
+    std::int64_t differing = 0, first = 0; ///< first: x, if any differ
+    double squares = 0, max_abs = 0;
+    double low = 0, high = 0; ///< finite extremes of the first volume; low > high if there are none
+};
+
+/// Two slabs of equal box and the maps to the values that are compared.
+struct SlabPair {
+    ConstView a, b;
+    ValueMap map_a, map_b;
+};
+
+VKT_CPU_KERNEL(difference_rows, (SlabPair const& pair, RowDifference* rows, Execution const& execution), (pair, rows, execution))
+
+#ifndef __CUDACC__
+namespace VKT_BACKEND {
+namespace {
+
+constexpr int lanes = 16;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// to[i] = |a[i] - b[i]|; 0 for equal infinities and pairs of NaN, infinity for NaN against a number.
+void absolute_differences(double const* a, double const* b, double* to, std::int64_t n) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) {
+        double const d = a[i] < b[i] ? b[i] - a[i] : a[i] - b[i];
+        bool const equal = a[i] == b[i] || (a[i] != a[i] && b[i] != b[i]);
+        to[i] = equal ? 0 : d == d ? d : infinity;
+    }
+}
+
+/// The same for 64-bit integers, whose differences double would not see.
+template <class T>
+void integer_differences(std::byte const* a, std::byte const* b, double* to, std::int64_t n, double slope) {
+    auto const *const u = reinterpret_cast<T const*>(a), *const v = reinterpret_cast<T const*>(b);
+    for (std::int64_t i = 0; i < n; ++i) to[i] = std::abs(slope * static_cast<double>(static_cast<Int128>(u[i]) - static_cast<Int128>(v[i])));
+}
+
+void map_values(double* v, std::int64_t n, ValueMap const& map) {
+    if (map == ValueMap{}) return;
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) v[i] = map.slope * v[i] + map.intercept;
+}
+
+struct RowSums {
+    double squares[lanes] = {}, largest[lanes] = {}, low[lanes], high[lanes];
+};
+
+void accumulate(double const* d, double const* a, std::int64_t n, RowSums& sums) {
+    std::int64_t i = 0;
+    for (; i + lanes <= n; i += lanes) {
+#pragma omp simd
+        for (int j = 0; j < lanes; ++j) {
+            double const v = a[i + j], e = d[i + j];
+            sums.squares[j] += e * e;
+            sums.largest[j] = e > sums.largest[j] ? e : sums.largest[j];
+            sums.low[j] = v < sums.low[j] && v - v == 0 ? v : sums.low[j];
+            sums.high[j] = v > sums.high[j] && v - v == 0 ? v : sums.high[j];
+        }
+    }
+    for (int j = 0; i < n; ++i, ++j) {
+        sums.squares[j] += d[i] * d[i];
+        sums.largest[j] = d[i] > sums.largest[j] ? d[i] : sums.largest[j];
+        sums.low[j] = a[i] < sums.low[j] && a[i] - a[i] == 0 ? a[i] : sums.low[j];
+        sums.high[j] = a[i] > sums.high[j] && a[i] - a[i] == 0 ? a[i] : sums.high[j];
+    }
+}
+
+RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) {
+    alignas(64) double a[row_piece], b[row_piece], d[row_piece];
+    Box const box = pair.a.box;
+    RowSums sums;
+    std::fill_n(sums.low, lanes, infinity);
+    std::fill_n(sums.high, lanes, -infinity);
+    RowDifference row;
+    bool const wide = pair.a.type == pair.b.type && pair.map_a == pair.map_b && (pair.a.type == DataType::int64 || pair.a.type == DataType::uint64);
+    for (std::int64_t x = box.lower.x; x < box.upper.x; x += row_piece) {
+        std::int64_t const n = std::min(row_piece, box.upper.x - x);
+        load_row(pair.a.type, pair.a.at(x, y, z), a, n);
+        map_values(a, n, pair.map_a);
+        if (wide && pair.a.type == DataType::int64) {
+            integer_differences<std::int64_t>(pair.a.at(x, y, z), pair.b.at(x, y, z), d, n, pair.map_a.slope);
+        } else if (wide) {
+            integer_differences<std::uint64_t>(pair.a.at(x, y, z), pair.b.at(x, y, z), d, n, pair.map_a.slope);
+        } else {
+            load_row(pair.b.type, pair.b.at(x, y, z), b, n);
+            map_values(b, n, pair.map_b);
+            absolute_differences(a, b, d, n);
+        }
+        std::int64_t differing = 0;
+#pragma omp simd reduction(+ : differing)
+        for (std::int64_t i = 0; i < n; ++i) differing += d[i] > 0 ? 1 : 0;
+        if (differing > 0 && row.differing == 0) {
+            std::int64_t i = 0;
+            while (!(d[i] > 0)) ++i;
+            row.first = x + i;
+        }
+        row.differing += differing;
+        accumulate(d, a, n, sums);
+    }
+    row.low = infinity;
+    row.high = -infinity;
+    for (int j = 0; j < lanes; ++j) {
+        row.squares += sums.squares[j];
+        row.max_abs = std::max(row.max_abs, sums.largest[j]);
+        row.low = std::min(row.low, sums.low[j]);
+        row.high = std::max(row.high, sums.high[j]);
+    }
+    return row;
+}
+
+} // namespace
+
+void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const& execution) {
+    Box const box = pair.a.box;
+    std::int64_t const ny = box.dims().y;
+    for_each_item(threads_for(execution, box.voxels()), ny * box.dims().z, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) rows[r] = compare_row(pair, box.lower.y + r % ny, box.lower.z + r / ny);
+    });
+}
+
+} // namespace VKT_BACKEND
+#endif
+
+#if VKT_HOST
+
+namespace {
+
+/// One source's slab, in place or copied.
+ConstView slab_of(Source& source, Box const& box, Buffer& buffer) {
+    if (auto const lent = source.borrow(box)) return *lent;
+    buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
+    AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
+    source.read(view);
+    return view;
+}
+
+} // namespace
+
+DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
+    Header const& ha = a.header();
+    Header const& hb = b.header();
+    if (ha.kind != Kind::structured || hb.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "one of the volumes is hierarchical", "make it a grid first: vkt amr-resample");
+    DifferenceResult r;
+    r.same_dims = ha.dims == hb.dims;
+    r.same_type = ha.dtype == hb.dtype;
+    r.same_geometry = r.same_dims && same_geometry(ha.geometry, hb.geometry);
+    double low = std::numeric_limits<double>::infinity(), high = -low, squares = 0;
+    if (r.same_dims) {
+        Index3 const n = ha.dims;
+        std::int64_t const height = slab_height(ha, a.natural_slab(), execution);
+        Buffer buffer_a, buffer_b;
+        std::vector<RowDifference> rows;
+        a.expect(box_of(n));
+        b.expect(box_of(n));
+        for (std::int64_t z = 0; z < n.z; z += height) {
+            Box const box{{0, 0, z}, {n.x, n.y, std::min(z + height, n.z)}};
+            SlabPair const pair{slab_of(a, box, buffer_a), slab_of(b, box, buffer_b), ha.values, hb.values};
+            rows.resize(static_cast<std::size_t>(n.y * box.dims().z));
+            difference_rows(pair, rows.data(), execution);
+            for (std::size_t i = 0; i < rows.size(); ++i) {
+                RowDifference const& row = rows[i];
+                if (row.differing > 0 && r.differing == 0)
+                    r.first = {row.first, static_cast<std::int64_t>(i) % n.y, z + static_cast<std::int64_t>(i) / n.y};
+                r.differing += row.differing;
+                r.max_abs = std::max(r.max_abs, row.max_abs);
+                squares += row.squares;
+                low = std::min(low, row.low);
+                high = std::max(high, row.high);
+            }
+        }
+        r.count = ha.voxels();
+        r.rmse = std::sqrt(squares / static_cast<double>(r.count));
+        r.range = high > low ? high - low : 0;
+        r.psnr = 20 * std::log10(r.range / r.rmse);
+    }
+    a.finish();
+    b.finish();
+    return r;
+}
+
+#endif
+
+} // namespace vkt

@@ -1,0 +1,26 @@
+// How much two volumes differ, from one pass over both.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/engine/source.h"
+
+namespace vkt {
+
+/// Differences of physical values (slope * stored + intercept). Equal infinities and any two NaN are equal; a NaN against a
+/// number is an infinite difference.
+struct DifferenceResult {
+    bool same_dims = false, same_type = false, same_geometry = false;
+    std::int64_t count = 0, differing = 0;
+    Index3 first;        ///< first differing voxel in x-fastest order, if any
+    double max_abs = 0;
+    double rmse = 0;
+    double psnr = 0;     ///< 20 log10(range / rmse) in dB, range = max - min of the first volume; infinite if equal
+    double range = 0;    ///< that range
+};
+
+/// Compares the current volumes of two sources slab by slab and finishes both. Volumes of different dims are not compared
+/// further. The same bits for every thread count and slab height. Throws Error{usage} for hierarchical volumes.
+DifferenceResult compare(Source& a, Source& b, Execution const& execution);
+
+} // namespace vkt

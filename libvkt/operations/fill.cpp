@@ -1,0 +1,59 @@
+// Fill: the region from a constant, the rest from the input.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/fill.h"
+
+#include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
+
+namespace vkt {
+
+VKT_KERNEL(fill_box, (AnyView out, double value, Execution const& execution), (out, value, execution))
+
+namespace VKT_BACKEND {
+
+void fill_box(AnyView out, double value, Execution const& execution) {
+    for_each_type(out.type, [&]<class T>(T) { fill(execution, out.box, out.as<T>(), round_to<T>(value)); });
+}
+
+} // namespace VKT_BACKEND
+
+#if VKT_HOST
+
+void Fill::parameters(Parameters& parameters) {
+    parameters.option("value", value_, "VALUE", "physical value to store (default 0)");
+    parameters.option("roi", region_, "REGION", "fill only the voxels of this region");
+}
+
+Plan Fill::plan(std::span<Header const> inputs) {
+    Plan plan;
+    plan.output = inputs[0];
+    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
+    stored_ = inputs[0].values.stored(value_);
+    type_ = inputs[0].dtype;
+    plan.method = "constant";
+    plan.cost = 0;
+    return plan;
+}
+
+void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, box_);
+    if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
+    if (!inside.empty()) fill_box(out.part(inside), stored_, execution);
+}
+
+std::vector<Remark> Fill::remarks() const {
+    bool clipped = false, nan = false;
+    baseline::for_each_type(type_, [&]<class T>(T) {
+        clipped = baseline::is_clipped<T>(stored_);
+        nan = baseline::is_lost_nan<T>(stored_);
+    });
+    std::string const count = text(box_.voxels(), " voxels");
+    if (nan) return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
+    if (!clipped) return {};
+    double const held = stored_ < 0 ? lowest_of(type_) : highest_of(type_);
+    return {{text("the value ", value_, " does not fit ", type_, ": stored as ", held, " in ", count), true}};
+}
+
+#endif
+
+} // namespace vkt

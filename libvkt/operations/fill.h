@@ -1,0 +1,37 @@
+// Fill: sets all voxels, or those of a region, to one value.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+
+namespace vkt {
+
+/// Sets voxels to a physical value, that is to header.values.stored(value) rounded half to even into the volume's type.
+/// A value outside the type's range saturates and is reported; so is NaN, which integers hold as 0. Exact otherwise.
+/// Without a region the whole volume is filled. One write per voxel, plus a copy of what lies outside the region.
+class Fill : public Operation {
+public:
+    Fill() = default;
+    explicit Fill(double value, Roi region = {}) : value_(value), region_(std::move(region)) {}
+
+    std::string_view name() const override { return "fill"; }
+    Shape shape() const override { return Shape::pointwise; }
+    void parameters(Parameters& parameters) override;
+    /// Throws Error{usage} if the region does not lie in the volume.
+    Plan plan(std::span<Header const> inputs) override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
+    std::vector<Remark> remarks() const override;
+
+protected:
+    void set_region(Roi region) { region_ = std::move(region); }
+    double value_ = 0;
+
+private:
+    Roi region_;
+    Box box_;           ///< the region in voxels
+    double stored_ = 0; ///< the value before rounding
+    DataType type_ = DataType::uint8;
+};
+
+} // namespace vkt

@@ -1,0 +1,132 @@
+// Gaussian, host side: radius, bound and cost from the tolerance; footprints.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/gaussian.h"
+
+#include "libvkt/kernel/kernel.h"
+
+#include <cmath>
+
+namespace vkt {
+
+VKT_KERNEL(gaussian_run,
+           (GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
+            Execution const& execution),
+           (passes, planes, in, out, execution))
+
+#if VKT_HOST
+
+namespace {
+
+/// A quarter of the last bit for integers, 1e-4 of the range for floats.
+double default_tolerance(DataType type) {
+    if (!is_integer(type)) return 1e-4;
+    return 0.25 / (std::exp2(std::min(32.0, 8.0 * static_cast<double>(size_of(type)))) - 1);
+}
+
+} // namespace
+
+void Gaussian::parameters(Parameters& parameters) {
+    parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z (default 1)");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (default) or world");
+    parameters.option("boundary", boundary_, "RULE",
+                      "how the volume continues outside: mirror (default), clamp, wrap, border");
+    parameters.option("border-value", border_value_, "VALUE",
+                      "physical value outside, for --boundary border (default 0)");
+    parameters.option("tolerance", tolerance_, "T",
+                      "allowed error as a share of the value range (default: a quarter of the last bit, floats 1e-4)");
+}
+
+void Gaussian::check() const {
+    for (int axis = 0; axis < 3; ++axis)
+        if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)
+            throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
+    if (tolerance_ && !(*tolerance_ >= 1e-12 && *tolerance_ < 1))
+        throw Error(ErrorKind::usage, text("--tolerance ", *tolerance_, " is not between 1e-12 and 1"));
+    if (border_value_ && boundary_ != Boundary::border)
+        throw Error(ErrorKind::usage, "--border-value has no meaning for this boundary", "add --boundary border");
+    if (border_value_ && std::isnan(*border_value_)) throw Error(ErrorKind::usage, "--border-value is not a number");
+}
+
+Plan Gaussian::plan(std::span<Header const> inputs) {
+    check();
+    Header const& in = inputs[0];
+    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
+    Vec3 sigma = sigma_;
+    int active = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (unit_ == LengthUnit::world) sigma[axis] /= in.geometry.spacing[axis];
+        active += sigma[axis] > 0 ? 1 : 0;
+    }
+    passes_ = {};
+    passes_.dims = in.dims;
+    passes_.boundary = boundary_;
+    passes_.border_value = in.values.stored(border_value_.value_or(0));
+    passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
+
+    // Rounding takes its share of the tolerance first; if that is most of it, intermediates become wide.
+    double rounding = 0;
+    auto choose = [&](double unit) {
+        double left = tolerance;
+        for (int attempt = 0; attempt < 2; ++attempt) {
+            rounding = 0;
+            for (int axis = 0; axis < 3; ++axis) {
+                auto& taps = passes_.taps[static_cast<std::size_t>(axis)];
+                taps = gaussian_taps(sigma[axis], in.dims[axis], boundary_, left / std::max(1, active));
+                rounding += taps.rounding(unit);
+            }
+            left = std::max(tolerance - rounding, tolerance / 2);
+        }
+    };
+    choose(passes_.wide ? 0x1p-53 : 0x1p-24);
+    if (!passes_.wide && rounding > tolerance / 2) {
+        passes_.wide = true;
+        choose(0x1p-53);
+    }
+    planes_.forget();
+
+    Plan plan;
+    plan.output = in;
+    plan.boundary = boundary_;
+    plan.border_value = passes_.border_value;
+    plan.error_bound = rounding;
+    plan.cost = 0;
+    std::string radii;
+    for (auto const& taps : passes_.taps) {
+        plan.error_bound += taps.truncation;
+        plan.cost += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
+        radii = text(radii, radii.empty() ? "" : ",", taps.radius);
+    }
+    plan.exact = plan.cost == 0 && plan.error_bound == 0;
+    plan.method = text("direct FIR, radius ", radii, passes_.wide ? ", float64" : ", float32");
+    std::int64_t const rz = passes_.taps[2].radius, slice = in.dims.x * in.dims.y;
+    std::int64_t const some =
+        std::max<std::int64_t>(1, (std::int64_t{16} << 20) / (slice * static_cast<std::int64_t>(size_of(in.dtype))));
+    plan.slab_hint = rz == 0 ? 0 : std::max(std::min(4 * rz, some), std::min(2 * rz, in.dims.z));
+    plan.state_bytes = static_cast<std::size_t>(std::min(2 * rz + 5, in.dims.z) * slice) * (passes_.wide ? 8 : 4);
+    return plan;
+}
+
+Box Gaussian::footprint(Box const& output, int) const {
+    Box box = grow(output, {passes_.taps[0].radius, passes_.taps[1].radius, passes_.taps[2].radius});
+    for (int axis = 0; axis < 3; ++axis) {
+        std::int64_t const n = passes_.dims[axis];
+        bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
+        if (!outside) continue;
+        if (boundary_ == Boundary::wrap) {
+            if (axis == 2) continue; // the engine fetches the slices of the other end
+            box.lower[axis] = 0;
+            box.upper[axis] = n;
+        }
+        box.lower[axis] = std::max<std::int64_t>(box.lower[axis], 0);
+        box.upper[axis] = std::min(box.upper[axis], n);
+    }
+    return box;
+}
+
+void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    gaussian_run(passes_, planes_, inputs[0], out, execution);
+}
+
+#endif
+
+} // namespace vkt

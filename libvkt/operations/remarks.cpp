@@ -1,0 +1,40 @@
+// Wording of losses.
+// SPDX-License-Identifier: MIT
+#if VKT_HOST
+#include "libvkt/operations/remarks.h"
+
+#include <cstdio>
+
+namespace vkt {
+namespace {
+
+std::string range_text(DataType type) {
+    switch (type) {
+    case DataType::uint64: return "[0,18446744073709551615]";
+    case DataType::int64: return "[-9223372036854775808,9223372036854775807]";
+    default: return text("[", lowest_of(type), ",", highest_of(type), "]");
+    }
+}
+
+} // namespace
+
+std::string share_text(std::int64_t part, std::int64_t whole) {
+    double const percent = 100 * static_cast<double>(part) / static_cast<double>(whole);
+    char digits[32];
+    if (percent >= 0.01 || percent == 0)
+        std::snprintf(digits, sizeof digits, "%.2f", percent);
+    else
+        std::snprintf(digits, sizeof digits, "%.1g", percent);
+    return text(part, " of ", whole, " voxels (", digits, " %)");
+}
+
+std::vector<Remark> store_remarks(StoreCounts const& counts, std::int64_t voxels, DataType type) {
+    std::vector<Remark> result;
+    if (counts.clipped > 0)
+        result.push_back({text(share_text(counts.clipped, voxels), is_integer(type) ? " clipped to " : " infinite beyond ", range_text(type)), true});
+    if (counts.nan > 0) result.push_back({text(share_text(counts.nan, voxels), " not a number, stored as 0"), true});
+    return result;
+}
+
+} // namespace vkt
+#endif

@@ -1,0 +1,71 @@
+// Resampling to another grid of the same extent: nearest, linear, area average or cubic, each axis on its own.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/boundary_rule.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/remarks.h"
+#include "libvkt/operations/resample_weights.h"
+#include "libvkt/operations/volkit_header.h"
+
+#include <array>
+
+namespace vkt {
+
+enum class ResampleMethod : std::uint8_t { automatic, nearest, linear, area, cubic };
+template <>
+struct EnumNames<ResampleMethod> {
+    static std::vector<std::pair<ResampleMethod, char const*>> all() {
+        return {{ResampleMethod::automatic, "auto"}, {ResampleMethod::nearest, "nearest"}, {ResampleMethod::linear, "linear"},
+                {ResampleMethod::area, "area"}, {ResampleMethod::cubic, "cubic"}};
+    }
+};
+
+/// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto takes the area average
+/// of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the axes that keep their
+/// length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a = -1/2, stretched when
+/// shrinking) can leave the range of its input, so that unsigned types become float32 (float64 from 32 bits on) unless a
+/// type is given. Sums are in double. One pass: a row of output is the weighted sum of the input rows in its footprint,
+/// then of their voxels; about one multiply-add per input voxel when shrinking.
+class Resample : public Operation {
+public:
+    std::optional<Vec3> scale;
+    std::optional<Index3> dims;
+    std::string size;              ///< "512,auto,auto"
+    std::optional<Vec3> spacing;   ///< world units of the result's voxels
+    std::string like;              ///< a volume file whose dims are taken
+    ResampleMethod method = ResampleMethod::automatic;
+    std::optional<BoundaryRule> boundary;
+    std::optional<DataType> dtype;
+    std::optional<int> bytes_per_voxel;
+    std::optional<Vec3> dist;
+    std::optional<VoxelMapping> voxel_mapping;
+
+    std::string_view name() const override { return "resample"; }
+    Shape shape() const override { return Shape::geometric; }
+    void parameters(Parameters& p) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+    Box footprint(Box const& output, int input) const override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
+    std::vector<Remark> remarks() const override;
+
+private:
+    Index3 target_dims(Header const& input) const;
+    Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
+    void choose_header(Header const& input, Header& output);
+    std::string describe() const;
+
+    enum class Way : std::uint8_t { copy, nearest, halving, weighted };
+
+    Index3 from_, to_;
+    std::array<WeightTable, 3> tables_;
+    Way way_ = Way::copy;
+    double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
+    StoreCounts counts_;
+    DataType out_type_ = DataType::uint8;
+    Buffer scratch_; ///< device: sums in double before they change type
+};
+
+} // namespace vkt

@@ -1,0 +1,185 @@
+// Building the tables of a resampling.
+// SPDX-License-Identifier: MIT
+#if VKT_HOST
+#include "libvkt/operations/resample_weights.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/operations/wide.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <vector>
+
+namespace vkt {
+namespace {
+
+constexpr std::int64_t most_entries = std::int64_t{1} << 26; // 512 MiB per array
+
+std::int64_t floor_quotient(Int128 a, Int128 b) {
+    Int128 const q = a / b;
+    return static_cast<std::int64_t>(q * b > a ? q - 1 : q);
+}
+
+/// Weights of one output voxel before folding: input voxels lower, lower + 1, …
+struct Line {
+    std::int64_t lower = 0;
+    std::vector<double> weights;
+};
+
+/// Keys' cubic convolution kernel with a = -1/2 (IEEE Trans. ASSP 29(6), 1981), the Catmull-Rom spline.
+double cubic(double t) {
+    t = std::abs(t);
+    if (t < 1) return (1.5 * t - 2.5) * t * t + 1;
+    if (t < 2) return ((-0.5 * t + 2.5) * t - 4) * t + 2;
+    return 0;
+}
+
+/// The sampling ratio in lowest terms: n_in / n_out = a / b.
+struct Ratio {
+    std::int64_t a, b;
+};
+
+Line area_line(std::int64_t o, Ratio r) {
+    Int128 const begin = Int128{o} * r.a, end = begin + r.a; // in units of 1/b input voxels
+    Line line;
+    line.lower = floor_quotient(begin, r.b);
+    std::int64_t const last = floor_quotient(end - 1, r.b);
+    for (std::int64_t i = line.lower; i <= last; ++i) {
+        Int128 const from = std::max(begin, Int128{i} * r.b), to = std::min(end, (Int128{i} + 1) * r.b);
+        line.weights.push_back(static_cast<double>(to - from));
+    }
+    return line;
+}
+
+Line linear_line(std::int64_t o, Ratio r) {
+    Int128 const position = (2 * Int128{o} + 1) * r.a - r.b, unit = 2 * Int128{r.b};
+    Line line;
+    line.lower = floor_quotient(position, unit);
+    Int128 const fraction = position - Int128{line.lower} * unit;
+    line.weights = {static_cast<double>(unit - fraction), static_cast<double>(fraction)};
+    return line;
+}
+
+Line cubic_line(std::int64_t o, Ratio r) {
+    Int128 const position = (2 * Int128{o} + 1) * r.a - r.b, unit = 2 * Int128{r.b};
+    std::int64_t const whole = floor_quotient(position, unit);
+    double const fraction = static_cast<double>(position - Int128{whole} * unit) / static_cast<double>(unit);
+    // When shrinking, the kernel is stretched by the ratio, so that it averages what falls between the new voxels.
+    double const stretch = std::max(1.0, static_cast<double>(r.a) / static_cast<double>(r.b));
+    auto const reach = static_cast<std::int64_t>(std::ceil(2 * stretch)) + 1;
+    Line line;
+    line.lower = whole - reach;
+    double sum = 0;
+    for (std::int64_t i = -reach; i <= reach; ++i) {
+        line.weights.push_back(cubic((static_cast<double>(i) - fraction) / stretch));
+        sum += line.weights.back();
+    }
+    for (double& w : line.weights) w /= sum;
+    return line;
+}
+
+void trim(Line& line) {
+    auto& w = line.weights;
+    while (w.size() > 1 && w.back() == 0) w.pop_back();
+    std::size_t leading = 0;
+    while (leading + 1 < w.size() && w[leading] == 0) ++leading;
+    w.erase(w.begin(), w.begin() + static_cast<std::ptrdiff_t>(leading));
+    line.lower += static_cast<std::int64_t>(leading);
+}
+
+/// Moves weights of voxels outside [0, n) to the voxels that stand for them.
+Line folded(Line const& line, std::int64_t n, Boundary boundary) {
+    auto const size = static_cast<std::int64_t>(line.weights.size());
+    if ((line.lower >= 0 && line.lower + size <= n) || boundary == Boundary::wrap || boundary == Boundary::border) return line;
+    std::int64_t low = n, high = -1;
+    for (std::int64_t i = 0; i < size; ++i) {
+        std::int64_t const at = fold(line.lower + i, n, boundary);
+        low = std::min(low, at);
+        high = std::max(high, at);
+    }
+    Line result{low, std::vector<double>(static_cast<std::size_t>(high - low + 1), 0.0)};
+    for (std::int64_t i = 0; i < size; ++i)
+        result.weights[static_cast<std::size_t>(fold(line.lower + i, n, boundary) - low)] += line.weights[static_cast<std::size_t>(i)];
+    return result;
+}
+
+Line line_of(std::int64_t o, Ratio ratio, Kernel kernel) {
+    switch (kernel) {
+    case Kernel::identity: return {o, {1.0}};
+    case Kernel::nearest: return {floor_quotient((2 * Int128{o} + 1) * ratio.a, 2 * Int128{ratio.b}), {1.0}};
+    case Kernel::linear: return linear_line(o, ratio);
+    case Kernel::area: return area_line(o, ratio);
+    case Kernel::cubic: return cubic_line(o, ratio);
+    }
+    return {};
+}
+
+double divisor_of(Ratio ratio, Kernel kernel) {
+    if (kernel == Kernel::linear) return 2 * static_cast<double>(ratio.b);
+    if (kernel == Kernel::area) return static_cast<double>(ratio.a);
+    return 1;
+}
+
+[[noreturn]] void refuse(std::int64_t n_in, std::int64_t n_out) {
+    throw Error(ErrorKind::resources, text("a line of ", n_in, " voxels is too long to be resampled to ", n_out),
+                "crop the volume first, or resample in several steps");
+}
+
+} // namespace
+
+WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary)
+    : kernel_(n_in == n_out ? Kernel::identity : kernel), n_out_(n_out) {
+    std::int64_t const divisor = std::gcd(n_in, n_out);
+    Ratio const ratio{n_in / divisor, n_out / divisor};
+    if (n_out > most_entries || n_in > 16 * most_entries) refuse(n_in, n_out);
+    divisor_ = divisor_of(ratio, kernel_);
+    halving_ = kernel_ == Kernel::identity ? 1 : kernel_ == Kernel::area && ratio.a == 2 && ratio.b == 1 ? 2 : 0;
+    std::vector<std::int64_t> first, start{0};
+    std::vector<double> weights;
+    first.reserve(static_cast<std::size_t>(n_out));
+    for (std::int64_t o = 0; o < n_out; ++o) {
+        Line line = line_of(o, ratio, kernel_);
+        trim(line);
+        line = folded(line, n_in, boundary);
+        if (weights.size() + line.weights.size() > static_cast<std::size_t>(2 * most_entries)) refuse(n_in, n_out);
+        first.push_back(line.lower);
+        weights.insert(weights.end(), line.weights.begin(), line.weights.end());
+        start.push_back(static_cast<std::int64_t>(weights.size()));
+        most_taps_ = std::max(most_taps_, static_cast<std::int64_t>(line.weights.size()));
+    }
+    total_ = static_cast<std::int64_t>(weights.size());
+    if (most_taps_ <= 2)
+        for (std::size_t o = 0; o < first.size(); ++o) {
+            auto const at = static_cast<std::size_t>(start[o]);
+            weights.push_back(weights[at]);
+            weights.push_back(start[o + 1] - start[o] == 2 ? weights[at + 1] : 0.0);
+        }
+    memory_.reserve((first.size() + start.size() + weights.size()) * 8);
+    std::byte* const to = memory_.write(Space::host);
+    std::memcpy(to, first.data(), first.size() * 8);
+    std::memcpy(to + first.size() * 8, start.data(), start.size() * 8);
+    std::memcpy(to + (first.size() + start.size()) * 8, weights.data(), weights.size() * 8);
+}
+
+Taps WeightTable::taps(Space space) const {
+    auto const* const first = reinterpret_cast<std::int64_t const*>(memory_.read(space));
+    auto const* const start = first + n_out_;
+    auto const* const weight = reinterpret_cast<double const*>(start + n_out_ + 1);
+    return {first, start, weight, most_taps_ <= 2 ? weight + total_ : nullptr};
+}
+
+std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin, std::int64_t end) const {
+    Taps const t = taps(Space::host);
+    std::int64_t low = t.first[begin], high = low;
+    for (std::int64_t o = begin; o < end; ++o) {
+        low = std::min(low, t.first[o]);
+        high = std::max(high, t.first[o] + t.start[o + 1] - t.start[o]);
+    }
+    return {low, high};
+}
+
+} // namespace vkt
+#endif

@@ -1,0 +1,53 @@
+// Where a resampled line takes its values from: for every output voxel of an axis the first input voxel and the weights.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/core/types.h"
+
+#include <cstdint>
+#include <utility>
+
+namespace vkt {
+
+enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic };
+
+/// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] + i),
+/// 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
+struct Taps {
+    std::int64_t const* first = nullptr;
+    std::int64_t const* start = nullptr;
+    double const* weight = nullptr;
+    double const* pair = nullptr; ///< tables of at most two taps: both weights of every output, side by side, 0 for none
+};
+
+/// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational and
+/// kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer voxels
+/// in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are reproduced. Taps
+/// beyond the ends are folded back (mirror, clamp) or left outside for the engine to fill (wrap, border). Weights that
+/// are zero at either end are left out, so that a NaN spreads no further than the kernel's support.
+class WeightTable {
+public:
+    WeightTable() = default;
+    /// Throws Error{resources} if the table would need more than 2 GiB.
+    WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary);
+
+    Kernel kernel() const { return kernel_; }
+    double divisor() const { return divisor_; }
+    std::int64_t most_taps() const { return most_taps_; }
+    std::size_t bytes() const { return memory_.bytes(); }
+    /// 2 if every output is the plain mean of two neighbours, 1 for the identity, else 0.
+    int halving() const { return halving_; }
+    /// The half-open input range that outputs [begin, end) need.
+    std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
+    Taps taps(Space space) const;
+
+private:
+    Kernel kernel_ = Kernel::identity;
+    std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
+    double divisor_ = 1;
+    int halving_ = 0;
+    mutable Buffer memory_; ///< first, start, weight, one after the other; reading may copy it to the device
+};
+
+} // namespace vkt

@@ -1,0 +1,15 @@
+// Rows as numbers.
+// SPDX-License-Identifier: MIT
+#if VKT_HOST
+#include "libvkt/operations/row_values.h"
+
+#include "libvkt/operations/rows.h"
+
+namespace vkt {
+
+void read_row(ConstView view, std::int64_t y, std::int64_t z, double* to) {
+    baseline::load_row(view.type, view.at(view.box.lower.x, y, z), to, view.dims().x);
+}
+
+} // namespace vkt
+#endif

@@ -1,0 +1,195 @@
+// Render settings as parameters: declaration, reading, what excludes what.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/settings.h"
+
+#include "libvkt/formats/format.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <tuple>
+
+namespace vkt::render {
+
+namespace {
+
+[[noreturn]] void refuse(std::string const& message, std::string const& hint = {}) {
+    throw Error(ErrorKind::usage, message, hint);
+}
+
+/// "R,G,B" or "R,G,B,A", or one number for grey; each in [0,1].
+std::vector<double> read_color(std::string const& name, std::string const& words, std::size_t most) {
+    std::vector<double> values;
+    for (std::string const& part : split(words, ',')) values.push_back(parse_double(part));
+    if (values.size() == 1) values = {values[0], values[0], values[0]};
+    bool const fits = values.size() >= 3 && values.size() <= most;
+    if (!fits || std::any_of(values.begin(), values.end(), [](double v) { return !(v >= 0 && v <= 1); }))
+        refuse(text("--", name, " '", words, "' is no colour"),
+               text("give R,G,B", most == 4 ? "[,A]" : "", " with values from 0 to 1"));
+    return values;
+}
+
+/// "WxH" or "N" for a square.
+std::pair<int, int> read_size(std::string const& words) {
+    auto const parts = split(lower_case(words), 'x');
+    auto const read = [&](std::string const& part) {
+        std::int64_t const n = parse_integer(part);
+        if (n < 1 || n > 16384) refuse(text("--size '", words, "': an image has 1 to 16384 pixels each way"));
+        return static_cast<int>(n);
+    };
+    if (parts.size() == 1) return {read(parts[0]), read(parts[0])};
+    if (parts.size() != 2) refuse(text("--size '", words, "' is not WxH"), "for example --size 1024x768");
+    return {read(parts[0]), read(parts[1])};
+}
+
+std::string read_text_file(std::string const& path) {
+    auto const bytes = open_bytes(path);
+    constexpr std::size_t most = std::size_t{16} << 20;
+    std::string content(most + 1, '\0');
+    std::size_t size = 0;
+    while (size < content.size()) {
+        std::size_t const n = bytes->read(content.data() + size, content.size() - size);
+        if (n == 0) break;
+        size += n;
+    }
+    if (size > most)
+        throw Error(ErrorKind::data, text("the transfer function file '", path, "' is larger than 16 MiB"));
+    content.resize(size);
+    return content;
+}
+
+} // namespace
+
+void SettingsParameters::declare(Parameters& list) {
+    list_ = &list;
+    RenderSettings& s = settings_;
+    list.option("render-algo", algorithm_, "ALGORITHM", "how light travels").alias("ra");
+    list.option("size", size_, "WxH", "pixels of the picture");
+    list.option("background", background_, "R,G,B[,A]",
+                "sRGB colour behind the volume, 0 to 1; A below 1 keeps the picture transparent");
+
+    list.option("view", s.camera.view, "VIEW", "side the camera stands on: oblique, x, -x, y, -y, z, -z");
+    list.option("azimuth", s.camera.azimuth, "DEGREES", "turn around z; 0 is the -y side, 90 the x side");
+    list.option("elevation", s.camera.elevation, "DEGREES", "height above the xy plane, -90 to 90");
+    list.option("eye", s.camera.eye, "X,Y,Z", "camera position in world units; overrules view and angles");
+    list.option("target", s.camera.target, "X,Y,Z",
+                "point to look at in world units (default: centre of what is shown)");
+    list.option("up", s.camera.up, "X,Y,Z", "direction that points upwards in the picture");
+    list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large");
+    list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
+    list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
+    list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
+
+    list.option("rgba-lookup-table", s.lut, "R G B A",
+                "transfer function: colour and opacity, 0 to 1, equally spaced over the domain")
+        .alias("lut");
+    list.option("transfer", transfer_file_, "FILE", "transfer function from a JSON file");
+    list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
+    list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
+    list.option("domain", s.domain, "LO:HI",
+                "values that the colours span; also minmax, p1:p99 (percentiles), auto");
+    list.option("unit", s.unit, "DISTANCE",
+                "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
+    list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
+    list.option("shade", shading_, "SHADING", "light at the camera: auto shades iso-surfaces and automatic colours");
+
+    list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
+    list.flag("exact", s.exact, "ray marching: slow reference, fourth order, transfer function without a table");
+    list.flag("no-skip", no_skip_, "ray marching: sample empty space too; the picture is the same");
+
+    list.option("iso", s.isos, "VALUE", "implicit-iso: values of the surfaces (default: chosen from the data)");
+
+    list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
+    list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
+    list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
+    list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
+    list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
+    list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
+}
+
+void SettingsParameters::refuse_misfits() const {
+    struct Use {
+        char const* option;
+        bool march, iso, scatter;
+    };
+    static constexpr std::array<Use, 13> uses{{{"step", true, false, false},
+                                               {"exact", true, false, false},
+                                               {"no-skip", true, false, false},
+                                               {"shade", true, true, false},
+                                               {"iso", false, true, false},
+                                               {"unit", true, false, true},
+                                               {"opacity-scale", true, false, true},
+                                               {"spp", false, false, true},
+                                               {"first-sample", false, false, true},
+                                               {"seed", false, false, true},
+                                               {"albedo", false, false, true},
+                                               {"light", false, false, true},
+                                               {"emission", false, false, true}}};
+    for (Use const& use : uses) {
+        bool const fits = algorithm_ == Algorithm::ray_marching   ? use.march
+                          : algorithm_ == Algorithm::implicit_iso ? use.iso
+                                                                  : use.scatter;
+        if (!fits && list_->given(use.option))
+            refuse(text("--", use.option, " does not apply to --render-algo ", enum_name(algorithm_)));
+    }
+    auto const exclude = [&](std::string_view a, std::string_view b) {
+        if (list_->given(a) && list_->given(b)) refuse(text("--", a, " and --", b, " exclude each other"));
+    };
+    for (char const* other : {"transfer", "colormap", "opacity"}) exclude("rgba-lookup-table", other);
+    for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
+    for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
+    exclude("exact", "shade");
+    exclude("exact", "no-skip");
+    if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
+        refuse("--fov does not apply to --projection orthographic", "--zoom does");
+}
+
+RenderSettings SettingsParameters::settings() const {
+    refuse_misfits();
+    RenderSettings s = settings_;
+    s.algorithm = algorithm_;
+    std::tie(s.width, s.height) = read_size(size_);
+    (void)background();
+    s.skip = !no_skip_;
+    s.seed = static_cast<std::uint64_t>(seed_);
+    s.shade = shading_ == Shading::none || s.exact ? 0 : shading_ == Shading::gradient ? 1 : -1;
+    std::vector<double> const light = read_color("light", light_, 3);
+    s.light = {light[0], light[1], light[2]};
+    if (!s.colormap.empty()) (void)colormap(s.colormap, 0);
+    if (!s.lut.empty()) (void)transfer_from_lut(s.lut, 0, 1);
+    if (!transfer_file_.empty()) s.transfer = transfer_from_json(read_text_file(transfer_file_));
+    check(s);
+    return s;
+}
+
+Background SettingsParameters::background() const {
+    std::vector<double> const c = read_color("background", background_, 4);
+    return {{c[0], c[1], c[2]}, c.size() == 4 ? c[3] : 1.0};
+}
+
+std::string numbered(std::string const& pattern, std::int64_t number, bool several) {
+    std::size_t const percent = pattern.find('%');
+    std::size_t end = percent == std::string::npos ? percent : percent + 1;
+    while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') ++end;
+    if (percent == std::string::npos || end >= pattern.size() || pattern[end] != 'd') {
+        if (several)
+            refuse("the input holds several volumes, but -o names one picture",
+                   "give a place for the number: -o picture-%04d.png");
+        return pattern;
+    }
+    std::int64_t const width =
+        end == percent + 1 ? 1 : parse_integer(std::string_view(pattern).substr(percent + 1, end - percent - 1));
+    std::string digits = to_text(number);
+    if (static_cast<std::int64_t>(digits.size()) < std::min<std::int64_t>(width, 20))
+        digits.insert(0, static_cast<std::size_t>(std::min<std::int64_t>(width, 20)) - digits.size(), '0');
+    return pattern.substr(0, percent) + digits + pattern.substr(end + 1);
+}
+
+std::string report_text(RenderReport const& r) {
+    auto const rounded = [](double v) { return std::round(v * 10) / 10; };
+    return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped),
+                "% of macrocells empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
+                rounded(1e3 * r.render_seconds), " ms");
+}
+
+} // namespace vkt::render

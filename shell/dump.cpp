@@ -1,0 +1,102 @@
+// volkit's layout: header lines, then slices of rows, one decimal.
+// SPDX-License-Identifier: MIT
+#include "shell/dump.h"
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/operations/row_values.h"
+
+#include <charconv>
+#include <cmath>
+
+namespace vkt::shell {
+namespace {
+
+/// As printf("%.1f"), without its locale.
+void append_fixed(std::string& to, double value) {
+    if (!std::isfinite(value)) {
+        to += std::isnan(value) ? "nan" : value < 0 ? "-inf" : "inf";
+        return;
+    }
+    char digits[400];
+    auto const end = std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed, 1).ptr;
+    to.append(digits, end);
+}
+
+std::string fixed(double value) {
+    std::string result;
+    append_fixed(result, value);
+    return result;
+}
+
+std::string head(Header const& h) {
+    // The values that the ends of the stored range stand for; a float's own values range over [0, 1] in volkit.
+    double const low = is_integer(h.dtype) ? lowest_of(h.dtype) : 0, high = is_integer(h.dtype) ? highest_of(h.dtype) : 1;
+    return text("Object: StructuredVolume\n  dims: (", h.dims.x, ",", h.dims.y, ",", h.dims.z, ")\n  bytesPerVoxel: ",
+                static_cast<std::int64_t>(size_of(h.dtype)), "\n  dist: (", fixed(h.geometry.spacing.x), ",", fixed(h.geometry.spacing.y), ",",
+                fixed(h.geometry.spacing.z), ")\n  voxelMapping: (", fixed(h.values.physical(low)), ",", fixed(h.values.physical(high)),
+                ")\ndata:\n");
+}
+
+} // namespace
+
+void Dump::parameters(Parameters& p) {
+    p.option("roi", roi_, "X0:X1,Y0:Y1,Z0:Z1", "print only these voxels (half-open)");
+    p.option("first", first_, "X Y Z", "print from this voxel (volkit)");
+    p.option("last", last_, "X Y Z", "up to, not including, this voxel (volkit)");
+    p.option("input", file_, "FILE", "the volume, in volkit's spelling").short_form('i').not_in_history();
+}
+
+void Dump::check() const {
+    if (first_.has_value() != last_.has_value()) throw Error(ErrorKind::usage, "--first and --last go together");
+    if (first_ && !roi_.empty()) throw Error(ErrorKind::usage, "--roi and --first/--last say the same: give one of them");
+    if (needs_range_ && !first_ && roi_.empty())
+        throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
+}
+
+Box Dump::region(Index3 dims) const {
+    if (!first_) return roi_.empty() ? box_of(dims) : roi_.resolve(dims);
+    Box const box{*first_, *last_};
+    if (box.empty()) throw Error(ErrorKind::usage, text("the range ", box, " is empty"));
+    if (!box_of(dims).contains(box)) throw Error(ErrorKind::usage, text("the range ", box, " leaves the volume of ", dims, " voxels"));
+    return box;
+}
+
+void Dump::print(Source& source, Context& context) const {
+    Header const header = source.header();
+    if (header.kind != Kind::structured)
+        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
+    Box const box = region(header.dims);
+    context.print(head(header));
+    source.expect(box);
+    Buffer buffer(static_cast<std::size_t>(box.dims().x * box.dims().y) * size_of(header.dtype));
+    std::vector<double> row(static_cast<std::size_t>(box.dims().x));
+    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
+        Box slice = box;
+        slice.lower.z = z;
+        slice.upper.z = z + 1;
+        AnyView const view = dense_view(buffer.write(Space::host), header.dtype, slice);
+        source.read(view);
+        std::string lines = text("[", z, "]\n{\n");
+        for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+            lines += text("  [", y, "] {");
+            read_row(view, y, z, row.data());
+            for (std::size_t x = 0; x < row.size(); ++x) {
+                if (x > 0) lines += ", ";
+                append_fixed(lines, header.values.physical(row[x]));
+            }
+            lines += "}\n";
+        }
+        lines += z + 1 < box.upper.z ? "}\n\n" : "}\n";
+        context.print(lines);
+    }
+    source.finish();
+}
+
+int Dump::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {
+    std::unique_ptr<Source> const named = file_.empty() ? nullptr : context.open(file_);
+    Source& source = named ? *named : *inputs.front();
+    while (source.next_volume()) print(source, context);
+    return 0;
+}
+
+} // namespace vkt::shell

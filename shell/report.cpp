@@ -1,0 +1,102 @@
+// Printing reports.
+// SPDX-License-Identifier: MIT
+#include "shell/report.h"
+
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace vkt::shell {
+
+std::string json_string(std::string_view text) {
+    std::string result = "\"";
+    for (char const c : text) {
+        auto const byte = static_cast<unsigned char>(c);
+        switch (c) {
+        case '"': result += "\\\""; break;
+        case '\\': result += "\\\\"; break;
+        case '\n': result += "\\n"; break;
+        case '\t': result += "\\t"; break;
+        case '\r': result += "\\r"; break;
+        default:
+            if (byte < 0x20) {
+                char escape[8];
+                std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(byte));
+                result += escape;
+            } else {
+                result += c;
+            }
+        }
+    }
+    return result += '"';
+}
+
+Report& Report::add(std::string name, double value) { return add_number(std::move(name), to_text(value)); }
+Report& Report::add(std::string name, std::int64_t value) { return add_number(std::move(name), to_text(value)); }
+
+Report& Report::add(std::string name, bool value) {
+    fields_.push_back({std::move(name), value ? "yes" : "no", value ? "true" : "false"});
+    return *this;
+}
+
+Report& Report::add(std::string name, std::string_view value) {
+    fields_.push_back({std::move(name), std::string(value), json_string(value)});
+    return *this;
+}
+
+Report& Report::add(std::string name, Index3 value) {
+    fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
+    return *this;
+}
+
+Report& Report::add(std::string name, Vec3 value) {
+    fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
+    return *this;
+}
+
+Report& Report::add_number(std::string name, std::string const& digits) {
+    bool const finite = digits.find_first_of("ni") == std::string::npos; // nan, inf
+    fields_.push_back({std::move(name), digits, finite ? digits : "null"});
+    return *this;
+}
+
+std::string Report::text() const {
+    std::size_t width = 0;
+    for (auto const& field : fields_) width = std::max(width, field.name.size());
+    std::string result;
+    for (auto const& field : fields_) {
+        result += field.name;
+        result.append(width + 2 - field.name.size(), ' ');
+        result += field.text;
+        result += '\n';
+    }
+    return result;
+}
+
+std::string Report::json(int indent) const {
+    std::string const margin(static_cast<std::size_t>(indent), ' ');
+    std::string result = "{";
+    for (std::size_t i = 0; i < fields_.size(); ++i)
+        result += vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(fields_[i].name), ": ", fields_[i].json);
+    return result += vkt::text("\n", margin, "}");
+}
+
+std::string Report::text(std::vector<Report> const& reports) {
+    std::string result;
+    for (std::size_t i = 0; i < reports.size(); ++i) {
+        if (reports.size() > 1) result += vkt::text(i == 0 ? "" : "\n", "volume ", static_cast<std::int64_t>(i), "\n");
+        result += reports[i].text();
+    }
+    return result;
+}
+
+std::string Report::json(std::vector<Report> const& reports) {
+    if (reports.size() == 1) return reports.front().json() + "\n";
+    std::string result = "[";
+    for (std::size_t i = 0; i < reports.size(); ++i) result += vkt::text(i == 0 ? "\n  " : ",\n  ", reports[i].json(2));
+    return result += "\n]\n";
+}
+
+} // namespace vkt::shell

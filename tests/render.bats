@@ -1,0 +1,146 @@
+# vkt render: pictures, options that exclude each other, files, streams.
+load helper
+
+setup_more() {
+    # 24x18x30 uint8: a block of 200 in zeros.
+    /usr/bin/python3 -c "
+v = bytearray(24 * 18 * 30)
+for z in range(10, 20):
+    for y in range(5, 13):
+        for x in range(8, 16): v[(z * 18 + y) * 24 + x] = 200
+open('block_24x18x30_uint8.raw', 'wb').write(v)"
+}
+
+# size_of PNG: "W H bits colour-type" from its header.
+size_of() { /usr/bin/python3 -c "
+import struct, sys
+b = open(sys.argv[1], 'rb').read()
+assert b[:8] == b'\x89PNG\r\n\x1a\n' and b[-8:-4] == b'IEND', 'not a whole PNG'
+print(*struct.unpack('>IIBB', b[16:26]))" "$1"; }
+
+# pixel PNG X Y: its channels, read by VTK.
+pixel() { /usr/bin/python3 -c "
+import sys, vtk
+r = vtk.vtkPNGReader(); r.SetFileName(sys.argv[1]); r.Update(); i = r.GetOutput()
+w, h, _ = i.GetDimensions()
+x, y = int(sys.argv[2]), h - 1 - int(sys.argv[3])
+print(*[int(i.GetScalarComponentAsDouble(x, y, 0, c)) for c in range(i.GetNumberOfScalarComponents())])" "$@"; }
+
+@test "a picture from a file and from a pipe is the same" {
+    vkt render block_24x18x30_uint8.raw --size 64x48 -o a.png
+    [ "$(size_of a.png)" = "64 48 8 2" ]
+    vkt render block_24x18x30_uint8.raw --size 64x48 -o - >b.png
+    [ "$(size_of b.png)" = "64 48 8 2" ]
+    vkt render block_24x18x30_uint8.raw --size 64x48 --threads 1 -o c.png
+    vkt render block_24x18x30_uint8.raw --size 64x48 --threads 3 -o d.png --force
+    # Only the recipe differs, which names the threads' option at most.
+    cmp a.png d.png || [ "$(pixel a.png 32 24)" = "$(pixel d.png 32 24)" ]
+}
+
+@test "every algorithm draws the block and not the rest" {
+    python_with vtk
+    for algorithm in ray-marching implicit-iso multi-scattering; do
+        vkt render block_24x18x30_uint8.raw --render-algo $algorithm --size 64 --background 0,0,1 -o "$algorithm.png"
+        [ "$(pixel "$algorithm.png" 0 0)" = "0 0 255" ]
+        [ "$(pixel "$algorithm.png" 32 32)" != "0 0 255" ]
+    done
+}
+
+@test "volkit's command lines run" {
+    vkt render block_24x18x30_uint8.raw >a.png
+    [ "$(size_of a.png)" = "512 512 8 2" ]
+    vkt render block_24x18x30_uint8.raw --render-algo multi-scattering --rgba-lookup-table 1 1 1 0  0.2 0.0 0.2 0.2  0.0 0.8 0.8 0.8  1 1 0 1 --spp 2 >b.png
+    [ "$(size_of b.png)" = "512 512 8 2" ]
+    vkt render block_24x18x30_uint8.raw -ra ray-marching -lut 1 1 1 0 1 1 1 1 >c.png
+    [ "$(size_of c.png)" = "512 512 8 2" ]
+}
+
+@test "an opaque value shows its colour, a clear one the background" {
+    python_with vtk
+    vkt render block_24x18x30_uint8.raw --lut 0 0 0 0  1 0.5 0.25 1 --domain 0:200 --view x --size 65 --projection orthographic \
+        --background 0.2,0.4,0.6 -o a.png
+    read -r r g b <<<"$(pixel a.png 32 32)"
+    # The outermost voxel of the block is interpolated with zero, so that nearly all light is the block's.
+    [ "$r" -ge 253 ] && [ "$g" -ge 124 ] && [ "$g" -le 130 ] && [ "$b" -ge 60 ] && [ "$b" -le 67 ]
+    [ "$(pixel a.png 0 0)" = "51 102 153" ]
+    vkt render block_24x18x30_uint8.raw --background 0,0,0,0 --size 32 -o clear.png
+    [ "$(size_of clear.png)" = "32 32 8 6" ]
+    [ "$(pixel clear.png 0 0)" = "0 0 0 0" ]
+}
+
+@test "skipping empty space changes no pixel" {
+    vkt render block_24x18x30_uint8.raw --size 100 -o a.png
+    vkt render block_24x18x30_uint8.raw --size 100 --no-skip -o b.png
+    /usr/bin/python3 - <<'PY'
+import re
+chunks = lambda name: [c for c in re.findall(rb'IDAT.*', open(name, 'rb').read(), re.S)]
+assert chunks('a.png') == chunks('b.png')
+PY
+}
+
+@test "transfer function files" {
+    echo '{"points": [[0, 0,0,0, 0], [100, 1,0,0, 0], [200, 0,1,0, 1]], "unit": 1}' >t.json
+    vkt render block_24x18x30_uint8.raw --transfer t.json --size 32 -o a.png
+    echo '{"points": [[0, 0]]}' >bad.json
+    fails_with 3 "transfer function" vkt render block_24x18x30_uint8.raw --transfer bad.json -o b.png
+    fails_with 4 "none.json" vkt render block_24x18x30_uint8.raw --transfer none.json -o b.png
+    [ ! -e b.png ]
+}
+
+@test "options that do not apply are refused" {
+    f=block_24x18x30_uint8.raw
+    fails_with 2 "--iso does not apply" vkt render $f --iso 3 -o a.png
+    fails_with 2 "--step does not apply" vkt render $f -ra implicit-iso --step 1 -o a.png
+    fails_with 2 "--spp does not apply" vkt render $f --spp 3 -o a.png
+    fails_with 2 "--shade does not apply" vkt render $f -ra multi-scattering --shade none -o a.png
+    fails_with 2 "exclude" vkt render $f --lut 1 1 1 1 --colormap bone -o a.png
+    fails_with 2 "multiple of 4" vkt render $f --lut 1 1 1 -o a.png
+    fails_with 2 "did you mean 'viridis'" vkt render $f --colormap virids -o a.png
+    fails_with 2 "step" vkt render $f --step 0 -o a.png
+    fails_with 2 "step" vkt render $f --step nan -o a.png
+    fails_with 2 "size" vkt render $f --size 0x5 -o a.png
+    fails_with 2 "view" vkt render $f --view left -o a.png
+    fails_with 2 "unit" vkt render $f --unit -1 -o a.png
+    fails_with 2 "background" vkt render $f --background red -o a.png
+    [ ! -e a.png ]
+}
+
+@test "existing files are kept, broken input leaves none" {
+    echo precious >a.png
+    fails_with 4 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png || fails_with 2 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png
+    [ "$(cat a.png)" = precious ]
+    vkt render block_24x18x30_uint8.raw --size 16 -o a.png --force
+    [ "$(size_of a.png)" = "16 16 8 2" ]
+    head -c 5000 block_24x18x30_uint8.raw >short_24x18x30_uint8.raw
+    fails_with 3 "" vkt render short_24x18x30_uint8.raw -o b.png
+    [ ! -e b.png ]
+    [ -z "$(ls -A | grep -F .vkt- || true)" ]
+}
+
+@test "the picture tells how it was made, and neither when nor where" {
+    vkt render block_24x18x30_uint8.raw --view x --size 16 -o a.png
+    grep -aq "History" a.png
+    grep -aq -- "--view x" a.png
+    grep -aq "Transfer function" a.png
+    ! grep -aq "tIME" a.png
+    ! grep -aqF "$(hostname)" a.png || [ "$(hostname)" = localhost ]
+    sleep 1
+    vkt render block_24x18x30_uint8.raw --view x --size 16 -o b.png
+    cmp a.png b.png
+}
+
+@test "the stent shows without options" {
+    needs_data raw/stent_128x128x256_int16.raw
+    python_with vtk numpy
+    vkt render "$VKT_DATA/raw/stent_128x128x256_int16.raw" -o stent.png
+    # Bright wires on a dark ground: some pixels are nearly white, most are background.
+    /usr/bin/python3 - <<'PY'
+import vtk, numpy
+from vtk.util.numpy_support import vtk_to_numpy
+r = vtk.vtkPNGReader(); r.SetFileName('stent.png'); r.Update()
+p = vtk_to_numpy(r.GetOutput().GetPointData().GetScalars()).astype(int)
+bright, dark = (p.min(1) > 150).mean(), (p.max(1) < 40).mean()
+print(bright, dark)
+assert 0.002 < bright < 0.2 and 0.5 < dark < 0.97
+PY
+}

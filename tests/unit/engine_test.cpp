@@ -1,0 +1,311 @@
+// The engine: chains of operations give the same voxels for every slab height, source and budget, whatever they ask for.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/engine/decorator.h"
+#include "libvkt/engine/pipeline.h"
+
+#include <cstring>
+#include <gtest/gtest.h>
+#include <random>
+
+namespace {
+
+using namespace vkt;
+
+/// Sum over a box of the given radius; reads beyond the volume through the boundary rule.
+class BoxSum : public Operation {
+public:
+    BoxSum(Index3 radius, Boundary boundary) : radius_(radius), boundary_(boundary) {}
+    std::string_view name() const override { return "box sum"; }
+    Shape shape() const override { return Shape::neighbourhood; }
+    Plan plan(std::span<Header const> inputs) override {
+        Plan plan;
+        plan.output = inputs[0];
+        plan.boundary = boundary_;
+        plan.border_value = 3;
+        return plan;
+    }
+    Box footprint(Box const& output, int) const override { return grow(output, radius_); }
+    void run(std::span<ConstView const> in, AnyView out, Execution const&) override {
+        auto const a = in[0].as<std::int32_t>();
+        auto const b = out.as<std::int32_t>();
+        EXPECT_EQ(in[0].box, grow(out.box, radius_));
+        for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (auto y = out.box.lower.y; y < out.box.upper.y; ++y)
+                for (auto x = out.box.lower.x; x < out.box.upper.x; ++x) {
+                    std::uint32_t sum = 0;
+                    for (auto k = -radius_.z; k <= radius_.z; ++k)
+                        for (auto j = -radius_.y; j <= radius_.y; ++j)
+                            for (auto i = -radius_.x; i <= radius_.x; ++i)
+                                sum += static_cast<std::uint32_t>(a(x + i, y + j, z + k)) * static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
+                    b(x, y, z) = static_cast<std::int32_t>(sum);
+                }
+    }
+
+private:
+    Index3 radius_;
+    Boundary boundary_;
+};
+
+class FlipZ : public Operation {
+public:
+    std::string_view name() const override { return "flip z"; }
+    Shape shape() const override { return Shape::geometric; }
+    Plan plan(std::span<Header const> inputs) override {
+        Plan plan;
+        plan.output = inputs[0];
+        plan.access = Access::random;
+        n_ = inputs[0].dims.z;
+        return plan;
+    }
+    Box footprint(Box const& o, int) const override {
+        return {{o.lower.x, o.lower.y, n_ - o.upper.z}, {o.upper.x, o.upper.y, n_ - o.lower.z}};
+    }
+    void run(std::span<ConstView const> in, AnyView out, Execution const&) override {
+        auto const a = in[0].as<std::int32_t>();
+        auto const b = out.as<std::int32_t>();
+        for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (auto y = out.box.lower.y; y < out.box.upper.y; ++y)
+                for (auto x = out.box.lower.x; x < out.box.upper.x; ++x) b(x, y, z) = a(x, y, n_ - 1 - z);
+    }
+
+private:
+    std::int64_t n_ = 0;
+};
+
+/// Subtracts the volume's minimum, which a first pass finds.
+class SubtractMinimum : public Operation {
+public:
+    std::string_view name() const override { return "subtract minimum"; }
+    Shape shape() const override { return Shape::pointwise; }
+    Plan plan(std::span<Header const> inputs) override {
+        Plan plan;
+        plan.output = inputs[0];
+        plan.scans = true;
+        least_ = std::numeric_limits<std::int32_t>::max();
+        seen_ = 0;
+        return plan;
+    }
+    void scan(ConstView slab, Execution const&) override {
+        EXPECT_EQ(slab.box.lower.z, seen_) << "slabs must come in order";
+        seen_ = slab.box.upper.z;
+        auto const a = slab.as<std::int32_t>();
+        for (auto z = slab.box.lower.z; z < slab.box.upper.z; ++z)
+            for (auto y = slab.box.lower.y; y < slab.box.upper.y; ++y)
+                for (auto x = slab.box.lower.x; x < slab.box.upper.x; ++x) least_ = std::min(least_, a(x, y, z));
+    }
+    void run(std::span<ConstView const> in, AnyView out, Execution const&) override {
+        auto const a = in[0].as<std::int32_t>();
+        auto const b = out.as<std::int32_t>();
+        for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (auto y = out.box.lower.y; y < out.box.upper.y; ++y)
+                for (auto x = out.box.lower.x; x < out.box.upper.x; ++x)
+                    b(x, y, z) = static_cast<std::int32_t>(static_cast<std::uint32_t>(a(x, y, z)) - static_cast<std::uint32_t>(least_));
+    }
+
+private:
+    std::int32_t least_ = 0;
+    std::int64_t seen_ = 0;
+};
+
+class Cut : public Operation {
+public:
+    explicit Cut(Box box) : box_(box) {}
+    std::string_view name() const override { return "cut"; }
+    Shape shape() const override { return Shape::geometric; }
+    Plan plan(std::span<Header const> inputs) override {
+        Plan plan;
+        plan.output = inputs[0];
+        plan.output.dims = box_.dims();
+        plan.shift = box_.lower;
+        return plan;
+    }
+    Box footprint(Box const& o, int) const override { return {o.lower + box_.lower, o.upper + box_.lower}; }
+    void run(std::span<ConstView const>, AnyView, Execution const&) override { FAIL() << "the engine hands cuts through"; }
+
+private:
+    Box box_;
+};
+
+/// Every second voxel.
+class Halve : public Operation {
+public:
+    std::string_view name() const override { return "halve"; }
+    Shape shape() const override { return Shape::geometric; }
+    Plan plan(std::span<Header const> inputs) override {
+        Plan plan;
+        plan.output = inputs[0];
+        for (int i = 0; i < 3; ++i) plan.output.dims[i] = (inputs[0].dims[i] + 1) / 2;
+        return plan;
+    }
+    Box footprint(Box const& o, int) const override {
+        return {{2 * o.lower.x, 2 * o.lower.y, 2 * o.lower.z}, {2 * o.upper.x - 1, 2 * o.upper.y - 1, 2 * o.upper.z - 1}};
+    }
+    void run(std::span<ConstView const> in, AnyView out, Execution const&) override {
+        auto const a = in[0].as<std::int32_t>();
+        auto const b = out.as<std::int32_t>();
+        for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (auto y = out.box.lower.y; y < out.box.upper.y; ++y)
+                for (auto x = out.box.lower.x; x < out.box.upper.x; ++x) b(x, y, z) = a(2 * x, 2 * y, 2 * z);
+    }
+};
+
+/// Lets a volume pass forward only, as a pipe does; going back is an error.
+class ForwardOnly : public SourceDecorator {
+public:
+    using SourceDecorator::SourceDecorator;
+    bool next_volume() override {
+        z_ = 0;
+        return inner().next_volume();
+    }
+    Access access() const override { return Access::forward; }
+    void read(AnyView out) override {
+        advance(out.box);
+        inner().read(out);
+    }
+    std::optional<ConstView> borrow(Box const& region) override {
+        advance(region);
+        return std::nullopt;
+    }
+
+private:
+    void advance(Box const& region) {
+        if (region.lower.z < z_) throw Error(ErrorKind::failure, "a forward source was asked to go back");
+        z_ = region.lower.z;
+    }
+    std::int64_t z_ = 0;
+};
+
+Volume random_volume(Index3 dims, unsigned seed) {
+    Header header;
+    header.dims = dims;
+    header.dtype = DataType::int32;
+    Volume volume(header);
+    std::mt19937 random(seed);
+    auto* voxels = reinterpret_cast<std::uint32_t*>(volume.mutable_view().data);
+    for (std::int64_t i = 0; i < header.voxels(); ++i) voxels[i] = static_cast<std::uint32_t>(random());
+    return volume;
+}
+
+std::vector<std::unique_ptr<Operation>> random_chain(std::mt19937& random) {
+    std::vector<std::unique_ptr<Operation>> chain;
+    auto const pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
+    int const length = 1 + pick(4);
+    for (int i = 0; i < length; ++i) {
+        switch (pick(5)) {
+        case 0: chain.push_back(std::make_unique<BoxSum>(Index3{pick(3), pick(3), pick(9)}, static_cast<Boundary>(pick(4)))); break;
+        case 1: chain.push_back(std::make_unique<FlipZ>()); break;
+        case 2: chain.push_back(std::make_unique<SubtractMinimum>()); break;
+        case 3: chain.push_back(std::make_unique<Halve>()); break;
+        default: chain.push_back(nullptr); // a cut: needs the dims that arrive there
+        }
+    }
+    return chain;
+}
+
+Volume run_chain(Volume const& input, std::vector<std::unique_ptr<Operation>>& chain, Execution const& execution, bool forward) {
+    std::unique_ptr<Source> source = volume_source({input});
+    if (forward) source = std::make_unique<ForwardOnly>(std::move(source));
+    for (auto& operation : chain) {
+        std::vector<std::unique_ptr<Source>> inputs;
+        inputs.push_back(std::move(source));
+        source = attach(std::move(inputs), *operation, execution, {});
+    }
+    EXPECT_TRUE(source->next_volume());
+    Header const header = source->header();
+    Volume volume(header);
+    std::int64_t const height = slab_height(header, 0, execution);
+    for (std::int64_t z = 0; z < header.dims.z; z += height) {
+        Box const slab{{0, 0, z}, {header.dims.x, header.dims.y, std::min(z + height, header.dims.z)}};
+        source->read(volume.mutable_view().part(slab));
+    }
+    source->finish();
+    EXPECT_FALSE(source->next_volume());
+    return volume;
+}
+
+TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
+    std::mt19937 random(7);
+    for (int trial = 0; trial < 120; ++trial) {
+        Index3 const dims{1 + static_cast<int>(random() % 6), 1 + static_cast<int>(random() % 5), 1 + static_cast<int>(random() % 17)};
+        Volume const input = random_volume(dims, static_cast<unsigned>(random()));
+        auto chain = random_chain(random);
+        Index3 n = dims;
+        for (auto& operation : chain) {
+            if (!operation) {
+                Box const box{{n.x / 3, n.y / 3, n.z / 3}, {n.x, n.y, std::max(n.z / 3 + 1, n.z - 1)}};
+                operation = std::make_unique<Cut>(box);
+                n = box.dims();
+            } else if (operation->name() == "halve") {
+                n = {(n.x + 1) / 2, (n.y + 1) / 2, (n.z + 1) / 2};
+            }
+        }
+        Execution whole;
+        whole.slab = 1000;
+        Volume const expected = run_chain(input, chain, whole, false);
+        for (std::int64_t slab : {1, 2, 3, 7, 100}) {
+            for (bool forward : {false, true}) {
+                for (std::size_t memory : {std::size_t{1} << 30, std::size_t{64}}) { // the latter spools to a file
+                    Execution execution;
+                    execution.slab = slab;
+                    execution.memory = memory;
+                    Volume const got = run_chain(input, chain, execution, forward);
+                    ASSERT_EQ(got.header().dims, expected.header().dims);
+                    ASSERT_EQ(std::memcmp(got.view().data, expected.view().data, expected.header().bytes()), 0)
+                        << "trial " << trial << " slab " << slab << " forward " << forward << " memory " << memory;
+                }
+            }
+        }
+    }
+}
+
+TEST(Engine, BordersAreThoseOfTheRule) {
+    Volume const input = random_volume({5, 4, 3}, 1);
+    auto const a = input.view().as<std::int32_t>();
+    for (auto boundary : {Boundary::mirror, Boundary::clamp, Boundary::wrap, Boundary::border}) {
+        for (std::int64_t radius : {1, 4, 13}) { // also far beyond the volume
+            BoxSum sum({radius, radius, radius}, boundary);
+            Execution execution;
+            execution.slab = 2;
+            Volume const got = apply(sum, {input}, execution);
+            auto const b = got.view().as<std::int32_t>();
+            std::uint32_t expected = 0;
+            Index3 const p{4, 0, 2};
+            for (auto k = -radius; k <= radius; ++k)
+                for (auto j = -radius; j <= radius; ++j)
+                    for (auto i = -radius; i <= radius; ++i) {
+                        auto const x = fold(p.x + i, 5, boundary);
+                        auto const y = fold(p.y + j, 4, boundary);
+                        auto const z = fold(p.z + k, 3, boundary);
+                        std::int32_t const v = x < 0 || y < 0 || z < 0 ? 3 : a(x, y, z);
+                        expected += static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
+                    }
+            EXPECT_EQ(static_cast<std::uint32_t>(b(p.x, p.y, p.z)), expected) << static_cast<int>(boundary) << " " << radius;
+        }
+    }
+}
+
+TEST(Engine, FoldRepeatsAsOftenAsNeeded) {
+    EXPECT_EQ(fold(-1, 4, Boundary::mirror), 0);
+    EXPECT_EQ(fold(4, 4, Boundary::mirror), 3);
+    EXPECT_EQ(fold(-9, 4, Boundary::mirror), 0);
+    EXPECT_EQ(fold(100, 1, Boundary::mirror), 0);
+    EXPECT_EQ(fold(-5, 4, Boundary::wrap), 3);
+    EXPECT_EQ(fold(9, 4, Boundary::clamp), 3);
+    EXPECT_EQ(fold(-1, 4, Boundary::border), -1);
+}
+
+TEST(Engine, LoadRefusesWhatExceedsTheBudget) {
+    auto const source = volume_source({random_volume({8, 8, 8}, 2)});
+    source->next_volume();
+    Execution execution;
+    execution.memory = 100;
+    try {
+        load(*source, execution);
+        FAIL();
+    } catch (Error const& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::resources);
+    }
+}
+
+} // namespace

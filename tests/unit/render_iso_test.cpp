@@ -1,0 +1,185 @@
+// Iso-surfaces: planes and spheres in closed form, parity of crossings in noise, invariances, missing data.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/inner/iso.h"
+#include "tests/unit/render_testing.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+using namespace vkt;
+using namespace vkt::render;
+using namespace vkt::render::testing;
+
+namespace {
+
+/// A volume as rays see it.
+struct Setting {
+    Lattice lattice;
+    CellVisibility cells;
+    SceneView scene{};
+    LatticeSampler<float> sampler{};
+
+    Setting(Volume const& volume, double iso) : lattice(make_lattice(volume.view(), {}, {})) {
+        cells = classify_cells(lattice.cells, std::vector<IsoView>{{static_cast<float>(iso), 1, 1, 1}});
+        scene.cells = view_of(lattice.cells, cells);
+        scene.skip = true;
+        sampler = {static_cast<float const*>(lattice.view.data), lattice.view.row, lattice.view.slice, lattice.view.compact};
+    }
+    /// Crossings of the segment from a to b (voxel coordinates), as distances from a.
+    std::vector<double> crossings(Double3 a, Double3 b, double iso) const {
+        Double3 const way = b - a;
+        double const length = std::sqrt(dot(way, way));
+        Double3 const shift{lattice_padding, lattice_padding, lattice_padding};
+        Ray const ray{a + shift, way * (1 / length), length, 0, 1};
+        std::vector<double> result;
+        Counters counters;
+        cross_ray(sampler, scene, ray, iso, counters, [&](double t, Side) {
+            result.push_back(t);
+            return true;
+        });
+        return result;
+    }
+    double value(Double3 p) const { return sampler.precise(p + Double3{lattice_padding, lattice_padding, lattice_padding}); }
+};
+
+} // namespace
+
+TEST(RenderIso, PlaneIsMetExactly) {
+    Double3 const n{0.48, 0.6, 0.64};
+    Volume volume = volume_of({20, 31, 26}, {1, 1, 1}, [&](double x, double y, double z) { return n.x * x + n.y * y + n.z * z; });
+    double const iso = 20.3;
+    Setting const setting(volume, iso);
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> share(0, 1);
+    double worst = 0;
+    int met = 0;
+    for (int i = 0; i < 20000; ++i) {
+        auto const point = [&] { return Double3{19 * share(random), 30 * share(random), 25 * share(random)}; };
+        Double3 const a = point(), b = point();
+        double const fa = dot(n, a) - iso, fb = dot(n, b) - iso;
+        if (std::abs(fa - fb) < 1e-2 || std::abs(fa) < 1e-4 || std::abs(fb) < 1e-4) continue;
+        auto const found = setting.crossings(a, b, iso);
+        ASSERT_EQ(found.size(), (fa >= 0) != (fb >= 0) ? 1U : 0U);
+        if (found.empty()) continue;
+        ++met;
+        Double3 const way = b - a;
+        double const slope = (fb - fa) / std::sqrt(dot(way, way));
+        worst = std::max(worst, std::abs(found.front() + fa / slope) * std::abs(slope)); // distance from the plane
+    }
+    EXPECT_GT(met, 1000);
+    EXPECT_LT(worst, 1e-5);
+}
+
+// Distances of hits from a sphere fall with the square of the grid spacing.
+TEST(RenderIso, SphereConvergesWithSecondOrder) {
+    std::vector<double> errors;
+    for (int const n : {16, 32, 64}) {
+        double const centre = (n - 1) / 2.0, radius = 0.35 * n;
+        Volume volume = volume_of({n, n, n}, {1, 1, 1}, [&](double x, double y, double z) {
+            return std::sqrt((x - centre) * (x - centre) + (y - centre) * (y - centre) + (z - centre) * (z - centre));
+        });
+        Setting const setting(volume, radius);
+        double sum = 0;
+        int count = 0;
+        for (int i = 0; i < 2000; ++i) {
+            double const z = 1 - 2 * (i + 0.5) / 2000, angle = i * 2.399963, r = std::sqrt(1 - z * z);
+            Double3 const c{centre, centre, centre}, outer{centre + 0.45 * n * r * std::cos(angle), centre + 0.45 * n * r * std::sin(angle), centre + 0.45 * n * z};
+            auto const found = setting.crossings(outer, c, radius);
+            ASSERT_EQ(found.size(), 1U);
+            double const error = (0.45 * n - found.front() - radius) / n; // in units of the object
+            sum += error * error;
+            ++count;
+        }
+        errors.push_back(std::sqrt(sum / count));
+    }
+    EXPECT_NEAR(std::log2(errors[0] / errors[2]) / 2, 2.0, 0.2);
+}
+
+// Nothing leaks: the number of crossings is odd exactly if the ends lie on different sides, in white noise.
+TEST(RenderIso, CrossingsHaveTheRightParityInNoise) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> share(0, 1);
+    Volume noise = volume_of({19, 33, 26}, {1, 1, 1}, [&](double, double, double) { return share(random); });
+    // Half of it is smooth, so that there are macrocells to skip.
+    auto const v = noise.mutable_view().as<float>();
+    for (std::int64_t z = 0; z < 26; ++z)
+        for (std::int64_t y = 0; y < 17; ++y)
+            for (std::int64_t x = 0; x < 19; ++x) v(x, y, z) = x < 10 ? 0.1F : 0.9F;
+    std::int64_t total = 0;
+    for (double const iso : {0.5, 0.9, 0.1}) { // the last ones are voxel values
+        double const stored = static_cast<double>(static_cast<float>(iso));
+        Setting const setting(noise, stored);
+        for (int i = 0; i < 100000; ++i) {
+            auto const point = [&] { return Double3{18 * share(random), 32 * share(random), 25 * share(random)}; };
+            Double3 a = point(), b = point();
+            if (i % 4 == 1) b.x = a.x, b.y = a.y;                                          // along an axis
+            if (i % 4 == 2) a = {std::round(a.x), std::round(a.y), std::round(a.z)};       // from a voxel
+            if (i % 4 == 3) b = {std::round(b.x), b.y, std::round(b.z)};
+            auto const found = setting.crossings(a, b, stored);
+            bool const differ = (setting.value(a) >= stored) != (setting.value(b) >= stored);
+            // Ends that lie on the surface up to rounding may count either way.
+            if (std::abs(setting.value(a) - stored) < 1e-9 || std::abs(setting.value(b) - stored) < 1e-9) continue;
+            ASSERT_EQ(found.size() % 2 == 1, differ) << i << " " << iso;
+            ASSERT_TRUE(std::is_sorted(found.begin(), found.end()));
+            total += static_cast<std::int64_t>(found.size());
+        }
+    }
+    EXPECT_GT(total, 100000);
+}
+
+// Cells with two and three roots against 4096 samples along the ray.
+TEST(RenderIso, AllRootsOfRandomCellsAreFound) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> share(0, 1);
+    int several = 0;
+    for (int i = 0; i < 20000; ++i) {
+        float v[8];
+        for (float& c : v) c = static_cast<float>(share(random));
+        Double3 const p{share(random), share(random), 0}, q{share(random), share(random), 1};
+        Cubic const f = cubic_along(v, p, q - p);
+        int brute = 0;
+        bool above = f(0) >= 0.5;
+        for (int k = 1; k <= 4096; ++k) {
+            bool const here = f(k / 4096.0) >= 0.5;
+            brute += here != above;
+            above = here;
+        }
+        int found = 0;
+        Side side = Side::unknown;
+        cross_cell(f, 0.5, side, [&](double s, Side) {
+            EXPECT_NEAR(f(s), 0.5, 1e-7);
+            ++found;
+            return true;
+        });
+        EXPECT_GE(found, brute);
+        EXPECT_EQ(found % 2, brute % 2);
+        several += brute > 1;
+    }
+    EXPECT_GT(several, 100);
+}
+
+TEST(RenderIso, SkippingAndSignChangeNothing) {
+    Volume volume = blobs({40, 27, 33}, DataType::float32);
+    RenderSettings s;
+    s.algorithm = Algorithm::implicit_iso;
+    s.width = 70, s.height = 60;
+    s.isos = {60, 120};
+    Picture const a = render_one(volume, s);
+    s.skip = false;
+    EXPECT_EQ(a.image.pixels, render_one(volume, s).image.pixels);
+    s.isos = {1e6};
+    EXPECT_EQ(render_one(volume, s).center()[3], 1);
+}
+
+TEST(RenderIso, SmallNumbersAreNoReasonToHit) {
+    Volume volume = volume_of({16, 12, 14}, {1, 1, 1}, [](double x, double, double) { return 1e-9 * x; });
+    RenderSettings s = orthographic("x", 9, 9);
+    s.algorithm = Algorithm::implicit_iso;
+    s.isos = {1.001 * 15e-9};
+    EXPECT_EQ(render_one(volume, s).center()[3], 1);
+    s.isos = {7.3e-9};
+    EXPECT_EQ(render_one(volume, s).center()[3], 0);
+}

@@ -1,0 +1,266 @@
+// Ray marching against closed forms: slab, ramp, spike, missing data, skipping, threads, cameras.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/execution.h"
+#include "libvkt/render/inner/exact.h"
+#include "libvkt/render/render.h"
+#include "tests/unit/render_testing.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+using namespace vkt;
+using namespace vkt::render;
+using namespace vkt::render::testing;
+
+namespace {
+
+/// Value t/depth along z of the lattice, exactly: no voxels in between.
+struct Ramp : PointSampler<Ramp> {
+    double depth = 1;
+    VKT_HD float value(Float3 p) const { return static_cast<float>(p.z / depth); }
+    VKT_HD double precise(Double3 p) const { return p.z / depth; }
+    VKT_HD Float3 gradient(Float3) const { return {0, 0, 1}; }
+};
+
+/// A ray along z through a medium of the given knots, marched or exact.
+ExactRadiance along_ramp(std::vector<Knot> const& knots, double depth, double step, bool exact, double world = 1) {
+    TransferTable const table(knots, 8192);
+    SceneView scene{};
+    scene.table = table.view();
+    scene.knots = knots.data();
+    scene.knot_count = static_cast<int>(knots.size());
+    scene.step = static_cast<float>(step);
+    Ramp ramp;
+    ramp.depth = depth;
+    Ray const ray{{2, 2, 0}, {0, 0, 1}, depth, 0, world};
+    Counters counters;
+    if (exact) return exact_integral(ramp, scene, ray, counters);
+    Radiance const r = march_ray(ramp, scene, ray, counters);
+    return {static_cast<double>(r.red), static_cast<double>(r.green), static_cast<double>(r.blue), static_cast<double>(r.transmittance)};
+}
+
+double order(std::vector<double> const& errors) { return std::log2(errors.front() / errors.back()) / static_cast<double>(errors.size() - 1); }
+
+} // namespace
+
+TEST(RenderMarch, AttenuationAgreesWithTheLibrary) {
+    for (double t = 1e-9; t < 100; t *= 1.01) {
+        auto const f = static_cast<float>(t);
+        Attenuation const a = attenuation(f);
+        EXPECT_NEAR(a.absorbed, -std::expm1(-static_cast<double>(f)), 3e-7 * -std::expm1(-static_cast<double>(f)));
+        if (f >= 87) continue; // limited there
+        EXPECT_NEAR(a.transmitted, std::exp(-static_cast<double>(f)), 3e-7 * std::exp(-static_cast<double>(f)));
+    }
+    EXPECT_EQ(attenuation(0).absorbed, 0);
+    EXPECT_EQ(attenuation(0).transmitted, 1);
+}
+
+TEST(RenderMarch, OpacityBecomesExtinction) {
+    EXPECT_EQ(extinction_of(0), 0);
+    EXPECT_DOUBLE_EQ(extinction_of(1e-8), -std::log1p(-1e-8));
+    EXPECT_DOUBLE_EQ(extinction_of(1e-4), -std::log1p(-1e-4));
+    EXPECT_DOUBLE_EQ(extinction_of(0.5), std::log(2.0));
+    EXPECT_EQ(extinction_of(1), 16);
+}
+
+// T = exp(-sigma D) whatever the step, along every axis of an anisotropic volume, with all opacities.
+TEST(RenderMarch, ConstantSlabIsExactForAnyStep) {
+    Volume volume = constant_volume({9, 14, 20}, 3.0F, {1, 2, 5});
+    for (double const alpha : {0.0, 1e-8, 1e-4, 0.05, 0.5})
+        for (double const step : {4.0, 1.0, 0.37, 1.0 / 16})
+            for (auto const& [view, length] : std::vector<std::pair<std::string, double>>{{"x", 9.0}, {"-y", 28.0}, {"z", 100.0}}) {
+                RenderSettings s = orthographic(view, 9, 9);
+                s.transfer = flat_transfer({0.5, 0.25, 1}, alpha, 10);
+                s.step = step;
+                float const* p = render_one(volume, s).center();
+                double const depth = extinction_of(alpha) * length / 10, through = std::exp(-depth);
+                // A ray ends when less than 1/1024 comes through.
+                double const slack = through < 1.0 / 1024 ? 1.0 / 1024 : 2e-6 * (1 + depth) * through;
+                EXPECT_NEAR(p[3], through, slack) << alpha << " " << step << " " << view;
+                EXPECT_NEAR(p[0], 0.5 * (1 - through), slack + 1e-6 * (1 - through)) << alpha << " " << step << " " << view;
+                EXPECT_NEAR(p[1], 0.25 * (1 - through), slack + 1e-6 * (1 - through));
+            }
+}
+
+TEST(RenderMarch, OpaqueMeansOpaqueAndNothingIsNotANumber) {
+    Volume volume = constant_volume({7, 5, 6}, 1.0F, {1, 1, 1});
+    RenderSettings s = orthographic("x", 16, 16);
+    s.transfer = flat_transfer({1, 1, 1}, 1, 1);
+    for (double const step : {1.0 / 256, 0.5, 4.0}) {
+        s.step = step;
+        Picture const picture = render_one(volume, s);
+        for (float const v : picture.image.pixels) EXPECT_TRUE(std::isfinite(v));
+        EXPECT_LT(picture.center()[3], 1.0 / 1024);
+        EXPECT_NEAR(picture.center()[0], 1, 1.0 / 1024);
+    }
+}
+
+// Extinction c t/D and colour t/D for c = 8, D = 1: L = -e^(-c/2) + sqrt(pi/2c) erf(sqrt(c/2)) = 0.422725056.
+TEST(RenderMarch, RampConvergesWithSecondAndFourthOrder) {
+    double const c = 8;
+    double const expected = -std::exp(-c / 2) + std::sqrt(std::numbers::pi / (2 * c)) * std::erf(std::sqrt(c / 2));
+    ASSERT_NEAR(expected, 0.422725056, 1e-9);
+    std::vector<Knot> const knots{{0, 0, 0, 0, 0}, {1, c, 1, 1, 1}};
+    std::vector<double> marched, exact;
+    for (int n = 8; n <= 64; n *= 2) {
+        // A lattice length of 1 keeps table and step in the same units.
+        marched.push_back(std::abs(along_ramp(knots, 1, 1.0 / n, false).red - expected));
+        exact.push_back(std::abs(along_ramp(knots, 1, 1.0 / n, true).red - expected));
+        EXPECT_NEAR(along_ramp(knots, 1, 1.0 / n, false).transmittance, std::exp(-c / 2), 1e-6);
+        EXPECT_NEAR(along_ramp(knots, 1, 1.0 / n, true).transmittance, std::exp(-c / 2), 1e-8);
+    }
+
+    EXPECT_NEAR(order(marched), 2.0, 0.1);
+    exact.erase(exact.begin());
+    EXPECT_NEAR(order(exact), 4.0, 0.2);
+    EXPECT_LT(marched.back(), 1e-4);
+    EXPECT_LT(exact.back(), 1e-6);
+}
+
+// A box of width w and height s on a ramp of slope 1 has depth s w, however narrow it is and however long the step.
+TEST(RenderMarch, SpikeKeepsItsDepthForAnyStep) {
+    for (double const width : {0.1, 0.003, 1e-5})
+        for (double const step : {4.0, 1.0, 0.3}) {
+            double const depth = 0.8, a = 0.43712;
+            std::vector<Knot> const knots{{0, 0, 1, 1, 1},         {a, 0, 1, 1, 1},         {a, depth / width, 1, 1, 1},
+                                          {a + width, depth / width, 1, 1, 1}, {a + width, 0, 1, 1, 1}, {1, 0, 1, 1, 1}};
+            ExactRadiance const r = along_ramp(knots, 20, step, false, 1.0 / 20);
+            EXPECT_NEAR(r.transmittance, std::exp(-depth), 4e-3) << width << " " << step;
+            EXPECT_NEAR(r.red, 1 - std::exp(-depth), 4e-3) << width << " " << step;
+        }
+}
+
+TEST(RenderMarch, SkippingThreadsAndInstructionSetsChangeNoBit) {
+    for (DataType const type : {DataType::uint8, DataType::uint16, DataType::int16, DataType::float32, DataType::float64}) {
+        Volume volume = blobs({37, 29, 45}, type);
+        for (double const step : {0.23, 1.0, 3.7}) {
+            RenderSettings s;
+            s.width = 61, s.height = 47;
+            s.step = step;
+            s.shade = 0.7;
+            RenderReport with, without;
+            Execution one;
+            s.skip = false;
+            Image const all = render::render(volume, s, one, &without);
+            s.skip = true;
+            Image const skipped = render::render(volume, s, one, &with);
+            EXPECT_EQ(all.pixels, skipped.pixels) << name_of(type) << " " << step;
+            EXPECT_LT(with.samples, without.samples);
+            EXPECT_GT(with.skipped, 0.1);
+            Execution best = default_execution();
+            best.threads = 3;
+            EXPECT_EQ(render::render(volume, s, best).pixels, skipped.pixels) << name_of(type) << " " << step;
+        }
+    }
+}
+
+// A steep transfer function with gaps of zero between its bands: a jump over one band must not be skipped.
+TEST(RenderMarch, SkippingIsExactForBandedTransferFunctions) {
+    Volume volume = blobs({33, 40, 21}, DataType::float32);
+    RenderSettings s;
+    s.width = s.height = 50;
+    s.lut = {1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.9, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 1, 1};
+    for (double const step : {0.1, 0.9, 4.0}) {
+        s.step = step;
+        s.skip = true;
+        Picture const a = render_one(volume, s);
+        s.skip = false;
+        EXPECT_EQ(a.image.pixels, render_one(volume, s).image.pixels) << step;
+    }
+}
+
+TEST(RenderMarch, ExactAgreesWithFineSteps) {
+    Volume volume = blobs({30, 24, 36}, DataType::uint8);
+    RenderSettings s;
+    s.width = s.height = 40;
+    s.lut = {1, 0.5, 0.2, 0, 0.4, 0.6, 0.8, 0.02, 0.9, 0.9, 0.3, 0.2};
+    s.shade = 0;
+    s.step = 1.0 / 64;
+    Picture const fine = render_one(volume, s);
+    s.step = 0.5;
+    s.exact = true;
+    EXPECT_LT(greatest_difference(fine.image, render_one(volume, s).image), 2e-3);
+}
+
+TEST(RenderMarch, MissingDataIsEmpty) {
+    // A shell of NaN around a block: the picture is that of the block with nothing around it.
+    Index3 const dims{24, 18, 21};
+    Volume nan = constant_volume(dims, 1.0F, {1, 1, 1});
+    auto const w = nan.mutable_view().as<float>();
+    for (std::int64_t z = 0; z < dims.z; ++z)
+        for (std::int64_t y = 0; y < dims.y; ++y)
+            for (std::int64_t x = 0; x < dims.x; ++x)
+                if (x < 5 || y < 4 || z < 6 || x > 18) w(x, y, z) = std::numeric_limits<float>::quiet_NaN();
+    RenderSettings s = orthographic("x", 20, 20);
+    s.transfer = flat_transfer({1, 1, 1}, 0.1, 1);
+    s.step = 0.25;
+    RenderReport report;
+    Image const image = render::render(nan, s, {}, &report);
+    EXPECT_GT(report.missing, 0);
+    for (float const p : image.pixels) EXPECT_TRUE(std::isfinite(p));
+    // Cells with a missing corner are empty: data from the centre of voxel 5 to that of voxel 18, 13 voxels.
+    double const expected = std::exp(-extinction_of(0.1) * 13);
+    float const* const p = image.at(10, 10);
+    EXPECT_NEAR(p[3], expected, 0.06 * expected);
+    EXPECT_GE(p[3], expected * 0.999);
+    EXPECT_EQ(image.pixels, [&] {
+        s.skip = false;
+        return render::render(nan, s, {}, nullptr).pixels;
+    }());
+}
+
+TEST(RenderMarch, CameraInsideSeesWhatIsAhead) {
+    Volume volume = constant_volume({30, 20, 26}, 1.0F, {1, 1, 1});
+    RenderSettings s = orthographic("x", 9, 9);
+    s.camera.projection = Projection::perspective;
+    s.transfer = flat_transfer({1, 1, 1}, 0.05, 1);
+    s.camera.target = Vec3{29.5, 9.5, 12.5};
+    for (double const eye : {-0.5, 3.0, 22.0}) { // on a face, inside, further inside
+        s.camera.eye = Vec3{eye, 9.5, 12.5};
+        EXPECT_NEAR(render_one(volume, s).center()[3], std::exp(-extinction_of(0.05) * (29.5 - eye)), 2e-6) << eye;
+    }
+    s.camera.eye = Vec3{40, 9.5, 12.5};
+    s.camera.target = Vec3{50, 9.5, 12.5}; // looking away
+    EXPECT_EQ(render_one(volume, s).center()[3], 1);
+}
+
+TEST(RenderMarch, FarCameraSeesTheSame) {
+    Volume volume = blobs({21, 25, 30}, DataType::float32);
+    RenderSettings s = orthographic("oblique", 32, 32);
+    s.lut = {1, 1, 1, 0, 1, 0.5, 0, 0.4};
+    Picture const near = render_one(volume, s);
+    Camera const c = near.report.camera;
+    Vec3 const way = c.eye - c.target;
+    double const length = std::sqrt(way.x * way.x + way.y * way.y + way.z * way.z);
+    s.camera.target = c.target;
+    s.camera.eye = c.target + way * (1e6 / length);
+    EXPECT_LT(greatest_difference(near.image, render_one(volume, s).image), 1e-4);
+}
+
+TEST(RenderMarch, ScaleOfWorldAndDataDoNotMatter) {
+    Volume volume = blobs({21, 25, 30}, DataType::float32);
+    RenderSettings s;
+    s.width = s.height = 32;
+    s.lut = {1, 1, 1, 0, 1, 0.5, 0, 0.4};
+    Picture const one = render_one(volume, s);
+    for (double const scale : {1e-9, 1e9}) {
+        Volume scaled = volume;
+        scaled.header().geometry.spacing = {scale, scale, scale};
+        EXPECT_LT(greatest_difference(one.image, render_one(scaled, s).image), 1e-4) << scale;
+        Volume valued = volume;
+        valued.header().values = {scale, 7 * scale};
+        EXPECT_LT(greatest_difference(one.image, render_one(valued, s).image), 1e-4) << scale;
+    }
+}
+
+TEST(RenderMarch, OddShapesWork) {
+    for (Index3 const dims : {Index3{1, 1, 1}, Index3{2049, 3, 3}, Index3{1, 40, 7}}) {
+        Volume volume = constant_volume(dims, 5.0F, {1, 1, 1});
+        RenderSettings s = orthographic("-y", 33, 17);
+        s.transfer = flat_transfer({1, 1, 1}, 0.05, 1);
+        Picture const picture = render_one(volume, s);
+        EXPECT_NEAR(picture.center()[3], std::exp(-extinction_of(0.05) * static_cast<double>(dims.y)), 2e-6);
+    }
+}

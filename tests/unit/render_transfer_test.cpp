@@ -1,0 +1,147 @@
+// Transfer functions, tables, domains, cameras and pictures.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/render/settings.h"
+#include "tests/unit/render_testing.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+using namespace vkt;
+using namespace vkt::render;
+using namespace vkt::render::testing;
+
+TEST(RenderTransfer, LookupTablesTakeAnyMultipleOfFour) {
+    EXPECT_EQ(transfer_from_lut({1, 0, 0, 1}, 0, 10).points.size(), 1U);
+    TransferFunction const two = transfer_from_lut({1, 0, 0, 0, 0, 1, 0, 1}, 10, 20);
+    EXPECT_EQ(two.points[0].value, 10);
+    EXPECT_EQ(two.points[1].value, 20);
+    EXPECT_THROW(transfer_from_lut({}, 0, 1), Error);
+    EXPECT_THROW(transfer_from_lut({1, 1, 1}, 0, 1), Error);
+    EXPECT_THROW(transfer_from_lut({1, 1, 1, 1.5}, 0, 1), Error);
+    EXPECT_THROW(transfer_from_lut({1, 1, std::nan(""), 1}, 0, 1), Error);
+}
+
+TEST(RenderTransfer, TablesFollowTheKnots) {
+    TransferFunction transfer;
+    transfer.linear_colors = true;
+    transfer.points = {{30, {0, 0, 1}, 0.5}, {10, {1, 0, 0}, 0}, {20, {1, 1, 0}, 0.2}}; // not sorted
+    transfer.check_and_sort();
+    std::vector<Knot> const knots = knots_of(transfer, {}, 0, 2, 1);
+    TransferTable const table(knots, 2001);
+    for (double v = 5; v < 35; v += 0.37) {
+        auto const stored = static_cast<float>(v);
+        Classified const c = classify(table.view(), table_position(table.view(), stored));
+        double const a = extinction_of(0.2) / 2, b = extinction_of(0.5) / 2;
+        double const expected = v <= 10 ? 0 : v <= 20 ? (v - 10) / 10 * a : v <= 30 ? a + (v - 20) / 10 * (b - a) : b;
+        EXPECT_NEAR(c.density[0], expected, 1e-6) << v;
+        EXPECT_NEAR(c.density[3], expected * (v <= 20 ? 0 : v <= 30 ? (v - 20) / 10 : 1), 1e-5) << v;
+    }
+}
+
+TEST(RenderTransfer, ADomainWithoutExtentIsAStep) {
+    TransferFunction transfer = transfer_from_lut({1, 1, 1, 0, 1, 1, 1, 0.5}, 7, 7);
+    TransferTable const table(knots_of(transfer, {}, 0, 1, 1));
+    auto const extinction = [&](float v) { return classify(table.view(), table_position(table.view(), v)).density[0]; };
+    EXPECT_EQ(extinction(6.9F), 0);
+    EXPECT_NEAR(extinction(7.1F), std::log(2), 1e-6);
+}
+
+TEST(RenderTransfer, GreatestExtinctionBoundsEveryValueBetween) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> share(0, 1);
+    std::vector<double> lut;
+    for (int i = 0; i < 4 * 37; ++i) lut.push_back(i % 4 == 3 && i % 3 == 0 ? 0 : share(random));
+    TransferTable const table(knots_of(transfer_from_lut(lut, -3, 5), {}, 0, 1, 1));
+    for (int i = 0; i < 3000; ++i) {
+        double const a = -4 + 10 * share(random), b = a + share(random) * share(random) * 3;
+        float const bound = table.greatest_extinction(static_cast<float>(a), static_cast<float>(b));
+        float greatest = 0;
+        for (int k = 0; k <= 100; ++k) {
+            auto const v = static_cast<float>(a + (b - a) * k / 100);
+            greatest = std::max(greatest, classify(table.view(), table_position(table.view(), v)).density[0]);
+        }
+        ASSERT_LE(greatest, bound * (1 + 0x1p-18F));
+    }
+}
+
+TEST(RenderTransfer, JsonKeepsEverything) {
+    TransferFunction transfer = transfer_from_lut({1, 0, 0.25, 0, 0, 1, 0, 1}, 10, 20);
+    transfer.unit = 2.5;
+    transfer.linear_colors = true;
+    TransferFunction const again = transfer_from_json(transfer_to_json(transfer));
+    EXPECT_EQ(again.points, transfer.points);
+    EXPECT_EQ(again.unit, 2.5);
+    EXPECT_TRUE(again.linear_colors);
+    EXPECT_EQ(transfer_from_json(R"({"domain":[10,20],"points":[[0.5,1,1,1,1]]})").points[0].value, 15);
+    for (char const* bad : {"", "[]", "{}", R"({"points":[[1,2]]})", R"({"points":[[0,0,0,0,2]]})", R"({"points":[],"unit":1})",
+                            R"({"points":[[0,0,0,0,"a"]]})", R"({"points":[[0,0,0,0,1]],"unit":-1})"})
+        EXPECT_THROW(transfer_from_json(bad), Error) << bad;
+}
+
+TEST(RenderTransfer, Domains) {
+    Histogram h;
+    h.least = 0, h.greatest = 100;
+    h.bins.assign(100, 10);
+    h.total = 1000;
+    EXPECT_EQ(resolve_domain("minmax", h).upper, 100);
+    EXPECT_NEAR(resolve_domain("p1:p99", h).lower, 1, 1e-9);
+    EXPECT_NEAR(resolve_domain("p1:p99", h).upper, 99, 1e-9);
+    EXPECT_EQ(resolve_domain("-5:7.5", h).lower, -5);
+    for (char const* bad : {"5", "7:5", "a:b", "p200:p3", ":", "1:2:3"}) EXPECT_THROW(resolve_domain(bad, h), Error) << bad;
+}
+
+TEST(RenderTransfer, ColourMaps) {
+    for (std::string const& name : colormap_names())
+        for (double x = 0; x <= 1; x += 0.01) {
+            Color const c = colormap(name, x), d = colormap(name + ":reverse", 1 - x);
+            EXPECT_TRUE(c.red >= 0 && c.red <= 1 && c.green >= 0 && c.green <= 1 && c.blue >= 0 && c.blue <= 1);
+            EXPECT_NEAR(c.red, d.red, 1e-12);
+        }
+    EXPECT_THROW(colormap("virids", 0), Error);
+}
+
+// The default camera shows every corner, for odd shapes, all views, directions and both projections.
+TEST(RenderCamera, ShowsTheWholeVolume) {
+    Geometry g;
+    g.origin = {100, -50, 7};
+    g.spacing = {0.5, 2, 3};
+    g.direction = {{{0.6, 0.8, 0}, {-0.8, 0.6, 0}, {0, 0, -1}}};
+    Index3 const dims{40, 11, 27};
+    for (Projection const projection : {Projection::perspective, Projection::orthographic})
+        for (char const* view : {"oblique", "x", "-x", "y", "-y", "z", "-z"}) {
+            CameraRequest request;
+            request.view = view;
+            request.projection = projection;
+            Camera const camera = make_camera(request, corners_of(g, box_of(dims)), 1.5);
+            RayFrame const frame = frame_of(camera, g, 150, 100);
+            double const low = lattice_padding - 0.5;
+            Double3 const lower{low, low, low}, upper{low + 40, low + 11, low + 27};
+            Ray ray;
+            EXPECT_TRUE(make_ray(frame, 75, 50, lower, upper, ray)) << view;
+            bool touched = false;
+            for (double t = 0; t <= 1; t += 0.01)
+                for (double const edge : {0.0, 1.0})
+                    touched = touched || make_ray(frame, 150 * t, 100 * edge, lower, upper, ray) || make_ray(frame, 150 * edge, 100 * t, lower, upper, ray);
+            EXPECT_FALSE(touched) << view << " leaves the picture";
+        }
+}
+
+TEST(RenderImage, LightIsEncodedAsSrgb) {
+    Image image{3, 1, {0, 0, 0, 1, 0.2140411F, 0.2140411F, 0.2140411F, 0, 0.5F, 0, 0, 0.5F}};
+    auto const opaque = to_bytes(image, {{0, 0, 1}, 1});
+    EXPECT_EQ(opaque, (std::vector<unsigned char>{0, 0, 255, 128, 128, 128, 188, 0, 188}));
+    auto const transparent = to_bytes(image, {{0, 0, 0}, 0});
+    EXPECT_EQ(transparent, (std::vector<unsigned char>{0, 0, 0, 0, 128, 128, 128, 255, 255, 0, 0, 128}));
+    auto const png = to_png(image, {}, {{"Software", "test"}});
+    EXPECT_EQ(png, to_png(image, {}, {{"Software", "test"}}));
+}
+
+TEST(RenderSettings, NumbersInNames) {
+    EXPECT_EQ(numbered("a.png", 0, false), "a.png");
+    EXPECT_EQ(numbered("a-%04d.png", 12, true), "a-0012.png");
+    EXPECT_EQ(numbered("a%d.png", 3, true), "a3.png");
+    EXPECT_THROW(numbered("a.png", 0, true), Error);
+}

@@ -1,0 +1,140 @@
+// Two ends of one pipe: voxels arrive the same through the pipe, through mapped pages and through shared memory.
+// SPDX-License-Identifier: MIT
+#include "ipc/channel.h"
+#include "ipc/descriptor.h"
+#include "ipc/stream.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/pipeline.h"
+
+#include <atomic>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <gtest/gtest.h>
+#include <thread>
+#include <unistd.h>
+
+namespace {
+
+using namespace vkt;
+
+Volume patterned(Index3 dims, std::uint32_t seed) {
+    Header header;
+    header.dims = dims;
+    header.dtype = DataType::uint32;
+    Volume volume(header);
+    auto* voxels = reinterpret_cast<std::uint32_t*>(volume.mutable_view().data);
+    for (std::int64_t i = 0; i < header.voxels(); ++i) voxels[i] = static_cast<std::uint32_t>(i) * 2654435761u + seed;
+    return volume;
+}
+
+struct Pipe {
+    Pipe() {
+        int ends[2];
+        if (::pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("pipe");
+        read_end = ends[0];
+        write_end = ends[1];
+    }
+    int read_end = -1, write_end = -1;
+};
+
+/// Writes the volumes into one end; `slabs` are the slab heights of the volumes in turn.
+void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const& volumes, std::int64_t slab, std::string* notice) {
+    {
+        ipc::StreamOptions options;
+        options.transport = transport;
+        options.notice = [&](std::string const& message) { *notice = message; };
+        ipc::StreamSink sink(descriptor, options);
+        Execution execution;
+        execution.slab = slab;
+        auto const source = volume_source(volumes);
+        drain(*source, sink, execution);
+    }
+    ::close(descriptor);
+}
+
+std::vector<Volume> consume(int descriptor) {
+    ipc::StreamSource source(std::make_unique<ByteSource>(descriptor, "pipe"), {});
+    std::vector<Volume> volumes;
+    while (source.next_volume()) volumes.push_back(load(source, {}));
+    return volumes;
+}
+
+void expect_same(std::vector<Volume> const& a, std::vector<Volume> const& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        ASSERT_EQ(a[i].header().dims, b[i].header().dims);
+        EXPECT_EQ(std::memcmp(a[i].view().data, b[i].view().data, a[i].header().bytes()), 0) << i;
+    }
+}
+
+class Transports : public testing::TestWithParam<ipc::Transport> {};
+
+TEST_P(Transports, VoxelsArriveUnchanged) {
+    // Slabs below and above the size from which pages are mapped, many more of them than there are buffers.
+    std::vector<Volume> const volumes{patterned({256, 256, 40}, 1), patterned({7, 5, 3}, 2), patterned({300, 200, 64}, 3)};
+    for (std::int64_t slab : {1, 3, 8, 64}) {
+        Pipe pipe;
+        std::string notice;
+        std::thread producer([&] { produce(pipe.write_end, GetParam(), volumes, slab, &notice); });
+        auto const read = consume(pipe.read_end);
+        producer.join();
+        expect_same(read, volumes);
+        EXPECT_EQ(notice, "");
+    }
+}
+
+TEST_P(Transports, AThirdPartyInBetweenKeepsVoxelsInThePipe) {
+    std::vector<Volume> const volumes{patterned({256, 256, 40}, 5)};
+    Pipe first, second;
+    std::string notice;
+    std::thread producer([&] { produce(first.write_end, GetParam(), volumes, 8, &notice); });
+    std::thread between([&] {
+        std::vector<char> buffer(100000);
+        ssize_t n = 0;
+        while ((n = ::read(first.read_end, buffer.data(), buffer.size())) > 0) {
+            iovec part{buffer.data(), static_cast<std::size_t>(n)};
+            ipc::write_all(second.write_end, std::span(&part, 1));
+        }
+        ::close(second.write_end);
+        ::close(first.read_end);
+    });
+    auto const read = consume(second.read_end);
+    producer.join();
+    between.join();
+    expect_same(read, volumes);
+    EXPECT_EQ(notice.empty(), GetParam() == ipc::Transport::pipe) << notice;
+}
+
+TEST_P(Transports, UnwantedSlabsAreReturned) {
+    Volume const volume = patterned({256, 256, 64}, 9);
+    Pipe pipe;
+    std::string notice;
+    std::thread producer([&] { produce(pipe.write_end, GetParam(), {volume}, 4, &notice); });
+    {
+        ipc::StreamSource source(std::make_unique<ByteSource>(pipe.read_end, "pipe"), {});
+        ASSERT_TRUE(source.next_volume());
+        Box const part{{10, 20, 30}, {200, 100, 33}};
+        source.expect(part);
+        Header header = source.header();
+        header.dims = part.dims();
+        Volume got(header);
+        source.read(got.mutable_view().moved_to(part.lower));
+        source.finish();
+        auto const a = volume.view().as<std::uint32_t>();
+        auto const b = got.view().as<std::uint32_t>();
+        EXPECT_EQ(a(10, 20, 30), b(0, 0, 0));
+        EXPECT_EQ(a(199, 99, 32), b(189, 79, 2));
+    }
+    producer.join();
+}
+
+INSTANTIATE_TEST_SUITE_P(Stream, Transports, testing::Values(ipc::Transport::pipe, ipc::Transport::shm));
+
+TEST(SharedRing, RefusesWhatItIsNot) {
+    int const small = ::memfd_create("test", MFD_ALLOW_SEALING);
+    EXPECT_THROW(ipc::SharedRing::open(small, 4, 4096), Error); // neither long enough nor sealed
+    EXPECT_THROW(ipc::SharedRing::create(4, std::size_t{1} << 50), Error);
+}
+
+} // namespace
