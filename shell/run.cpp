@@ -7,6 +7,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/series.h"
 #include "shell/help.h"
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
@@ -183,7 +184,11 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(), stderr);
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) { return open(stage, open_bytes(path)); }
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) {
+    auto const paths = matching_files(path);
+    if (paths.size() == 1) return open(stage, open_bytes(paths.front()));
+    return series_source(paths, [this, &stage](std::string const& one) { return open(stage, open_bytes(one)); });
+}
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes) {
     std::unique_ptr<Source> source;
@@ -267,12 +272,15 @@ std::unique_ptr<Sink> Runner::make_sink() {
         sink->report_stages([this] { return reports(); });
         return sink;
     }
-    if (named_stream || c.format == "vkt") return ipc::create_stream_file(c.output, c.force, !c.no_checksum);
     WriteOptions options;
     options.format = c.format;
     options.force = c.force;
     options.compress = c.compress;
-    return create_volume(c.output, options);
+    bool const stream = named_stream || c.format == "vkt";
+    auto const create = [=](std::string const& path) {
+        return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
+    };
+    return is_numbered(c.output) ? series_sink(c.output, create) : create(numbered_path(c.output, 0));
 }
 
 ipc::StageReport Runner::own_report() const {
