@@ -114,7 +114,7 @@ private:
 
 class Runner {
 public:
-    explicit Runner(std::vector<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
+    explicit Runner(std::deque<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
     int run();
 
     StageInfo stage_info(Invocation const& stage);
@@ -140,7 +140,7 @@ private:
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;
 
-    std::vector<Invocation>& stages_;
+    std::deque<Invocation>& stages_;
     Invocation& last_;
     Log log_;
     bool dry_run_ = false;
@@ -386,7 +386,7 @@ void say_downstream(Invocation const& stage, std::string const& message) {
     tell(sink, stage.stage(), message);
 }
 
-int run(std::vector<Invocation>& stages) {
+int run(std::deque<Invocation>& stages) {
     Runner runner(stages);
     return runner.run();
 }
@@ -398,7 +398,7 @@ int run_words(std::vector<std::string> const& words) {
         bool const examples = std::find(verb.words.begin(), verb.words.end(), "--examples") != verb.words.end();
         if (!asks && !examples) return verb.command->body(verb.words);
     }
-    std::vector<Invocation> stages;
+    std::deque<Invocation> stages;
     stages.emplace_back(verb);
     Invocation& stage = stages.front();
     try {
