@@ -94,7 +94,8 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             }
             CLI::Option* const option = app.add_option(spelling(p), values[&p]);
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
-            option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+            // A positional that takes all would swallow the ones after it.
+            if (!p.positional || p.max_values != 1) option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
             options[&p] = option;
         }
     }

@@ -13,13 +13,13 @@ struct VoxelMapping {
     friend bool operator==(VoxelMapping const&, VoxelMapping const&) = default;
 };
 
-template <>
-struct ValueText<VoxelMapping> {
+template <> struct ValueText<VoxelMapping> {
     static constexpr int min_words = 2, max_words = 2;
     static std::vector<std::string> choices() { return {}; }
     static VoxelMapping read(std::vector<std::string> const& w, std::string_view name) {
         std::vector<std::string> const parts = w.size() == 1 ? split(w.front(), ',') : w;
-        if (parts.size() != 2) throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not two numbers LO HI"));
+        if (parts.size() != 2)
+            throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not two numbers LO HI"));
         return {ValueText<double>::read({parts[0]}, name), ValueText<double>::read({parts[1]}, name)};
     }
     static std::vector<std::string> write(VoxelMapping const& v) { return {to_text(v.low), to_text(v.high)}; }
