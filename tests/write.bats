@@ -10,7 +10,6 @@ voxels() { vkt write - --format raw; }
 count_files() { find . -mindepth 1 | wc -l; }
 
 @test "every format gives the voxels and the geometry back" {
-    vkt info ramp.vkt --json | grep -v -e history -e command >expected
     for name in a.nrrd a.nhdr a.mha a.mhd a.vkt; do
         for flag in "" --compress; do
             if [ "$name$flag" = a.vkt--compress ]; then continue; fi
@@ -84,7 +83,7 @@ assert info["history"]["command"][0] == "read", info'
     fails_with 4 "no such file or directory" vkt write no/such/directory/a.nrrd ../ramp.vkt
     fails_with 4 "is a directory" vkt write . ../ramp.vkt --format raw
     fails_with 4 "no space left" vkt write /dev/full ../ramp.vkt --format raw
-    fails_with 2 "extension\|--format" vkt write a.unknown ../ramp.vkt || fails_with 2 "--format" vkt write a.unknown ../ramp.vkt
+    fails_with 2 "--format" vkt write a.unknown ../ramp.vkt
     fails_with 2 "did you mean 'nrrd'" vkt write a.x ../ramp.vkt --format nrdd
     fails_with 2 "missing OUT" vkt write
     [ "$(count_files)" -eq 0 ]
@@ -96,7 +95,7 @@ assert info["history"]["command"][0] == "read", info'
     truncate -s 1M big_128x128x64_uint8.raw
     failed=0
     for name in a.nrrd a.nhdr a.mha a.mhd a.raw a.vkt; do
-        fails_with 4 "no space left" vkt write small/$name big_128x128x64_uint8.raw || failed=1
+        fails_with 4 "space left" vkt write small/$name big_128x128x64_uint8.raw || failed=1
         [ -z "$(ls -A small)" ] || failed=1
     done
     umount small
@@ -129,7 +128,7 @@ assert info["history"]["command"][0] == "read", info'
 @test "several volumes become a fourth axis" {
     printf 'NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nkinds: domain domain domain time\nencoding: raw\n\nabcdefghijkl' >series.nrrd
     [ "$(vkt read series.nrrd | voxels)" = abcdefghijkl ]
-    for name in a.nrrd a.nhdr a.mha a.mhd; do
+    for name in a.nrrd a.nhdr a.mha b.mhd; do
         vkt read series.nrrd | vkt write $name
         [ "$(vkt read $name | voxels)" = abcdefghijkl ]
         vkt info $name --json | python3 -c 'import json, sys; assert len(json.load(sys.stdin)) == 3'
