@@ -95,10 +95,6 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             }
             CLI::Option* const option = app.add_option(spelling(p), values[&p]);
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
-<<<<<<< HEAD
-=======
-            option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
->>>>>>> kernels
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
             // A vector would swallow all words that follow: those of later positionals, the names of inputs.
             option->allow_extra_args(p.max_values < 0 || p.max_values > 1);
