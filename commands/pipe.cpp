@@ -38,7 +38,7 @@ int pipe(std::vector<std::string> const& words) {
     if (words.empty()) throw Error(ErrorKind::usage, "missing pipeline", "e.g. vkt pipe 'read a.nrrd | flip x | write b.nrrd'");
     // The pipeline is the last word; options before it are given to every stage.
     std::vector<std::string> const shared(words.begin(), words.end() - 1);
-    std::vector<Invocation> stages;
+    std::deque<Invocation> stages;
     for (auto& stage : stages_of(words.back())) {
         if (stage.empty()) throw Error(ErrorKind::usage, "'vkt' alone is no stage");
         Verb verb = find_verb(stage);

@@ -3,6 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/region_source.h"
+#include "libvkt/formats/series.h"
 #include "shell/command.h"
 #include "shell/terminal.h"
 
@@ -56,7 +57,8 @@ public:
         if (endian_) options.format = "raw";
         bool const told =
             options.dims || options.dtype || options.skip != 0 || options.spacing || !options.format.empty();
-        auto source = told ? open_volume(open_bytes(path), options) : context.open(path);
+        auto const open_told = [options](std::string const& one) { return open_volume(open_bytes(one), options); };
+        auto source = told ? series_source(matching_files(path), open_told) : context.open(path);
         return region_of(std::move(source), roi_, world_roi_);
     }
 

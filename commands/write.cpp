@@ -3,6 +3,7 @@
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/series.h"
 #include "shell/command.h"
 #include "shell/terminal.h"
 
@@ -59,8 +60,12 @@ private:
     std::unique_ptr<Sink> make_sink(Context& context) const {
         if (out() == "-" && output_is_terminal())
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
-        if (!stream()) return create_volume(out(), options_);
-        if (out() != "-") return ipc::create_stream_file(out(), options_.force, true);
+        if (out() != "-" || !stream()) {
+            auto const create = [this](std::string const& path) {
+                return stream() ? ipc::create_stream_file(path, options_.force, true) : create_volume(path, options_);
+            };
+            return is_numbered(out()) ? series_sink(out(), create) : create(numbered_path(out(), 0));
+        }
         ipc::StreamOptions stream_options;
         stream_options.stage = context.stage_info().name;
         return std::make_unique<ipc::StreamSink>(STDOUT_FILENO, stream_options);

@@ -7,6 +7,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <boost/interprocess/mapped_region.hpp>
 #include <cerrno>
 #include <cstring>
@@ -145,7 +146,7 @@ SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
     ring.descriptor_ = ::memfd_create("vkt-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING);
     std::size_t const bytes = ring.slots_ * ring.slot_bytes_;
     // Pages of a memory file count against no limit: asked for more than there is, the kernel kills processes at random.
-    if (bytes > default_memory())
+    if (bytes > std::max(default_memory(), std::size_t{256} << 20))
         throw Error(ErrorKind::resources, text("a ring of ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory is more than a stage may hold"));
     int const failure = ring.descriptor_ < 0 ? errno : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));

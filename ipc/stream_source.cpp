@@ -187,7 +187,7 @@ private:
     std::condition_variable changed_;
     std::deque<Piece> ready_;
     std::vector<Piece> spare_;
-    std::int64_t released_z_ = 0; ///< pieces that end at or below this are no longer needed
+    std::int64_t released_z_ = 0; ///< slices below this are gone
     bool complete_ = false, cancel_ = false;
     std::exception_ptr failure_;
 };
@@ -390,6 +390,7 @@ void StreamSource::Reader::hand_out(Piece piece) {
 /// Under the lock: the first piece is no longer needed.
 void StreamSource::Reader::release_front() {
     Piece& piece = ready_.front();
+    released_z_ = piece.z_end;
     if (piece.shared != nullptr)
         channel_->give_back(piece.slot);
     else
@@ -462,7 +463,7 @@ Piece* StreamSource::Reader::piece_with(std::int64_t z) {
         for (auto& piece : ready_)
             if (piece.z_begin <= z && z < piece.z_end) return &piece;
         if (failure_) std::rethrow_exception(failure_);
-        if (complete_) throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
+        if (complete_ || z < released_z_) throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
         auto const begin = Clock::now();
         changed_.wait(lock);
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
@@ -481,6 +482,7 @@ void StreamSource::Reader::read(AnyView out) {
 }
 
 std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
+    if (region.lower.z < released_z_) return std::nullopt; // a window holds those slices already
     Piece& piece = *piece_with(region.lower.z);
     if (region.upper.z > piece.z_end) return std::nullopt;
     return view_of(piece).part(region);

@@ -25,6 +25,8 @@ class Invocation {
 public:
     /// Declares the parameters; parse() reads them.
     explicit Invocation(Verb verb);
+    Invocation(Invocation const&) = delete; // the parameters point at its members
+    Invocation& operator=(Invocation const&) = delete;
 
     /// Parses the words and checks what can be checked without input. Unless help was asked for.
     void parse();

@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <map>
 
 namespace vkt::shell {
@@ -94,8 +95,9 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             }
             CLI::Option* const option = app.add_option(spelling(p), values[&p]);
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
-            option->allow_extra_args(p.max_values != 1); // or the first of two positionals would take both
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+            // A vector would swallow all words that follow: those of later positionals, the names of inputs.
+            option->allow_extra_args(p.max_values < 0 || p.max_values > 1);
             options[&p] = option;
         }
     }
@@ -118,7 +120,11 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             }
             auto& given = values[&p];
             for (auto& word : given) word = restored(word);
-            if (p.max_values == 1 && given.size() > 1) throw Error(ErrorKind::usage, text("--", p.name, " is given more than once"));
+            auto const most = static_cast<std::size_t>(std::max(p.max_values, 0));
+            if (most > 0 && given.size() > most) {
+                if (p.positional) throw Error(ErrorKind::usage, text("unexpected argument '", given[most], "'"));
+                throw Error(ErrorKind::usage, text("--", p.name, most == 1 ? " is given more than once" : " is given too many values"));
+            }
             p.set(given);
             p.given = true;
         }

@@ -7,6 +7,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/series.h"
 #include "shell/help.h"
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
@@ -113,7 +114,7 @@ private:
 
 class Runner {
 public:
-    explicit Runner(std::vector<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
+    explicit Runner(std::deque<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
     int run();
 
     StageInfo stage_info(Invocation const& stage);
@@ -139,7 +140,7 @@ private:
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;
 
-    std::vector<Invocation>& stages_;
+    std::deque<Invocation>& stages_;
     Invocation& last_;
     Log log_;
     bool dry_run_ = false;
@@ -183,7 +184,11 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(), stderr);
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) { return open(stage, open_bytes(path)); }
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) {
+    auto const paths = matching_files(path);
+    if (paths.size() == 1) return open(stage, open_bytes(paths.front()));
+    return series_source(paths, [this, &stage](std::string const& one) { return open(stage, open_bytes(one)); });
+}
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes) {
     std::unique_ptr<Source> source;
@@ -267,12 +272,15 @@ std::unique_ptr<Sink> Runner::make_sink() {
         sink->report_stages([this] { return reports(); });
         return sink;
     }
-    if (named_stream || c.format == "vkt") return ipc::create_stream_file(c.output, c.force, !c.no_checksum);
     WriteOptions options;
     options.format = c.format;
     options.force = c.force;
     options.compress = c.compress;
-    return create_volume(c.output, options);
+    bool const stream = named_stream || c.format == "vkt";
+    auto const create = [=](std::string const& path) {
+        return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
+    };
+    return is_numbered(c.output) ? series_sink(c.output, create) : create(numbered_path(c.output, 0));
 }
 
 ipc::StageReport Runner::own_report() const {
@@ -378,7 +386,7 @@ void say_downstream(Invocation const& stage, std::string const& message) {
     tell(sink, stage.stage(), message);
 }
 
-int run(std::vector<Invocation>& stages) {
+int run(std::deque<Invocation>& stages) {
     Runner runner(stages);
     return runner.run();
 }
@@ -390,7 +398,7 @@ int run_words(std::vector<std::string> const& words) {
         bool const examples = std::find(verb.words.begin(), verb.words.end(), "--examples") != verb.words.end();
         if (!asks && !examples) return verb.command->body(verb.words);
     }
-    std::vector<Invocation> stages;
+    std::deque<Invocation> stages;
     stages.emplace_back(verb);
     Invocation& stage = stages.front();
     try {

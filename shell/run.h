@@ -5,13 +5,15 @@
 #include "shell/invocation.h"
 #include "shell/log.h"
 
+#include <deque>
+
 #include <string>
 #include <vector>
 
 namespace vkt::shell {
 
 /// Runs stages that are joined within this process; usually one. Returns the exit code.
-int run(std::vector<Invocation>& stages);
+int run(std::deque<Invocation>& stages);
 
 /// Parses and runs one command line (without the leading "vkt"); help requests are answered here.
 int run_words(std::vector<std::string> const& words);

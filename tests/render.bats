@@ -33,8 +33,9 @@ print(*[int(i.GetScalarComponentAsDouble(x, y, 0, c)) for c in range(i.GetNumber
     [ "$(size_of b.png)" = "64 48 8 2" ]
     vkt render block_24x18x30_uint8.raw --size 64x48 --threads 1 -o c.png
     vkt render block_24x18x30_uint8.raw --size 64x48 --threads 3 -o d.png --force
-    # Only the recipe differs, which names the threads' option at most.
-    cmp a.png d.png || [ "$(pixel a.png 32 24)" = "$(pixel d.png 32 24)" ]
+    cmp a.png b.png
+    cmp a.png c.png
+    cmp a.png d.png
 }
 
 @test "every algorithm draws the block and not the rest" {
@@ -107,7 +108,7 @@ PY
 
 @test "existing files are kept, broken input leaves none" {
     echo precious >a.png
-    fails_with 4 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png || fails_with 2 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png
+    fails_with 4 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png
     [ "$(cat a.png)" = precious ]
     vkt render block_24x18x30_uint8.raw --size 16 -o a.png --force
     [ "$(size_of a.png)" = "16 16 8 2" ]

@@ -17,7 +17,7 @@ struct TileMemory {
 
 namespace {
 
-void basis(tile::Job const& job, auto& scratch, InstructionSet instructions) {
+void basis(tile::Job const& job, auto& scratch, [[maybe_unused]] InstructionSet instructions) {
 #ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::basis_tile(job, scratch);
     if (instructions == InstructionSet::avx2) return avx2::basis_tile(job, scratch);
@@ -25,7 +25,7 @@ void basis(tile::Job const& job, auto& scratch, InstructionSet instructions) {
     baseline::basis_tile(job, scratch);
 }
 
-void average(tile::Job const& job, tile::ScratchDouble& scratch, InstructionSet instructions) {
+void average(tile::Job const& job, tile::ScratchDouble& scratch, [[maybe_unused]] InstructionSet instructions) {
 #ifdef VKT_X86_BACKENDS
     if (instructions == InstructionSet::avx512) return avx512::average_tile(job, scratch);
     if (instructions == InstructionSet::avx2) return avx2::average_tile(job, scratch);

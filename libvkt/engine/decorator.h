@@ -18,6 +18,7 @@ public:
     Access access() const override { return source_->access(); }
     void read(AnyView out) override { source_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return source_->borrow(region); }
+    bool narrow(Roi const& roi, WorldRoi const& world_roi) override { return source_->narrow(roi, world_roi); }
     Volume load_hierarchical() override { return source_->load_hierarchical(); }
     void expect(Box const& region) override { source_->expect(region); }
     std::int64_t natural_slab() const override { return source_->natural_slab(); }

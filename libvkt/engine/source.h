@@ -4,6 +4,7 @@
 
 #include "libvkt/core/execution.h"
 #include "libvkt/core/header.h"
+#include "libvkt/core/roi.h"
 #include "libvkt/core/view.h"
 #include "libvkt/core/volume.h"
 
@@ -37,6 +38,9 @@ public:
     /// Where read() expects its output and borrow() hands it out.
     virtual Space space() const { return Space::host; }
 
+    /// Asks, before the first next_volume(), for no more bricks of hierarchical volumes than a region needs (finest cells or
+    /// world units). False if the source cannot: it then yields them whole. Structured volumes are not affected.
+    virtual bool narrow(Roi const& /*roi*/, WorldRoi const& /*world_roi*/) { return false; }
     /// The whole current volume of kind hierarchical, finished; such volumes are not read region by region.
     virtual Volume load_hierarchical();
 

@@ -6,8 +6,11 @@
 
 namespace vkt {
 
+Format amrex_format();
+Format flash_format();
 Format metaimage_format();
 Format nrrd_format();
 Format raw_format();
+Format vdb_format();
 
 } // namespace vkt

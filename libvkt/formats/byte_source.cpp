@@ -1,5 +1,6 @@
 // Sequential and positioned reading of one descriptor, with look-ahead so that pipes can be sniffed.
 // SPDX-License-Identifier: MIT
+#include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/format.h"
@@ -189,7 +190,7 @@ std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
     auto bytes = std::make_unique<ByteSource>(descriptor, name);
     struct stat status {};
     if (::fstat(descriptor, &status) != 0) throw system_error(text("cannot open '", name, "'"));
-    if (S_ISDIR(status.st_mode))
+    if (S_ISDIR(status.st_mode) && !is_amrex(path)) // some formats are directories
         throw Error(ErrorKind::io, text("cannot read '", name, "': it is a directory"), "name a file in it");
     return bytes;
 }

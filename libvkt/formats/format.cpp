@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/format.h"
 
+#include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
@@ -52,7 +53,8 @@ std::string writable_extensions() {
 } // namespace
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(), metaimage_format(), raw_format()};
+    static std::vector<Format> const list{nrrd_format(), metaimage_format(), raw_format(),
+                                          flash_format(), vdb_format(), amrex_format()};
     return list;
 }
 
@@ -65,6 +67,8 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
             throw Error(ErrorKind::usage, text("dims, dtype, skip and endian describe raw files, not ", format->name));
     } else if (describes_raw(options)) {
         format = &by_format_name("raw");
+    } else if (is_amrex(bytes->name())) {
+        format = &by_format_name("amrex"); // a directory: there are no bytes to look at
     } else {
         auto const head = bytes->peek(head_bytes);
         for (auto const& candidate : formats())

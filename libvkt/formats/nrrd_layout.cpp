@@ -228,9 +228,11 @@ void Interpreter::refuse_samples(std::size_t axis) const {
 void Interpreter::choose_axes(RawLayout& layout) {
     for (std::size_t i = 0; i < sizes_.size(); ++i)
         if (spatial(i) || sizes_[i] > 1) chosen_.push_back(i);
-    // More axes than a volume has: those of one sample say nothing.
-    for (std::size_t i = chosen_.size(); i-- > 0 && chosen_.size() > 3;)
+    // More axes than a series has: those of one sample say nothing.
+    for (std::size_t i = chosen_.size(); i-- > 0 && chosen_.size() > 4;)
         if (sizes_[chosen_[i]] == 1) chosen_.erase(chosen_.begin() + static_cast<std::ptrdiff_t>(i));
+    // Nor does a first of four, which older writers give to scalars.
+    if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && spatial(chosen_[3])) chosen_.erase(chosen_.begin());
     // The fourth axis enumerates volumes. With fewer, a last axis that is a list or time is as good as z.
     if (chosen_.size() == 4 && (spatial(chosen_[0]) || !spatial(chosen_[3]))) {
         sequence_ = chosen_.back();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/region_source.h"
 
+#include "libvkt/amr/edit.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/decorator.h"
@@ -15,7 +16,8 @@ namespace {
 class RegionSource : public SourceDecorator {
 public:
     RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi)
-        : SourceDecorator(std::move(source)), roi_(std::move(roi)), world_roi_(std::move(world_roi)) {}
+        : SourceDecorator(std::move(source)), roi_(std::move(roi)), world_roi_(std::move(world_roi)),
+          narrowed_(inner().narrow(roi_, world_roi_)) {}
 
     bool next_volume() override;
     Header const& header() const override { return header_; }
@@ -26,6 +28,10 @@ public:
         return view;
     }
     void expect(Box const& region) override { inner().expect(in_whole(region)); }
+    Volume load_hierarchical() override { return tree_ ? std::move(*tree_) : inner().load_hierarchical(); }
+    void finish() override {
+        if (!tree_) inner().finish(); // the tree was loaded, and thereby finished, to be cropped
+    }
 
 private:
     Box in_whole(Box const& region) const { return {region.lower + box_.lower, region.upper + box_.lower}; }
@@ -34,15 +40,22 @@ private:
     WorldRoi world_roi_;
     Header header_;
     Box box_;
+    bool narrowed_; ///< hierarchical volumes come with the region's bricks only
+    std::optional<Volume> tree_;
 };
 
 bool RegionSource::next_volume() {
     if (!inner().next_volume()) return false;
     header_ = inner().header();
-    if (header_.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "a region of a hierarchical volume cannot be read by itself",
-                    "crop it: vkt crop --roi");
+    tree_.reset();
+    if (header_.kind == Kind::hierarchical && narrowed_) return true;
     box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
+    if (header_.kind == Kind::hierarchical) {
+        if (header_.dry_run) return true;
+        tree_ = crop_tree(inner().load_hierarchical(), box_, default_execution());
+        header_ = tree_->header();
+        return true;
+    }
     header_.dims = box_.dims();
     header_.geometry = cropped(header_.geometry, box_.lower);
     if (header_.history) header_.history = History{{"crop", "--roi", to_text(box_)}, {*header_.history}};

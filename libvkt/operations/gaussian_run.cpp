@@ -1,16 +1,21 @@
 // Gaussian, CPU: x, y and z in one sweep over tiles of the xy plane, with rings of filtered planes that stay in L2.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 
 #include "libvkt/kernel/kernel.h"
-#include "libvkt/kernel/lanes.h"
 #include "libvkt/operations/gaussian_kernel.h"
+
+#ifdef __CUDACC__
+#include "libvkt/operations/gaussian_device.h"
+#else
+#include "libvkt/kernel/lanes.h"
+#endif
 
 namespace vkt::VKT_BACKEND {
 
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
                   Execution const& execution);
 
+#ifndef __CUDACC__
 namespace {
 
 // Half of each value is what the passes add up, so that a pair of the largest floats does not overflow.
@@ -292,6 +297,16 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 }
 
 } // namespace
+#else
+namespace {
+
+template <class T, class C>
+void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Execution const&) {
+    gaussian::Launcher<T, C>(passes, planes, in, out).run();
+}
+
+} // namespace
+#endif
 
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
                   Execution const& execution) {
@@ -307,5 +322,3 @@ void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstVie
 }
 
 } // namespace vkt::VKT_BACKEND
-
-#endif

@@ -20,7 +20,13 @@ namespace {
 /// "R,G,B" or "R,G,B,A", or one number for grey; each in [0,1].
 std::vector<double> read_color(std::string const& name, std::string const& words, std::size_t most) {
     std::vector<double> values;
-    for (std::string const& part : split(words, ',')) values.push_back(parse_double(part));
+    for (std::string const& part : split(words, ',')) {
+        try {
+            values.push_back(parse_double(part));
+        } catch (Error const& error) {
+            refuse(text("--", name, " '", words, "': ", error.what()));
+        }
+    }
     if (values.size() == 1) values = {values[0], values[0], values[0]};
     bool const fits = values.size() >= 3 && values.size() <= most;
     if (!fits || std::any_of(values.begin(), values.end(), [](double v) { return !(v >= 0 && v <= 1); }))
@@ -86,8 +92,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("transfer", transfer_file_, "FILE", "transfer function from a JSON file");
     list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
-    list.option("domain", s.domain, "LO:HI",
-                "values that the colours span; also minmax, p1:p99 (percentiles), auto");
+    list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit", s.unit, "DISTANCE",
                 "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
     list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");

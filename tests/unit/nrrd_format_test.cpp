@@ -249,6 +249,8 @@ TEST(Nrrd, SamplesOfSeveralValuesAreRefusedWithAHint) {
         EXPECT_EQ(failure.kind, ErrorKind::data);
         EXPECT_NE(failure.hint.find("unu"), std::string::npos) << fields << failure.message;
     }
+    EXPECT_EQ(header_of("type: uchar\ndimension: 4\nsizes: 1 2 3 4\nencoding: raw\n", 24).dims, (Index3{2, 3, 4}));
+    EXPECT_EQ(header_of("type: uchar\ndimension: 4\nsizes: 2 3 1 4\nencoding: raw\n", 24).dims, (Index3{2, 3, 1}));
     // One value for each voxel is a volume, however many axes say so.
     EXPECT_EQ(
         header_of("type: uchar\ndimension: 5\nsizes: 1 2 3 4 1\nencoding: raw\nkinds: stub domain domain domain list\n",

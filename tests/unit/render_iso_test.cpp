@@ -26,7 +26,8 @@ struct Setting {
         cells = classify_cells(lattice.cells, std::vector<IsoView>{{static_cast<float>(iso), 1, 1, 1}});
         scene.cells = view_of(lattice.cells, cells);
         scene.skip = true;
-        sampler = {static_cast<float const*>(lattice.view.data), lattice.view.row, lattice.view.slice, lattice.view.compact};
+        sampler = {static_cast<float const*>(lattice.view.data), lattice.view.row, lattice.view.slice,
+                   lattice.view.compact};
     }
     /// Crossings of the segment from a to b (voxel coordinates), as distances from a.
     std::vector<double> crossings(Double3 a, Double3 b, double iso) const {
@@ -42,14 +43,17 @@ struct Setting {
         });
         return result;
     }
-    double value(Double3 p) const { return sampler.precise(p + Double3{lattice_padding, lattice_padding, lattice_padding}); }
+    double value(Double3 p) const {
+        return sampler.precise(p + Double3{lattice_padding, lattice_padding, lattice_padding});
+    }
 };
 
 } // namespace
 
 TEST(RenderIso, PlaneIsMetExactly) {
     Double3 const n{0.48, 0.6, 0.64};
-    Volume volume = volume_of({20, 31, 26}, {1, 1, 1}, [&](double x, double y, double z) { return n.x * x + n.y * y + n.z * z; });
+    Volume volume =
+        volume_of({20, 31, 26}, {1, 1, 1}, [&](double x, double y, double z) { return n.x * x + n.y * y + n.z * z; });
     double const iso = 20.3;
     Setting const setting(volume, iso);
     std::mt19937 random(1);
@@ -86,7 +90,9 @@ TEST(RenderIso, SphereConvergesWithSecondOrder) {
         int count = 0;
         for (int i = 0; i < 2000; ++i) {
             double const z = 1 - 2 * (i + 0.5) / 2000, angle = i * 2.399963, r = std::sqrt(1 - z * z);
-            Double3 const c{centre, centre, centre}, outer{centre + 0.45 * n * r * std::cos(angle), centre + 0.45 * n * r * std::sin(angle), centre + 0.45 * n * z};
+            Double3 const c{centre, centre, centre},
+                outer{centre + 0.45 * n * r * std::cos(angle), centre + 0.45 * n * r * std::sin(angle),
+                      centre + 0.45 * n * z};
             auto const found = setting.crossings(outer, c, radius);
             ASSERT_EQ(found.size(), 1U);
             double const error = (0.45 * n - found.front() - radius) / n; // in units of the object
@@ -115,8 +121,8 @@ TEST(RenderIso, CrossingsHaveTheRightParityInNoise) {
         for (int i = 0; i < 100000; ++i) {
             auto const point = [&] { return Double3{18 * share(random), 32 * share(random), 25 * share(random)}; };
             Double3 a = point(), b = point();
-            if (i % 4 == 1) b.x = a.x, b.y = a.y;                                          // along an axis
-            if (i % 4 == 2) a = {std::round(a.x), std::round(a.y), std::round(a.z)};       // from a voxel
+            if (i % 4 == 1) b.x = a.x, b.y = a.y;                                    // along an axis
+            if (i % 4 == 2) a = {std::round(a.x), std::round(a.y), std::round(a.z)}; // from a voxel
             if (i % 4 == 3) b = {std::round(b.x), b.y, std::round(b.z)};
             auto const found = setting.crossings(a, b, stored);
             bool const differ = (setting.value(a) >= stored) != (setting.value(b) >= stored);

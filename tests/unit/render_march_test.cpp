@@ -38,10 +38,13 @@ ExactRadiance along_ramp(std::vector<Knot> const& knots, double depth, double st
     Counters counters;
     if (exact) return exact_integral(ramp, scene, ray, counters);
     Radiance const r = march_ray(ramp, scene, ray, counters);
-    return {static_cast<double>(r.red), static_cast<double>(r.green), static_cast<double>(r.blue), static_cast<double>(r.transmittance)};
+    return {static_cast<double>(r.red), static_cast<double>(r.green), static_cast<double>(r.blue),
+            static_cast<double>(r.transmittance)};
 }
 
-double order(std::vector<double> const& errors) { return std::log2(errors.front() / errors.back()) / static_cast<double>(errors.size() - 1); }
+double order(std::vector<double> const& errors) {
+    return std::log2(errors.front() / errors.back()) / static_cast<double>(errors.size() - 1);
+}
 
 } // namespace
 
@@ -70,7 +73,8 @@ TEST(RenderMarch, ConstantSlabIsExactForAnyStep) {
     Volume volume = constant_volume({9, 14, 20}, 3.0F, {1, 2, 5});
     for (double const alpha : {0.0, 1e-8, 1e-4, 0.05, 0.5})
         for (double const step : {4.0, 1.0, 0.37, 1.0 / 16})
-            for (auto const& [view, length] : std::vector<std::pair<std::string, double>>{{"x", 9.0}, {"-y", 28.0}, {"z", 100.0}}) {
+            for (auto const& [view, length] :
+                 std::vector<std::pair<std::string, double>>{{"x", 9.0}, {"-y", 28.0}, {"z", 100.0}}) {
                 RenderSettings s = orthographic(view, 9, 9);
                 s.transfer = flat_transfer({0.5, 0.25, 1}, alpha, 10);
                 s.step = step;
@@ -79,7 +83,8 @@ TEST(RenderMarch, ConstantSlabIsExactForAnyStep) {
                 // A ray ends when less than 1/1024 comes through.
                 double const slack = through < 1.0 / 1024 ? 1.0 / 1024 : 2e-6 * (1 + depth) * through;
                 EXPECT_NEAR(p[3], through, slack) << alpha << " " << step << " " << view;
-                EXPECT_NEAR(p[0], 0.5 * (1 - through), slack + 1e-6 * (1 - through)) << alpha << " " << step << " " << view;
+                EXPECT_NEAR(p[0], 0.5 * (1 - through), slack + 1e-6 * (1 - through))
+                    << alpha << " " << step << " " << view;
                 EXPECT_NEAR(p[1], 0.25 * (1 - through), slack + 1e-6 * (1 - through));
             }
 }
@@ -124,8 +129,12 @@ TEST(RenderMarch, SpikeKeepsItsDepthForAnyStep) {
     for (double const width : {0.1, 0.003, 1e-5})
         for (double const step : {4.0, 1.0, 0.3}) {
             double const depth = 0.8, a = 0.43712;
-            std::vector<Knot> const knots{{0, 0, 1, 1, 1},         {a, 0, 1, 1, 1},         {a, depth / width, 1, 1, 1},
-                                          {a + width, depth / width, 1, 1, 1}, {a + width, 0, 1, 1, 1}, {1, 0, 1, 1, 1}};
+            std::vector<Knot> const knots{{0, 0, 1, 1, 1},
+                                          {a, 0, 1, 1, 1},
+                                          {a, depth / width, 1, 1, 1},
+                                          {a + width, depth / width, 1, 1, 1},
+                                          {a + width, 0, 1, 1, 1},
+                                          {1, 0, 1, 1, 1}};
             ExactRadiance const r = along_ramp(knots, 20, step, false, 1.0 / 20);
             EXPECT_NEAR(r.transmittance, std::exp(-depth), 4e-3) << width << " " << step;
             EXPECT_NEAR(r.red, 1 - std::exp(-depth), 4e-3) << width << " " << step;
@@ -133,7 +142,8 @@ TEST(RenderMarch, SpikeKeepsItsDepthForAnyStep) {
 }
 
 TEST(RenderMarch, SkippingThreadsAndInstructionSetsChangeNoBit) {
-    for (DataType const type : {DataType::uint8, DataType::uint16, DataType::int16, DataType::float32, DataType::float64}) {
+    for (DataType const type :
+         {DataType::uint8, DataType::uint16, DataType::int16, DataType::float32, DataType::float64}) {
         Volume volume = blobs({37, 29, 45}, type);
         for (double const step : {0.23, 1.0, 3.7}) {
             RenderSettings s;

@@ -47,7 +47,8 @@ TEST(RenderScatter, TransmittanceIsExponential) {
         s.transfer = flat_transfer({1, 1, 1}, -std::expm1(-sigma), 1);
         Picture const picture = render_one(volume, s);
         double mean = 0;
-        for (std::size_t i = 3; i < picture.image.pixels.size(); i += 4) mean += static_cast<double>(picture.image.pixels[i]);
+        for (std::size_t i = 3; i < picture.image.pixels.size(); i += 4)
+            mean += static_cast<double>(picture.image.pixels[i]);
         double const n = 48 * 48, expected = std::exp(-depth);
         double const deviation = std::sqrt(expected * (1 - expected) / (n * s.samples));
         EXPECT_LT(std::abs(mean / n - expected), 4 * deviation) << depth;
@@ -62,7 +63,8 @@ TEST(RenderScatter, FurnaceIsExactlyOne) {
     Picture const picture = render_one(volume, s);
     EXPECT_EQ(picture.report.capped, 0);
     for (std::size_t i = 0; i < picture.image.pixels.size(); i += 4)
-        for (std::size_t c = 0; c < 3; ++c) EXPECT_FLOAT_EQ(picture.image.pixels[i + c] + picture.image.pixels[i + 3], 1.0F);
+        for (std::size_t c = 0; c < 3; ++c)
+            EXPECT_FLOAT_EQ(picture.image.pixels[i + c] + picture.image.pixels[i + 3], 1.0F);
 }
 
 // Without scattering but with glow, paths estimate what the marcher integrates.
@@ -87,7 +89,8 @@ TEST(RenderScatter, AbsorptionAndEmissionAgreeWithMarching) {
                 for (int c : {0, 1, 2, 3}) {
                     double mean = 0;
                     for (int v = 0; v < 8; ++v)
-                        for (int u = 0; u < 8; ++u) mean += static_cast<double>(marched.image.at(8 * x + u, 8 * y + v)[c]) / 64;
+                        for (int u = 0; u < 8; ++u)
+                            mean += static_cast<double>(marched.image.at(8 * x + u, 8 * y + v)[c]) / 64;
                     double const difference = static_cast<double>(paths.image.at(x, y)[c]) - mean;
                     // Single contributions lie in [0,1], so their variance is at most mean (1 - mean).
                     double const variance = std::max(mean * (1 - mean), 1e-4) / 4000;
@@ -130,7 +133,8 @@ TEST(RenderScatter, ThreadsAndSkippingDoNotMatterAndSamplesAddUp) {
     Image const first = render::render(volume, s, one);
     s.first_sample = 3;
     Image const second = render::render(volume, s, one);
-    for (std::size_t i = 0; i < all.pixels.size(); ++i) ASSERT_NEAR(all.pixels[i], (first.pixels[i] + second.pixels[i]) / 2, 1e-6);
+    for (std::size_t i = 0; i < all.pixels.size(); ++i)
+        ASSERT_NEAR(all.pixels[i], (first.pixels[i] + second.pixels[i]) / 2, 1e-6);
     s.seed = 1;
     EXPECT_NE(second.pixels, render::render(volume, s, one).pixels);
 }

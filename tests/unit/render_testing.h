@@ -20,14 +20,14 @@ inline Volume float_volume(Index3 dims, Vec3 spacing) {
 }
 
 /// Calls f(x, y, z) for every voxel.
-template <class F>
-Volume volume_of(Index3 dims, Vec3 spacing, F f) {
+template <class F> Volume volume_of(Index3 dims, Vec3 spacing, F f) {
     Volume volume = float_volume(dims, spacing);
     auto const v = volume.mutable_view().as<float>();
     for (std::int64_t z = 0; z < dims.z; ++z)
         for (std::int64_t y = 0; y < dims.y; ++y)
             for (std::int64_t x = 0; x < dims.x; ++x)
-                v(x, y, z) = static_cast<float>(f(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)));
+                v(x, y, z) =
+                    static_cast<float>(f(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)));
     return volume;
 }
 
@@ -58,11 +58,21 @@ inline Volume blobs(Index3 dims, DataType type) {
                 for (std::int64_t x = 0; x < dims.x; ++x) v(x, y, z) = static_cast<T>(value(n(x), n(y), n(z)));
     };
     switch (type) {
-    case DataType::uint8: fill(static_cast<std::uint8_t*>(nullptr)); break;
-    case DataType::uint16: fill(static_cast<std::uint16_t*>(nullptr)); break;
-    case DataType::int16: fill(static_cast<std::int16_t*>(nullptr)); break;
-    case DataType::float32: fill(static_cast<float*>(nullptr)); break;
-    default: fill(static_cast<double*>(nullptr)); break;
+    case DataType::uint8:
+        fill(static_cast<std::uint8_t*>(nullptr));
+        break;
+    case DataType::uint16:
+        fill(static_cast<std::uint16_t*>(nullptr));
+        break;
+    case DataType::int16:
+        fill(static_cast<std::int16_t*>(nullptr));
+        break;
+    case DataType::float32:
+        fill(static_cast<float*>(nullptr));
+        break;
+    default:
+        fill(static_cast<double*>(nullptr));
+        break;
     }
     return volume;
 }

@@ -76,8 +76,9 @@ TEST(RenderTransfer, JsonKeepsEverything) {
     EXPECT_EQ(again.unit, 2.5);
     EXPECT_TRUE(again.linear_colors);
     EXPECT_EQ(transfer_from_json(R"({"domain":[10,20],"points":[[0.5,1,1,1,1]]})").points[0].value, 15);
-    for (char const* bad : {"", "[]", "{}", R"({"points":[[1,2]]})", R"({"points":[[0,0,0,0,2]]})", R"({"points":[],"unit":1})",
-                            R"({"points":[[0,0,0,0,"a"]]})", R"({"points":[[0,0,0,0,1]],"unit":-1})"})
+    for (char const* bad :
+         {"", "[]", "{}", R"({"points":[[1,2]]})", R"({"points":[[0,0,0,0,2]]})", R"({"points":[],"unit":1})",
+          R"({"points":[[0,0,0,0,"a"]]})", R"({"points":[[0,0,0,0,1]],"unit":-1})"})
         EXPECT_THROW(transfer_from_json(bad), Error) << bad;
 }
 
@@ -90,7 +91,8 @@ TEST(RenderTransfer, Domains) {
     EXPECT_NEAR(resolve_domain("p1:p99", h).lower, 1, 1e-9);
     EXPECT_NEAR(resolve_domain("p1:p99", h).upper, 99, 1e-9);
     EXPECT_EQ(resolve_domain("-5:7.5", h).lower, -5);
-    for (char const* bad : {"5", "7:5", "a:b", "p200:p3", ":", "1:2:3"}) EXPECT_THROW(resolve_domain(bad, h), Error) << bad;
+    for (char const* bad : {"5", "7:5", "a:b", "p200:p3", ":", "1:2:3"})
+        EXPECT_THROW(resolve_domain(bad, h), Error) << bad;
 }
 
 TEST(RenderTransfer, ColourMaps) {
@@ -124,13 +126,14 @@ TEST(RenderCamera, ShowsTheWholeVolume) {
             bool touched = false;
             for (double t = 0; t <= 1; t += 0.01)
                 for (double const edge : {0.0, 1.0})
-                    touched = touched || make_ray(frame, 150 * t, 100 * edge, lower, upper, ray) || make_ray(frame, 150 * edge, 100 * t, lower, upper, ray);
+                    touched = touched || make_ray(frame, 150 * t, 100 * edge, lower, upper, ray) ||
+                              make_ray(frame, 150 * edge, 100 * t, lower, upper, ray);
             EXPECT_FALSE(touched) << view << " leaves the picture";
         }
 }
 
 TEST(RenderImage, LightIsEncodedAsSrgb) {
-    Image image{3, 1, {0, 0, 0, 1, 0.2140411F, 0.2140411F, 0.2140411F, 0, 0.5F, 0, 0, 0.5F}};
+    Image image{3, 1, {0, 0, 0, 1, 0.2158605F, 0.2158605F, 0.2158605F, 0, 0.5F, 0, 0, 0.5F}};
     auto const opaque = to_bytes(image, {{0, 0, 1}, 1});
     EXPECT_EQ(opaque, (std::vector<unsigned char>{0, 0, 255, 128, 128, 128, 188, 0, 188}));
     auto const transparent = to_bytes(image, {{0, 0, 0}, 0});

@@ -41,7 +41,7 @@ template <Sampler S> struct March {
     int count; ///< segments of the whole ray
     Quad light{};
     double transmittance = 1; ///< in double, because the errors of many thin segments would add up
-    int known = -1; ///< the point that `last` belongs to
+    int known = -1;           ///< the point that `last` belongs to
     Classified last{};
     float last_position = 0;
     bool last_missing = false;

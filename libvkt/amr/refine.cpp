@@ -1,0 +1,297 @@
+// Structured to hierarchical.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/refine.h"
+
+#include "libvkt/amr/cells.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt {
+
+namespace {
+
+/// Means of 2^level voxels an axis, where they fit whole.
+struct MeanLevel {
+    Index3 dims, width;
+    std::vector<double> cells;
+
+    double at(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return cells[static_cast<std::size_t>((z * dims.y + y) * dims.x + x)];
+    }
+};
+
+template <class T> class Refiner {
+public:
+    Refiner(Volume const& volume, RefineOptions const& options, Execution const& execution)
+        : volume_(volume), options_(options), execution_(execution), n_(volume.header().dims),
+          voxels_(reinterpret_cast<T const*>(volume.buffer().read(Space::host))) {
+        for (int a = 0; a < 3; ++a) {
+            block_[a] = n_[a] == 1 ? 1 : options.block;
+            blocks_[a] = (n_[a] + block_[a] - 1) / block_[a];
+        }
+        leaf_level_.assign(static_cast<std::size_t>(blocks_.x * blocks_.y * blocks_.z), 0);
+        build_means();
+        grow();
+    }
+
+    Volume run() {
+        drop_background();
+        for (;;) {
+            Volume result = build();
+            if (!split_failures(result)) return result;
+        }
+    }
+
+private:
+    static constexpr signed char dropped = -1;
+
+    double voxel(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return static_cast<double>(voxels_[(z * n_.y + y) * n_.x + x]);
+    }
+
+    signed char& leaf(Index3 b) {
+        return leaf_level_[static_cast<std::size_t>((b.z * blocks_.y + b.y) * blocks_.x + b.x)];
+    }
+
+    void build_means() {
+        for (int level = 1; level < options_.levels; ++level) {
+            MeanLevel next;
+            next.width = cell_width(n_, level);
+            for (int a = 0; a < 3; ++a) next.dims[a] = n_[a] / next.width[a];
+            // A level is of use only if one of its blocks fits.
+            if (next.dims.x < block_.x || next.dims.y < block_.y || next.dims.z < block_.z || n_ == Index3{1, 1, 1})
+                break;
+            next.cells.resize(static_cast<std::size_t>(next.dims.x * next.dims.y * next.dims.z));
+            Index3 const step = cell_width(n_, 1);
+            double const share = 1.0 / static_cast<double>(step.x * step.y * step.z);
+#pragma omp parallel for num_threads(execution_.threads) schedule(static)
+            for (std::int64_t z = 0; z < next.dims.z; ++z)
+                for (std::int64_t y = 0; y < next.dims.y; ++y)
+                    for (std::int64_t x = 0; x < next.dims.x; ++x) {
+                        double sum = 0;
+                        for (std::int64_t k = 0; k < step.z; ++k)
+                            for (std::int64_t j = 0; j < step.y; ++j)
+                                for (std::int64_t i = 0; i < step.x; ++i) {
+                                    Index3 const c{x * step.x + i, y * step.y + j, z * step.z + k};
+                                    sum += level == 1 ? voxel(c.x, c.y, c.z) : means_.back().at(c.x, c.y, c.z);
+                                }
+                        next.cells[static_cast<std::size_t>((z * next.dims.y + y) * next.dims.x + x)] = sum * share;
+                    }
+            means_.push_back(std::move(next));
+        }
+    }
+
+    /// A coarse cell as it will be stored.
+    double stored(MeanLevel const& mean, std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return static_cast<double>(store_cell<T>(mean.at(x, y, z)));
+    }
+
+    double predicted(MeanLevel const& mean, Index3 voxel_at) const {
+        std::int64_t low[3], high[3];
+        double t[3];
+        for (int a = 0; a < 3; ++a) {
+            double const q = (static_cast<double>(voxel_at[a]) + 0.5) / static_cast<double>(mean.width[a]) - 0.5;
+            if (options_.method == Reconstruction::nearest) {
+                low[a] = high[a] = std::min(voxel_at[a] / mean.width[a], mean.dims[a] - 1);
+                t[a] = 0;
+                continue;
+            }
+            auto const floor = static_cast<std::int64_t>(std::floor(q));
+            t[a] = q - static_cast<double>(floor);
+            low[a] = std::clamp<std::int64_t>(floor, 0, mean.dims[a] - 1);
+            high[a] = std::clamp<std::int64_t>(floor + 1, 0, mean.dims[a] - 1);
+        }
+        double sum = 0;
+        for (int corner = 0; corner < 8; ++corner) {
+            double weight = 1;
+            std::int64_t at[3];
+            for (int a = 0; a < 3; ++a) {
+                bool const upper = (corner >> a & 1) != 0;
+                weight *= upper ? t[a] : 1 - t[a];
+                at[a] = upper ? high[a] : low[a];
+            }
+            if (weight > 0) sum += weight * stored(mean, at[0], at[1], at[2]);
+        }
+        return sum;
+    }
+
+    bool within(double prediction, double value) const {
+        return std::abs(prediction - value) <= options_.tolerance || prediction == value;
+    }
+
+    bool reproduces(MeanLevel const& mean, Box const& box) const {
+        for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+            for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+                for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
+                    if (!within(predicted(mean, {x, y, z}), voxel(x, y, z))) return false;
+        return true;
+    }
+
+    /// Level by level: eight leaves become one where the level's means reproduce the voxels.
+    void grow() {
+        for (std::size_t m = 0; m < means_.size(); ++m) {
+            int const level = static_cast<int>(m) + 1;
+            Index3 const fine = cell_width(n_, level); // finest blocks a coarse block spans
+            Index3 extent, count;
+            for (int a = 0; a < 3; ++a) {
+                extent[a] = block_[a] * means_[m].width[a];
+                count[a] = n_[a] / extent[a];
+            }
+#pragma omp parallel for num_threads(execution_.threads) schedule(dynamic, 1)
+            for (std::int64_t bz = 0; bz < count.z; ++bz)
+                for (std::int64_t by = 0; by < count.y; ++by)
+                    for (std::int64_t bx = 0; bx < count.x; ++bx) {
+                        Index3 const first{bx * fine.x, by * fine.y, bz * fine.z};
+                        if (!all_leaves(first, fine, level - 1)) continue;
+                        Index3 const lower{bx * extent.x, by * extent.y, bz * extent.z};
+                        if (reproduces(means_[m], {lower, lower + extent}))
+                            set_leaves(first, fine, static_cast<signed char>(level));
+                    }
+        }
+    }
+
+    bool all_leaves(Index3 first, Index3 size, int level) {
+        for (std::int64_t z = 0; z < size.z; ++z)
+            for (std::int64_t y = 0; y < size.y; ++y)
+                for (std::int64_t x = 0; x < size.x; ++x)
+                    if (leaf(first + Index3{x, y, z}) != level) return false;
+        return true;
+    }
+
+    void set_leaves(Index3 first, Index3 size, signed char level) {
+        for (std::int64_t z = 0; z < size.z; ++z)
+            for (std::int64_t y = 0; y < size.y; ++y)
+                for (std::int64_t x = 0; x < size.x; ++x) leaf(first + Index3{x, y, z}) = level;
+    }
+
+    /// Leaves of any level whose voxels are all background vanish.
+    void drop_background() {
+        if (!options_.background) return;
+        double const background = static_cast<double>(store_cell<T>(*options_.background));
+        for (Brick const& brick : bricks()) {
+            Box const box = bounds_of(brick, n_);
+            bool all = true;
+            for (std::int64_t z = box.lower.z; all && z < box.upper.z; ++z)
+                for (std::int64_t y = box.lower.y; all && y < box.upper.y; ++y)
+                    for (std::int64_t x = box.lower.x; all && x < box.upper.x; ++x)
+                        all = within(background, voxel(x, y, z));
+            if (all) mark(brick, dropped);
+        }
+    }
+
+    void mark(Brick const& brick, signed char level) {
+        Index3 const first{brick.lower.x / block_.x, brick.lower.y / block_.y, brick.lower.z / block_.z};
+        set_leaves(first, cell_width(n_, brick.level), level);
+    }
+
+    std::vector<Brick> bricks() {
+        std::vector<Brick> list;
+        Index3 b;
+        for (b.z = 0; b.z < blocks_.z; ++b.z)
+            for (b.y = 0; b.y < blocks_.y; ++b.y)
+                for (b.x = 0; b.x < blocks_.x; ++b.x) {
+                    int const level = leaf(b);
+                    if (level == dropped) continue;
+                    Index3 const fine = cell_width(n_, level);
+                    if (b.x % fine.x != 0 || b.y % fine.y != 0 || b.z % fine.z != 0) continue; // not the block's first
+                    Brick brick{{b.x * block_.x, b.y * block_.y, b.z * block_.z}, block_, level};
+                    for (int a = 0; a < 3 && level == 0; ++a)
+                        brick.dims[a] = std::min(block_[a], n_[a] - brick.lower[a]);
+                    list.push_back(brick);
+                }
+        return list;
+    }
+
+    Volume build() {
+        std::vector<Brick> list = bricks();
+        if (list.empty()) { // everything is background: one block keeps the volume a volume
+            leaf({0, 0, 0}) = 0;
+            list = bricks();
+        }
+        Header header = volume_.header();
+        header.kind = Kind::hierarchical;
+        if (options_.background) header.attributes["background"] = to_text(*options_.background);
+        Volume result(header, std::move(list));
+        T* cell = reinterpret_cast<T*>(result.buffer().write(Space::host));
+        for (Brick const& brick : result.bricks()) {
+            Index3 const w = cell_width(n_, brick.level);
+            for (std::int64_t z = 0; z < brick.dims.z; ++z)
+                for (std::int64_t y = 0; y < brick.dims.y; ++y)
+                    for (std::int64_t x = 0; x < brick.dims.x; ++x) {
+                        Index3 const at{brick.lower.x / w.x + x, brick.lower.y / w.y + y, brick.lower.z / w.z + z};
+                        *cell++ =
+                            brick.level == 0
+                                ? voxels_[(at.z * n_.y + at.y) * n_.x + at.x]
+                                : store_cell<T>(means_[static_cast<std::size_t>(brick.level - 1)].at(at.x, at.y, at.z));
+                    }
+        }
+        return result;
+    }
+
+    /// Compares the reconstruction with the voxels; coarse bricks that had a part in a failure are split. False if all
+    /// is well. Fine bricks return their voxels wherever no coarse brick reaches, so this ends.
+    bool split_failures(Volume const& tree) {
+        double const background = options_.background.value_or(0);
+        SampleGrid grid;
+        grid.dims = n_;
+        Reconstructor const reconstructor(tree, grid, options_.method, background);
+        BrickIndex const index(n_, tree.bricks());
+        std::vector<std::uint8_t> failed(tree.bricks().size(), 0);
+        std::vector<std::int32_t> near;
+        std::vector<T> slab(static_cast<std::size_t>(n_.x * n_.y * std::min<std::int64_t>(n_.z, 16)));
+        bool any = false;
+        for (std::int64_t z0 = 0; z0 < n_.z; z0 += 16) {
+            Box const box{{0, 0, z0}, {n_.x, n_.y, std::min(z0 + 16, n_.z)}};
+            reconstructor.run(dense_view(reinterpret_cast<std::byte*>(slab.data()), volume_.header().dtype, box),
+                              execution_);
+            T const* value = slab.data();
+            for (std::int64_t z = z0; z < box.upper.z; ++z)
+                for (std::int64_t y = 0; y < n_.y; ++y)
+                    for (std::int64_t x = 0; x < n_.x; ++x, ++value) {
+                        if (within(static_cast<double>(*value), voxel(x, y, z))) continue;
+                        Vec3 const p{static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
+                                     static_cast<double>(z) + 0.5};
+                        index.query(p, p, near);
+                        for (std::int32_t const id : near) {
+                            Brick const& brick = tree.bricks()[static_cast<std::size_t>(id)];
+                            if (brick.level == 0 || failed[static_cast<std::size_t>(id)] != 0 ||
+                                !domain_meets(brick, n_, p, p))
+                                continue;
+                            failed[static_cast<std::size_t>(id)] = 1;
+                            any = true;
+                        }
+                    }
+        }
+        for (std::size_t b = 0; b < failed.size(); ++b)
+            if (failed[b] != 0) mark(tree.bricks()[b], static_cast<signed char>(tree.bricks()[b].level - 1));
+        return any;
+    }
+
+    Volume const& volume_;
+    RefineOptions options_;
+    Execution const& execution_;
+    Index3 n_, block_, blocks_;
+    T const* voxels_;
+    std::vector<MeanLevel> means_;
+    std::vector<signed char> leaf_level_; ///< of every finest block
+};
+
+} // namespace
+
+Volume refine(Volume const& volume, RefineOptions const& options, Execution const& execution) {
+    if (volume.header().kind != Kind::structured) throw Error(ErrorKind::usage, "refine takes a structured volume");
+    if (!(options.tolerance >= 0)) throw Error(ErrorKind::usage, text("tolerance ", options.tolerance, " is negative"));
+    if (options.block < 1 || options.block > 64)
+        throw Error(ErrorKind::usage, text("blocks of ", options.block, " cells are not in 1…64"));
+    if (options.levels < 1 || options.levels > 16)
+        throw Error(ErrorKind::usage, text(options.levels, " levels are not in 1…16"));
+    if (options.method != Reconstruction::basis && options.method != Reconstruction::nearest)
+        throw Error(ErrorKind::usage, "the tolerance can be promised for basis or nearest reconstruction");
+    return with_cell_type(volume.header().dtype,
+                          [&]<class T>(T) { return Refiner<T>(volume, options, execution).run(); });
+}
+
+} // namespace vkt

@@ -1,0 +1,327 @@
+// The OpenVDB reader.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/vdb.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/half.h"
+#include "libvkt/core/text.h"
+
+#ifdef VKT_HAVE_OPENVDB
+
+#include <cerrno>
+#include <cstring>
+#include <unistd.h>
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wshadow"
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/File.h>
+#include <openvdb/io/GridDescriptor.h>
+#include <openvdb/openvdb.h>
+#pragma GCC diagnostic pop
+
+#include <filesystem>
+#include <fstream>
+
+namespace vkt {
+
+namespace {
+
+struct Kinds {
+    char const* tree; ///< beginning of OpenVDB's type name
+    DataType dtype;
+};
+
+constexpr Kinds scalar_kinds[] = {{"Tree_float_", DataType::float32}, {"Tree_double_", DataType::float64},
+                                  {"Tree_int32_", DataType::int32},   {"Tree_int64_", DataType::int64},
+                                  {"Tree_bool_", DataType::uint8},    {"Tree_mask_", DataType::uint8}};
+
+std::optional<DataType> dtype_of(openvdb::GridBase const& grid) {
+    for (auto const& kind : scalar_kinds)
+        if (grid.type().rfind(kind.tree, 0) == 0)
+            return kind.dtype == DataType::float32 && grid.saveFloatAsHalf() ? DataType::float16 : kind.dtype;
+    return std::nullopt;
+}
+
+/// Walks the table of grids. OpenVDB itself does not look whether the stream ended: on a truncated file it goes on with
+/// arbitrary sizes, for minutes or until memory ends.
+class WholenessCheck : openvdb::io::Archive {
+public:
+    static void run(std::string const& path) {
+        WholenessCheck archive;
+        std::ifstream file(path, std::ios::binary);
+        file.exceptions(std::ios::eofbit | std::ios::failbit | std::ios::badbit);
+        auto const size = static_cast<std::int64_t>(std::filesystem::file_size(path));
+        archive.readHeader(file);
+        openvdb::io::setVersion(file, archive.libraryVersion(), archive.fileVersion());
+        openvdb::MetaMap().readMeta(file);
+        if (!archive.inputHasGridOffsets()) return; // written to a stream: nothing states where grids end
+        std::int32_t const count = openvdb::io::Archive::readGridCount(file);
+        for (std::int32_t i = 0; i < count; ++i) {
+            openvdb::io::GridDescriptor descriptor;
+            descriptor.read(file);
+            if (descriptor.getGridPos() < 0 || descriptor.getGridPos() > descriptor.getEndPos() ||
+                descriptor.getEndPos() > size)
+                throw Error(ErrorKind::data,
+                            text(path, ": ended early: grid '", openvdb::Name(descriptor.gridName()), "' ends at byte ",
+                                 static_cast<std::int64_t>(descriptor.getEndPos()), ", the file at ", size));
+            file.seekg(descriptor.getEndPos());
+        }
+    }
+};
+
+/// An open file; OpenVDB's exceptions become ours.
+class VdbFile {
+public:
+    explicit VdbFile(std::string const& path) : path_(path), file_(path) {
+        if (access(path.c_str(), R_OK) != 0)
+            throw Error(ErrorKind::io, text("cannot read ", path, ": ", std::strerror(errno)));
+        guarded([&] {
+            WholenessCheck::run(path);
+            file_.open(false);
+        });
+    }
+
+    AmrListing list() {
+        AmrListing listing;
+        listing.format = "OpenVDB";
+        guarded([&] {
+            for (auto name = file_.beginName(); name != file_.endName(); ++name) {
+                openvdb::GridBase::Ptr const grid = file_.readGridMetadata(name.gridName());
+                if (auto const dtype = dtype_of(*grid)) listing.variables.push_back({name.gridName(), *dtype, {}, {}});
+            }
+        });
+        return listing;
+    }
+
+    openvdb::GridBase::Ptr grid(std::string const& wanted) {
+        AmrListing const listing = list();
+        std::vector<AmrVariable> const& variables = listing.variables;
+        std::string name = wanted;
+        guarded([&] {
+            if (!wanted.empty() && file_.hasGrid(wanted) && !dtype_of(*file_.readGridMetadata(wanted)))
+                refuse_kind(wanted, file_.readGridMetadata(wanted)->type());
+            if (variables.empty() && file_.beginName() != file_.endName()) {
+                auto const first = file_.beginName();
+                refuse_kind(first.gridName(), file_.readGridMetadata(first.gridName())->type());
+            }
+        });
+        name = variables[choose_variable(variables, wanted, path_)].name;
+        openvdb::GridBase::Ptr result;
+        guarded([&] { result = file_.readGrid(name); });
+        return result;
+    }
+
+private:
+    template <class Function> void guarded(Function function) {
+        try {
+            function();
+        } catch (Error const&) {
+            throw;
+        } catch (std::bad_alloc const&) {
+            throw Error(ErrorKind::resources, text(path_, ": not enough memory"));
+        } catch (std::exception const& error) {
+            throw Error(ErrorKind::data, text(path_, ": ", error.what()));
+        }
+    }
+
+    [[noreturn]] void refuse_kind(std::string const& name, std::string const& type) const {
+        bool const points = type.find("ptdata") != std::string::npos || type.find("ptidx") != std::string::npos;
+        throw Error(ErrorKind::data,
+                    text(path_, ": grid '", name, "' holds ", points ? "points" : text("no scalars (", type, ")")),
+                    points ? "rasterize the points to a scalar grid first" : "");
+    }
+
+    std::string path_;
+    openvdb::io::File file_;
+};
+
+/// A leaf node or tile on its way to a brick; coordinates are OpenVDB's.
+struct Node {
+    openvdb::Coord lower;
+    std::int64_t cells; ///< along an axis
+    int level;
+};
+
+Geometry geometry_of(openvdb::math::Transform const& transform, std::string const& path, openvdb::Coord first) {
+    if (!transform.isLinear())
+        throw Error(ErrorKind::data, text(path, ": the grid's transform is not linear (frustum)"));
+    Geometry geometry;
+    openvdb::Vec3d const origin = transform.indexToWorld(openvdb::Vec3d(first.x(), first.y(), first.z()));
+    for (int a = 0; a < 3; ++a) {
+        openvdb::Vec3d unit(0, 0, 0);
+        unit[a] = 1;
+        openvdb::Vec3d const step = transform.indexToWorld(unit) - transform.indexToWorld(openvdb::Vec3d(0, 0, 0));
+        geometry.origin[a] = origin[a];
+        geometry.spacing[a] = step.length();
+        auto const axis = static_cast<std::size_t>(a);
+        for (int w = 0; w < 3; ++w) geometry.direction[axis][w] = step[w] / geometry.spacing[a];
+    }
+    check(geometry);
+    return geometry;
+}
+
+/// A cell's value in the volume's type; half voxels were widened by OpenVDB and narrow exactly.
+template <class T, class V> T cell_of(V const& value) {
+    if constexpr (std::is_same_v<T, Half>)
+        return Half(static_cast<float>(value));
+    else
+        return static_cast<T>(value);
+}
+
+template <class GridType, class T> class GridReader {
+public:
+    GridReader(GridType const& grid, std::string const& path, DataType dtype) : grid_(grid), path_(path) {
+        header_.kind = Kind::hierarchical;
+        header_.dtype = dtype;
+    }
+
+    Volume read(AmrReadOptions const& options) {
+        collect();
+        describe();
+        std::optional<Box> const region = wanted_box(options, header_);
+        if (region) header_.attributes["roi"] = to_text(*region);
+        std::vector<Brick> bricks;
+        std::vector<std::size_t> kept;
+        auto const point = [](Index3 p) {
+            return Vec3{static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
+        };
+        for (std::size_t i = 0; i < nodes_.size(); ++i) {
+            Node const& node = nodes_[i];
+            openvdb::Coord const at = node.lower - first_;
+            Brick const brick{{at.x(), at.y(), at.z()}, {node.cells, node.cells, node.cells}, node.level};
+            if (region && !domain_meets(brick, header_.dims, point(region->lower), point(region->upper))) continue;
+            bricks.push_back(brick);
+            kept.push_back(i);
+        }
+        if (bricks.empty()) throw Error(ErrorKind::usage, text(path_, ": the region meets no node of the grid"));
+        Volume volume(header_, std::move(bricks));
+        T* const cells = reinterpret_cast<T*>(volume.buffer().write(Space::host));
+        for (std::size_t i = 0; i < kept.size(); ++i) fill(nodes_[kept[i]], cells + volume.brick_offset(i));
+        return volume;
+    }
+
+private:
+    void add(openvdb::Coord lower, std::int64_t extent, std::int64_t cells, int level) {
+        nodes_.push_back({lower, cells, level});
+        for (int a = 0; a < 3; ++a) {
+            std::int64_t const low = lower[a], high = low + extent;
+            low_[a] = nodes_.size() == 1 ? low : std::min(low_[a], low);
+            high_[a] = nodes_.size() == 1 ? high : std::max(high_[a], high);
+        }
+    }
+
+    void collect() {
+        auto const& tree = grid_.tree();
+        for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) add(leaf->origin(), 8, 8, 0);
+        auto tile = tree.cbeginValueAll();
+        tile.setMaxDepth(GridType::TreeType::ValueAllCIter::LEAF_DEPTH - 1);
+        for (; tile; ++tile) {
+            if (!tile.isValueOn() && tile.getValue() == tree.background()) continue;
+            openvdb::CoordBBox box;
+            tile.getBoundingBox(box);
+            std::int64_t const extent = std::int64_t{box.max().x()} - box.min().x() + 1;
+            // Cells much larger than their neighbours would blur far into them; memory forbids small ones in large
+            // tiles.
+            int const level = extent > 128 ? 7 : 3;
+            add(box.min(), extent, extent >> level, level);
+        }
+        if (nodes_.empty()) throw Error(ErrorKind::data, text(path_, ": grid '", grid_.getName(), "' is empty"));
+    }
+
+    void describe() {
+        header_.dims = high_ - low_;
+        first_ = openvdb::Coord(static_cast<int>(low_.x), static_cast<int>(low_.y), static_cast<int>(low_.z));
+        header_.geometry = geometry_of(grid_.transform(), path_, first_);
+        auto& attributes = header_.attributes;
+        attributes["variable"] = grid_.getName();
+        attributes["background"] = to_text(static_cast<double>(grid_.background()));
+        if (grid_.getGridClass() != openvdb::GRID_UNKNOWN)
+            attributes["class"] = openvdb::GridBase::gridClassToString(grid_.getGridClass());
+        openvdb::CoordBBox const active = grid_.evalActiveVoxelBoundingBox();
+        if (active.empty()) return;
+        Box box;
+        for (int a = 0; a < 3; ++a) {
+            box.lower[a] = std::int64_t{active.min()[a]} - low_[a];
+            box.upper[a] = std::int64_t{active.max()[a]} + 1 - low_[a];
+        }
+        if (!(box == box_of(header_.dims))) attributes["roi"] = to_text(box);
+    }
+
+    void fill(Node const& node, T* to) const {
+        if (node.level == 0) {
+            auto const* const leaf = grid_.tree().probeConstLeaf(node.lower);
+            for (openvdb::Index z = 0; z < 8; ++z) // OpenVDB's leaves run fastest along z
+                for (openvdb::Index y = 0; y < 8; ++y)
+                    for (openvdb::Index x = 0; x < 8; ++x) *to++ = cell_of<T>(leaf->getValue(x << 6 | y << 3 | z));
+            return;
+        }
+        T const value = cell_of<T>(grid_.tree().getValue(node.lower));
+        std::fill_n(to, node.cells * node.cells * node.cells, value);
+    }
+
+    GridType const& grid_;
+    std::string path_;
+    Header header_;
+    std::vector<Node> nodes_;
+    Index3 low_, high_;
+    openvdb::Coord first_;
+};
+
+template <class GridType, class T>
+std::optional<Volume> read_as(openvdb::GridBase const& grid, std::string const& path, AmrReadOptions const& options,
+                              DataType dtype) {
+    if (!grid.isType<GridType>()) return std::nullopt;
+    return GridReader<GridType, T>(static_cast<GridType const&>(grid), path, dtype).read(options);
+}
+
+} // namespace
+
+bool built_with_openvdb() { return true; }
+
+AmrListing list_vdb(std::string const& path) {
+    openvdb::initialize();
+    return VdbFile(path).list();
+}
+
+Volume read_vdb(std::string const& path, AmrReadOptions const& options, Execution const&) {
+    openvdb::initialize();
+    if (options.dtype)
+        throw Error(ErrorKind::usage, text(path, ": grids are read in their own type"),
+                    "convert afterwards: vkt convert");
+    openvdb::GridBase::Ptr const grid = VdbFile(path).grid(options.variable);
+    DataType const dtype = *dtype_of(*grid);
+    if (dtype == DataType::float16)
+        if (auto volume = read_as<openvdb::FloatGrid, Half>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::FloatGrid, float>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::DoubleGrid, double>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::Int32Grid, std::int32_t>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::Int64Grid, std::int64_t>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::BoolGrid, std::uint8_t>(*grid, path, options, dtype)) return *volume;
+    if (auto volume = read_as<openvdb::MaskGrid, std::uint8_t>(*grid, path, options, dtype)) return *volume;
+    throw Error(ErrorKind::data,
+                text(path, ": grid '", grid->getName(), "' has another node layout than OpenVDB's usual one"));
+}
+
+} // namespace vkt
+
+#else
+
+namespace vkt {
+
+namespace {
+[[noreturn]] void unavailable(std::string const& path) {
+    throw Error(ErrorKind::failure, text(path, ": this build has no OpenVDB"),
+                "build vkt with -DVKT_OPENVDB=ON and libopenvdb");
+}
+} // namespace
+
+bool built_with_openvdb() { return false; }
+AmrListing list_vdb(std::string const& path) { unavailable(path); }
+Volume read_vdb(std::string const& path, AmrReadOptions const&, Execution const&) { unavailable(path); }
+void write_vdb(Volume const&, std::string const& path, VdbWriteOptions const&) { unavailable(path); }
+
+} // namespace vkt
+
+#endif

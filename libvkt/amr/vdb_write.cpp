@@ -1,0 +1,173 @@
+// The OpenVDB writer.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/vdb.h"
+
+#ifdef VKT_HAVE_OPENVDB
+
+#include "libvkt/amr/cells.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wshadow"
+#include <openvdb/io/File.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Prune.h>
+#pragma GCC diagnostic pop
+
+#include <cmath>
+#include <limits>
+
+namespace vkt {
+
+namespace {
+
+template <class GridType, class T> class GridWriter {
+public:
+    using Value = typename GridType::ValueType;
+
+    GridWriter(Volume const& volume, VdbWriteOptions const& options)
+        : volume_(volume), tolerance_(options.prune.value_or(0)), background_(store_cell<Value>(options.background)),
+          grid_(GridType::create(background_)) {}
+
+    typename GridType::Ptr build() {
+        Index3 const logical = volume_.header().dims;
+        auto const* const cells = reinterpret_cast<T const*>(volume_.buffer().read(Space::host));
+        for (std::size_t b = 0; b < volume_.bricks().size(); ++b) {
+            Brick const& brick = volume_.bricks()[b];
+            T const* const from = cells + volume_.brick_offset(b);
+            if (brick.level == 0)
+                write_fine(brick, from);
+            else
+                write_coarse(brick, from, cell_width(logical, brick.level));
+        }
+        openvdb::tools::prune(grid_->tree(), store_cell<Value>(tolerance_));
+        return grid_;
+    }
+
+private:
+    static openvdb::Coord coordinate(Index3 at) {
+        return {static_cast<int>(at.x), static_cast<int>(at.y), static_cast<int>(at.z)};
+    }
+
+    static Value value_of(T cell) {
+        if constexpr (std::is_same_v<T, Half>)
+            return static_cast<float>(cell);
+        else
+            return static_cast<Value>(cell);
+    }
+
+    /// NaN is kept: it is no background.
+    bool kept(Value value) const {
+        return !(std::abs(static_cast<double>(value) - static_cast<double>(background_)) <= tolerance_);
+    }
+
+    /// Leaf by leaf, so that each is looked up once.
+    void write_fine(Brick const& brick, T const* from) {
+        Box const box{brick.lower, brick.lower + brick.dims};
+        auto const aligned = [](std::int64_t v) { return v & ~std::int64_t{7}; };
+        Index3 at;
+        for (at.z = aligned(box.lower.z); at.z < box.upper.z; at.z += 8)
+            for (at.y = aligned(box.lower.y); at.y < box.upper.y; at.y += 8)
+                for (at.x = aligned(box.lower.x); at.x < box.upper.x; at.x += 8)
+                    write_leaf(brick, from, intersect(box, {at, at + Index3{8, 8, 8}}), at);
+    }
+
+    void write_leaf(Brick const& brick, T const* from, Box const& part, Index3 at) {
+        typename GridType::TreeType::LeafNodeType* leaf = nullptr;
+        for (std::int64_t z = part.lower.z; z < part.upper.z; ++z)
+            for (std::int64_t y = part.lower.y; y < part.upper.y; ++y) {
+                T const* const row =
+                    from + ((z - brick.lower.z) * brick.dims.y + y - brick.lower.y) * brick.dims.x - brick.lower.x;
+                for (std::int64_t x = part.lower.x; x < part.upper.x; ++x) {
+                    Value const value = value_of(row[x]);
+                    if (!kept(value)) continue;
+                    if (leaf == nullptr) leaf = grid_->tree().touchLeaf(coordinate(at));
+                    leaf->setValueOn(coordinate({x, y, z}), value);
+                }
+            }
+    }
+
+    void write_coarse(Brick const& brick, T const* from, Index3 w) {
+        for (std::int64_t z = 0; z < brick.dims.z; ++z)
+            for (std::int64_t y = 0; y < brick.dims.y; ++y)
+                for (std::int64_t x = 0; x < brick.dims.x; ++x) {
+                    Value const value = value_of(*from++);
+                    if (!kept(value)) continue;
+                    Index3 const low = brick.lower + Index3{x * w.x, y * w.y, z * w.z};
+                    grid_->tree().fill({coordinate(low), coordinate(low + w - Index3{1, 1, 1})}, value, true);
+                }
+    }
+
+    Volume const& volume_;
+    double tolerance_;
+    Value background_;
+    typename GridType::Ptr grid_;
+};
+
+openvdb::GridBase::Ptr build(Volume const& volume, VdbWriteOptions const& options) {
+    using namespace openvdb;
+    switch (volume.header().dtype) {
+    case DataType::uint8:
+        return GridWriter<Int32Grid, std::uint8_t>(volume, options).build();
+    case DataType::int8:
+        return GridWriter<Int32Grid, std::int8_t>(volume, options).build();
+    case DataType::uint16:
+        return GridWriter<Int32Grid, std::uint16_t>(volume, options).build();
+    case DataType::int16:
+        return GridWriter<Int32Grid, std::int16_t>(volume, options).build();
+    case DataType::int32:
+        return GridWriter<Int32Grid, std::int32_t>(volume, options).build();
+    case DataType::uint32:
+        return GridWriter<Int64Grid, std::uint32_t>(volume, options).build();
+    case DataType::int64:
+        return GridWriter<Int64Grid, std::int64_t>(volume, options).build();
+    case DataType::float16:
+        return GridWriter<FloatGrid, Half>(volume, options).build();
+    case DataType::float32:
+        return GridWriter<FloatGrid, float>(volume, options).build();
+    case DataType::float64:
+        return GridWriter<DoubleGrid, double>(volume, options).build();
+    case DataType::uint64:
+        break;
+    }
+    throw Error(ErrorKind::usage, "OpenVDB has no grids of uint64", "convert first: vkt convert --dtype float64");
+}
+
+} // namespace
+
+void write_vdb(Volume const& volume, std::string const& path, VdbWriteOptions const& options) {
+    Header const& header = volume.header();
+    for (int a = 0; a < 3; ++a)
+        if (header.dims[a] > std::numeric_limits<int>::max())
+            throw Error(ErrorKind::usage, text("OpenVDB counts voxels up to 2^31, not ", header.dims));
+    if (options.prune && !(*options.prune >= 0))
+        throw Error(ErrorKind::usage, "--prune takes a tolerance that is not negative");
+    openvdb::initialize();
+    try {
+        openvdb::GridBase::Ptr const grid = build(volume, options);
+        openvdb::Mat4R matrix = openvdb::Mat4R::identity(); // row vectors: world = index * matrix
+        for (int a = 0; a < 3; ++a)
+            for (int w = 0; w < 3; ++w)
+                matrix[a][w] = header.geometry.spacing[a] * header.geometry.direction[static_cast<std::size_t>(a)][w];
+        for (int w = 0; w < 3; ++w) matrix[3][w] = header.geometry.origin[w];
+        grid->setTransform(openvdb::math::Transform::createLinearTransform(matrix));
+        grid->setName(options.name);
+        if (!options.grid_class.empty()) grid->setGridClass(openvdb::GridBase::stringToGridClass(options.grid_class));
+        grid->setSaveFloatAsHalf(header.dtype == DataType::float16);
+        openvdb::io::File file(path);
+        file.write(openvdb::GridCPtrVec{grid});
+        file.close();
+    } catch (Error const&) {
+        throw;
+    } catch (std::bad_alloc const&) {
+        throw Error(ErrorKind::resources, text("not enough memory to write ", path));
+    } catch (std::exception const& error) {
+        throw Error(ErrorKind::io, text("cannot write ", path, ": ", error.what()));
+    }
+}
+
+} // namespace vkt
+
+#endif

@@ -1,0 +1,176 @@
+// Formats of hierarchical volumes: FLASH (HDF5), AMReX plotfiles, OpenVDB.
+// SPDX-License-Identifier: MIT
+#include "libvkt/amr/amrex.h"
+#include "libvkt/amr/flash.h"
+#include "libvkt/amr/vdb.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/formats/all_formats.h"
+
+#include <cstring>
+#include <optional>
+
+namespace vkt {
+
+namespace {
+
+/// What readers of these formats have in common.
+struct TreeReader {
+    AmrListing (*list)(std::string const& path) = nullptr; ///< null: the tree is known only when it has been read
+    Volume (*read)(std::string const& path, AmrReadOptions const& options, Execution const& execution) = nullptr;
+};
+
+/// One volume of a file that is read as a whole, or as the bricks that a region needs; the header comes from the file's
+/// tables as long as nobody asks for cells.
+class TreeSource : public Source {
+public:
+    TreeSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options, TreeReader const& reader)
+        : bytes_(std::move(bytes)), reader_(reader) {
+        wanted_.variable = options.variable;
+        // Libraries open files by name; a descriptor has one where the system lends it.
+        path_ = bytes_->name() == "standard input" ? text("/dev/fd/", bytes_->descriptor()) : bytes_->name();
+    }
+
+    bool narrow(Roi const& roi, WorldRoi const& world_roi) override {
+        wanted_.roi = roi;
+        wanted_.world_roi = world_roi;
+        return true;
+    }
+
+    bool next_volume() override {
+        if (started_) return false;
+        started_ = true;
+        if (reader_.list == nullptr || !wanted_.roi.empty() || !wanted_.world_roi.empty()) {
+            volume_ = reader_.read(path_, wanted_, default_execution());
+            header_ = volume_->header();
+            return true;
+        }
+        AmrListing const listing = reader_.list(path_);
+        AmrVariable const& variable = listing.variables[choose_variable(listing.variables, wanted_.variable, path_)];
+        header_ = listing.header;
+        header_.dtype = variable.dtype;
+        header_.attributes["variable"] = variable.name;
+        return true;
+    }
+
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+
+    void read(AnyView) override {
+        throw Error(ErrorKind::usage, text(path_, ": a hierarchical volume has no voxels on one grid"),
+                    "make it a grid first: vkt resample --cells 50M");
+    }
+
+    Volume load_hierarchical() override {
+        if (!volume_) volume_ = reader_.read(path_, wanted_, default_execution());
+        Volume result = std::move(*volume_);
+        volume_.reset();
+        return result;
+    }
+
+    void finish() override {} // readers prove that all is there before they hand anything out
+
+private:
+    std::unique_ptr<ByteSource> bytes_;
+    TreeReader reader_;
+    AmrReadOptions wanted_;
+    std::string path_;
+    Header header_;
+    std::optional<Volume> volume_;
+    bool started_ = false;
+};
+
+void require_seekable(ByteSource const& bytes, char const* what) {
+    if (!bytes.seekable())
+        throw Error(ErrorKind::usage, text("'", bytes.name(), "': ", what, " cannot be read from a pipe"),
+                    "save it to a file first");
+}
+
+std::unique_ptr<Source> open_flash(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    require_seekable(*bytes, "HDF5 files");
+    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_flash, read_flash});
+}
+
+std::unique_ptr<Source> open_vdb(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    require_seekable(*bytes, "OpenVDB files");
+    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{nullptr, read_vdb});
+}
+
+std::unique_ptr<Source> open_amrex(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_amrex, read_amrex});
+}
+
+bool begins_with(std::span<std::byte const> head, std::string_view magic) {
+    return head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0;
+}
+
+/// Collects a volume, since OpenVDB needs all of it, and writes it under a name that appears when all is well.
+class VdbSink : public Sink {
+public:
+    VdbSink(std::string const& path, WriteOptions const& options) : file_(path, options.force) {
+        if (file_.in_place())
+            throw Error(ErrorKind::usage, text("'", path, "': OpenVDB files cannot be written to a pipe"),
+                        "name a file: -o out.vdb");
+        written_.background = options.background;
+        written_.prune = options.prune;
+    }
+
+    void begin(Header const& header) override {
+        if (volume_)
+            throw Error(ErrorKind::usage,
+                        text("'", file_.path(), "': an OpenVDB file written by vkt holds one volume"));
+        header_ = header;
+        if (header.kind == Kind::structured) volume_ = Volume(header);
+    }
+    AnyView acquire(Box const& slab) override { return volume_->mutable_view().part(slab); }
+    void commit() override {}
+    void put_hierarchical(Volume const& volume) override { volume_ = volume; }
+
+    void end() override {
+        auto const attribute = [&](char const* name, std::string const& otherwise) {
+            auto const found = header_.attributes.find(name);
+            return found == header_.attributes.end() ? otherwise : found->second;
+        };
+        written_.name = attribute("variable", "density");
+        written_.grid_class = attribute("class", "");
+        write_vdb(*volume_, text("/dev/fd/", file_.descriptor()), written_);
+    }
+    void close() override { file_.commit(); }
+
+private:
+    OutputFile file_;
+    VdbWriteOptions written_;
+    Header header_;
+    std::optional<Volume> volume_;
+};
+
+std::unique_ptr<Sink> create_vdb(std::string const& path, WriteOptions const& options) {
+    if (!built_with_openvdb())
+        throw Error(ErrorKind::failure, text("'", path, "': this build has no OpenVDB"),
+                    "build vkt with -DVKT_OPENVDB=ON and libopenvdb");
+    return std::make_unique<VdbSink>(path, options);
+}
+
+} // namespace
+
+Format flash_format() {
+    return {"flash",    "FLASH plot files and checkpoints (HDF5): adaptive mesh refinement",
+            {".flash"}, [](std::span<std::byte const> head) { return begins_with(head, "\x89HDF\r\n\x1a\n"); },
+            open_flash, nullptr};
+}
+
+Format vdb_format() {
+    return {"vdb",
+            "OpenVDB grids",
+            {".vdb"},
+            [](std::span<std::byte const> head) { return begins_with(head, std::string_view(" BDV\0\0\0\0", 8)); },
+            open_vdb,
+            create_vdb};
+}
+
+Format amrex_format() {
+    return {"amrex", "AMReX plotfiles (directories): adaptive mesh refinement", {}, nullptr, open_amrex, nullptr};
+}
+
+} // namespace vkt

@@ -1,0 +1,159 @@
+// Series of files.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/series.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+#include <cctype>
+#include <glob.h>
+#include <unistd.h>
+#include <utility>
+
+namespace vkt {
+namespace {
+
+bool digit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
+
+/// Compares runs of digits by value, everything else by character.
+bool natural_less(std::string const& a, std::string const& b) {
+    std::size_t i = 0;
+    std::size_t j = 0;
+    while (i < a.size() && j < b.size()) {
+        if (!digit(a[i]) || !digit(b[j])) {
+            if (a[i] != b[j]) return a[i] < b[j];
+            ++i;
+            ++j;
+            continue;
+        }
+        auto const run = [](std::string const& s, std::size_t& k) {
+            std::size_t const begin = s.find_first_not_of('0', k);
+            std::size_t const first = begin == std::string::npos || !digit(s[begin]) ? std::min(begin, s.size()) : begin;
+            std::size_t end = first;
+            while (end < s.size() && digit(s[end])) ++end;
+            k = end;
+            return s.substr(first, end - first);
+        };
+        std::string const x = run(a, i);
+        std::string const y = run(b, j);
+        if (x != y) return x.size() != y.size() ? x.size() < y.size() : x < y;
+    }
+    return a.size() - i < b.size() - j;
+}
+
+class SeriesSource : public Source {
+public:
+    SeriesSource(std::vector<std::string> paths, std::function<std::unique_ptr<Source>(std::string const&)> open)
+        : paths_(std::move(paths)), open_(std::move(open)) {}
+
+    bool next_volume() override {
+        while (true) {
+            if (current_ && current_->next_volume()) return true;
+            if (next_ == paths_.size()) return false;
+            current_ = open_(paths_[next_++]);
+        }
+    }
+    Header const& header() const override { return current_->header(); }
+    Access access() const override { return current_->access(); }
+    void read(AnyView out) override { current_->read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return current_->borrow(region); }
+    Volume load_hierarchical() override { return current_->load_hierarchical(); }
+    void expect(Box const& region) override { current_->expect(region); }
+    std::int64_t natural_slab() const override { return current_->natural_slab(); }
+    Space space() const override { return current_ ? current_->space() : Space::host; }
+    void finish() override { current_->finish(); }
+
+private:
+    std::vector<std::string> paths_;
+    std::function<std::unique_ptr<Source>(std::string const&)> open_;
+    std::unique_ptr<Source> current_;
+    std::size_t next_ = 0;
+};
+
+class SeriesSink : public Sink {
+public:
+    SeriesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create)
+        : pattern_(std::move(pattern)), create_(std::move(create)) {}
+
+    void begin(Header const& header) override {
+        current_ = create_(numbered_path(pattern_, number_++));
+        current_->begin(header);
+    }
+    AnyView acquire(Box const& slab) override { return current_->acquire(slab); }
+    void commit() override { current_->commit(); }
+    void put_hierarchical(Volume const& volume) override { current_->put_hierarchical(volume); }
+    void end() override {
+        current_->end();
+        current_->close();
+        current_.reset();
+    }
+    void close() override {}
+    std::int64_t natural_slab() const override { return current_ ? current_->natural_slab() : 0; }
+
+private:
+    std::string pattern_;
+    std::function<std::unique_ptr<Sink>(std::string const&)> create_;
+    std::unique_ptr<Sink> current_;
+    std::int64_t number_ = 0;
+};
+
+/// Position and length of the number's place, or npos.
+std::pair<std::size_t, std::size_t> number_place(std::string const& path) {
+    for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        if (path[i] != '%') continue;
+        if (path[i + 1] == '%') {
+            ++i;
+            continue;
+        }
+        std::size_t end = i + 1;
+        while (end < path.size() && digit(path[end])) ++end;
+        if (end < path.size() && path[end] == 'd' && end - i <= 4) return {i, end + 1 - i};
+        throw Error(ErrorKind::usage, text("'", path, "' has a '%' that is no number's place"), "write %04d, or %% for a per cent sign");
+    }
+    return {std::string::npos, 0};
+}
+
+std::string without_escapes(std::string path) {
+    for (std::size_t i = path.find("%%"); i != std::string::npos; i = path.find("%%", i + 1)) path.erase(i, 1);
+    return path;
+}
+
+} // namespace
+
+std::vector<std::string> matching_files(std::string const& path) {
+    bool const pattern = path.find_first_of("*?[") != std::string::npos;
+    if (!pattern || ::access(path.c_str(), F_OK) == 0) return {path};
+    glob_t found{};
+    int const failure = ::glob(path.c_str(), GLOB_NOSORT, nullptr, &found);
+    std::vector<std::string> paths(found.gl_pathv, found.gl_pathv + (failure == 0 ? found.gl_pathc : 0));
+    ::globfree(&found);
+    if (paths.empty()) throw Error(ErrorKind::io, text("no file matches '", path, "'"));
+    std::sort(paths.begin(), paths.end(), natural_less);
+    return paths;
+}
+
+std::unique_ptr<Source> series_source(std::vector<std::string> paths,
+                                      std::function<std::unique_ptr<Source>(std::string const&)> open) {
+    return std::make_unique<SeriesSource>(std::move(paths), std::move(open));
+}
+
+bool is_numbered(std::string const& path) {
+    return path.find('%') != std::string::npos && number_place(path).first != std::string::npos;
+}
+
+std::string numbered_path(std::string const& path, std::int64_t number) {
+    auto const [begin, length] = number_place(path);
+    if (begin == std::string::npos) return without_escapes(path);
+    std::string const width = path.substr(begin + 1, length - 2);
+    std::string digits = text(number);
+    std::size_t const least = width.empty() ? 0 : static_cast<std::size_t>(parse_integer(width));
+    if (digits.size() < least) digits.insert(0, least - digits.size(), width.front() == '0' ? '0' : ' ');
+    return without_escapes(path.substr(0, begin)) + digits + without_escapes(path.substr(begin + length));
+}
+
+std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create) {
+    return std::make_unique<SeriesSink>(std::move(pattern), std::move(create));
+}
+
+} // namespace vkt

@@ -1,0 +1,30 @@
+// Several volumes in several files: 'step_*.raw' in, 'out_%04d.nrrd' out.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/source.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace vkt {
+
+/// The files that a path with *, ? or [ ] stands for, numbers in their names compared as numbers (step_9 before
+/// step_10). A path that names a file, or has no such character, stands for itself. Throws Error{io} if none matches.
+std::vector<std::string> matching_files(std::string const& path);
+
+/// The volumes of several inputs one after another; each input is opened when its turn comes.
+std::unique_ptr<Source> series_source(std::vector<std::string> paths,
+                                      std::function<std::unique_ptr<Source>(std::string const&)> open);
+
+/// True if the path has a number's place: one "%d", "%4d" or "%04d" ("%%" is a per cent sign).
+bool is_numbered(std::string const& path);
+/// The path with the number in its place. Throws Error{usage} for anything else after a per cent sign.
+std::string numbered_path(std::string const& path, std::int64_t number);
+
+/// One file per volume, numbered from 0, each complete under its name as soon as its volume is.
+std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
+
+} // namespace vkt

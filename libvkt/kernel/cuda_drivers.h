@@ -1,0 +1,306 @@
+// The drivers on a GPU: whole 16-byte accesses, several per thread, all loads before the first store.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/error.h"
+#include "libvkt/kernel/device.h"
+#include "libvkt/kernel/kernel.h"
+
+namespace vkt::VKT_BACKEND {
+
+namespace driver {
+
+inline constexpr int block_threads = 256;
+
+/// Rows of a box as blocks of threads: `units` accesses per row, `per_thread` of them a thread, narrow rows several a
+/// block.
+struct Rows {
+    std::int64_t nx = 0, ny = 1, rows = 0;
+    unsigned blocks_per_row = 1;
+    dim3 grid, block;
+};
+
+inline Rows rows_of(Index3 dims, std::int64_t units, int per_thread) {
+    Rows r;
+    r.nx = dims.x;
+    r.ny = dims.y;
+    r.rows = dims.y * dims.z;
+    std::int64_t const threads = (units + per_thread - 1) / per_thread;
+    unsigned across = 1;
+    while (across < block_threads && across < threads) across *= 2;
+    r.block = dim3(across, block_threads / across);
+    std::int64_t const per_row = (threads + across - 1) / across;
+    std::int64_t const row_blocks = (r.rows + r.block.y - 1) / r.block.y;
+    if (per_row > 0x7fffffff || row_blocks > 0x7fffffff / per_row)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    r.blocks_per_row = static_cast<unsigned>(per_row);
+    r.grid = dim3(static_cast<unsigned>(per_row * row_blocks));
+    return r;
+}
+
+template <class T, int N> struct alignas(sizeof(T) * N) Pack { T v[N]; };
+
+template <class T, int N> __device__ __forceinline__ Pack<T, N> load_pack(T const* from) {
+    if (reinterpret_cast<std::uintptr_t>(from) % sizeof(Pack<T, N>) == 0)
+        return *reinterpret_cast<Pack<T, N> const*>(from);
+    Pack<T, N> pack;
+#pragma unroll
+    for (int i = 0; i < N; ++i) pack.v[i] = from[i];
+    return pack;
+}
+
+/// Calls the functor with or without the position, and rounds and counts if asked.
+template <bool At, bool Rounded, class T, class F> struct Voxel {
+    F f;
+    unsigned clipped = 0, nan = 0;
+
+    template <class... In>
+    __device__ __forceinline__ T operator()(std::int64_t x, std::int64_t y, std::int64_t z, In... in) {
+        if constexpr (Rounded) {
+            auto const v = value(x, y, z, in...);
+            clipped += is_clipped<T>(v) ? 1 : 0;
+            nan += is_lost_nan<T>(v) ? 1 : 0;
+            return round_to<T>(v);
+        } else {
+            return value(x, y, z, in...);
+        }
+    }
+    template <class... In>
+    __device__ __forceinline__ auto value(std::int64_t x, std::int64_t y, std::int64_t z, In... in) const {
+        if constexpr (At)
+            return f(x, y, z, in...);
+        else
+            return f(in...);
+    }
+};
+
+/// N consecutive voxels a unit (aligned on the output), K units a thread, the block's width apart.
+template <int N, int K, bool At, bool Rounded, class T, class F, class... In>
+__global__ void __launch_bounds__(block_threads)
+    map_kernel(Rows rows, Index3 lower, View<T> out, F f, unsigned long long* tally, View<In>... in) {
+    std::int64_t const row = static_cast<std::int64_t>(blockIdx.x / rows.blocks_per_row) * blockDim.y + threadIdx.y;
+    Voxel<At, Rounded, T, F> voxel{f};
+    if (row < rows.rows) {
+        std::int64_t const slice = row / rows.ny, y = lower.y + (row - slice * rows.ny), z = lower.z + slice;
+        T* const to = &out(lower.x, y, z);
+        auto const head = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) / sizeof(T) % N);
+        std::int64_t const first =
+            static_cast<std::int64_t>(blockIdx.x % rows.blocks_per_row) * (blockDim.x * K) + threadIdx.x;
+        Pack<T, N> results[K];
+#pragma unroll
+        for (int k = 0; k < K; ++k) {
+            std::int64_t const e = (first + static_cast<std::int64_t>(k) * blockDim.x) * N - head;
+            if (e < 0 || e + N > rows.nx) continue;
+            auto const evaluate = [&](auto const&... packs) {
+#pragma unroll
+                for (int i = 0; i < N; ++i) results[k].v[i] = voxel(lower.x + e + i, y, z, packs.v[i]...);
+            };
+            evaluate(load_pack<std::remove_const_t<In>, N>(&in(lower.x + e, y, z))...);
+        }
+#pragma unroll
+        for (int k = 0; k < K; ++k) {
+            std::int64_t const e = (first + static_cast<std::int64_t>(k) * blockDim.x) * N - head;
+            if (e >= 0 && e + N <= rows.nx) {
+                *reinterpret_cast<Pack<T, N>*>(to + e) = results[k];
+            } else if (e < rows.nx) {
+                for (std::int64_t i = e < 0 ? 0 : e; i < e + N && i < rows.nx; ++i)
+                    to[i] = voxel(lower.x + i, y, z, in(lower.x + i, y, z)...);
+            }
+        }
+    }
+    if constexpr (Rounded) {
+        unsigned const clipped = __reduce_add_sync(~0u, voxel.clipped), nan = __reduce_add_sync(~0u, voxel.nan);
+        if ((threadIdx.y * blockDim.x + threadIdx.x) % 32 == 0) {
+            if (clipped != 0) atomicAdd(tally, static_cast<unsigned long long>(clipped));
+            if (nan != 0) atomicAdd(tally + 1, static_cast<unsigned long long>(nan));
+        }
+    }
+}
+
+template <int N, int K, bool At, bool Rounded, class T, class F, class... In>
+void launch_map(Box const& box, View<T> out, F const& f, unsigned long long* tally, View<In>... in) {
+    if (box.empty()) return;
+    Rows const rows = rows_of(box.dims(), (box.dims().x + 2 * N - 2) / N, K);
+    map_kernel<N, K, At, Rounded><<<rows.grid, rows.block>>>(rows, box.lower, out, f, tally, in...);
+    check_launch(At ? "map_at" : "map");
+}
+
+/// Two counters in device memory for the time of one call.
+class DeviceTally {
+public:
+    DeviceTally() : counts_(reinterpret_cast<unsigned long long*>(device_allocate(16))) { device_clear(counts_, 16); }
+    ~DeviceTally() { device_free(reinterpret_cast<std::byte*>(counts_)); }
+    DeviceTally(DeviceTally const&) = delete;
+    DeviceTally& operator=(DeviceTally const&) = delete;
+    unsigned long long* get() const { return counts_; }
+    void add_to(Tally& tally) const {
+        unsigned long long counts[2];
+        copy_to_host(counts, counts_, sizeof counts);
+        tally += {static_cast<std::int64_t>(counts[0]), static_cast<std::int64_t>(counts[1])};
+    }
+
+private:
+    unsigned long long* counts_;
+};
+
+template <class... V> bool dense(Box const& box, V const&... views) {
+    Index3 const dims = box.dims();
+    return ((views.row == dims.x && views.slice == dims.x * dims.y) && ...);
+}
+inline Box as_one_row(Box const& box) {
+    return {box.lower, {box.lower.x + box.voxels(), box.lower.y + 1, box.lower.z + 1}};
+}
+
+template <class T, class... In> constexpr int pack_size() {
+    std::size_t most = sizeof(T);
+    ((most = sizeof(In) > most ? sizeof(In) : most), ...);
+    return static_cast<int>(16 / most);
+}
+
+} // namespace driver
+
+template <class T, class F, class... In>
+void map(Execution const&, Box const& box, View<T> out, F const& f, View<In>... in) {
+    Box const rows = !box.empty() && driver::dense(box, out, in...) ? driver::as_one_row(box) : box;
+    driver::launch_map<driver::pack_size<T, In...>(), 2, false, false>(rows, out, f, nullptr, in...);
+}
+
+template <class T, class F, class... In>
+void map_at(Execution const&, Box const& box, View<T> out, F const& f, View<In>... in) {
+    driver::launch_map<driver::pack_size<T, In...>(), 2, true, false>(box, out, f, nullptr, in...);
+}
+
+/// Four voxels a thread, a block's width apart: neighbouring threads read neighbouring voxels (measured best for
+/// gathers).
+template <class T, class F> void gather(Execution const&, Box const& box, View<T> out, F const& f) {
+    driver::launch_map<1, 4, true, false>(box, out, f, nullptr);
+}
+
+template <class T, class F, class... In>
+void map_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
+    driver::DeviceTally const counts;
+    Box const rows = !box.empty() && driver::dense(box, out, in...) ? driver::as_one_row(box) : box;
+    driver::launch_map<driver::pack_size<T, In...>(), 2, false, true>(rows, out, f, counts.get(), in...);
+    counts.add_to(tally);
+}
+
+template <class T, class F, class... In>
+void map_at_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
+    driver::DeviceTally const counts;
+    driver::launch_map<driver::pack_size<T, In...>(), 2, true, true>(box, out, f, counts.get(), in...);
+    counts.add_to(tally);
+}
+
+template <class T, class F>
+void gather_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f) {
+    driver::DeviceTally const counts;
+    driver::launch_map<1, 4, true, true>(box, out, f, counts.get());
+    counts.add_to(tally);
+}
+
+namespace driver {
+
+template <class T> struct Constant {
+    T value;
+    __device__ __forceinline__ T operator()() const { return value; }
+};
+
+} // namespace driver
+
+template <class T> void fill(Execution const& execution, Box const& box, View<T> out, T value) {
+    map(execution, box, out, driver::Constant<T>{value});
+}
+
+namespace driver {
+
+/// A copy of rows of bytes. Strides in bytes; those of the source are negative along mirrored axes.
+struct RowCopy {
+    std::byte const* from;
+    std::byte* to;
+    std::int64_t bytes; ///< of a row
+    std::int64_t from_row, from_slice, to_row, to_slice;
+};
+
+/// 16 bytes from anywhere: one access if aligned, else the aligned words around them, shifted. Every word that is
+/// touched holds at least one of the bytes wanted.
+__device__ __forceinline__ uint4 load_16(std::byte const* from) {
+    auto const address = reinterpret_cast<std::uintptr_t>(from);
+    if (address % 16 == 0) return *reinterpret_cast<uint4 const*>(from);
+    auto const* const words = reinterpret_cast<unsigned const*>(address & ~std::uintptr_t{3});
+    auto const shift = static_cast<unsigned>(address & 3) * 8;
+    unsigned w[5] = {words[0], words[1], words[2], words[3], 0};
+    if (shift != 0) w[4] = words[4];
+    return {__funnelshift_r(w[0], w[1], shift), __funnelshift_r(w[1], w[2], shift), __funnelshift_r(w[2], w[3], shift),
+            __funnelshift_r(w[3], w[4], shift)};
+}
+
+template <class U> __device__ __forceinline__ unsigned reverse_word(unsigned word) {
+    if constexpr (sizeof(U) == 1) return __byte_perm(word, 0, 0x0123);
+    if constexpr (sizeof(U) == 2) return __byte_perm(word, 0, 0x1032);
+    return word;
+}
+
+template <class U> __device__ __forceinline__ uint4 reversed(uint4 v) {
+    if constexpr (sizeof(U) == 8) return {v.z, v.w, v.x, v.y};
+    return {reverse_word<U>(v.w), reverse_word<U>(v.z), reverse_word<U>(v.y), reverse_word<U>(v.x)};
+}
+
+template <int K, bool Reverse, class U>
+__global__ void __launch_bounds__(block_threads) copy_kernel(Rows rows, RowCopy copy) {
+    std::int64_t const row = static_cast<std::int64_t>(blockIdx.x / rows.blocks_per_row) * blockDim.y + threadIdx.y;
+    if (row >= rows.rows) return;
+    std::int64_t const z = row / rows.ny, y = row - z * rows.ny;
+    std::byte const* const from = copy.from + y * copy.from_row + z * copy.from_slice;
+    std::byte* const to = copy.to + y * copy.to_row + z * copy.to_slice;
+    auto const head = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) % 16);
+    std::int64_t const first =
+        static_cast<std::int64_t>(blockIdx.x % rows.blocks_per_row) * (blockDim.x * K) + threadIdx.x;
+    uint4 values[K];
+#pragma unroll
+    for (int k = 0; k < K; ++k) {
+        std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
+        if (b < 0 || b + 16 > copy.bytes) continue;
+        values[k] = Reverse ? reversed<U>(load_16(from + (copy.bytes - 16 - b))) : load_16(from + b);
+    }
+#pragma unroll
+    for (int k = 0; k < K; ++k) {
+        std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
+        if (b >= 0 && b + 16 <= copy.bytes) {
+            *reinterpret_cast<uint4*>(to + b) = values[k];
+        } else if (b < copy.bytes) {
+            constexpr auto size = static_cast<std::int64_t>(sizeof(U));
+            for (std::int64_t i = b < 0 ? 0 : b; i < b + 16 && i < copy.bytes; i += size)
+                *reinterpret_cast<U*>(to + i) =
+                    *reinterpret_cast<U const*>(from + (Reverse ? copy.bytes - size - i : i));
+        }
+    }
+}
+
+template <bool Reverse, class U> void launch_copy(Index3 dims, RowCopy const& copy) {
+    constexpr int per_thread = 2;
+    Rows const rows = rows_of(dims, (copy.bytes + 30) / 16, per_thread);
+    copy_kernel<per_thread, Reverse, U><<<rows.grid, rows.block>>>(rows, copy);
+    check_launch("copy_box");
+}
+
+} // namespace driver
+
+inline void copy_box(Execution const&, ConstView from, AnyView to, Mirror mirror = {}) {
+    if (to.box.empty()) return;
+    auto const size = static_cast<std::int64_t>(size_of(to.type));
+    Index3 dims = to.dims();
+    if (!mirror.x && !mirror.y && !mirror.z && from.contiguous() && to.contiguous())
+        dims = {dims.x * dims.y * dims.z, 1, 1};
+    driver::RowCopy const copy{from.at(from.box.lower.x, mirror.y ? from.box.upper.y - 1 : from.box.lower.y,
+                                       mirror.z ? from.box.upper.z - 1 : from.box.lower.z),
+                               to.data,
+                               dims.x * size,
+                               (mirror.y ? -1 : 1) * from.row * size,
+                               (mirror.z ? -1 : 1) * from.slice * size,
+                               to.row * size,
+                               to.slice * size};
+    if (!mirror.x) return driver::launch_copy<false, std::uint8_t>(dims, copy);
+    for_each_size(size_of(to.type), [&]<class U>(U) { driver::launch_copy<true, U>(dims, copy); });
+}
+
+} // namespace vkt::VKT_BACKEND

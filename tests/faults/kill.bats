@@ -1,0 +1,14 @@
+# Stages are killed at random moments: nothing stays behind, nothing cut off passes for whole, one stage complains.
+# VKT_FAULT_ROUNDS sets how often (25 by default; 500 before a release).
+load ../helper
+
+rounds() {
+    vkt make noise --dims 96 80 64 --dtype float32 --seed 3 -o in.nrrd
+    python3 "$VKT_ROOT/tests/faults/kill.py" "${VKT_FAULT_ROUNDS:-25}" "$1" "$2" >&3
+}
+
+@test "SIGKILL at any moment leaves nothing behind (pipe)" { rounds SIGKILL pipe; }
+@test "SIGKILL at any moment leaves nothing behind (shm)" { rounds SIGKILL shm; }
+@test "SIGTERM at any moment leaves nothing behind (pipe)" { rounds SIGTERM pipe; }
+@test "SIGTERM at any moment leaves nothing behind (shm)" { rounds SIGTERM shm; }
+@test "SIGPIPE at any moment leaves nothing behind" { rounds SIGPIPE pipe; }

@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+"""Runs a pipeline many times, sends a signal to a random stage after a random while, and looks for losses and leftovers.
+
+usage: kill.py ROUNDS SIGNAL TRANSPORT   (in a scratch directory that holds in.nrrd; vkt on PATH)
+"""
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+STAGES = [["read", "in.nrrd"], ["filter", "gaussian", "--sigma", "1.5"], ["flip", "z"], ["write", "out.nrrd"]]
+
+
+def start():
+    """The stages joined by anonymous pipes, as a shell joins them."""
+    processes, upstream = [], None
+    for i, stage in enumerate(STAGES):
+        last = i == len(STAGES) - 1
+        process = subprocess.Popen(["vkt", *stage], stdin=upstream, stdout=None if last else subprocess.PIPE,
+                                   stderr=subprocess.PIPE, restore_signals=True)
+        if upstream is not None:
+            upstream.close()
+        upstream = process.stdout
+        processes.append(process)
+    return processes
+
+
+def leftovers():
+    found = [name for name in os.listdir(".") if name.startswith(".") or name == "out.nrrd"]
+    for folder in ("/dev/shm", os.environ.get("TMPDIR", "/tmp")):
+        found += [os.path.join(folder, name) for name in os.listdir(folder) if "vkt-" in name and name.startswith((".", "vkt"))
+                  and not os.path.isdir(os.path.join(folder, name))]
+    return found
+
+
+def main():
+    rounds, number, transport = int(sys.argv[1]), getattr(signal, sys.argv[2]), sys.argv[3]
+    os.environ["VKT_TRANSPORT"] = transport
+    random.seed(int(os.environ.get("VKT_SEED", "1")))
+    begin = time.time()
+    for process in start():
+        process.communicate()
+    duration = time.time() - begin
+    expected = open("out.nrrd", "rb").read()
+    os.remove("out.nrrd")
+    cut = whole = 0
+    for _ in range(rounds):
+        processes = start()
+        time.sleep(random.random() * duration * 1.2)
+        victim = random.choice(processes)
+        victim.send_signal(number)
+        messages = [process.communicate(timeout=60)[1].decode(errors="replace") for process in processes]
+        codes = [process.returncode for process in processes]
+        if os.path.exists("out.nrrd"):
+            assert open("out.nrrd", "rb").read() == expected, f"a damaged file passed for whole: {codes}"
+            os.remove("out.nrrd")
+            whole += 1
+        else:
+            assert codes[-1] != 0, f"no file, but the last stage says 0: {codes} {messages}"
+            cut += 1
+        for code, process in zip(codes, processes):
+            assert code in (0, 1, 2, 3, 4, 5) or code in (-number, -signal.SIGPIPE), f"{process.args} exited {code}: {messages}"
+        lines = [line for message in messages for line in message.splitlines() if "hint:" not in line]
+        assert len(lines) <= 1, f"more than one stage complains: {lines}"
+        assert not leftovers(), f"left behind: {leftovers()}"
+    print(f"{sys.argv[2]} over {transport}: {rounds} rounds, {cut} cut off, {whole} whole, 0 losses, 0 leftovers")
+
+
+main()

@@ -1,0 +1,105 @@
+# What can go wrong between two stages and at the ends of a pipeline.
+load ../helper
+
+setup_more() { vkt make noise --dims 21 17 13 --dtype uint16 --seed 2 -o in.vkt; }
+
+@test "a damaged byte anywhere in a small stream is noticed or harmless" {
+    vkt make ramp --dims 3 2 4 --dtype uint8 -o small.vkt
+    size=$(stat -c %s small.vkt)
+    for i in $(seq 0 7 $((size - 1))); do
+        python3 - "$i" <<'P'
+import sys
+data = bytearray(open("small.vkt", "rb").read())
+data[int(sys.argv[1])] ^= 0x5A
+open("damaged.vkt", "wb").write(data)
+P
+        code=0
+        vkt read damaged.vkt 2>/dev/null >copy.vkt || code=$?
+        if [ "$code" -eq 0 ]; then
+            vkt diff small.vkt copy.vkt >/dev/null
+        else
+            [ "$code" -eq 3 ] || { echo "byte $i: exit $code"; return 1; }
+        fi
+    done
+}
+
+@test "a reader that is slower than its writer, and the reverse" {
+    vkt read in.vkt | (sleep 0.3; vkt flip x) | vkt flip x | vkt diff in.vkt - >/dev/null
+    (sleep 0.3; cat in.vkt) | vkt flip x | (sleep 0.2; vkt flip x) | vkt diff in.vkt - >/dev/null
+}
+
+@test "one byte at a time" {
+    python3 -c '
+import sys, os
+data = open("in.vkt", "rb").read()
+for i in range(len(data)): os.write(1, data[i:i+1])' | vkt read | vkt diff in.vkt - >/dev/null
+}
+
+@test "a full disk is exit 4, said once, and leaves nothing" {
+    mkdir small
+    mount -t tmpfs -o size=64k tmpfs small 2>/dev/null || skip "mounting a tmpfs needs root"
+    run --separate-stderr vkt make noise --dims 64 64 64 --dtype float32 --seed 1 -o small/out.nrrd
+    left=$(ls -A small)
+    umount small
+    [ "$status" -eq 4 ]
+    [[ "$stderr" == *"No space left"* ]]
+    [ -z "$left" ]
+}
+
+@test "a full spool directory is exit 4 and names TMPDIR" {
+    mkdir small
+    mount -t tmpfs -o size=64k tmpfs small 2>/dev/null || skip "mounting a tmpfs needs root"
+    vkt make noise --dims 64 64 64 --dtype float32 --seed 1 -o big.vkt
+    run --separate-stderr bash -c 'cat big.vkt | TMPDIR=small vkt flip z --memory 64k -o out.nrrd'
+    left=$(ls -A small)
+    umount small
+    [ "$status" -eq 4 ]
+    [[ "$stderr" == *"TMPDIR"* ]]
+    [ -z "$left" ]
+    [ ! -e out.nrrd ]
+}
+
+@test "a volume beyond --memory is spooled with one notice and the same result" {
+    cat in.vkt | vkt flip z >whole.vkt
+    run --separate-stderr bash -c 'cat in.vkt | vkt flip z --memory 2k >spooled.vkt'
+    [ "$status" -eq 0 ]
+    [[ "$stderr" == *"spooling"* ]]
+    cmp whole.vkt spooled.vkt
+}
+
+@test "a directory that cannot be written" {
+    [ "$(id -u)" -ne 0 ] || skip "root writes anywhere"
+    mkdir closed
+    chmod 500 closed
+    fails_with 4 "closed" vkt read in.vkt -o closed/out.nrrd
+}
+
+@test "a missing directory is exit 4" { fails_with 4 "nowhere" vkt read in.vkt -o nowhere/out.nrrd; }
+
+@test "absurd dims are refused, not allocated" {
+    fails_with 2 "" vkt make constant --dims 0 4 4 --value 1 -o x.nrrd
+    for dims in 1099511627777,1,1 1099511627776,1099511627776,1 -4,4,4; do
+        run --separate-stderr vkt make constant --dims "$dims" --value 1 -o x.nrrd
+        [ "$status" -eq 2 ] || [ "$status" -eq 3 ]
+        [ ! -e x.nrrd ]
+    done
+}
+
+@test "shared memory gives the same bytes as the pipe, also through several stages" {
+    vkt read in.vkt | vkt filter gaussian --sigma 1 | vkt flip z | vkt convert --dtype float32 >a.vkt
+    VKT_TRANSPORT=shm bash -c 'vkt read in.vkt | vkt filter gaussian --sigma 1 | vkt flip z | vkt convert --dtype float32' >b.vkt 2>notice
+    cmp a.vkt b.vkt
+}
+
+@test "a consumer that is no vkt makes shm fall back with one notice" {
+    run --separate-stderr bash -c 'vkt read in.vkt --transport shm | cat >copy.vkt'
+    [ "$status" -eq 0 ]
+    [ "$(grep -c 'through the pipe' <<<"$stderr")" -eq 1 ]
+    vkt diff in.vkt copy.vkt >/dev/null
+}
+
+@test "tee between two stages is served through the pipe" {
+    vkt read in.vkt --transport shm 2>/dev/null | tee >(vkt flip x -o flipped.vkt) | vkt diff - in.vkt >/dev/null
+    for _ in $(seq 50); do [ -e flipped.vkt ] && break; sleep 0.1; done
+    vkt flip x flipped.vkt | vkt diff - in.vkt >/dev/null
+}

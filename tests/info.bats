@@ -1,0 +1,64 @@
+# vkt info: headers as text and JSON, of files, streams and series.
+load helper
+
+setup_more() {
+    printf 'NRRD0004\ntype: short\ndimension: 3\nspace: LPS\nsizes: 4 3 2\nspace directions: (0,2,0) (-0.5,0,0) (0,0,3)\nspace origin: (1,2,3)\nendian: little\nencoding: raw\nvkt slope:=2\nnote:=a remark\n\n' >a.nrrd
+    head -c 48 /dev/zero >>a.nrrd
+}
+
+@test "JSON has what scripts need" {
+    vkt info a.nrrd --json >info
+    python3 - <<'END'
+import json
+info = json.load(open("info"))
+assert info["kind"] == "structured"
+assert info["dims"] == [4, 3, 2]
+assert info["dtype"] == "int16"
+assert info["spacing"] == [2, 0.5, 3]
+assert info["origin"] == [1, 2, 3]
+assert info["direction"] == [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+assert info["slope"] == 2 and info["intercept"] == 0
+assert info["attributes"] == {"space": "left-posterior-superior", "note": "a remark"}
+END
+}
+
+@test "text says the same" {
+    vkt info a.nrrd >info
+    for line in "kind       structured" "dims       4 3 2" "dtype      int16" "spacing    2 0.5 3" "origin     1 2 3" \
+        "direction  0 1 0  -1 0 0  0 0 1" "values     2 \* stored + 0" "attribute  note: a remark" "bytes      48 (48 B)"; do
+        grep -qx -- "$line" info || { cat info >&2; echo "no '$line'" >&2; false; }
+    done
+}
+
+@test "a stream says the same as its file, and its history" {
+    vkt read a.nrrd | vkt info --drain >piped
+    vkt info a.nrrd | diff - <(grep -v '^history' piped)
+    grep -qx "history    vkt read a.nrrd" piped
+}
+
+@test "only the header is read, unless --drain" {
+    truncate -s 4G big_2048x2048x1024_uint8.raw
+    run -0 timeout 5 vkt info big_2048x2048x1024_uint8.raw
+    # The command before is cut off, or let to its end.
+    run -141 bash -o pipefail -c 'vkt read big_2048x2048x1024_uint8.raw | vkt info >/dev/null'
+    truncate -s 64M small_512x512x256_uint8.raw
+    run -0 bash -o pipefail -c 'vkt read small_512x512x256_uint8.raw | vkt info --drain >/dev/null'
+}
+
+@test "several volumes are listed" {
+    printf 'NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nkinds: domain domain domain list\nencoding: raw\n\nabcdefghijkl' >series.nrrd
+    vkt info series.nrrd | grep -c '^dims' | grep -qx 3
+    vkt info series.nrrd | grep -qx 'volume     3 of 3'
+    vkt read series.nrrd | vkt info --drain --json | python3 -c 'import json, sys; assert [v["dims"] for v in json.load(sys.stdin)] == [[2, 2, 1]] * 3'
+}
+
+@test "damage is told" {
+    head -c $(($(stat -c %s a.nrrd) - 1)) a.nrrd >cut.nrrd
+    fails_with 3 "ended early" vkt info cut.nrrd
+    head -c 100 a.nrrd >cut.nrrd
+    fails_with 3 "ended early" vkt info cut.nrrd
+    fails_with 4 "no such file" vkt info none.nrrd
+    fails_with 3 "empty" vkt info - </dev/null
+    run -3 bash -c 'vkt read a.nrrd | head -c 300 | vkt info --drain 2>&1 >/dev/null'
+    [[ "$output" == *"ended early"* ]]
+}

@@ -1,0 +1,135 @@
+# vkt read: raw files by name and by options, regions that read only what they need, inputs that are refused.
+load helper
+
+setup_more() {
+    # 7 x 5 x 3 samples of int16, little-endian: 0, 1, 2, …
+    for i in $(seq 0 104); do printf '%b' "$(printf '\\x%02x\\x00' "$i")"; done >ramp_7x5x3_int16.raw
+}
+
+voxels() { vkt write - --format raw; }
+
+@test "dims and type stand in the name" {
+    vkt info ramp_7x5x3_int16.raw --json >info
+    python3 - <<'END'
+import json
+info = json.load(open("info"))
+assert info["dims"] == [7, 5, 3] and info["dtype"] == "int16" and info["kind"] == "structured", info
+assert info["spacing"] == [1, 1, 1] and info["origin"] == [0, 0, 0], info
+END
+    vkt read ramp_7x5x3_int16.raw | voxels | cmp - ramp_7x5x3_int16.raw
+}
+
+@test "dims and type by options, from a file, a pipe and a redirection" {
+    cp ramp_7x5x3_int16.raw x
+    vkt read x --dims 7 5 3 --dtype int16 | voxels | cmp - x
+    vkt read x --dims 7,5,3 --dtype short | voxels | cmp - x
+    cat x | vkt read --dims 7 5 3 --dtype i16 | voxels | cmp - x
+    vkt read - --dims 7 5 3 --dtype i16 <x | voxels | cmp - x
+    vkt read -i x -dims 7 5 3 --dtype i16 | voxels | cmp - x
+    vkt read --input x --dims 7 5 3 --dtype i16 | voxels | cmp - x
+}
+
+@test "skip, byte order and spacing" {
+    { printf 'HEADER'; cat ramp_7x5x3_int16.raw; } | python3 -c '
+import sys
+data = bytearray(sys.stdin.buffer.read())
+data[6::2], data[7::2] = data[7::2], data[6::2]
+sys.stdout.buffer.write(data)' >big
+    vkt read big --dims 7 5 3 --dtype int16 --skip 6 --endian big --spacing 0.5,1,2 -o a.vkt
+    vkt read a.vkt | voxels | cmp - ramp_7x5x3_int16.raw
+    vkt info a.vkt --json | python3 -c 'import json, sys; assert json.load(sys.stdin)["spacing"] == [0.5, 1, 2]'
+}
+
+@test "wrong byte counts name both numbers" {
+    head -c 209 ramp_7x5x3_int16.raw >short_7x5x3_int16.raw
+    fails_with 3 "210 bytes expected, 209 found" vkt info short_7x5x3_int16.raw
+    { cat ramp_7x5x3_int16.raw; echo; } >long_7x5x3_int16.raw
+    fails_with 3 "210 bytes expected, 211 found" vkt info long_7x5x3_int16.raw
+    run -3 bash -o pipefail -c 'cat short_7x5x3_int16.raw | vkt read --dims 7 5 3 --dtype int16 | cat >/dev/null'
+    [[ "$output" == *"210 bytes expected, 209 found"* ]]
+    run -3 bash -o pipefail -c 'cat long_7x5x3_int16.raw | vkt read --dims 7 5 3 --dtype int16 | cat >/dev/null'
+    [[ "$output" == *"210 bytes expected, 211 found"* ]]
+}
+
+@test "what is unknown is asked for" {
+    cp ramp_7x5x3_int16.raw x.raw
+    fails_with 2 "--dims X Y Z --dtype TYPE" vkt read x.raw -o y.vkt
+    fails_with 2 "--dtype" vkt read x.raw --dims 7 5 3 -o y.vkt
+    cp ramp_7x5x3_int16.raw x
+    fails_with 3 "no format that vkt knows" vkt read x -o y.vkt
+    : >empty.raw
+    fails_with 3 "" vkt read empty.raw --dims 1 1 1 --dtype u8 -o y.vkt
+    fails_with 4 "no such file" vkt read nowhere.nrrd -o y.vkt
+    fails_with 4 "is a directory" vkt read . -o y.vkt
+    fails_with 2 "did you mean 'nrrd'" vkt read x --format nrd -o y.vkt
+    fails_with 2 "two inputs" vkt read x -i x -o y.vkt
+    fails_with 2 "exclude each other" vkt read x --roi 1,1,1 --roi-world 1:2,1:2,1:2 -o y.vkt
+    fails_with 2 "--skip -3" vkt read ramp_7x5x3_int16.raw --skip -3 -o y.vkt
+    [ ! -e y.vkt ]
+}
+
+@test "impossible dims are refused before anything is allocated" {
+    for dims in "1000000 1000000 1000000" "1099511627776 1099511627776 1099511627776" "0 1 1" "-1 5 3"; do
+        # shellcheck disable=SC2086
+        run -3 bash -c "ulimit -v 2000000; vkt read ramp_7x5x3_int16.raw --dims $dims -o y.vkt"
+    done
+    [ ! -e y.vkt ]
+}
+
+@test "a region is that part of the whole, with its place in the world" {
+    python_with numpy
+    vkt read ramp_7x5x3_int16.raw --spacing 2 --roi 2:5,1:-1,1 -o part.nrrd
+    vkt read part.nrrd | voxels >part
+    /usr/bin/python3 - <<'END'
+import numpy
+whole = numpy.fromfile("ramp_7x5x3_int16.raw", "<i2").reshape(3, 5, 7)
+assert (numpy.fromfile("part", "<i2").reshape(1, 3, 3) == whole[1:2, 1:4, 2:5]).all()
+END
+    vkt info part.nrrd --json | python3 -c '
+import json, sys
+info = json.load(sys.stdin)
+assert info["dims"] == [3, 3, 1] and info["origin"] == [4, 2, 2] and info["spacing"] == [2, 2, 2], info'
+    vkt read ramp_7x5x3_int16.raw --spacing 2 --roi-world 4:8,2:6.5,2:3 | voxels | cmp - part
+    # The same forward, from a pipe.
+    vkt read - --dims 7 5 3 --dtype int16 --roi 2:5,1:-1,1 <ramp_7x5x3_int16.raw | voxels | cmp - part
+    cat ramp_7x5x3_int16.raw | vkt read --dims 7 5 3 --dtype int16 --roi 2:5,1:-1,1 | voxels | cmp - part
+    fails_with 2 "roi" vkt read ramp_7x5x3_int16.raw --roi 2:9,:,: -o y.vkt
+}
+
+@test "a region reads only the bytes it needs" {
+    command -v strace >/dev/null || skip "strace is not installed"
+    truncate -s 512M big_512x1024x512_uint16.raw
+    strace -f -y -e trace=read,pread64,preadv -o trace vkt read big_512x1024x512_uint16.raw --roi :,:,100:104 -o part.raw
+    grep big_512 trace | sed -n 's/.*= \([0-9]*\)$/\1/p' | python3 -c '
+import sys
+total = sum(map(int, sys.stdin))
+assert 4 * 1024 * 1024 <= total < 4 * 1024 * 1024 + 65536, total'
+    [ "$(stat -c %s part.raw)" -eq 4194304 ]
+    strace -f -y -e trace=read,pread64,preadv -o trace vkt read big_512x1024x512_uint16.raw --roi :,10:20,7 -o part2.raw
+    grep big_512 trace | sed -n 's/.*= \([0-9]*\)$/\1/p' | python3 -c '
+import sys
+total = sum(map(int, sys.stdin))
+assert 10240 <= total < 10240 + 65536, total'
+}
+
+@test "a named pipe and a process substitution are read once" {
+    mkfifo fifo
+    cat ramp_7x5x3_int16.raw >fifo &
+    vkt read fifo --dims 7 5 3 --dtype int16 | voxels | cmp - ramp_7x5x3_int16.raw
+    vkt read ramp_7x5x3_int16.raw -o a.nrrd
+    vkt read <(cat a.nrrd) | voxels | cmp - ramp_7x5x3_int16.raw
+}
+
+@test "samples from elsewhere are read" {
+    needs_data raw/stent_128x128x256_int16.raw
+    [ "$(vkt read "$VKT_DATA/raw/stent_128x128x256_int16.raw" | voxels | sha256sum)" = "$(sha256sum <"$VKT_DATA/raw/stent_128x128x256_int16.raw")" ]
+    [ "$(vkt read "$VKT_DATA/metaimage/HeadMRVolume.mhd" | voxels | sha256sum)" = "$(sha256sum <"$VKT_DATA/metaimage/HeadMRVolume.raw")" ]
+    vkt info "$VKT_DATA/metaimage/HeadMRVolume.mhd" --json | python3 -c '
+import json, sys
+info = json.load(sys.stdin)
+assert info["dims"] == [48, 62, 42] and info["spacing"] == [4, 4, 4], info'
+    vkt info "$VKT_DATA/nrrd/template_T2.nrrd" --json | python3 -c '
+import json, sys
+info = json.load(sys.stdin)
+assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.890625, -53.7109375], info'
+}
