@@ -224,6 +224,12 @@ Volume run_chain(Volume const& input, std::vector<std::unique_ptr<Operation>>& c
     return volume;
 }
 
+std::string names_of(std::vector<std::unique_ptr<Operation>> const& chain) {
+    std::string names;
+    for (auto const& operation : chain) names += std::string(operation->name()) + ", ";
+    return names;
+}
+
 TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
     std::mt19937 random(7);
     for (int trial = 0; trial < 120; ++trial) {
@@ -252,7 +258,7 @@ TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
                     Volume const got = run_chain(input, chain, execution, forward);
                     ASSERT_EQ(got.header().dims, expected.header().dims);
                     ASSERT_EQ(std::memcmp(got.view().data, expected.view().data, expected.header().bytes()), 0)
-                        << "trial " << trial << " slab " << slab << " forward " << forward << " memory " << memory;
+                        << "trial " << trial << " of " << names_of(chain) << " slab " << slab << " forward " << forward << " memory " << memory;
                 }
             }
         }
