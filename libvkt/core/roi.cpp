@@ -112,4 +112,12 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
     return box;
 }
 
+Roi roi_of(Index3 first, Index3 last) {
+    for (int axis = 0; axis < 3; ++axis)
+        if (first[axis] < 0 || last[axis] <= first[axis])
+            throw Error(ErrorKind::usage, text("--first ", first, " --last ", last, " is no region"),
+                        "--first lies in the volume, --last beyond it along every axis");
+    return {to_text(Box{first, last})};
+}
+
 } // namespace vkt

@@ -21,6 +21,9 @@ struct Roi {
     Box resolve(Index3 dims) const;
 };
 
+/// volkit's way to name a region: from voxel `first` up to, not including, voxel `last`.
+Roi roi_of(Index3 first, Index3 last);
+
 /// The same in world coordinates: "X0:X1,Y0:Y1,Z0:Z1" in world units; an open bound reaches the edge.
 struct WorldRoi {
     std::string text;

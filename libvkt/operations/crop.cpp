@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/crop.h"
 
+#include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 
 #if VKT_HOST
@@ -40,51 +41,6 @@ Box voxels_between(std::array<Vec3, 2> const& bounds, Index3 dims) {
 
 } // namespace
 
-Box resolve(WorldRoi const& region, Header const& header) {
-    std::vector<std::string> const ranges = split(region.text, ',');
-    if (ranges.size() != 3)
-        throw Error(ErrorKind::usage, text("world region '", region.text, "' is not X0:X1,Y0:Y1,Z0:Z1"));
-    Vec3 low, high;
-    std::array<bool, 3> open_below{}, open_above{};
-    for (int axis = 0; axis < 3; ++axis) {
-        std::vector<std::string> const ends = split(ranges[static_cast<std::size_t>(axis)], ':');
-        if (ends.size() != 2)
-            throw Error(ErrorKind::usage, text("world region '", region.text, "' is not X0:X1,Y0:Y1,Z0:Z1"));
-        auto const a = static_cast<std::size_t>(axis);
-        open_below[a] = ends[0].empty();
-        open_above[a] = ends[1].empty();
-        low[axis] = open_below[a] ? 0 : parse_double(ends[0]);
-        high[axis] = open_above[a] ? 0 : parse_double(ends[1]);
-        if (!std::isfinite(low[axis]) || !std::isfinite(high[axis]))
-            throw Error(ErrorKind::usage, text("world region '", region.text, "' is not finite"));
-        if (!open_below[a] && !open_above[a] && low[axis] >= high[axis])
-            throw Error(ErrorKind::usage, text("world region '", region.text, "' is empty"),
-                        "the lower end comes first");
-    }
-    // An open end is the volume's own, found in the world.
-    Index3 const dims = header.dims;
-    for (int i = 0; i < 8; ++i) {
-        Vec3 const corner = index_to_world(header.geometry, {(i & 1) != 0 ? static_cast<double>(dims.x) - 0.5 : -0.5,
-                                                             (i & 2) != 0 ? static_cast<double>(dims.y) - 0.5 : -0.5,
-                                                             (i & 4) != 0 ? static_cast<double>(dims.z) - 0.5 : -0.5});
-        for (int axis = 0; axis < 3; ++axis) {
-            auto const a = static_cast<std::size_t>(axis);
-            if (open_below[a]) low[axis] = i == 0 ? corner[axis] : std::min(low[axis], corner[axis]);
-            if (open_above[a]) high[axis] = i == 0 ? corner[axis] : std::max(high[axis], corner[axis]);
-        }
-    }
-    Box const box =
-        voxels_between(index_bounds(header.geometry,
-                                    [&](bool x, bool y, bool z) {
-                                        return Vec3{x ? high.x : low.x, y ? high.y : low.y, z ? high.z : low.z};
-                                    }),
-                       dims);
-    if (box.empty())
-        throw Error(ErrorKind::usage, text("world region '", region.text, "' holds no voxel centre"),
-                    "'vkt info' shows origin and spacing");
-    return box;
-}
-
 void Crop::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1");
     parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");
@@ -102,6 +58,11 @@ void Crop::set_like(Geometry const& geometry, Index3 dims) { like_ = {geometry, 
 
 Plan Crop::plan(std::span<Header const> inputs) {
     Header const& in = inputs[0];
+    if (!like_file_.empty() && !like_) {
+        auto const source = open_volume(open_bytes(like_file_), {});
+        if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like_file_, " holds no volume"));
+        set_like(source->header().geometry, source->header().dims);
+    }
     if (like_) {
         Geometry const& g = like_->geometry;
         Index3 const n = like_->dims;
@@ -117,7 +78,7 @@ Plan Crop::plan(std::span<Header const> inputs) {
                         text("the volume does not overlap ", like_file_.empty() ? "the other" : like_file_),
                         "compare the extents with 'vkt info'");
     } else {
-        box_ = world_.empty() ? region_.resolve(in.dims) : resolve(world_, in);
+        box_ = world_.empty() ? region_.resolve(in.dims) : world_.resolve(in.geometry, in.dims);
     }
     Plan plan;
     plan.output = in;

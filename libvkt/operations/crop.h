@@ -8,10 +8,6 @@
 
 namespace vkt {
 
-/// The smallest box of voxels that holds all voxels whose centres lie in a world region (half-open, cut to the volume).
-/// Exact where the axes are parallel to the world's, a bounding box where they are oblique. Throws Error{usage}.
-Box resolve(WorldRoi const& region, Header const& header);
-
 /// Keeps a region and moves the origin so that voxels keep their world positions. Exact for every data type. Only what
 /// is kept is asked for, so that a seekable source reads no more than that.
 class Crop : public Operation {
@@ -34,9 +30,6 @@ public:
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
     void set_like(Geometry const& geometry, Index3 dims);
 
-protected:
-    std::string like_file_; ///< `--like`: whoever reads the file calls set_like()
-
 private:
     struct Extent {
         Geometry geometry;
@@ -44,6 +37,7 @@ private:
     };
     Roi region_;
     WorldRoi world_;
+    std::string like_file_;
     std::optional<Extent> like_;
     Box box_;
 };

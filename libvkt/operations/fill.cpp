@@ -20,13 +20,27 @@ void fill_box(AnyView out, double value, Execution const& execution) {
 #if VKT_HOST
 
 void Fill::parameters(Parameters& parameters) {
-    parameters.option("value", value_, "VALUE", "physical value to store (default 0)");
+    parameters.option("value", value_, "VALUE", "physical value to store");
     parameters.option("roi", region_, "REGION", "fill only the voxels of this region");
+    parameters.option("first", first_, "X Y Z", "first voxel of the region (volkit)");
+    parameters.option("last", last_, "X Y Z", "the voxel just beyond the region (volkit)");
+}
+
+void Fill::check() const {
+    if (first_.has_value() != last_.has_value()) throw Error(ErrorKind::usage, "--first and --last go together");
+    if (first_ && !region_.empty())
+        throw Error(ErrorKind::usage, "--roi and --first/--last say the same: give one of them");
+}
+
+void FillRange::check() const {
+    Fill::check();
+    if (!first_) throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
 }
 
 Plan Fill::plan(std::span<Header const> inputs) {
     Plan plan;
     plan.output = inputs[0];
+    if (first_) region_ = roi_of(*first_, *last_);
     box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
     stored_ = inputs[0].values.stored(value_);
     type_ = inputs[0].dtype;

@@ -19,19 +19,27 @@ public:
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the region does not lie in the volume.
     Plan plan(std::span<Header const> inputs) override;
+    /// Throws Error{usage} if the region is given twice or by half.
+    void check() const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 protected:
-    void set_region(Roi region) { region_ = std::move(region); }
-    double value_ = 0;
+    std::optional<Index3> first_, last_; ///< volkit's way to name the region
 
 private:
+    double value_ = 0;
     Roi region_;
     Box box_;           ///< the region in voxels
     double stored_ = 0; ///< the value before rounding
     DataType type_ = DataType::uint8;
+};
+
+/// volkit's fill with a range, which must be given.
+class FillRange : public Fill {
+public:
+    void check() const override;
 };
 
 } // namespace vkt

@@ -61,6 +61,17 @@ Box Flip::footprint(Box const& output, int) const {
              std::max(output.upper.z, source.upper.z)}};
 }
 
+void FlipRange::parameters(Parameters& parameters) {
+    parameters.option("axis", axis_, "AXIS", "axis to mirror: x, y or z");
+    parameters.option("first", first_, "X Y Z", "first voxel of the region").needed();
+    parameters.option("last", last_, "X Y Z", "the voxel just beyond the region").needed();
+}
+
+Plan FlipRange::plan(std::span<Header const> inputs) {
+    region_ = roi_of(first_, last_);
+    return Flip::plan(inputs);
+}
+
 void Flip::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = intersect(out.box, box_);
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);

@@ -25,14 +25,23 @@ public:
     bool runs_on_gpu() const override { return true; }
 
 protected:
-    void set_region(Roi region) { region_ = std::move(region); }
     Axis axis_ = Axis::x;
+    Roi region_;
 
 private:
     Box mirrored(Box part) const;
 
-    Roi region_;
     Box box_; ///< the region in voxels
+};
+
+/// volkit's spelling of a flip within a region, which must be given.
+class FlipRange : public Flip {
+public:
+    void parameters(Parameters& parameters) override;
+    Plan plan(std::span<Header const> inputs) override;
+
+private:
+    Index3 first_, last_;
 };
 
 } // namespace vkt

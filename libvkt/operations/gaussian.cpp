@@ -26,12 +26,10 @@ double default_tolerance(DataType type) {
 } // namespace
 
 void Gaussian::parameters(Parameters& parameters) {
-    parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z (default 1)");
-    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (default) or world");
+    parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
     parameters.option("boundary", boundary_, "RULE",
-                      "how the volume continues outside: mirror (default), clamp, wrap, border");
-    parameters.option("border-value", border_value_, "VALUE",
-                      "physical value outside, for --boundary border (default 0)");
+                      "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
     parameters.option("tolerance", tolerance_, "T",
                       "allowed error as a share of the value range (default: a quarter of the last bit, floats 1e-4)");
 }
@@ -42,9 +40,7 @@ void Gaussian::check() const {
             throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
     if (tolerance_ && !(*tolerance_ >= 1e-12 && *tolerance_ < 1))
         throw Error(ErrorKind::usage, text("--tolerance ", *tolerance_, " is not between 1e-12 and 1"));
-    if (border_value_ && boundary_ != Boundary::border)
-        throw Error(ErrorKind::usage, "--border-value has no meaning for this boundary", "add --boundary border");
-    if (border_value_ && std::isnan(*border_value_)) throw Error(ErrorKind::usage, "--border-value is not a number");
+    if (std::isnan(boundary_.value)) throw Error(ErrorKind::usage, "--boundary border: the value is not a number");
 }
 
 Plan Gaussian::plan(std::span<Header const> inputs) {
@@ -59,8 +55,8 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
     }
     passes_ = {};
     passes_.dims = in.dims;
-    passes_.boundary = boundary_;
-    passes_.border_value = in.values.stored(border_value_.value_or(0));
+    passes_.boundary = boundary_.boundary;
+    passes_.border_value = in.values.stored(boundary_.value);
     passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
 
     // Rounding takes its share of the tolerance first; if that is most of it, intermediates become wide.
@@ -71,7 +67,7 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
             rounding = 0;
             for (int axis = 0; axis < 3; ++axis) {
                 auto& taps = passes_.taps[static_cast<std::size_t>(axis)];
-                taps = gaussian_taps(sigma[axis], in.dims[axis], boundary_, left / std::max(1, active));
+                taps = gaussian_taps(sigma[axis], in.dims[axis], boundary_.boundary, left / std::max(1, active));
                 rounding += taps.rounding(unit);
             }
             left = std::max(tolerance - rounding, tolerance / 2);
@@ -86,7 +82,7 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
 
     Plan plan;
     plan.output = in;
-    plan.boundary = boundary_;
+    plan.boundary = boundary_.boundary;
     plan.border_value = passes_.border_value;
     plan.error_bound = rounding;
     plan.cost = 0;
@@ -112,7 +108,7 @@ Box Gaussian::footprint(Box const& output, int) const {
         std::int64_t const n = passes_.dims[axis];
         bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
         if (!outside) continue;
-        if (boundary_ == Boundary::wrap) {
+        if (boundary_.boundary == Boundary::wrap) {
             if (axis == 2) continue; // the engine fetches the slices of the other end
             box.lower[axis] = 0;
             box.upper[axis] = n;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/gaussian_kernel.h"
 
@@ -30,7 +31,7 @@ template <> struct EnumNames<LengthUnit> {
 class Gaussian : public Operation {
 public:
     Gaussian() = default;
-    explicit Gaussian(Vec3 sigma, Boundary boundary = Boundary::mirror) : sigma_(sigma), boundary_(boundary) {}
+    explicit Gaussian(Vec3 sigma, Boundary boundary = Boundary::mirror) : sigma_(sigma), boundary_{boundary, 0} {}
 
     std::string_view name() const override { return "filter gaussian"; }
     Shape shape() const override { return Shape::neighbourhood; }
@@ -47,8 +48,7 @@ public:
 private:
     Vec3 sigma_{1, 1, 1};
     LengthUnit unit_ = LengthUnit::voxel;
-    Boundary boundary_ = Boundary::mirror;
-    std::optional<double> border_value_;
+    BoundaryRule boundary_{Boundary::mirror, 0};
     std::optional<double> tolerance_;
 
     GaussianPasses passes_;

@@ -1,0 +1,343 @@
+// Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/format.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/kernel/device.h"
+#include "libvkt/operations/crop.h"
+#include "libvkt/operations/fill.h"
+#include "libvkt/operations/flip.h"
+#include "libvkt/operations/gaussian.h"
+#include "libvkt/operations/resample.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <random>
+
+// Files are no part of this program; the operations that can open one refer to them.
+namespace vkt {
+ByteSource::~ByteSource() = default;
+std::unique_ptr<ByteSource> open_bytes(std::string const& path) { throw Error(ErrorKind::io, path); }
+std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource>, ReadOptions const&) {
+    throw Error(ErrorKind::io, "no files here");
+}
+} // namespace vkt
+
+namespace {
+
+using namespace vkt;
+
+int failures = 0, checks = 0;
+
+void report(bool ok, std::string const& what) {
+    ++checks;
+    if (ok) return;
+    ++failures;
+    std::printf("FAILED %s\n", what.c_str());
+}
+
+Execution cpu() {
+    Execution execution = default_execution();
+    execution.device = Device::cpu;
+    return execution;
+}
+Execution gpu() {
+    Execution execution = default_execution();
+    execution.device = Device::gpu;
+    return execution;
+}
+
+constexpr std::byte poison{0xa5};
+
+/// Device memory with a host image. Rows have gaps and start off any alignment, so that strays are seen.
+struct Twin {
+    Twin(DataType t, Box const& b, std::int64_t gap) : type(t), box(b) {
+        Index3 const n = b.dims();
+        row = n.x + gap;
+        slice = row * n.y + 2 * gap;
+        first = gap;
+        bytes = static_cast<std::size_t>(first + slice * n.z) * size_of(t);
+        host.assign(bytes, poison);
+        device = device_allocate(bytes);
+        upload();
+    }
+    ~Twin() { device_free(device); }
+    Twin(Twin const&) = delete;
+    Twin& operator=(Twin const&) = delete;
+
+    void upload() { copy_to_device(device, host.data(), bytes); }
+    std::vector<std::byte> download() const {
+        std::vector<std::byte> result(bytes);
+        copy_to_host(result.data(), device, bytes);
+        return result;
+    }
+    AnyView view(Space space) {
+        std::byte* const base = space == Space::device ? device : host.data();
+        return {base + static_cast<std::size_t>(first) * size_of(type), type, box, row, slice, space};
+    }
+
+    DataType type;
+    Box box;
+    std::int64_t row, slice, first;
+    std::size_t bytes;
+    std::vector<std::byte> host;
+    std::byte* device;
+};
+
+void randomise(Twin& volume, unsigned seed) {
+    std::mt19937 random(seed);
+    AnyView const view = volume.view(Space::host);
+    Index3 const n = view.dims();
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t y = 0; y < n.y; ++y)
+            for (std::int64_t x = 0; x < n.x; ++x) {
+                std::byte* const at = view.at(view.box.lower.x + x, view.box.lower.y + y, view.box.lower.z + z);
+                auto const r = static_cast<std::uint32_t>(random());
+                double const v = static_cast<double>(r) * 100 / 4294967296.0;
+                auto const f = static_cast<float>(v);
+                Half const h(f);
+                std::uint64_t const i = r % 101;
+                switch (volume.type) {
+                case DataType::float64:
+                    std::memcpy(at, &v, 8);
+                    break;
+                case DataType::float32:
+                    std::memcpy(at, &f, 4);
+                    break;
+                case DataType::float16:
+                    std::memcpy(at, &h, 2);
+                    break;
+                default:
+                    std::memcpy(at, &i, size_of(volume.type)); // little-endian
+                }
+            }
+    volume.upload();
+}
+
+double value_at(ConstView view, std::byte const* at) {
+    switch (view.type) {
+    case DataType::uint8:
+        return static_cast<double>(*reinterpret_cast<std::uint8_t const*>(at));
+    case DataType::int8:
+        return static_cast<double>(*reinterpret_cast<std::int8_t const*>(at));
+    case DataType::uint16:
+        return static_cast<double>(*reinterpret_cast<std::uint16_t const*>(at));
+    case DataType::int16:
+        return static_cast<double>(*reinterpret_cast<std::int16_t const*>(at));
+    case DataType::uint32:
+        return static_cast<double>(*reinterpret_cast<std::uint32_t const*>(at));
+    case DataType::int32:
+        return static_cast<double>(*reinterpret_cast<std::int32_t const*>(at));
+    case DataType::uint64:
+        return static_cast<double>(*reinterpret_cast<std::uint64_t const*>(at));
+    case DataType::int64:
+        return static_cast<double>(*reinterpret_cast<std::int64_t const*>(at));
+    case DataType::float16:
+        return static_cast<double>(*reinterpret_cast<Half const*>(at));
+    case DataType::float32:
+        return static_cast<double>(*reinterpret_cast<float const*>(at));
+    case DataType::float64:
+        return *reinterpret_cast<double const*>(at);
+    }
+    return 0;
+}
+
+/// Runs on both and compares all of the output's memory, gaps included. bound < 0 asks for equal bits.
+void compare(Operation& operation, Twin& in, std::string const& what, double bound, std::int64_t slab = 0) {
+    Header header;
+    header.dims = in.box.dims();
+    header.dtype = in.type;
+    std::vector<Header> const headers{header};
+    std::unique_ptr<Twin> out;
+    for (Execution const& execution : {cpu(), gpu()}) {
+        Header const planned = operation.plan(headers).output;
+        if (!out) out = std::make_unique<Twin>(planned.dtype, box_of(planned.dims), 3);
+        std::int64_t const height = slab > 0 ? slab : planned.dims.z;
+        for (std::int64_t z = 0; z < planned.dims.z; z += height) {
+            Box part = box_of(planned.dims);
+            part.lower.z = z;
+            part.upper.z = std::min(z + height, planned.dims.z);
+            Box const need = operation.footprint(part, 0);
+            if (!in.box.contains(need)) {
+                report(false, what + ": footprint leaves the volume");
+                return;
+            }
+            ConstView const window = ConstView(in.view(execution.space())).part(need);
+            operation.run({&window, 1}, out->view(execution.space()).part(part), execution);
+        }
+    }
+    device_synchronize();
+    std::vector<std::byte> const got = out->download();
+    if (bound < 0) return report(got == out->host, what);
+    // Outside the box bytes must be equal, inside values close.
+    ConstView const expected = out->view(Space::host);
+    Index3 const n = expected.dims();
+    std::vector<std::byte> rest = got;
+    double worst = 0;
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t y = 0; y < n.y; ++y)
+            for (std::int64_t x = 0; x < n.x; ++x) {
+                std::byte const* const a = expected.at(x, y, z);
+                std::size_t const offset = static_cast<std::size_t>(a - out->host.data());
+                worst = std::max(worst, std::abs(value_at(expected, a) - value_at(expected, got.data() + offset)));
+                std::memcpy(rest.data() + offset, a, size_of(out->type));
+            }
+    char text[96];
+    std::snprintf(text, sizeof text, ": error %g, bound %g", worst, bound);
+    report(rest == out->host && worst <= bound, what + text);
+}
+
+void compare_all() {
+    Index3 const shapes[] = {{1000, 37, 5}, {64, 48, 20},  {1, 1, 1},    {17, 1, 9},
+                             {3, 300, 7},   {131, 70, 33}, {1, 1, 70000}};
+    for (int t = 0; t < data_type_count; ++t) {
+        auto const type = static_cast<DataType>(t);
+        for (Index3 const dims : shapes)
+            for (std::int64_t gap : {0, 1, 5}) {
+                Twin in(type, box_of(dims), gap);
+                randomise(in, 7);
+                std::string const name = std::string(name_of(type)) + " " + to_text(dims) + " gap " + to_text(gap);
+                for (Axis axis : {Axis::x, Axis::y, Axis::z}) {
+                    Flip flip(axis);
+                    compare(flip, in, "flip " + enum_name(axis) + " " + name, -1);
+                }
+                Fill fill(42);
+                compare(fill, in, "fill " + name, -1);
+                Crop crop(Roi{"10%:,:90%,5%:95%"});
+                compare(crop, in, "crop " + name, -1);
+                if (dims.x > 10 && dims.y > 10) {
+                    Flip inside(Axis::x, Roi{"3:10,1:9,:"});
+                    compare(inside, in, "flip in a region " + name, -1);
+                    Fill part(7.5, Roi{"3:10,1:9,:"});
+                    compare(part, in, "fill of a region " + name, -1);
+                }
+                if (gap != 1) continue;
+                double const whole = is_integer(type) ? 1 : type == DataType::float16 ? 0.1 : 1e-3;
+                for (Boundary boundary : {Boundary::mirror, Boundary::clamp, Boundary::border}) {
+                    Gaussian gaussian({1.5, 2, 0.8}, boundary);
+                    compare(gaussian, in, "gaussian " + enum_name(boundary) + " " + name, whole * 1.001);
+                    compare(gaussian, in, "gaussian in slabs of 7 " + name, whole * 1.001, 7);
+                }
+                Gaussian wide({40, 30, 3});
+                if (dims.z < 100) compare(wide, in, "gaussian, large sigma " + name, whole * 1.001);
+                for (ResampleMethod method : {ResampleMethod::nearest, ResampleMethod::linear, ResampleMethod::area}) {
+                    Resample resample;
+                    resample.dims = Index3{std::max<std::int64_t>(1, dims.x * 2 / 3), dims.y + 1,
+                                           std::max<std::int64_t>(1, dims.z / 2)};
+                    resample.method = method;
+                    compare(resample, in, "resample " + enum_name(method) + " " + name,
+                            method == ResampleMethod::nearest ? -1 : whole * 1.001);
+                }
+            }
+    }
+}
+
+void compare_borders() {
+    for (Boundary boundary : {Boundary::mirror, Boundary::clamp, Boundary::wrap, Boundary::border})
+        for (DataType type : {DataType::uint8, DataType::float16, DataType::float32, DataType::float64}) {
+            Index3 const dims{33, 20, 11};
+            Twin window(type, {{-5, -40, -3}, {60, 25, 14}}, 1);
+            randomise(window, 3);
+            fill_border(window.view(Space::host), box_of(dims), dims, boundary, 3, cpu());
+            fill_border(window.view(Space::device), box_of(dims), dims, boundary, 3, gpu());
+            device_synchronize();
+            report(window.download() == window.host,
+                   "border " + enum_name(boundary) + " " + std::string(name_of(type)));
+        }
+    // Parts of volumes between host and device, both with gaps.
+    Twin a(DataType::uint16, box_of({50, 40, 9}), 5), b(DataType::uint16, box_of({50, 40, 9}), 2);
+    randomise(a, 1);
+    Box const part{{3, 7, 1}, {41, 30, 8}};
+    copy_region(ConstView(a.view(Space::host)).part(part), b.view(Space::host).part(part), cpu());
+    copy_region(ConstView(a.view(Space::host)).part(part), b.view(Space::device).part(part), gpu());
+    report(b.download() == b.host, "copy of a region to the device");
+    Twin c(DataType::uint16, box_of({50, 40, 9}), 2);
+    copy_region(ConstView(a.view(Space::device)).part(part), c.view(Space::host).part(part), gpu());
+    report(c.host == b.host, "copy of a region from the device");
+}
+
+double best_ms(std::function<void()> const& run) {
+    double best = 1e30;
+    for (int i = 0; i < 8; ++i) {
+        device_synchronize();
+        auto const begin = std::chrono::steady_clock::now();
+        run();
+        device_synchronize();
+        double const ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+        if (i > 0) best = std::min(best, ms);
+    }
+    return best;
+}
+
+void time_all() {
+    std::printf("\n%-28s %8s %10s %8s %8s\n", "operation", "type", "ms", "TB/s", "of copy");
+    for (std::int64_t n : {512, 1024})
+        for (DataType type : {DataType::float32, DataType::uint16, DataType::uint8}) {
+            Header header;
+            header.dims = {n, n, n};
+            header.dtype = type;
+            std::size_t const bytes = header.bytes();
+            std::byte* const from = device_allocate(bytes);
+            std::byte* const to = device_allocate(bytes);
+            device_clear(from, bytes);
+            double const copied = best_ms([&] { copy_on_device(to, from, bytes); });
+            auto line = [&](std::string const& what, double ms, double moved) {
+                std::printf("%-28s %8s %10.3f %8.2f %8.2f\n", (what + " " + to_text(n) + "^3").c_str(),
+                            std::string(name_of(type)).c_str(), ms, moved / ms * 1e-9,
+                            moved / ms / (2 * static_cast<double>(bytes) / copied));
+            };
+            line("copy", copied, 2 * static_cast<double>(bytes));
+            auto time = [&](Operation& operation, std::string const& what) {
+                Header const output = operation.plan(std::vector<Header>{header}).output;
+                Box const box = box_of(output.dims), need = operation.footprint(box, 0);
+                ConstView const in = ConstView(dense_view(from, type, box_of(header.dims), Space::device)).part(need);
+                AnyView const out = dense_view(to, output.dtype, box, Space::device);
+                Execution const execution = gpu();
+                double const ms = best_ms([&] {
+                    (void)operation.plan(std::vector<Header>{header}); // forgets kept planes
+                    operation.run({&in, 1}, out, execution);
+                });
+                double const read = what == "fill" ? 0 : static_cast<double>(in.bytes());
+                line(what, ms, read + static_cast<double>(out.bytes()));
+            };
+            Fill fill(1);
+            time(fill, "fill");
+            Flip x(Axis::x), y(Axis::y), z(Axis::z);
+            time(x, "flip x");
+            time(y, "flip y");
+            time(z, "flip z");
+            Crop crop(Roi{"1:-2,1:,1:"});
+            time(crop, "crop, off alignment");
+            Crop half(Roi{"25%:75%,25%:75%,25%:75%"});
+            time(half, "crop to the middle");
+            Gaussian gaussian({2, 2, 2});
+            time(gaussian, "gaussian sigma 2");
+            Resample resample;
+            resample.dims = Index3{n / 2, n / 2, n / 2};
+            time(resample, "resample to half");
+            device_free(from);
+            device_free(to);
+        }
+}
+
+} // namespace
+
+int main() {
+    try {
+        if (device_count() == 0) {
+            std::fprintf(stderr, "no CUDA device\n");
+            return 1;
+        }
+        compare_all();
+        compare_borders();
+        std::printf("%d comparisons, %d failed\n", checks, failures);
+        time_all();
+    } catch (Error const& error) {
+        std::fprintf(stderr, "parity: %s\n", error.what());
+        return 1;
+    }
+    return failures == 0 ? 0 : 1;
+}
