@@ -1,5 +1,6 @@
 // Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/half.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/device.h"

@@ -1,0 +1,128 @@
+// Kernels as ratios to memcpy measured in the same run, at the same number of threads: the counter "of_copy" is
+// (bytes read + written per second) / (the same of memcpy); "Mvox" is million voxels per second.
+// SPDX-License-Identifier: MIT
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/operations/crop.h"
+#include "libvkt/operations/fill.h"
+#include "libvkt/operations/flip.h"
+#include "libvkt/operations/gaussian.h"
+
+#include <benchmark/benchmark.h>
+
+#include <chrono>
+#include <cstring>
+
+namespace {
+
+using namespace vkt;
+
+Execution execution_for(benchmark::State const& state) {
+    Execution execution = default_execution();
+    execution.device = Device::cpu;
+    execution.threads = static_cast<int>(state.range(1));
+    execution.memory = std::size_t{8} << 30;
+    return execution;
+}
+
+Volume volume_of(std::int64_t n, DataType type) {
+    Header header;
+    header.dims = {n, n, n};
+    header.dtype = type;
+    Volume volume(header);
+    AnyView const view = volume.mutable_view();
+    for (std::size_t i = 0; i < view.bytes(); ++i) view.data[i] = static_cast<std::byte>(i * 2654435761u >> 27 & 63);
+    return volume;
+}
+
+/// Seconds of the fastest of five copies by `threads` threads, in equal parts.
+double copy_seconds(std::byte const* from, std::byte* to, std::size_t bytes, int threads) {
+    double best = 1e30;
+    for (int i = 0; i < 5; ++i) {
+        auto const begin = std::chrono::steady_clock::now();
+#pragma omp parallel for num_threads(threads) schedule(static)
+        for (int part = 0; part < threads; ++part) {
+            std::size_t const share = bytes / static_cast<std::size_t>(threads),
+                              at = share * static_cast<std::size_t>(part);
+            std::memcpy(to + at, from + at, part + 1 == threads ? bytes - at : share);
+        }
+        best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    }
+    return best;
+}
+
+/// Whole volumes in warm memory, without the engine: the kernel itself.
+void run(benchmark::State& state, Operation& operation, DataType type, bool reads = true) {
+    Volume const in = volume_of(state.range(0), type);
+    Header const planned = operation.plan(std::vector<Header>{in.header()}).output;
+    Volume out(planned);
+    AnyView const to = out.mutable_view();
+    std::memset(to.data, 0, to.bytes());
+    Execution const execution = execution_for(state);
+    ConstView const window = in.view().part(operation.footprint(to.box, 0));
+    double const bytes = (reads ? static_cast<double>(window.bytes()) : 0) + static_cast<double>(to.bytes());
+    double const copied =
+        2 * static_cast<double>(to.bytes()) / copy_seconds(in.view().data, to.data, to.bytes(), execution.threads);
+    double best = 1e30;
+    for (auto _ : state) {
+        (void)operation.plan(std::vector<Header>{in.header()}); // forgets what an earlier run left behind
+        auto const begin = std::chrono::steady_clock::now();
+        operation.run({&window, 1}, to, execution);
+        double const seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        state.SetIterationTime(seconds);
+        best = std::min(best, seconds);
+        benchmark::DoNotOptimize(to.data);
+    }
+    state.counters["of_copy"] = bytes / best / copied;
+    state.counters["Mvox"] = static_cast<double>(to.box.voxels()) / best * 1e-6;
+}
+
+void flip(benchmark::State& state, Axis axis, DataType type) {
+    Flip operation(axis);
+    run(state, operation, type);
+}
+void fill(benchmark::State& state, DataType type) {
+    Fill operation(1);
+    run(state, operation, type, false);
+}
+void crop(benchmark::State& state, DataType type) {
+    Crop operation(Roi{"25%:75%,25%:75%,25%:75%"});
+    run(state, operation, type);
+}
+void gaussian(benchmark::State& state, double sigma, DataType type) {
+    Gaussian operation({sigma, sigma, sigma});
+    run(state, operation, type);
+}
+/// Through the engine, slab by slab, into fresh memory.
+void gaussian_applied(benchmark::State& state, double sigma, DataType type) {
+    Gaussian operation({sigma, sigma, sigma});
+    Volume const in = volume_of(state.range(0), type);
+    for (auto _ : state) {
+        auto const begin = std::chrono::steady_clock::now();
+        Volume const out = apply(operation, {in}, execution_for(state));
+        state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+        benchmark::DoNotOptimize(out.view().data);
+    }
+}
+
+/// Extent and threads: in the L3 cache and beyond it, one thread and two.
+void sizes(benchmark::internal::Benchmark* b) {
+    for (int threads : {1, 2})
+        for (int n : {128, 256, 512}) b->Args({n, threads});
+    b->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(0.2);
+}
+
+BENCHMARK_CAPTURE(fill, float32, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(fill, uint8, DataType::uint8)->Apply(sizes);
+BENCHMARK_CAPTURE(flip, x_float32, Axis::x, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(flip, x_uint16, Axis::x, DataType::uint16)->Apply(sizes);
+BENCHMARK_CAPTURE(flip, x_uint8, Axis::x, DataType::uint8)->Apply(sizes);
+BENCHMARK_CAPTURE(flip, y_float32, Axis::y, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(flip, z_float32, Axis::z, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(crop, float32, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(gaussian, sigma2_float32, 2.0, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(gaussian, sigma2_uint16, 2.0, DataType::uint16)->Apply(sizes);
+BENCHMARK_CAPTURE(gaussian, sigma2_uint8, 2.0, DataType::uint8)->Apply(sizes);
+BENCHMARK_CAPTURE(gaussian, sigma8_float32, 8.0, DataType::float32)->Apply(sizes);
+BENCHMARK_CAPTURE(gaussian_applied, sigma2_float32, 2.0, DataType::float32)->Apply(sizes);
+
+} // namespace

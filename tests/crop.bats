@@ -1,0 +1,66 @@
+# vkt crop: boxes in voxels, in the world, and like another volume.
+load helper
+
+setup_more() {
+    /usr/bin/python3 -c "
+import random, sys
+random.seed(4)
+sys.stdout.buffer.write(bytes(random.randrange(256) for _ in range(11 * 8 * 6 * 2)))" >v_11x8x6_int16.raw
+    vkt set v_11x8x6_int16.raw --spacing 0.5,1,2 --origin 10,20,30 -o v.nrrd
+}
+
+raw() { vkt read "${1:--}" | vkt write - --format raw; }
+
+@test "a box agrees with numpy, from files, pipes and slabs" {
+    python_with numpy
+    /usr/bin/python3 -c "
+import numpy as np
+np.fromfile('v_11x8x6_int16.raw', np.int16).reshape(6, 8, 11)[1:5, 2:8, 3:10].copy().tofile('want.raw')"
+    vkt crop v.nrrd --roi 3:10,2:,1:-1 | raw >a.raw
+    cmp a.raw want.raw
+    for slab in 1 2 6; do
+        vkt read v_11x8x6_int16.raw --slab $slab | vkt crop --roi 3:+7,2:8,1:5 --slab $slab | raw | cmp - want.raw
+    done
+}
+
+@test "voxels keep their world positions" {
+    vkt crop v.nrrd --roi 3:10,2:,1:-1 | vkt info >info
+    grep -x 'dims       7 6 4' info
+    grep -x 'origin     11.5 22 32' info
+}
+
+@test "a region in world units takes the voxels whose centres lie inside" {
+    vkt crop v.nrrd --roi-world 11.2:12.6,:,31:35.5 | vkt info >info
+    grep -x 'dims       3 8 2' info # x 11.5 12 12.5, z 32 34
+    grep -x 'origin     11.5 20 32' info
+    fails_with 2 '' vkt crop v.nrrd --roi-world 100:200,:,: -o out.nrrd
+    fails_with 2 '' vkt crop v.nrrd --roi-world 12:11,:,: -o out.nrrd
+}
+
+@test "like another volume: its part, at any resolution, mirrored or not" {
+    vkt crop v.nrrd --roi 3:10,2:7,1:4 -o part.nrrd
+    vkt crop v.nrrd --like part.nrrd | raw | cmp - <(raw part.nrrd)
+    vkt resample part.nrrd --scale 2 -o fine.nrrd
+    vkt crop v.nrrd --like fine.nrrd | raw | cmp - <(raw part.nrrd)
+    vkt flip y part.nrrd -o mirrored.nrrd
+    vkt crop v.nrrd --like mirrored.nrrd | raw | cmp - <(raw part.nrrd)
+    vkt set part.nrrd --origin 1000,0,0 -o far.nrrd
+    fails_with 2 'does not overlap' vkt crop v.nrrd --like far.nrrd -o out.nrrd
+    [ ! -e out.nrrd ]
+}
+
+@test "crop of the whole is the identity, of a crop the sum of both" {
+    vkt crop v.nrrd --roi :,:,: | raw | cmp - v_11x8x6_int16.raw
+    vkt crop v.nrrd --roi 2:,1:,1: | vkt crop --roi 3:6,2:5,1:3 | raw >a.raw
+    vkt crop v.nrrd --roi 5:8,3:6,2:4 | raw | cmp - a.raw
+}
+
+@test "boxes that are empty, inverted or outside are refused" {
+    for roi in 3:3,:,: 5:2,:,: 0:12,:,: 11:,:,: -12:,:,:; do
+        fails_with 2 '' vkt crop v.nrrd --roi="$roi" -o out.nrrd
+        [ -n "$stderr" ]
+    done
+    vkt crop v.nrrd --roi 10:11,7:8,5:6 | vkt info | grep -x 'dims       1 1 1'
+    fails_with 2 'no region given' vkt crop v.nrrd -o out.nrrd
+    fails_with 2 'more than one region' vkt crop v.nrrd --roi 0:1,:,: --roi-world 0:1,:,: -o out.nrrd
+}

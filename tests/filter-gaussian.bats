@@ -1,0 +1,109 @@
+# vkt filter gaussian against SciPy, and against itself however it is run.
+load helper
+
+setup_more() {
+    python_with numpy scipy
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(5)
+r.random((20, 31, 45), np.float32).tofile('f_45x31x20_float32.raw')
+r.integers(0, 256, (20, 31, 45), np.uint8).tofile('b_45x31x20_uint8.raw')
+r.integers(0, 65536, (20, 31, 45), np.uint16).tofile('w_45x31x20_uint16.raw')
+r.random((2, 5, 40), np.float32).tofile('thin_40x5x2_float32.raw')"
+}
+
+# against_scipy IN OUT DTYPE SHAPE SIGMA-XYZ MODE BOUND: mean and largest difference from SciPy in float64.
+against_scipy() {
+    /usr/bin/python3 -c "
+import numpy as np, sys
+from scipy.ndimage import gaussian_filter
+shape = tuple(int(n) for n in '$4'.split('x'))[::-1]
+sigma = tuple(float(s) for s in '$5'.split(','))[::-1]
+a = np.fromfile('$1', np.$3).reshape(shape)
+want = gaussian_filter(a.astype(np.float64), sigma, mode='$6', truncate=9)
+got = np.fromfile('$2', np.$3).reshape(shape)
+error = np.abs(got - want).max()
+assert error <= $7, f'error {error} > $7'"
+}
+
+@test "float32, uint8 and uint16 agree with SciPy to the stated bound" {
+    for sigma in 2 0.8 1,2,3; do
+        xyz=$sigma
+        [[ $sigma == *,* ]] || xyz=$sigma,$sigma,$sigma
+        vkt filter gaussian f_45x31x20_float32.raw --sigma $sigma --format raw -o f.raw --force
+        against_scipy f_45x31x20_float32.raw f.raw float32 45x31x20 $xyz reflect 1e-4
+        vkt filter gaussian b_45x31x20_uint8.raw --sigma $sigma --format raw -o b.raw --force
+        against_scipy b_45x31x20_uint8.raw b.raw uint8 45x31x20 $xyz reflect 0.75
+        vkt filter gaussian w_45x31x20_uint16.raw --sigma $sigma --format raw -o w.raw --force
+        against_scipy w_45x31x20_uint16.raw w.raw uint16 45x31x20 $xyz reflect 0.75
+    done
+}
+
+@test "the boundaries are SciPy's" {
+    for pair in mirror:reflect clamp:nearest wrap:wrap border:0:constant; do
+        vkt filter gaussian f_45x31x20_float32.raw --sigma 3,2,4 --boundary "${pair%:*}" --tolerance 1e-6 --format raw -o f.raw --force
+        against_scipy f_45x31x20_float32.raw f.raw float32 45x31x20 3,2,4 "${pair##*:}" 2e-6
+    done
+}
+
+@test "volumes thinner than the radius" {
+    for sigma in 3 10; do
+        vkt filter gaussian thin_40x5x2_float32.raw --sigma $sigma --format raw -o t.raw --force
+        against_scipy thin_40x5x2_float32.raw t.raw float32 40x5x2 $sigma,$sigma,$sigma reflect 1e-4
+    done
+}
+
+@test "slab heights, threads and pipes make no difference" {
+    vkt filter gaussian f_45x31x20_float32.raw --sigma 2 --slab 20 --threads 1 --format raw -o a.raw
+    for slab in 1 2 7; do
+        for threads in 1 2; do
+            vkt read f_45x31x20_float32.raw --slab 3 | vkt filter gaussian --sigma 2 --slab $slab --threads $threads | vkt write - --format raw >b.raw
+            cmp a.raw b.raw
+        done
+    done
+}
+
+@test "cropping before and after are the same far from the edge" {
+    vkt filter gaussian f_45x31x20_float32.raw --sigma 1 | vkt crop --roi 15:30,12:20,8:12 | vkt write - --format raw >a.raw
+    vkt crop f_45x31x20_float32.raw --roi 5:40,4:28,:  | vkt filter gaussian --sigma 1 | vkt crop --roi 10:25,8:16,8:12 | vkt write - --format raw >b.raw
+    cmp a.raw b.raw
+}
+
+@test "flips commute with it, bit for bit" {
+    for axis in x y z; do
+        vkt flip $axis f_45x31x20_float32.raw | vkt filter gaussian --sigma 2 | vkt write - --format raw >a.raw
+        vkt filter gaussian f_45x31x20_float32.raw --sigma 2 | vkt flip $axis | vkt write - --format raw >b.raw
+        cmp a.raw b.raw
+    done
+}
+
+@test "a sigma in world units follows the voxel size" {
+    vkt set f_45x31x20_float32.raw --spacing 0.5,1,2 | vkt filter gaussian --sigma 2 --unit world | vkt write - --format raw >a.raw
+    vkt filter gaussian f_45x31x20_float32.raw --sigma 4,2,1 | vkt write - --format raw >b.raw
+    cmp a.raw b.raw
+}
+
+@test "a constant border is a physical value" {
+    vkt set f_45x31x20_float32.raw --slope 2 --intercept 1 | vkt filter gaussian --sigma 2 --boundary border:5 | vkt write - --format raw >a.raw
+    vkt filter gaussian f_45x31x20_float32.raw --sigma 2 --boundary border:2 | vkt write - --format raw >b.raw
+    cmp a.raw b.raw
+}
+
+@test "the plan names method, bound and cost, and a smaller tolerance costs more" {
+    run --separate-stderr vkt filter gaussian f_45x31x20_float32.raw --sigma 2 --explain -o a.nrrd
+    [ "$status" -eq 0 ]
+    [[ "$stderr" == *"direct FIR, radius 8,8,8, float32"* ]]
+    [[ "$stderr" == *"51 multiply-adds"* ]]
+    run --separate-stderr vkt filter gaussian f_45x31x20_float32.raw --sigma 2 --tolerance 1e-10 --explain -o b.nrrd
+    [[ "$stderr" == *"float64"* ]]
+}
+
+@test "what makes no sense is refused" {
+    for sigma in -1 nan inf 1,-2,1 abc; do
+        fails_with 2 '' vkt filter gaussian f_45x31x20_float32.raw --sigma="$sigma" -o out.nrrd
+    done
+    fails_with 2 'tolerance' vkt filter gaussian f_45x31x20_float32.raw --tolerance 0 -o out.nrrd
+    fails_with 2 'border' vkt filter gaussian f_45x31x20_float32.raw --boundary clamp:3 -o out.nrrd
+    fails_with 2 'mirror' vkt filter gaussian f_45x31x20_float32.raw --boundary miror -o out.nrrd
+    [ ! -e out.nrrd ]
+}
