@@ -97,8 +97,8 @@ void Dump::print(Source& source, Context& context) const {
 }
 
 int Dump::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {
-    std::unique_ptr<Source> const named = file_.empty() ? nullptr : context.open(file_);
-    Source& source = named ? *named : *inputs.front();
+    if (!file_.empty()) named_ = context.open(file_); // lives as long as this: the framework asks it for its times
+    Source& source = named_ ? *named_ : *inputs.front();
     while (source.next_volume()) print(source, context);
     return 0;
 }
