@@ -68,7 +68,7 @@ Box Dump::region(Index3 dims) const {
 void Dump::print(Source& source, Context& context) const {
     Header const header = source.header();
     if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
+        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
     Box const box = region(header.dims);
     context.print(head(header));
     source.expect(box);

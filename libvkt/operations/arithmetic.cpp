@@ -323,7 +323,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     if (second != nullptr) {
         if (first.kind != Kind::structured || second->kind != Kind::structured)
             throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt amr-resample");
+                        "make it a grid first: vkt resample --cells 50M");
         if (!(first.dims == second->dims))
             throw Error(ErrorKind::usage,
                         text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),
