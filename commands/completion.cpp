@@ -14,7 +14,8 @@ int completion(std::vector<std::string> const& words) {
         for (auto const& candidate : completions({words.begin() + 1, words.end()})) std::puts(candidate.c_str());
         return 0;
     }
-    if (words.size() != 1) throw Error(ErrorKind::usage, "name one shell: bash, zsh or fish", "e.g. source <(vkt completion bash)");
+    if (words.size() != 1)
+        throw Error(ErrorKind::usage, "name one shell: bash, zsh or fish", "e.g. source <(vkt completion bash)");
     for (auto const& [shell, script] : completion_scripts()) {
         if (shell != words.front()) continue;
         std::fputs(script.c_str(), stdout);
@@ -27,9 +28,10 @@ int completion(std::vector<std::string> const& words) {
 
 Command completion_command() {
     Command command;
-    command.texts = {"Print the completion function for bash, zsh or fish.",
-                     "vkt completion bash|zsh|fish\n  --words WORD…  candidates for the last of these words, one a line",
-                     {{"For this bash session", "vkt completion bash"}}};
+    command.texts = {
+        "Print the completion function for bash, zsh or fish.",
+        "vkt completion bash|zsh|fish\n  --words WORD…  candidates for the last of these words, one a line",
+        {{"For this bash session", "vkt completion bash"}}};
     command.body = completion;
     return command;
 }

@@ -1,7 +1,7 @@
 // vkt help: what there is and how it is used.
 // SPDX-License-Identifier: MIT
-#include "libvkt/core/error.h"
 #include "shell/help.h"
+#include "libvkt/core/error.h"
 #include "shell/run.h"
 
 #include <cstdio>
@@ -22,7 +22,8 @@ int help(std::vector<std::string> const& words) {
         answer = search(words[1]);
         if (answer.empty()) throw Error(ErrorKind::failure, text("no command mentions '", words[1], "'"));
     } else if (words.front().starts_with("-")) {
-        throw Error(ErrorKind::usage, text("unknown option '", words.front(), "'"), "--list, --common and --search are known");
+        throw Error(ErrorKind::usage, text("unknown option '", words.front(), "'"),
+                    "--list, --common and --search are known");
     } else {
         std::vector<std::string> verb = words;
         verb.emplace_back("--help");
@@ -37,9 +38,12 @@ int help(std::vector<std::string> const& words) {
 Command help_command() {
     Command command;
     command.texts = {"List the commands, or explain one.",
-                     "vkt help [COMMAND]\n  --list         one command a line\n  --common       the options that all commands share\n"
+                     "vkt help [COMMAND]\n  --list         one command a line\n  --common       the options that all "
+                     "commands share\n"
                      "  --search WORD  commands whose texts mention a word",
-                     {{"All commands", "vkt help"}, {"One command", "vkt help crop"}, {"Find a command", "vkt help --search mirror"}}};
+                     {{"All commands", "vkt help"},
+                      {"One command", "vkt help crop"},
+                      {"Find a command", "vkt help --search mirror"}}};
     command.body = help;
     return command;
 }

@@ -35,7 +35,8 @@ std::vector<std::vector<std::string>> stages_of(std::string const& line) {
 }
 
 int pipe(std::vector<std::string> const& words) {
-    if (words.empty()) throw Error(ErrorKind::usage, "missing pipeline", "e.g. vkt pipe 'read a.nrrd | flip x | write b.nrrd'");
+    if (words.empty())
+        throw Error(ErrorKind::usage, "missing pipeline", "e.g. vkt pipe 'read a.nrrd | flip x | write b.nrrd'");
     // The pipeline is the last word; options before it are given to every stage.
     std::vector<std::string> const shared(words.begin(), words.end() - 1);
     std::deque<Invocation> stages;
@@ -48,11 +49,14 @@ int pipe(std::vector<std::string> const& words) {
     }
     for (auto& stage : stages) {
         stage.parse();
-        if (stage.common().help || stage.common().examples) throw Error(ErrorKind::usage, "--help has no meaning within a pipeline", "see 'vkt help'");
+        if (stage.common().help || stage.common().examples)
+            throw Error(ErrorKind::usage, "--help has no meaning within a pipeline", "see 'vkt help'");
     }
     for (std::size_t i = 0; i + 1 < stages.size(); ++i)
         if (stages[i].common_parameters().given("output"))
-            throw Error(ErrorKind::usage, text("--output of '", stages[i].verb().name, "' would end the pipeline there"), "only the last stage has an output");
+            throw Error(ErrorKind::usage,
+                        text("--output of '", stages[i].verb().name, "' would end the pipeline there"),
+                        "only the last stage has an output");
     return run(stages);
 }
 
@@ -60,10 +64,13 @@ int pipe(std::vector<std::string> const& words) {
 
 Command pipe_command() {
     Command command;
-    command.texts = {"Run a pipeline in one process: same result, no voxels through pipes.",
-                     "vkt pipe [options] 'STAGE | STAGE | …'\nOptions before the pipeline are given to all its stages (--threads, --memory, --dry-run, …).",
-                     {{"Read, crop and write without copying through pipes", "vkt pipe 'read volume.nrrd | crop --roi :,:,10:20 | write part.nrrd'"},
-                      {"What would happen", "vkt pipe --dry-run 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};
+    command.texts = {
+        "Run a pipeline in one process: same result, no voxels through pipes.",
+        "vkt pipe [options] 'STAGE | STAGE | …'\nOptions before the pipeline are given to all its stages (--threads, "
+        "--memory, --dry-run, …).",
+        {{"Read, crop and write without copying through pipes",
+          "vkt pipe 'read volume.nrrd | crop --roi :,:,10:20 | write part.nrrd'"},
+         {"What would happen", "vkt pipe --dry-run 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};
     command.body = pipe;
     return command;
 }

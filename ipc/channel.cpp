@@ -40,8 +40,9 @@ struct Address {
 std::optional<Address> address_of(int pipe) {
     struct stat status {};
     if (::fstat(pipe, &status) != 0 || !S_ISFIFO(status.st_mode)) return std::nullopt;
-    std::string const name = text("vkt-", static_cast<std::uint64_t>(::getuid()), "-", static_cast<std::uint64_t>(status.st_dev), "-",
-                                  static_cast<std::uint64_t>(status.st_ino));
+    std::string const name =
+        text("vkt-", static_cast<std::uint64_t>(::getuid()), "-", static_cast<std::uint64_t>(status.st_dev), "-",
+             static_cast<std::uint64_t>(status.st_ino));
     Address result;
     result.address.sun_family = AF_UNIX;
     std::memcpy(result.address.sun_path + 1, name.data(), name.size()); // a leading zero byte: abstract, no file
@@ -132,7 +133,8 @@ void SharedRing::map(bool writable) {
     using namespace boost::interprocess;
     try {
         mapping_ = std::make_unique<Mapping>();
-        mapping_->region = mapped_region(Mappable(descriptor_), writable ? read_write : read_only, 0, slots_ * slot_bytes_);
+        mapping_->region =
+            mapped_region(Mappable(descriptor_), writable ? read_write : read_only, 0, slots_ * slot_bytes_);
     } catch (interprocess_exception const& e) {
         throw Error(ErrorKind::resources, text("cannot map shared memory: ", e.what()));
     }
@@ -145,13 +147,16 @@ SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
     ring.slot_bytes_ = (slot_bytes + page - 1) / page * page;
     ring.descriptor_ = ::memfd_create("vkt-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING);
     std::size_t const bytes = ring.slots_ * ring.slot_bytes_;
-    // Pages of a memory file count against no limit: asked for more than there is, the kernel kills processes at random.
+    // Pages of a memory file count against no limit: asked for more than there is, the kernel kills processes at
+    // random.
     if (bytes > std::max(default_memory(), std::size_t{256} << 20))
         throw Error(ErrorKind::resources, text("a ring of ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory is more than a stage may hold"));
-    int const failure = ring.descriptor_ < 0 ? errno : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));
+    int const failure =
+        ring.descriptor_ < 0 ? errno : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));
     if (failure != 0)
-        throw Error(ErrorKind::resources, text("cannot have ", bytes_text(static_cast<double>(bytes)), " of shared memory: ", std::strerror(failure)));
+        throw Error(ErrorKind::resources, text("cannot have ", bytes_text(static_cast<double>(bytes)),
+                                               " of shared memory: ", std::strerror(failure)));
     // Nobody may shrink it under the other's feet.
     ::fcntl(ring.descriptor_, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
     ring.map(true);
@@ -165,7 +170,8 @@ SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slo
     ring.slot_bytes_ = slot_bytes;
     struct stat status {};
     constexpr std::size_t most = std::size_t{1} << 46;
-    bool const sane = slots > 0 && slots < 65536 && slot_bytes > 0 && slot_bytes < most && ::fstat(descriptor, &status) == 0 &&
+    bool const sane = slots > 0 && slots < 65536 && slot_bytes > 0 && slot_bytes < most &&
+                      ::fstat(descriptor, &status) == 0 &&
                       static_cast<std::size_t>(status.st_size) >= slots * slot_bytes &&
                       (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
     if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
@@ -177,9 +183,10 @@ ProducerChannel::ProducerChannel(int pipe) : pipe_(pipe) {
     auto const address = address_of(pipe);
     if (!address) return;
     listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    bool const listening = listener_ >= 0 &&
-                           ::bind(listener_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
-                           ::listen(listener_, 1) == 0;
+    bool const listening =
+        listener_ >= 0 &&
+        ::bind(listener_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
+        ::listen(listener_, 1) == 0;
     if (!listening) close_descriptor(listener_);
 }
 
@@ -197,7 +204,8 @@ bool ProducerChannel::connected(std::chrono::milliseconds wait) {
     if (candidate < 0) return false;
     std::uint32_t word = 0;
     pollfd hello{candidate, POLLIN, 0};
-    bool const greeted = same_user(candidate) && ::poll(&hello, 1, 1000) == 1 && ::recv(candidate, &word, sizeof word, 0) == sizeof word && word == greeting;
+    bool const greeted = same_user(candidate) && ::poll(&hello, 1, 1000) == 1 &&
+                         ::recv(candidate, &word, sizeof word, 0) == sizeof word && word == greeting;
     if (!greeted) {
         close_descriptor(candidate);
         return false;
@@ -241,7 +249,8 @@ ConsumerChannel::ConsumerChannel(int pipe) {
     auto const address = address_of(pipe);
     if (!address) return;
     peer_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
-    bool const met = peer_ >= 0 && ::connect(peer_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
+    bool const met = peer_ >= 0 &&
+                     ::connect(peer_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
                      same_user(peer_) && ::send(peer_, &greeting, sizeof greeting, MSG_NOSIGNAL) == sizeof greeting;
     if (!met) close_descriptor(peer_);
 }
@@ -251,20 +260,25 @@ ConsumerChannel::~ConsumerChannel() { close_descriptor(peer_); }
 void ConsumerChannel::receive_ring() {
     RingMessage message;
     int const descriptor = receive_descriptor(peer_, message);
-    if (descriptor < 0 || message.greeting != greeting) throw Error(ErrorKind::data, "an upstream command ended before it shared its memory");
+    if (descriptor < 0 || message.greeting != greeting)
+        throw Error(ErrorKind::data, "an upstream command ended before it shared its memory");
     rings_.push_back(SharedRing::open(descriptor, message.slots, message.slot_bytes));
 }
 
 std::byte const* ConsumerChannel::slot(std::uint32_t name, std::size_t bytes) {
     std::uint32_t const generation = name >> 16;
     std::uint32_t const index = name & 0xffff;
-    if (!connected() || generation == 0) throw Error(ErrorKind::data, "a slab lies in shared memory that was not offered to this command");
+    if (!connected() || generation == 0)
+        throw Error(ErrorKind::data, "a slab lies in shared memory that was not offered to this command");
     while (rings_.size() < generation) receive_ring();
     SharedRing const& ring = rings_[generation - 1];
-    if (index >= ring.slots() || bytes > ring.slot_bytes()) throw Error(ErrorKind::data, "a slab lies outside the shared memory");
+    if (index >= ring.slots() || bytes > ring.slot_bytes())
+        throw Error(ErrorKind::data, "a slab lies outside the shared memory");
     return ring.slot(index);
 }
 
-void ConsumerChannel::give_back(std::uint32_t name) { [[maybe_unused]] ssize_t const n = ::send(peer_, &name, sizeof name, MSG_NOSIGNAL); }
+void ConsumerChannel::give_back(std::uint32_t name) {
+    [[maybe_unused]] ssize_t const n = ::send(peer_, &name, sizeof name, MSG_NOSIGNAL);
+}
 
 } // namespace vkt::ipc

@@ -20,12 +20,12 @@ std::uint64_t hash_of(FrameHeader const& header) { return XXH3_64bits(&header, o
 
 Json parse(std::string_view text, char const* what) {
     Json object = Json::parse(text, nullptr, false);
-    if (object.is_discarded() || !object.is_object()) throw Error(ErrorKind::data, vkt::text("a malformed ", what, " frame"));
+    if (object.is_discarded() || !object.is_object())
+        throw Error(ErrorKind::data, vkt::text("a malformed ", what, " frame"));
     return object;
 }
 
-template <class T>
-T value(Json const& object, char const* key, T fallback) {
+template <class T> T value(Json const& object, char const* key, T fallback) {
     auto const found = object.find(key);
     if (found == object.end()) return fallback;
     if constexpr (std::is_same_v<T, std::string>) {

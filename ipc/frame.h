@@ -27,16 +27,16 @@ enum class FrameType : std::uint32_t {
     error = 0x20525245,  ///< "ERR "
 };
 
-inline constexpr std::uint32_t flag_required = 1;  ///< a reader that does not know the type must refuse the stream
-inline constexpr std::uint32_t flag_checksum = 2;  ///< `checksum` holds the XXH3-64 of the payload
+inline constexpr std::uint32_t flag_required = 1; ///< a reader that does not know the type must refuse the stream
+inline constexpr std::uint32_t flag_checksum = 2; ///< `checksum` holds the XXH3-64 of the payload
 
 /// 32 bytes, little endian, before every payload.
 struct FrameHeader {
     FrameType type = FrameType::end;
     std::uint32_t flags = 0;
-    std::uint64_t length = 0;    ///< bytes of payload that follow
-    std::uint64_t checksum = 0;  ///< of the payload, if flagged; otherwise 0
-    std::uint64_t self = 0;      ///< XXH3-64 of the 24 bytes before it
+    std::uint64_t length = 0;   ///< bytes of payload that follow
+    std::uint64_t checksum = 0; ///< of the payload, if flagged; otherwise 0
+    std::uint64_t self = 0;     ///< XXH3-64 of the 24 bytes before it
 };
 static_assert(sizeof(FrameHeader) == 32);
 
@@ -51,7 +51,7 @@ struct SlabHeader {
     std::int64_t z_begin = 0, z_end = 0; ///< slices, half-open
     Place place = Place::here;
     std::uint32_t slot = 0;
-    std::uint64_t bytes = 0;             ///< of voxels
+    std::uint64_t bytes = 0; ///< of voxels
 };
 static_assert(sizeof(SlabHeader) == 32);
 

@@ -18,7 +18,7 @@ enum class Transport : std::uint8_t { pipe, shm };
 struct StreamOptions {
     Transport transport = Transport::pipe;
     bool checksum = true;
-    std::string stage = "vkt"; ///< names this process in ERR frames and notices
+    std::string stage = "vkt";                      ///< names this process in ERR frames and notices
     std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty
 };
 

@@ -83,8 +83,8 @@ private:
     StreamOptions options_;
     std::size_t pipe_bytes_ = 0; ///< capacity of the pipe; 0 if the output is no pipe
     std::unique_ptr<ProducerChannel> channel_;
-    bool shares_ = false;  ///< slabs go through shared memory
-    bool direct_ = false;  ///< the reader copies out of the pipe itself, so pages may be mapped into it
+    bool shares_ = false; ///< slabs go through shared memory
+    bool direct_ = false; ///< the reader copies out of the pipe itself, so pages may be mapped into it
     bool told_ = false;
     Header header_;
     EndReport end_;
@@ -149,10 +149,12 @@ void StreamSink::Writer::meet_consumer() {
 /// Puts the current slab into a slot of shared memory; false if there is none to be had.
 bool StreamSink::Writer::take_slot() {
     try {
-        if (channel_->ring() == nullptr || channel_->ring()->slot_bytes() < current_.bytes) channel_->share_ring(shared_slots, current_.bytes);
+        if (channel_->ring() == nullptr || channel_->ring()->slot_bytes() < current_.bytes)
+            channel_->share_ring(shared_slots, current_.bytes);
     } catch (Error const& e) {
         shares_ = false;
-        if (!std::exchange(told_, true) && options_.notice) options_.notice(text(e.what(), ": voxels go through the pipe"));
+        if (!std::exchange(told_, true) && options_.notice)
+            options_.notice(text(e.what(), ": voxels go through the pipe"));
         return false;
     }
     auto const begin = Clock::now();
@@ -225,7 +227,8 @@ void StreamSink::Writer::work() {
     }
 }
 
-/// The reader must be a vkt process at the other end of this very pipe: others (pv, tee) may keep references to the pages.
+/// The reader must be a vkt process at the other end of this very pipe: others (pv, tee) may keep references to the
+/// pages.
 bool StreamSink::Writer::may_splice(Slab const& slab) {
     if (!channel_ || slab.bytes < splice_bytes || slab.voxels.bytes() < mapped_bytes) return false;
     if (!direct_) direct_ = channel_->connected();
@@ -247,9 +250,11 @@ void StreamSink::Writer::recycle(Slab slab) {
 }
 
 void StreamSink::Writer::write_slab(Slab& slab) {
-    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, slab.slot ? Place::shared : Place::here, slab.slot.value_or(0), slab.bytes};
+    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, slab.slot ? Place::shared : Place::here,
+                          slab.slot.value_or(0), slab.bytes};
     FrameHeader frame{FrameType::slab, flag_required, sizeof head + (slab.slot ? 0 : slab.bytes), 0, 0};
-    if (options_.checksum && !slab.slot) { // shared voxels never leave memory: there is no way on which they could be damaged
+    if (options_.checksum &&
+        !slab.slot) { // shared voxels never leave memory: there is no way on which they could be damaged
         frame.flags |= flag_checksum;
         frame.checksum = hash({slab.voxels.read(Space::host), slab.bytes}, hash(std::as_bytes(std::span(&head, 1))));
     }
@@ -284,7 +289,8 @@ void StreamSink::Writer::put_hierarchical(Volume const& volume) {
         for (std::size_t i = first; i < bricks.size() && records.size() < bricks_per_frame; ++i) {
             Brick const& b = bricks[i];
             records.push_back({{b.lower.x, b.lower.y, b.lower.z},
-                               {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y), static_cast<std::int32_t>(b.dims.z)},
+                               {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y),
+                                static_cast<std::int32_t>(b.dims.z)},
                                b.level});
             count += b.cells();
         }
@@ -344,7 +350,8 @@ void StreamSink::Writer::fail(std::string const& stage, std::string const& messa
     write_text(FrameType::error, to_json(ErrorReport{stage, message, 1}), !open_volume_);
 }
 
-StreamSink::StreamSink(int descriptor, StreamOptions options) : writer_(std::make_unique<Writer>(descriptor, std::move(options))) {}
+StreamSink::StreamSink(int descriptor, StreamOptions options)
+    : writer_(std::make_unique<Writer>(descriptor, std::move(options))) {}
 StreamSink::~StreamSink() = default;
 void StreamSink::begin(Header const& header) { writer_->begin(header); }
 AnyView StreamSink::acquire(Box const& slab) { return writer_->acquire(slab); }
@@ -354,6 +361,8 @@ void StreamSink::close() { writer_->close(); }
 void StreamSink::fail(std::string const& stage, std::string const& message) { writer_->fail(stage, message); }
 void StreamSink::put_hierarchical(Volume const& volume) { writer_->put_hierarchical(volume); }
 Traffic StreamSink::traffic() const { return writer_->traffic(); }
-void StreamSink::report_stages(std::function<std::vector<StageReport>()> reports) { writer_->reports = std::move(reports); }
+void StreamSink::report_stages(std::function<std::vector<StageReport>()> reports) {
+    writer_->reports = std::move(reports);
+}
 
 } // namespace vkt::ipc

@@ -16,9 +16,9 @@
 #include <deque>
 #include <exception>
 #include <mutex>
-#include <thread>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <thread>
 #include <unistd.h>
 #include <vector>
 
@@ -98,7 +98,8 @@ private:
     void wait() const {
         if (!pipe_) return;
         std::array<pollfd, 2> entries{{{bytes_->descriptor(), POLLIN, 0}, {cancel_, POLLIN, 0}}};
-        while (::poll(entries.data(), entries.size(), -1) < 0 && errno == EINTR) {}
+        while (::poll(entries.data(), entries.size(), -1) < 0 && errno == EINTR) {
+        }
         if (entries[1].revents != 0) throw Cancelled{};
     }
 
@@ -125,7 +126,8 @@ bool is_stream(std::span<std::byte const> head) {
 
 class StreamSource::Reader {
 public:
-    Reader(std::unique_ptr<ByteSource> bytes, StreamOptions options) : input_(std::move(bytes)), options_(std::move(options)) {}
+    Reader(std::unique_ptr<ByteSource> bytes, StreamOptions options)
+        : input_(std::move(bytes)), options_(std::move(options)) {}
     ~Reader() { stop(); }
     Reader(Reader const&) = delete;
     Reader& operator=(Reader const&) = delete;
@@ -195,21 +197,24 @@ private:
 void StreamSource::Reader::ended_early() {
     double const total = static_cast<double>(header_.bytes());
     double const got = static_cast<double>(bytes_);
-    throw Error(ErrorKind::data,
-                in_volume_ ? text("the volume on ", input_.name(), " ended early: ", bytes_text(got), " of ", bytes_text(total))
-                           : text("the stream on ", input_.name(), " ended early, within its header"),
-                "an upstream command failed or the file was cut off");
+    throw Error(
+        ErrorKind::data,
+        in_volume_ ? text("the volume on ", input_.name(), " ended early: ", bytes_text(got), " of ", bytes_text(total))
+                   : text("the stream on ", input_.name(), " ended early, within its header"),
+        "an upstream command failed or the file was cut off");
 }
 
 FrameHeader StreamSource::Reader::read_frame_header() {
     FrameHeader frame;
     if (input_.read(&frame, sizeof frame) != sizeof frame) ended_early();
-    if (!intact(frame)) throw Error(ErrorKind::data, text("a frame header on ", input_.name(), " is damaged (checksum)"));
+    if (!intact(frame))
+        throw Error(ErrorKind::data, text("a frame header on ", input_.name(), " is damaged (checksum)"));
     return frame;
 }
 
 std::string StreamSource::Reader::read_text(FrameHeader const& frame, char const* what) {
-    if (frame.length > largest_text) throw Error(ErrorKind::data, text("the ", what, " frame on ", input_.name(), " is too large"));
+    if (frame.length > largest_text)
+        throw Error(ErrorKind::data, text("the ", what, " frame on ", input_.name(), " is too large"));
     std::string payload;
     // Grows with what arrives: the stated length allocates nothing.
     while (payload.size() < frame.length) {
@@ -233,15 +238,19 @@ bool StreamSource::Reader::next_frame(FrameHeader& frame) {
         frame = read_frame_header();
         switch (frame.type) {
         case FrameType::slab:
-        case FrameType::bricks: return true;
-        case FrameType::end: check_end(frame); return false;
+        case FrameType::bricks:
+            return true;
+        case FrameType::end:
+            check_end(frame);
+            return false;
         case FrameType::error: {
             ErrorReport const error = error_from_json(read_text(frame, "ERR"));
             throw UpstreamError(text(error.stage, ": ", error.message));
         }
         default:
             if ((frame.flags & flag_required) != 0)
-                throw Error(ErrorKind::data, text("the stream on ", input_.name(), " needs a newer vkt (unknown frame)"));
+                throw Error(ErrorKind::data,
+                            text("the stream on ", input_.name(), " needs a newer vkt (unknown frame)"));
             if (input_.discard(frame.length) != frame.length) ended_early();
         }
     }
@@ -251,8 +260,9 @@ void StreamSource::Reader::check_end(FrameHeader const& frame) {
     EndReport report = end_from_json(read_text(frame, "END"));
     std::uint64_t const expected = header_.dry_run ? 0 : header_.bytes();
     if (report.bytes != bytes_ || report.frames != frames_ || bytes_ != expected)
-        throw Error(ErrorKind::data, text("the volume on ", input_.name(), " is incomplete: ", bytes_text(static_cast<double>(bytes_)),
-                                          " of ", bytes_text(static_cast<double>(expected))));
+        throw Error(ErrorKind::data,
+                    text("the volume on ", input_.name(), " is incomplete: ", bytes_text(static_cast<double>(bytes_)),
+                         " of ", bytes_text(static_cast<double>(expected))));
     if (report.checksum != 0 && all_checked_ && report.checksum != chain_)
         throw Error(ErrorKind::data, text("the volume on ", input_.name(), " is damaged (checksum over all slabs)"));
     end_ = std::move(report);
@@ -264,7 +274,8 @@ bool StreamSource::Reader::next_volume() {
     std::size_t const got = input_.read(start.data(), start.size());
     if (got == 0 && any_volume_) return false;
     if (got == 0)
-        throw Error(ErrorKind::data, text("no volume on ", input_.name(), ": it is empty"), "an upstream command failed before it wrote anything");
+        throw Error(ErrorKind::data, text("no volume on ", input_.name(), ": it is empty"),
+                    "an upstream command failed before it wrote anything");
     if (got < start.size() && std::memcmp(start.data(), magic.data(), got) == 0) ended_early();
     if (start != magic) {
         bool const other_version = std::memcmp(start.data(), magic.data(), 3) == 0;
@@ -276,7 +287,8 @@ bool StreamSource::Reader::next_volume() {
         ErrorReport const error = error_from_json(read_text(frame, "ERR"));
         throw UpstreamError(text(error.stage, ": ", error.message));
     }
-    if (frame.type != FrameType::header) throw Error(ErrorKind::data, text("the stream on ", input_.name(), " does not begin with a header"));
+    if (frame.type != FrameType::header)
+        throw Error(ErrorKind::data, text("the stream on ", input_.name(), " does not begin with a header"));
     header_ = header_from_json(read_text(frame, "HEAD"));
     // Only now is it certain that the producer is a vkt process and listens.
     if (!channel_ && is_pipe(input_.descriptor())) channel_ = std::make_unique<ConsumerChannel>(input_.descriptor());
@@ -315,7 +327,8 @@ std::int64_t StreamSource::Reader::first_slab_height() {
     }
     std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
     std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
-    return pending_slab_->place == Place::shared || pending_slab_->bytes <= 2 * piece_bytes ? height : std::min(height, most);
+    return pending_slab_->place == Place::shared || pending_slab_->bytes <= 2 * piece_bytes ? height
+                                                                                            : std::min(height, most);
 }
 
 void StreamSource::Reader::start() {
@@ -400,7 +413,8 @@ void StreamSource::Reader::release_front() {
 }
 
 void StreamSource::Reader::read_shared(SlabHeader const& slab) {
-    if (!channel_) throw Error(ErrorKind::data, text("a slab on ", input_.name(), " lies in shared memory of another pipeline"));
+    if (!channel_)
+        throw Error(ErrorKind::data, text("a slab on ", input_.name(), " lies in shared memory of another pipeline"));
     Piece piece;
     piece.shared = channel_->slot(slab.slot, slab.bytes);
     piece.slot = slab.slot;
@@ -463,7 +477,8 @@ Piece* StreamSource::Reader::piece_with(std::int64_t z) {
         for (auto& piece : ready_)
             if (piece.z_begin <= z && z < piece.z_end) return &piece;
         if (failure_) std::rethrow_exception(failure_);
-        if (complete_ || z < released_z_) throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
+        if (complete_ || z < released_z_)
+            throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
         auto const begin = Clock::now();
         changed_.wait(lock);
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
@@ -531,15 +546,19 @@ Volume StreamSource::Reader::load_hierarchical() {
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
         throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
     std::vector<Brick> bricks;
-    std::vector<std::pair<std::size_t, Buffer>> blocks; // cells as they arrive; joined once the volume is known to be whole
+    std::vector<std::pair<std::size_t, Buffer>>
+        blocks; // cells as they arrive; joined once the volume is known to be whole
     FrameHeader frame;
     std::int64_t cells_left = header_.cell_count;
     while (next_frame(frame)) {
-        if (frame.type != FrameType::bricks) throw Error(ErrorKind::data, text("slabs in the hierarchical volume on ", input_.name()));
+        if (frame.type != FrameType::bricks)
+            throw Error(ErrorKind::data, text("slabs in the hierarchical volume on ", input_.name()));
         BricksHeader group;
-        if (frame.length < sizeof group) throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has no header"));
+        if (frame.length < sizeof group)
+            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has no header"));
         if (input_.read(&group, sizeof group) != sizeof group) ended_early();
-        if (group.first != bricks.size() || group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
+        if (group.first != bricks.size() ||
+            group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
             group.count > (frame.length - sizeof group) / sizeof(BrickRecord))
             throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
         std::vector<BrickRecord> const records = read_records(group.count);
@@ -555,7 +574,8 @@ Volume StreamSource::Reader::load_hierarchical() {
         }
         cells_left -= cells;
         std::size_t const bytes = static_cast<std::size_t>(cells) * size_of(header_.dtype);
-        if (frame.length != sizeof group + record_bytes + bytes) throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
+        if (frame.length != sizeof group + record_bytes + bytes)
+            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
         Buffer block(bytes);
         std::byte* const target = block.write(Space::host);
         std::size_t const got = input_.read(target, bytes);
@@ -572,7 +592,8 @@ Volume StreamSource::Reader::load_hierarchical() {
     }
     complete_ = true;
     in_volume_ = false;
-    if (static_cast<std::int64_t>(bricks.size()) != header_.brick_count) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+    if (static_cast<std::int64_t>(bricks.size()) != header_.brick_count)
+        throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
     Volume volume(header_, std::move(bricks));
     std::byte* target = volume.buffer().write(Space::host);
     for (auto& [bytes, block] : blocks) {

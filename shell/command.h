@@ -23,8 +23,8 @@ struct Example {
 };
 
 struct Texts {
-    std::string summary;      ///< one sentence, capital first, full stop last
-    std::string description;  ///< paragraphs for help; may be empty
+    std::string summary;     ///< one sentence, capital first, full stop last
+    std::string description; ///< paragraphs for help; may be empty
     std::vector<Example> examples;
 };
 
@@ -91,22 +91,19 @@ struct NamedCommand {
     Command command;
 };
 
-template <class T>
-Command operation_command(Texts texts) {
+template <class T> Command operation_command(Texts texts) {
     Command c;
     c.texts = std::move(texts);
     c.operation = [] { return std::make_unique<T>(); };
     return c;
 }
-template <class T>
-Command consumer_command(Texts texts) {
+template <class T> Command consumer_command(Texts texts) {
     Command c;
     c.texts = std::move(texts);
     c.consumer = [] { return std::make_unique<T>(); };
     return c;
 }
-template <class T>
-Command opener_command(Texts texts) {
+template <class T> Command opener_command(Texts texts) {
     Command c;
     c.texts = std::move(texts);
     c.opener = [] { return std::make_unique<T>(); };

@@ -18,7 +18,9 @@ std::string environment(char const* name) {
 
 void Common::declare(Parameters& p, CommonKind kind) {
     if (kind.volume_output || kind.file_output) {
-        p.option("output", output, "OUT", "output file, '-' for standard output (the default)").short_form('o').not_in_history();
+        p.option("output", output, "OUT", "output file, '-' for standard output (the default)")
+            .short_form('o')
+            .not_in_history();
         p.flag("force", force, "overwrite an existing output file").not_in_history();
     }
     if (kind.volume_output) {
@@ -26,12 +28,14 @@ void Common::declare(Parameters& p, CommonKind kind) {
         p.flag("compress", compress, "compress the output file, where the format can").not_in_history();
         p.flag("no-checksum", no_checksum, "do not checksum the voxels in the stream").not_in_history();
         p.flag("no-history", no_history, "do not record this command in the volume's history").not_in_history();
-        p.option("transport", transport, "T", "how voxels travel to the next stage: pipe or shm (VKT_TRANSPORT)").not_in_history();
+        p.option("transport", transport, "T", "how voxels travel to the next stage: pipe or shm (VKT_TRANSPORT)")
+            .not_in_history();
     }
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
     p.option("device", device, "D", "auto, cpu, gpu or gpu:N (VKT_DEVICE)").not_in_history();
     p.option("threads", threads, "N", "threads to compute with (VKT_THREADS)").not_in_history();
-    p.option("memory", memory, "SIZE", "memory a stage may hold before it spools, e.g. 2GiB (VKT_MEMORY)").not_in_history();
+    p.option("memory", memory, "SIZE", "memory a stage may hold before it spools, e.g. 2GiB (VKT_MEMORY)")
+        .not_in_history();
     p.option("slab", slab, "N", "slices per slab; results do not depend on it").not_in_history();
     p.flag("dry-run", dry_run, "print the plan, move no voxels").short_form('n').not_in_history();
     p.flag("explain", explain, "print method, error bound and cost").not_in_history();
@@ -45,22 +49,27 @@ void Common::declare(Parameters& p, CommonKind kind) {
 
 Execution Common::execution() const {
     Execution execution = default_execution();
-    std::string const asked = device != "auto" || environment("VKT_DEVICE").empty() ? device : environment("VKT_DEVICE");
+    std::string const asked =
+        device != "auto" || environment("VKT_DEVICE").empty() ? device : environment("VKT_DEVICE");
     std::string const name = asked.substr(0, asked.find(':'));
     execution.device = parse_enum<Device>(name, "--device");
     if (name != asked) {
-        if (execution.device != Device::gpu) throw Error(ErrorKind::usage, text("--device ", asked, ": only GPUs are numbered"));
+        if (execution.device != Device::gpu)
+            throw Error(ErrorKind::usage, text("--device ", asked, ": only GPUs are numbered"));
         execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "device");
     }
     if (execution.device == Device::gpu) {
         int const n = gpu_count();
         if (!built_with_cuda())
-            throw Error(ErrorKind::resources, "this vkt was built without CUDA", "use --device cpu, or build with -DVKT_CUDA=ON");
+            throw Error(ErrorKind::resources, "this vkt was built without CUDA",
+                        "use --device cpu, or build with -DVKT_CUDA=ON");
         if (execution.gpu < 0 || execution.gpu >= n)
-            throw Error(ErrorKind::resources, text("there is no GPU ", execution.gpu, " (", n, " found)"), "use --device cpu");
+            throw Error(ErrorKind::resources, text("there is no GPU ", execution.gpu, " (", n, " found)"),
+                        "use --device cpu");
     }
     if (threads) {
-        if (*threads < 1 || *threads > 4096) throw Error(ErrorKind::usage, text("--threads ", *threads, " is not between 1 and 4096"));
+        if (*threads < 1 || *threads > 4096)
+            throw Error(ErrorKind::usage, text("--threads ", *threads, " is not between 1 and 4096"));
         execution.threads = *threads;
     }
     if (memory) execution.memory = parse_size(*memory);

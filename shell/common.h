@@ -10,14 +10,12 @@
 #include <string>
 
 namespace vkt {
-template <>
-struct EnumNames<Device> {
+template <> struct EnumNames<Device> {
     static std::vector<std::pair<Device, char const*>> all() {
         return {{Device::automatic, "auto"}, {Device::cpu, "cpu"}, {Device::gpu, "gpu"}};
     }
 };
-template <>
-struct EnumNames<ipc::Transport> {
+template <> struct EnumNames<ipc::Transport> {
     static std::vector<std::pair<ipc::Transport, char const*>> all() {
         return {{ipc::Transport::pipe, "pipe"}, {ipc::Transport::shm, "shm"}};
     }

@@ -43,7 +43,8 @@ std::string usage_line(Invocation& invocation) {
     for (auto const& p : invocation.own_parameters().all())
         if (p.positional) line += p.required ? text(" ", p.value_name) : text(" [", p.value_name, "]");
     if (!invocation.command().verbs.empty()) line += " METHOD";
-    int const inputs = invocation.operation()  ? (invocation.operation()->input_names().empty() ? invocation.operation()->inputs() : 0)
+    int const inputs = invocation.operation()
+                           ? (invocation.operation()->input_names().empty() ? invocation.operation()->inputs() : 0)
                        : invocation.consumer() ? invocation.consumer()->inputs()
                                                : 0;
     for (int i = 0; i < inputs; ++i) line += " [IN]";
@@ -59,12 +60,14 @@ void examples_into(std::string& lines, Command const& command) {
 } // namespace
 
 std::string overview() {
-    std::string result = "vkt: a volume toolset for pipelines\n\n"
-                         "  vkt read scan.nrrd | vkt resample --scale 0.5 | vkt filter gaussian --sigma 2 | vkt render -o scan.png\n"
-                         "  vkt crop scan.nrrd --roi 25%:75%,:,: -o part.nrrd\n"
-                         "  vkt stats scan.nrrd --json\n\nCommands:\n";
+    std::string result =
+        "vkt: a volume toolset for pipelines\n\n"
+        "  vkt read scan.nrrd | vkt resample --scale 0.5 | vkt filter gaussian --sigma 2 | vkt render -o scan.png\n"
+        "  vkt crop scan.nrrd --roi 25%:75%,:,: -o part.nrrd\n"
+        "  vkt stats scan.nrrd --json\n\nCommands:\n";
     for (auto const& [name, command] : commands()) result += text(padded("  " + name, 16), command.texts.summary, "\n");
-    return result + "\n'vkt COMMAND --help' explains a command, 'vkt help --search WORD' finds one, man vkt tells the rest.\n";
+    return result +
+           "\n'vkt COMMAND --help' explains a command, 'vkt help --search WORD' finds one, man vkt tells the rest.\n";
 }
 
 std::string verb_list() {
@@ -90,12 +93,14 @@ std::string command_help(Invocation& invocation) {
     if (!command.texts.description.empty()) result += text("\n", command.texts.description, "\n");
     if (!command.verbs.empty()) {
         result += "\nMethods:\n";
-        for (auto const& [name, verb] : command.verbs) result += text(padded("  " + name, 20), verb.texts.summary, "\n");
+        for (auto const& [name, verb] : command.verbs)
+            result += text(padded("  " + name, 20), verb.texts.summary, "\n");
     }
     std::string positionals;
     for (auto const& p : invocation.own_parameters().all())
         if (p.positional)
-            positionals += text(padded("  " + p.value_name, column), p.help, p.choices.empty() ? "" : text(" [", join(p.choices, "|"), "]"), "\n");
+            positionals += text(padded("  " + p.value_name, column), p.help,
+                                p.choices.empty() ? "" : text(" [", join(p.choices, "|"), "]"), "\n");
     if (!positionals.empty()) result += "\nArguments:\n" + positionals;
     std::string const own = option_lines(invocation.own_parameters());
     if (!own.empty()) result += "\nOptions:\n" + own;
@@ -117,8 +122,10 @@ std::string search(std::string const& word) {
     auto const look = [&](std::string const& name, Command const& command) {
         std::string all = name + " " + command.texts.summary + " " + command.texts.description;
         Invocation invocation({name, &command, {}});
-        for (auto const& p : invocation.own_parameters().all()) all += " " + p.name + " " + p.help + " " + join(p.choices, " ");
-        if (lower_case(all).find(needle) != std::string::npos) result += text(padded("  " + name, 22), command.texts.summary, "\n");
+        for (auto const& p : invocation.own_parameters().all())
+            all += " " + p.name + " " + p.help + " " + join(p.choices, " ");
+        if (lower_case(all).find(needle) != std::string::npos)
+            result += text(padded("  " + name, 22), command.texts.summary, "\n");
     };
     for (auto const& [name, command] : commands()) {
         look(name, command);

@@ -9,12 +9,12 @@
 
 namespace vkt::shell {
 
-std::string overview();                                ///< `vkt help`
-std::string verb_list();                               ///< one verb a line, sub-verbs as "filter gaussian"
-std::string command_help(Invocation& invocation);      ///< examples first
-std::string command_examples(Command const& command);  ///< one command line a line
-std::string common_help();                             ///< the options that all commands share
-std::string search(std::string const& word);           ///< verbs whose texts mention the word
+std::string overview();                               ///< `vkt help`
+std::string verb_list();                              ///< one verb a line, sub-verbs as "filter gaussian"
+std::string command_help(Invocation& invocation);     ///< examples first
+std::string command_examples(Command const& command); ///< one command line a line
+std::string common_help();                            ///< the options that all commands share
+std::string search(std::string const& word);          ///< verbs whose texts mention the word
 /// Candidates for the last of the words (which may be empty), for the shells' completion functions.
 std::vector<std::string> completions(std::vector<std::string> words);
 

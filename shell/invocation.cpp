@@ -21,7 +21,8 @@ std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
     return names;
 }
 
-[[noreturn]] void unknown_verb(std::string const& word, std::vector<std::string> const& names, std::string const& after) {
+[[noreturn]] void unknown_verb(std::string const& word, std::vector<std::string> const& names,
+                               std::string const& after) {
     std::string const near = nearest_name(word, names);
     throw Error(ErrorKind::usage, text("'", after, word, "' is not a command"),
                 near.empty() ? text("'vkt help' lists the commands") : text("did you mean '", after, near, "'?"));
@@ -34,7 +35,8 @@ Verb find_verb(std::vector<std::string> const& words) {
     Verb verb{words.front(), lookup(commands(), words.front()), {words.begin() + 1, words.end()}};
     if (verb.command == nullptr) unknown_verb(verb.name, names_of(commands()), "");
     if (verb.command->verbs.empty()) return verb;
-    if (verb.words.empty() || verb.words.front().starts_with("-")) return verb; // help, or a complaint by whoever runs it
+    if (verb.words.empty() || verb.words.front().starts_with("-"))
+        return verb; // help, or a complaint by whoever runs it
     Command const* const sub = lookup(verb.command->verbs, verb.words.front());
     if (sub == nullptr) unknown_verb(verb.words.front(), names_of(verb.command->verbs), verb.name + " ");
     return {verb.name + " " + verb.words.front(), sub, {verb.words.begin() + 1, verb.words.end()}};
@@ -65,14 +67,16 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
     // A command that gives an option its own meaning (read --format) takes it from the common ones.
     std::erase_if(shared_.all(), [&](Parameter const& p) { return own_.find(p.name) != nullptr; });
     if (inputs > 0 && !inputs_are_parameters_) {
-        Parameter& p = positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
+        Parameter& p =
+            positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
         p.optional().values(1, inputs).not_in_history();
     }
 }
 
 void Invocation::parse() {
     auto const& words = verb_.words;
-    bool const asks = std::any_of(words.begin(), words.end(), [](auto const& w) { return w == "--help" || w == "-h" || w == "--examples"; });
+    bool const asks = std::any_of(words.begin(), words.end(),
+                                  [](auto const& w) { return w == "--help" || w == "-h" || w == "--examples"; });
     if (asks) {
         common_.examples = std::find(words.begin(), words.end(), "--examples") != words.end();
         common_.help = !common_.examples;
@@ -81,7 +85,8 @@ void Invocation::parse() {
     if (!verb_.command->verbs.empty() && !operation_) {
         std::vector<std::string> names;
         for (auto const& entry : verb_.command->verbs) names.push_back(entry.name);
-        throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")), text("try 'vkt ", verb_.name, " --help'"));
+        throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")),
+                    text("try 'vkt ", verb_.name, " --help'"));
     }
     parse_words(words, {&own_, &positional_inputs_, &shared_});
     if (operation_) operation_->check();
@@ -103,7 +108,8 @@ void Invocation::resolve_inputs() {
         while (inputs_.size() < n) inputs_.emplace_back("-");
     }
     if (std::count(inputs_.begin(), inputs_.end(), "-") > 1)
-        throw Error(ErrorKind::usage, "standard input can be read only once", "give the other input as a file or as <(vkt …)");
+        throw Error(ErrorKind::usage, "standard input can be read only once",
+                    "give the other input as a file or as <(vkt …)");
 }
 
 std::vector<std::string> Invocation::history_words() const {

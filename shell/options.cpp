@@ -39,7 +39,8 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
             continue;
         }
         if (last != nullptr && last->min_values == 3 && last->max_values == 3 && word.find(',') != std::string::npos) {
-            for (auto& part : split(word, ',')) result.push_back(is_negative_number(part) ? minus + part.substr(1) : part);
+            for (auto& part : split(word, ','))
+                result.push_back(is_negative_number(part) ? minus + part.substr(1) : part);
             last = nullptr;
             continue;
         }
@@ -76,7 +77,8 @@ std::string spelling(Parameter const& p) {
         }
     std::string const bare = word.substr(0, word.find('='));
     std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
-    throw Error(ErrorKind::usage, text("unknown option '", bare, "'"), near.empty() ? "see --help" : text("did you mean '", near, "'?"));
+    throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
+                near.empty() ? "see --help" : text("did you mean '", near, "'?"));
 }
 
 } // namespace
@@ -115,7 +117,8 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
         for (Parameter& p : list->all()) {
             if (options[&p]->count() == 0) {
                 if (p.required)
-                    throw Error(ErrorKind::usage, text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
+                    throw Error(ErrorKind::usage,
+                                text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
                 continue;
             }
             auto& given = values[&p];
@@ -123,7 +126,8 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             auto const most = static_cast<std::size_t>(std::max(p.max_values, 0));
             if (most > 0 && given.size() > most) {
                 if (p.positional) throw Error(ErrorKind::usage, text("unexpected argument '", given[most], "'"));
-                throw Error(ErrorKind::usage, text("--", p.name, most == 1 ? " is given more than once" : " is given too many values"));
+                throw Error(ErrorKind::usage,
+                            text("--", p.name, most == 1 ? " is given more than once" : " is given too many values"));
             }
             p.set(given);
             p.given = true;

@@ -25,13 +25,15 @@ std::string scientific(double value) {
 }
 
 /// Slabs in flight at input and output, the window of a halo, a spooled volume, and state: what a stage holds at most.
-double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
+double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Header> const& inputs,
+                  Execution const& execution, bool reduction) {
     constexpr double ring = 3;
     auto bytes = static_cast<double>(plan.state_bytes);
     std::int64_t height = 0;
     if (!reduction) {
         height = slab_height(plan.output, plan.slab_hint, execution);
-        bytes += ring * static_cast<double>(plan.output.bytes()) * static_cast<double>(height) / static_cast<double>(plan.output.dims.z);
+        bytes += ring * static_cast<double>(plan.output.bytes()) * static_cast<double>(height) /
+                 static_cast<double>(plan.output.dims.z);
     }
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         Header const& in = inputs[i];
@@ -39,7 +41,8 @@ double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Head
         bytes += ring * slice * static_cast<double>(slab_height(in, 0, execution));
         if (!reduction && !plan.shift) {
             Box const slab{{0, 0, 0}, {plan.output.dims.x, plan.output.dims.y, height}};
-            bytes += static_cast<double>(operation.footprint(slab, static_cast<int>(i)).voxels()) * static_cast<double>(size_of(in.dtype));
+            bytes += static_cast<double>(operation.footprint(slab, static_cast<int>(i)).voxels()) *
+                     static_cast<double>(size_of(in.dtype));
         }
         bool const whole = plan.scans || plan.access == Access::random;
         if (whole) bytes += std::min(static_cast<double>(in.bytes()), static_cast<double>(execution.memory));
@@ -49,18 +52,22 @@ double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Head
 
 } // namespace
 
-std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
-                      Execution const& execution, bool reduction) {
+std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan,
+                      std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
     std::string line = stage + ": ";
     if (!inputs.empty()) line += shape_text(inputs.front());
-    if (!reduction) line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output), ", ", bytes_text(static_cast<double>(plan.output.bytes())));
+    if (!reduction)
+        line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output), ", ",
+                     bytes_text(static_cast<double>(plan.output.bytes())));
     if (operation != nullptr && plan.output.kind == Kind::structured)
         line += text(", peak memory about ", bytes_text(peak_bytes(*operation, plan, inputs, execution, reduction)));
     bool const spools = plan.access == Access::random || (plan.scans && !reduction);
     line += spools ? ", needs the whole input (re-reads a file, spools a pipe)" : ", streaming";
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
-    std::string const error = plan.exact ? "exact" : text(plan.error_is_estimate ? "error about " : "error at most ", scientific(plan.error_bound), " of the value range");
+    std::string const error = plan.exact ? "exact"
+                                         : text(plan.error_is_estimate ? "error about " : "error at most ",
+                                                scientific(plan.error_bound), " of the value range");
     line += text(stage, ":   ", error, ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }

@@ -9,8 +9,8 @@
 
 namespace vkt::shell {
 
-std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
-                      Execution const& execution, bool reduction);
+std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan,
+                      std::vector<Header> const& inputs, Execution const& execution, bool reduction);
 std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output);
 
 } // namespace vkt::shell

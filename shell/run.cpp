@@ -66,7 +66,8 @@ private:
 /// Adds the first step to the history of volumes that come from an opener (read).
 class WithHistory : public Relabelled {
 public:
-    WithHistory(std::unique_ptr<Source> source, std::vector<std::string> words) : Relabelled(std::move(source)), words_(std::move(words)) {}
+    WithHistory(std::unique_ptr<Source> source, std::vector<std::string> words)
+        : Relabelled(std::move(source)), words_(std::move(words)) {}
 
 private:
     void relabel(Header& header) const override {
@@ -115,7 +116,8 @@ private:
 
 class Runner {
 public:
-    explicit Runner(std::deque<Invocation>& stages) : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
+    explicit Runner(std::deque<Invocation>& stages)
+        : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
     int run();
 
     StageInfo stage_info(Invocation const& stage);
@@ -173,7 +175,9 @@ StageInfo Runner::stage_info(Invocation const& stage) {
         log_.note(name, message);
         if (lossy && strict) lossy_ = message;
     };
-    info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) { print_plan(stage, plan, inputs); };
+    info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) {
+        print_plan(stage, plan, inputs);
+    };
     return info;
 }
 
@@ -182,7 +186,8 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const explain = stage.common().explain || last_.common().explain;
     if (!planned_only && !explain) return;
     bool const reduction = stage.operation() != nullptr && stage.operation()->shape() == Shape::reduction;
-    std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(), stderr);
+    std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(),
+               stderr);
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) {
@@ -221,7 +226,8 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
             sources.push_back(open(stage, path));
     }
     if (previous)
-        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"), "let one of its inputs be '-'");
+        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),
+                    "let one of its inputs be '-'");
     return sources;
 }
 
@@ -232,7 +238,8 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (previous) throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
         StageContext context(*this, stage, execution);
         source = stage.opener()->open(context);
-        if (!stage.common().no_history) source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
+        if (!stage.common().no_history)
+            source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
@@ -247,17 +254,22 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
 void Runner::check_ends() {
     for (std::size_t i = 0; i + 1 < stages_.size(); ++i)
         if (!stages_[i].yields_volumes())
-            throw Error(ErrorKind::usage, text("'", stages_[i].verb().name, "' yields no volume for the stage after it"));
+            throw Error(ErrorKind::usage,
+                        text("'", stages_[i].verb().name, "' yields no volume for the stage after it"));
     Common const& c = last_.common();
     bool const volumes = last_.yields_volumes();
-    bool const picture = last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
-    if ((volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") && output_is_terminal() && !dry_run_)
-        throw Error(ErrorKind::usage, text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
+    bool const picture =
+        last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
+    if ((volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") && output_is_terminal() &&
+        !dry_run_)
+        throw Error(ErrorKind::usage,
+                    text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
                     "use -o FILE, or pipe it into another command, e.g. '| vkt info'");
     Invocation const& first = stages_.front();
     bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();
     if (reads_stdin && input_is_terminal())
-        throw Error(ErrorKind::usage, "no input: standard input is a terminal", text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
+        throw Error(ErrorKind::usage, "no input: standard input is a terminal",
+                    text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
 }
 
 std::unique_ptr<Sink> Runner::make_sink() {
@@ -327,7 +339,8 @@ int Runner::drain(std::unique_ptr<Source> source) {
         return 0;
     }
     bool const last_in_line = last_.common().output != "-" || !ipc::is_pipe(STDOUT_FILENO);
-    if (last_in_line && errors_are_terminal() && log_.verbosity() != Verbosity::quiet) source = with_progress(std::move(source), last_.stage());
+    if (last_in_line && errors_are_terminal() && log_.verbosity() != Verbosity::quiet)
+        source = with_progress(std::move(source), last_.stage());
     auto const sink = make_sink();
     try {
         drain_all(*source, *sink);
@@ -354,7 +367,8 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
             }
         return 0;
     }
-    if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty()) inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
+    if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
+        inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
     int const code = stage.consumer()->consume(inputs, context);
     refuse_lossy();
     bool timing = stage.common().wants_timing();

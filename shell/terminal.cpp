@@ -18,7 +18,8 @@ constexpr std::chrono::milliseconds before_first{500}, between{100};
 
 class Progress : public SourceDecorator {
 public:
-    Progress(std::unique_ptr<Source> source, std::string stage) : SourceDecorator(std::move(source)), stage_(std::move(stage)) {}
+    Progress(std::unique_ptr<Source> source, std::string stage)
+        : SourceDecorator(std::move(source)), stage_(std::move(stage)) {}
     ~Progress() override { wipe(); }
 
     bool next_volume() override {

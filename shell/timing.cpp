@@ -20,7 +20,8 @@ ipc::StageReport TimeMeter::report(std::string stage, ipc::Traffic const& in, ip
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
     double const wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-    return {std::move(stage), wall, seconds(usage.ru_utime) + seconds(usage.ru_stime), in.wait, out.wait, in.bytes, out.bytes};
+    return {std::move(stage), wall,     seconds(usage.ru_utime) + seconds(usage.ru_stime), in.wait, out.wait,
+            in.bytes,         out.bytes};
 }
 
 std::string timing_table(std::vector<ipc::StageReport> const& stages) {
@@ -31,8 +32,9 @@ std::string timing_table(std::vector<ipc::StageReport> const& stages) {
     table += "    wall s     cpu s   wait in  wait out    bytes in   bytes out\n";
     for (auto const& s : stages) {
         std::array<char, 160> line{};
-        std::snprintf(line.data(), line.size(), "  %8.3f  %8.3f  %8.3f  %8.3f  %10s  %10s\n", s.wall, s.cpu, s.wait_in, s.wait_out,
-                      bytes_text(static_cast<double>(s.bytes_in)).c_str(), bytes_text(static_cast<double>(s.bytes_out)).c_str());
+        std::snprintf(line.data(), line.size(), "  %8.3f  %8.3f  %8.3f  %8.3f  %10s  %10s\n", s.wall, s.cpu, s.wait_in,
+                      s.wait_out, bytes_text(static_cast<double>(s.bytes_in)).c_str(),
+                      bytes_text(static_cast<double>(s.bytes_out)).c_str());
         std::string name = s.stage;
         name.append(width - name.size(), ' ');
         table += name + line.data();

@@ -33,12 +33,15 @@ std::byte* allocate_host(std::size_t bytes) {
         if (data == nullptr) no_memory(bytes);
         return static_cast<std::byte*>(data);
     }
-    // Over-map and trim so that the block starts on a huge page; otherwise up to 2 MiB at either end fall back to 4 KiB.
+    // Over-map and trim so that the block starts on a huge page; otherwise up to 2 MiB at either end fall back to 4
+    // KiB.
     std::size_t const size = rounded(bytes, huge_page);
-    void* const mapping = mmap(nullptr, size + huge_page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    void* const mapping =
+        mmap(nullptr, size + huge_page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (mapping == MAP_FAILED) no_memory(bytes);
     auto* const begin = static_cast<std::byte*>(mapping);
-    std::size_t const head = rounded(reinterpret_cast<std::uintptr_t>(begin), huge_page) - reinterpret_cast<std::uintptr_t>(begin);
+    std::size_t const head =
+        rounded(reinterpret_cast<std::uintptr_t>(begin), huge_page) - reinterpret_cast<std::uintptr_t>(begin);
     if (head > 0) munmap(begin, head);
     if (head < huge_page) munmap(begin + head + size, huge_page - head);
     madvise(begin + head, size, MADV_HUGEPAGE);

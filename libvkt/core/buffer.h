@@ -26,9 +26,9 @@ public:
     /// Grows to at least `bytes`; contents are lost when it grows. Throws Error{resources}.
     void reserve(std::size_t bytes);
 
-    std::byte* write(Space space);            ///< the memory there; other copies become stale
-    std::byte* update(Space space);           ///< like write, but present contents are brought along first
-    std::byte const* read(Space space);       ///< the contents there, migrated if they are elsewhere
+    std::byte* write(Space space);      ///< the memory there; other copies become stale
+    std::byte* update(Space space);     ///< like write, but present contents are brought along first
+    std::byte const* read(Space space); ///< the contents there, migrated if they are elsewhere
     bool resident(Space space) const { return space == Space::host ? host_valid_ : device_valid_; }
 
 private:

@@ -60,7 +60,8 @@ InstructionSet best_instruction_set() {
     auto best = InstructionSet::baseline;
 #ifdef VKT_X86_BACKENDS
     __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) best = InstructionSet::avx2;
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
+        best = InstructionSet::avx2;
     if (best == InstructionSet::avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd"))
         best = InstructionSet::avx512;
@@ -75,9 +76,12 @@ InstructionSet best_instruction_set() {
 
 std::string_view name_of(InstructionSet set) {
     switch (set) {
-    case InstructionSet::avx2: return "avx2";
-    case InstructionSet::avx512: return "avx512";
-    case InstructionSet::baseline: break;
+    case InstructionSet::avx2:
+        return "avx2";
+    case InstructionSet::avx512:
+        return "avx512";
+    case InstructionSet::baseline:
+        break;
     }
     return "baseline";
 }
@@ -86,7 +90,8 @@ int default_threads() {
     for (char const* name : {"VKT_THREADS", "OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"})
         if (auto const n = threads_from(name)) return *n;
     cpu_set_t set;
-    int n = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
+    int n =
+        sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
     if (int const quota = quota_cpus(); quota > 0) n = std::min(n, quota);
     return std::max(1, n);
 }

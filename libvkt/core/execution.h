@@ -27,11 +27,11 @@ struct Execution {
     Space space() const { return device == Device::gpu ? Space::device : Space::host; }
 };
 
-/// All that the machine offers to this process: CPU affinity and cgroup limits are respected, VKT_* and OMP_NUM_THREADS,
-/// SLURM_CPUS_PER_TASK and TMPDIR are read.
+/// All that the machine offers to this process: CPU affinity and cgroup limits are respected, VKT_* and
+/// OMP_NUM_THREADS, SLURM_CPUS_PER_TASK and TMPDIR are read.
 Execution default_execution();
 
-InstructionSet best_instruction_set();           ///< what this CPU runs, lowered by VKT_INSTRUCTION_SET
+InstructionSet best_instruction_set(); ///< what this CPU runs, lowered by VKT_INSTRUCTION_SET
 std::string_view name_of(InstructionSet set);
 int default_threads();
 std::size_t default_memory();

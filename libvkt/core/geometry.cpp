@@ -72,7 +72,8 @@ void check(Geometry const& g) {
         throw Error(ErrorKind::data, "the spacing is not positive and finite");
     for (auto const& column : g.direction)
         if (!finite(column)) throw Error(ErrorKind::data, "a direction vector is not finite");
-    if (!(std::abs(determinant(g)) > 1e-6)) throw Error(ErrorKind::data, "the direction vectors are linearly dependent");
+    if (!(std::abs(determinant(g)) > 1e-6))
+        throw Error(ErrorKind::data, "the direction vectors are linearly dependent");
 }
 
 bool same_geometry(Geometry const& a, Geometry const& b) {

@@ -44,7 +44,8 @@ double number(Json const& value, char const* key) {
 
 std::int64_t integer(Json const& value, char const* key) {
     if (!value.is_number_integer()) malformed(text("\"", key, "\" is not an integer"));
-    if (value.is_number_unsigned() && value.get<std::uint64_t>() > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()))
+    if (value.is_number_unsigned() &&
+        value.get<std::uint64_t>() > static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max()))
         malformed(text("\"", key, "\" is out of range"));
     return value.get<std::int64_t>();
 }
@@ -145,7 +146,8 @@ void check(Header const& header) {
         if (header.kind == Kind::structured) bytes *= static_cast<double>(header.dims[axis]);
     }
     if (header.kind == Kind::hierarchical) bytes *= static_cast<double>(header.cell_count);
-    if (!(bytes < 4.6e18)) throw Error(ErrorKind::data, text("dims ", header.dims, " of ", header.dtype, " exceed 2^62 bytes"));
+    if (!(bytes < 4.6e18))
+        throw Error(ErrorKind::data, text("dims ", header.dims, " of ", header.dtype, " exceed 2^62 bytes"));
     if (header.kind == Kind::hierarchical &&
         (header.brick_count < 0 || header.cell_count < 0 || header.level_count < 1 || header.level_count > 40))
         throw Error(ErrorKind::data, "brick, cell or level counts are impossible");
@@ -183,7 +185,8 @@ std::string to_json(Header const& header) {
     // One key a line: a person who looks into a stream shall see what it is.
     std::string text = "{";
     for (auto const& [key, value] : result.items())
-        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ", value.dump(-1, ' ', false, Json::error_handler_t::replace));
+        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ",
+                          value.dump(-1, ' ', false, Json::error_handler_t::replace));
     return text + "\n}";
 }
 

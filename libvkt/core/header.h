@@ -35,7 +35,8 @@ struct Part {
     friend bool operator==(Part const&, Part const&) = default;
 };
 
-/// One brick of a hierarchical volume. lower counts cells of the finest level (level 0); a cell is 2^level of them wide.
+/// One brick of a hierarchical volume. lower counts cells of the finest level (level 0); a cell is 2^level of them
+/// wide.
 struct Brick {
     Index3 lower;
     Index3 dims;
@@ -50,9 +51,9 @@ struct Header {
     Kind kind = Kind::structured;
     Index3 dims{1, 1, 1}; ///< voxels; for hierarchical volumes the extent of the logical grid in finest cells
     DataType dtype = DataType::uint8;
-    Geometry geometry;     ///< for hierarchical volumes that of the logical grid
+    Geometry geometry; ///< for hierarchical volumes that of the logical grid
     ValueMap values;
-    std::string units;     ///< of the physical values, e.g. "HU"
+    std::string units;                             ///< of the physical values, e.g. "HU"
     std::map<std::string, std::string> attributes; ///< free key/value pairs that travel along
     std::optional<Part> part;
     std::optional<History> history;
@@ -74,7 +75,7 @@ inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
 /// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
 void check(Header const& header);
 
-std::string to_json(Header const& header);     ///< one object, one key a line, fixed order
+std::string to_json(Header const& header);      ///< one object, one key a line, fixed order
 Header header_from_json(std::string_view text); ///< throws Error{data}; unknown keys are ignored
 
 /// The pipeline that a history tree describes, as a line a POSIX shell (with process substitution) runs.

@@ -10,8 +10,7 @@ namespace vkt {
 namespace {
 
 /// Adds the option's name to errors of the value parsers.
-template <class F>
-auto named(std::string_view name, F const& parse) {
+template <class F> auto named(std::string_view name, F const& parse) {
     try {
         return parse();
     } catch (Error const& e) {
@@ -48,8 +47,11 @@ DataType ValueText<DataType>::read(std::vector<std::string> const& w, std::strin
 
 Index3 ValueText<Index3>::read(std::vector<std::string> const& w, std::string_view name) {
     std::vector<std::string> const parts = w.size() == 1 ? split(w.front(), ',') : w;
-    if (parts.size() != 3) throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not three integers X Y Z"));
-    return named(name, [&] { return Index3{parse_integer(parts[0]), parse_integer(parts[1]), parse_integer(parts[2])}; });
+    if (parts.size() != 3)
+        throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not three integers X Y Z"));
+    return named(name, [&] {
+        return Index3{parse_integer(parts[0]), parse_integer(parts[1]), parse_integer(parts[2])};
+    });
 }
 
 Vec3 ValueText<Vec3>::read(std::vector<std::string> const& w, std::string_view name) {
@@ -59,7 +61,8 @@ Vec3 ValueText<Vec3>::read(std::vector<std::string> const& w, std::string_view n
             double const s = parse_double(parts[0]);
             return Vec3{s, s, s};
         }
-        if (parts.size() != 3) throw Error(ErrorKind::usage, text("'", join(w, " "), "' is not one number or three, X,Y,Z"));
+        if (parts.size() != 3)
+            throw Error(ErrorKind::usage, text("'", join(w, " "), "' is not one number or three, X,Y,Z"));
         return Vec3{parse_double(parts[0]), parse_double(parts[1]), parse_double(parts[2])};
     });
 }
@@ -92,7 +95,8 @@ void Parameters::set(std::string_view name, std::vector<std::string> const& word
         std::vector<std::string> names;
         for (auto const& q : list_) names.push_back(q.name);
         std::string const near = nearest_name(name, names);
-        throw Error(ErrorKind::usage, text("unknown parameter '", name, "'"), near.empty() ? "" : text("did you mean '", near, "'?"));
+        throw Error(ErrorKind::usage, text("unknown parameter '", name, "'"),
+                    near.empty() ? "" : text("did you mean '", near, "'?"));
     }
     auto const n = static_cast<int>(words.size());
     if (n < p->min_values || (p->max_values >= 0 && n > p->max_values && !(n == 1 && p->min_values > 1)))

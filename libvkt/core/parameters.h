@@ -26,7 +26,7 @@ struct Parameter {
     bool positional = false;
     bool flag = false;
     bool required = false;
-    bool in_history = true;           ///< part of the provenance: it decides the voxels
+    bool in_history = true;             ///< part of the provenance: it decides the voxels
     int min_values = 1, max_values = 1; ///< words it takes; max_values -1 takes all that follow
     std::vector<std::string> choices;
     bool given = false;
@@ -34,27 +34,44 @@ struct Parameter {
     std::function<void(std::vector<std::string> const&)> set; ///< throws Error{usage}
     std::function<std::vector<std::string>()> get;            ///< words that set() would take
 
-    Parameter& alias(std::string other) { aliases.push_back(std::move(other)); return *this; }
-    Parameter& short_form(char c) { letter = c; return *this; }
-    Parameter& needed() { required = true; return *this; }
-    Parameter& optional() { required = false; return *this; }
-    Parameter& not_in_history() { in_history = false; return *this; }
-    Parameter& values(int least, int most) { min_values = least; max_values = most; return *this; }
+    Parameter& alias(std::string other) {
+        aliases.push_back(std::move(other));
+        return *this;
+    }
+    Parameter& short_form(char c) {
+        letter = c;
+        return *this;
+    }
+    Parameter& needed() {
+        required = true;
+        return *this;
+    }
+    Parameter& optional() {
+        required = false;
+        return *this;
+    }
+    Parameter& not_in_history() {
+        in_history = false;
+        return *this;
+    }
+    Parameter& values(int least, int most) {
+        min_values = least;
+        max_values = most;
+        return *this;
+    }
 };
 
-/// Names of an enumeration's values, for parsing and help. Specialise: static std::vector<std::pair<E, char const*>> all().
-template <class E>
-struct EnumNames;
+/// Names of an enumeration's values, for parsing and help. Specialise: static std::vector<std::pair<E, char const*>>
+/// all().
+template <class E> struct EnumNames;
 
-template <class E>
-std::string enum_name(E value) {
+template <class E> std::string enum_name(E value) {
     for (auto const& [candidate, name] : EnumNames<E>::all())
         if (candidate == value) return name;
     return "?";
 }
 
-template <class E>
-E parse_enum(std::string_view word, std::string_view what) {
+template <class E> E parse_enum(std::string_view word, std::string_view what) {
     std::vector<std::string> names;
     for (auto const& [candidate, name] : EnumNames<E>::all()) {
         if (word == name) return candidate;
@@ -65,34 +82,32 @@ E parse_enum(std::string_view word, std::string_view what) {
                 near.empty() ? "" : text("did you mean '", near, "'?"));
 }
 
-template <>
-struct EnumNames<Boundary> {
+template <> struct EnumNames<Boundary> {
     static std::vector<std::pair<Boundary, char const*>> all() {
-        return {{Boundary::mirror, "mirror"}, {Boundary::clamp, "clamp"}, {Boundary::wrap, "wrap"}, {Boundary::border, "border"}};
+        return {{Boundary::mirror, "mirror"},
+                {Boundary::clamp, "clamp"},
+                {Boundary::wrap, "wrap"},
+                {Boundary::border, "border"}};
     }
 };
-template <>
-struct EnumNames<Axis> {
+template <> struct EnumNames<Axis> {
     static std::vector<std::pair<Axis, char const*>> all() { return {{Axis::x, "x"}, {Axis::y, "y"}, {Axis::z, "z"}}; }
 };
 
 /// Reads a value from its words and writes it back. Specialised for every type that parameters may have.
-template <class T, class Enable = void>
-struct ValueText;
+template <class T, class Enable = void> struct ValueText;
 
 /// The declared parameters of an operation or command. References returned stay valid while the list lives.
 class Parameters {
 public:
     /// `--name VALUE`
-    template <class T>
-    Parameter& option(std::string name, T& target, std::string value_name, std::string help) {
+    template <class T> Parameter& option(std::string name, T& target, std::string value_name, std::string help) {
         Parameter& p = add<T>(std::move(name), target, std::move(value_name), std::move(help));
         p.required = false;
         return p;
     }
     /// A word without dashes, in the order of declaration.
-    template <class T>
-    Parameter& positional(std::string name, T& target, std::string help) {
+    template <class T> Parameter& positional(std::string name, T& target, std::string help) {
         std::string upper = name;
         for (char& c : upper) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 32 : c);
         Parameter& p = add<T>(std::move(name), target, upper, std::move(help));
@@ -113,8 +128,7 @@ public:
     std::vector<std::string> words() const;
 
 private:
-    template <class T>
-    Parameter& add(std::string name, T& target, std::string value_name, std::string help) {
+    template <class T> Parameter& add(std::string name, T& target, std::string value_name, std::string help) {
         Parameter p;
         p.name = name;
         p.value_name = std::move(value_name);
@@ -137,58 +151,48 @@ struct OneWord {
     static std::vector<std::string> choices() { return {}; }
 };
 
-template <>
-struct ValueText<std::string> : OneWord {
+template <> struct ValueText<std::string> : OneWord {
     static std::string read(std::vector<std::string> const& w, std::string_view) { return w.front(); }
     static std::vector<std::string> write(std::string const& v) { return {v}; }
 };
-template <>
-struct ValueText<double> : OneWord {
+template <> struct ValueText<double> : OneWord {
     static double read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(double v) { return {to_text(v)}; }
 };
-template <>
-struct ValueText<std::int64_t> : OneWord {
+template <> struct ValueText<std::int64_t> : OneWord {
     static std::int64_t read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(std::int64_t v) { return {to_text(v)}; }
 };
-template <>
-struct ValueText<int> : OneWord {
+template <> struct ValueText<int> : OneWord {
     static int read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(int v) { return {to_text(v)}; }
 };
-template <>
-struct ValueText<DataType> : OneWord {
+template <> struct ValueText<DataType> : OneWord {
     static std::vector<std::string> choices();
     static DataType read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(DataType v) { return {to_text(v)}; }
 };
-template <>
-struct ValueText<Roi> : OneWord {
+template <> struct ValueText<Roi> : OneWord {
     static Roi read(std::vector<std::string> const& w, std::string_view) { return {w.front()}; }
     static std::vector<std::string> write(Roi const& v) { return {v.text}; }
 };
-template <>
-struct ValueText<WorldRoi> : OneWord {
+template <> struct ValueText<WorldRoi> : OneWord {
     static WorldRoi read(std::vector<std::string> const& w, std::string_view) { return {w.front()}; }
     static std::vector<std::string> write(WorldRoi const& v) { return {v.text}; }
 };
 /// Three words "X Y Z" or one "X,Y,Z" (the shell splits the latter before it gets here).
-template <>
-struct ValueText<Index3> {
+template <> struct ValueText<Index3> {
     static constexpr int min_words = 3, max_words = 3;
     static std::vector<std::string> choices() { return {}; }
     static Index3 read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(Index3 v) { return {to_text(v.x), to_text(v.y), to_text(v.z)}; }
 };
 /// One word: "S" for all axes or "X,Y,Z".
-template <>
-struct ValueText<Vec3> : OneWord {
+template <> struct ValueText<Vec3> : OneWord {
     static Vec3 read(std::vector<std::string> const& w, std::string_view name);
     static std::vector<std::string> write(Vec3 v) { return {text(v.x, ",", v.y, ",", v.z)}; }
 };
-template <class E>
-struct ValueText<E, std::enable_if_t<std::is_enum_v<E> && !std::is_same_v<E, DataType>>> : OneWord {
+template <class E> struct ValueText<E, std::enable_if_t<std::is_enum_v<E> && !std::is_same_v<E, DataType>>> : OneWord {
     static std::vector<std::string> choices() {
         std::vector<std::string> names;
         for (auto const& entry : EnumNames<E>::all()) names.emplace_back(entry.second);
@@ -197,8 +201,7 @@ struct ValueText<E, std::enable_if_t<std::is_enum_v<E> && !std::is_same_v<E, Dat
     static E read(std::vector<std::string> const& w, std::string_view name) { return parse_enum<E>(w.front(), name); }
     static std::vector<std::string> write(E v) { return {enum_name(v)}; }
 };
-template <class T>
-struct ValueText<std::optional<T>> {
+template <class T> struct ValueText<std::optional<T>> {
     static constexpr int min_words = ValueText<T>::min_words, max_words = ValueText<T>::max_words;
     static std::vector<std::string> choices() { return ValueText<T>::choices(); }
     static std::optional<T> read(std::vector<std::string> const& w, std::string_view name) {
@@ -209,8 +212,7 @@ struct ValueText<std::optional<T>> {
     }
 };
 /// All words that follow, one element each.
-template <class T>
-struct ValueText<std::vector<T>> {
+template <class T> struct ValueText<std::vector<T>> {
     static constexpr int min_words = 1, max_words = -1;
     static std::vector<std::string> choices() { return ValueText<T>::choices(); }
     static std::vector<T> read(std::vector<std::string> const& w, std::string_view name) {

@@ -17,7 +17,8 @@ std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty)
     if (word.empty()) return if_empty;
     if (word.back() == '%') {
         double const share = parse_double(word.substr(0, word.size() - 1));
-        if (!(share >= 0 && share <= 100)) throw Error(ErrorKind::usage, text("'", word, "' is not between 0% and 100%"));
+        if (!(share >= 0 && share <= 100))
+            throw Error(ErrorKind::usage, text("'", word, "' is not between 0% and 100%"));
         return std::llround(share / 100 * static_cast<double>(n));
     }
     std::int64_t const value = parse_integer(word);
@@ -46,10 +47,11 @@ void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t
         }
     }
     if (lower < 0 || upper > n)
-        throw Error(ErrorKind::usage,
-                    text("--roi ", lower, ":", upper, " leaves the volume (", std::string(1, axis_name(axis)), " has ", n, " voxels)"));
+        throw Error(ErrorKind::usage, text("--roi ", lower, ":", upper, " leaves the volume (",
+                                           std::string(1, axis_name(axis)), " has ", n, " voxels)"));
     if (upper <= lower)
-        throw Error(ErrorKind::usage, text("--roi ", lower, ":", upper, " is empty along ", std::string(1, axis_name(axis))),
+        throw Error(ErrorKind::usage,
+                    text("--roi ", lower, ":", upper, " is empty along ", std::string(1, axis_name(axis))),
                     "ranges are half-open: 3:4 is one voxel");
 }
 
@@ -59,9 +61,11 @@ Box Roi::resolve(Index3 dims) const {
     if (text.empty()) return box_of(dims);
     auto const ranges = split(text, ',');
     if (ranges.size() != 3)
-        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"), "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
+        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"),
+                    "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
     Box box;
-    for (int axis = 0; axis < 3; ++axis) resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
+    for (int axis = 0; axis < 3; ++axis)
+        resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
     return box;
 }
 
@@ -69,12 +73,14 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
     if (text.empty()) return box_of(dims);
     auto const ranges = split(text, ',');
     if (ranges.size() != 3)
-        throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"), "write X0:X1,Y0:Y1,Z0:Z1 in world units");
+        throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"),
+                    "write X0:X1,Y0:Y1,Z0:Z1 in world units");
     Vec3 corner[2];
     bool open[2][3];
     for (int axis = 0; axis < 3; ++axis) {
         auto const ends = split(ranges[static_cast<std::size_t>(axis)], ':');
-        if (ends.size() != 2) throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"));
+        if (ends.size() != 2)
+            throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"));
         for (int i = 0; i < 2; ++i) {
             std::string const& end = ends[static_cast<std::size_t>(i)];
             open[i][axis] = end.empty();
@@ -91,7 +97,8 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
         if (!open[0][axis] && !open[1][axis]) continue;
         // An open bound reaches beyond every voxel: take the extreme world coordinates of the volume's corners.
         for (int c = 0; c < 8; ++c) {
-            Vec3 const index{(c & 1) != 0 ? static_cast<double>(dims.x) : -1.0, (c & 2) != 0 ? static_cast<double>(dims.y) : -1.0,
+            Vec3 const index{(c & 1) != 0 ? static_cast<double>(dims.x) : -1.0,
+                             (c & 2) != 0 ? static_cast<double>(dims.y) : -1.0,
                              (c & 4) != 0 ? static_cast<double>(dims.z) : -1.0};
             double const w = index_to_world(geometry, index)[axis];
             if (open[0][axis]) corner[0][axis] = c == 0 ? w : std::min(corner[0][axis], w);

@@ -28,7 +28,8 @@ Roi roi_of(Index3 first, Index3 last);
 struct WorldRoi {
     std::string text;
     bool empty() const { return text.empty(); }
-    /// The voxels whose centres lie in the region, as a box (oblique volumes: its bounding box). Throws Error{usage} if it is malformed or meets no voxel.
+    /// The voxels whose centres lie in the region, as a box (oblique volumes: its bounding box). Throws Error{usage} if
+    /// it is malformed or meets no voxel.
     Box resolve(Geometry const& geometry, Index3 dims) const;
 };
 

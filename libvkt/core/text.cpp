@@ -14,22 +14,21 @@
 namespace vkt {
 namespace {
 
-template <class T>
-std::string chars(T value) {
+template <class T> std::string chars(T value) {
     std::array<char, 40> buffer{};
     auto const result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
     return {buffer.data(), result.ptr};
 }
 
-template <class T>
-T parse_whole(std::string_view word, char const* what) {
+template <class T> T parse_whole(std::string_view word, char const* what) {
     T value{};
     std::string_view digits = word;
     if (!digits.empty() && digits.front() == '+') digits.remove_prefix(1);
     auto const result = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     if (digits.empty() || result.ec == std::errc::invalid_argument || result.ptr != digits.data() + digits.size())
         throw Error(ErrorKind::usage, text("'", word, "' is not ", what));
-    if (result.ec == std::errc::result_out_of_range) throw Error(ErrorKind::usage, text("'", word, "' is out of range"));
+    if (result.ec == std::errc::result_out_of_range)
+        throw Error(ErrorKind::usage, text("'", word, "' is out of range"));
     return value;
 }
 

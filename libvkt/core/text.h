@@ -14,9 +14,9 @@ std::string to_text(double value); ///< shortest decimal that reads back to the 
 std::string to_text(float value);
 std::string to_text(std::int64_t value);
 std::string to_text(std::uint64_t value);
-std::string to_text(Index3 value);    ///< "x y z"
-std::string to_text(Vec3 value);      ///< "x y z"
-std::string to_text(Box const& box);  ///< "x0:x1,y0:y1,z0:z1"
+std::string to_text(Index3 value);   ///< "x y z"
+std::string to_text(Vec3 value);     ///< "x y z"
+std::string to_text(Box const& box); ///< "x0:x1,y0:y1,z0:z1"
 inline std::string to_text(int value) { return to_text(static_cast<std::int64_t>(value)); }
 inline std::string to_text(std::string_view value) { return std::string(value); }
 inline std::string to_text(char const* value) { return value; }
@@ -24,8 +24,7 @@ inline std::string to_text(std::string const& value) { return value; }
 inline std::string to_text(DataType type) { return std::string(name_of(type)); }
 
 /// Concatenates the texts of its arguments.
-template <class... Args>
-std::string text(Args const&... args) {
+template <class... Args> std::string text(Args const&... args) {
     std::string result;
     (result.append(to_text(args)), ...);
     return result;

@@ -17,10 +17,14 @@ struct Traits {
     double lowest, highest;
 };
 
-template <class T>
-constexpr Traits integer_traits(std::string_view name) {
+template <class T> constexpr Traits integer_traits(std::string_view name) {
     using Limits = std::numeric_limits<T>;
-    return {name, sizeof(T), true, Limits::is_signed, static_cast<double>(Limits::min()), static_cast<double>(Limits::max())};
+    return {name,
+            sizeof(T),
+            true,
+            Limits::is_signed,
+            static_cast<double>(Limits::min()),
+            static_cast<double>(Limits::max())};
 }
 
 constexpr std::array<Traits, data_type_count> table{
@@ -46,14 +50,14 @@ struct Alias {
 };
 
 constexpr std::array aliases{
-    Alias{"u8", DataType::uint8},      Alias{"uchar", DataType::uint8},    Alias{"byte", DataType::uint8},
-    Alias{"i8", DataType::int8},       Alias{"char", DataType::int8},      Alias{"u16", DataType::uint16},
-    Alias{"ushort", DataType::uint16}, Alias{"i16", DataType::int16},      Alias{"short", DataType::int16},
-    Alias{"u32", DataType::uint32},    Alias{"uint", DataType::uint32},    Alias{"i32", DataType::int32},
-    Alias{"int", DataType::int32},     Alias{"u64", DataType::uint64},     Alias{"ulong", DataType::uint64},
-    Alias{"i64", DataType::int64},     Alias{"long", DataType::int64},     Alias{"f16", DataType::float16},
-    Alias{"half", DataType::float16},  Alias{"f32", DataType::float32},    Alias{"float", DataType::float32},
-    Alias{"single", DataType::float32}, Alias{"f64", DataType::float64},   Alias{"double", DataType::float64},
+    Alias{"u8", DataType::uint8},       Alias{"uchar", DataType::uint8}, Alias{"byte", DataType::uint8},
+    Alias{"i8", DataType::int8},        Alias{"char", DataType::int8},   Alias{"u16", DataType::uint16},
+    Alias{"ushort", DataType::uint16},  Alias{"i16", DataType::int16},   Alias{"short", DataType::int16},
+    Alias{"u32", DataType::uint32},     Alias{"uint", DataType::uint32}, Alias{"i32", DataType::int32},
+    Alias{"int", DataType::int32},      Alias{"u64", DataType::uint64},  Alias{"ulong", DataType::uint64},
+    Alias{"i64", DataType::int64},      Alias{"long", DataType::int64},  Alias{"f16", DataType::float16},
+    Alias{"half", DataType::float16},   Alias{"f32", DataType::float32}, Alias{"float", DataType::float32},
+    Alias{"single", DataType::float32}, Alias{"f64", DataType::float64}, Alias{"double", DataType::float64},
 };
 
 } // namespace

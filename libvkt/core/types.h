@@ -77,9 +77,9 @@ inline constexpr int data_type_count = 11;
 std::size_t size_of(DataType type);      ///< bytes per voxel
 std::string_view name_of(DataType type); ///< canonical name, "uint8" … "float64"
 bool is_integer(DataType type);
-bool is_signed(DataType type);         ///< floats are signed
-double lowest_of(DataType type);       ///< smallest finite value
-double highest_of(DataType type);      ///< largest finite value (rounded to double for 64-bit integers)
+bool is_signed(DataType type);    ///< floats are signed
+double lowest_of(DataType type);  ///< smallest finite value
+double highest_of(DataType type); ///< largest finite value (rounded to double for 64-bit integers)
 /// Accepts canonical and common names in any case: uint8 u8 uchar byte, float f32 single, … Throws Error{usage}.
 DataType parse_data_type(std::string_view text);
 
@@ -89,19 +89,22 @@ enum class Boundary : std::uint8_t { mirror, clamp, wrap, border };
 enum class Axis : std::uint8_t { x, y, z };
 
 /// Index of the voxel that stands at position i of a line of n voxels under a boundary; -1 where the border value does.
-/// Folds any number of times, so halos may exceed the volume. Always inlined, like all that kernels call: a copy compiled
-/// for a newer processor must not be left for the linker to pick.
+/// Folds any number of times, so halos may exceed the volume. Always inlined, like all that kernels call: a copy
+/// compiled for a newer processor must not be left for the linker to pick.
 [[gnu::always_inline]] constexpr std::int64_t fold(std::int64_t i, std::int64_t n, Boundary boundary) {
     if (i >= 0 && i < n) return i;
     switch (boundary) {
-    case Boundary::clamp: return i < 0 ? 0 : n - 1;
-    case Boundary::wrap: return ((i % n) + n) % n;
+    case Boundary::clamp:
+        return i < 0 ? 0 : n - 1;
+    case Boundary::wrap:
+        return ((i % n) + n) % n;
     case Boundary::mirror: {
         std::int64_t const period = 2 * n;
         std::int64_t const j = ((i % period) + period) % period;
         return j < n ? j : period - 1 - j;
     }
-    case Boundary::border: break;
+    case Boundary::border:
+        break;
     }
     return -1;
 }

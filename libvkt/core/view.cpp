@@ -27,8 +27,8 @@ void copy(ConstView from, AnyView to) {
             continue;
         }
         for (std::int64_t y = 0; y < n.y; ++y)
-            std::memcpy(d + static_cast<std::size_t>(y * to.row) * size, s + static_cast<std::size_t>(y * from.row) * size,
-                        static_cast<std::size_t>(n.x) * size);
+            std::memcpy(d + static_cast<std::size_t>(y * to.row) * size,
+                        s + static_cast<std::size_t>(y * from.row) * size, static_cast<std::size_t>(n.x) * size);
     }
 }
 

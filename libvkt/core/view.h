@@ -18,8 +18,7 @@ namespace vkt {
 enum class Space : std::uint8_t { host, device };
 
 /// Typed window: data points at voxel `lower`; row and slice are strides in voxels.
-template <class T>
-struct View {
+template <class T> struct View {
     T* data = nullptr;
     Index3 lower;
     std::int64_t row = 0, slice = 0;
@@ -30,8 +29,7 @@ struct View {
 };
 
 /// Untyped window over a box of voxels. Byte is std::byte or std::byte const.
-template <class Byte>
-struct BasicView {
+template <class Byte> struct BasicView {
     Byte* data = nullptr;
     DataType type = DataType::uint8;
     Box box;
@@ -52,14 +50,11 @@ struct BasicView {
     bool contiguous() const { return row == dims().x && slice == row * dims().y; }
     [[gnu::always_inline]] std::size_t bytes() const { return static_cast<std::size_t>(box.voxels()) * size_of(type); }
 
-    template <class T>
-    auto as() const {
+    template <class T> auto as() const {
         using Element = std::conditional_t<std::is_const_v<Byte>, T const, T>;
         return View<Element>{reinterpret_cast<Element*>(data), box.lower, row, slice};
     }
-    operator BasicView<std::byte const>() const
-        requires(!std::is_const_v<Byte>)
-    {
+    operator BasicView<std::byte const>() const requires(!std::is_const_v<Byte>) {
         return {data, type, box, row, slice, space};
     }
 };
@@ -68,8 +63,7 @@ using AnyView = BasicView<std::byte>;
 using ConstView = BasicView<std::byte const>;
 
 /// A dense view over memory that holds exactly the voxels of `box`, x fastest.
-template <class Byte>
-BasicView<Byte> dense_view(Byte* data, DataType type, Box const& box, Space space = Space::host) {
+template <class Byte> BasicView<Byte> dense_view(Byte* data, DataType type, Box const& box, Space space = Space::host) {
     return {data, type, box, box.dims().x, box.dims().x * box.dims().y, space};
 }
 

@@ -31,12 +31,14 @@ Volume::Volume(Header header, std::vector<Brick> bricks) : header_(std::move(hea
 
 ConstView Volume::brick_view(std::size_t i) const {
     std::byte const* const data = buffer_->read(Space::host);
-    return dense_view(data + static_cast<std::size_t>(offsets_[i]) * size_of(header_.dtype), header_.dtype, box_of(bricks_[i].dims));
+    return dense_view(data + static_cast<std::size_t>(offsets_[i]) * size_of(header_.dtype), header_.dtype,
+                      box_of(bricks_[i].dims));
 }
 
 AnyView Volume::mutable_brick_view(std::size_t i) {
     std::byte* const data = buffer_->update(Space::host);
-    return dense_view(data + static_cast<std::size_t>(offsets_[i]) * size_of(header_.dtype), header_.dtype, box_of(bricks_[i].dims));
+    return dense_view(data + static_cast<std::size_t>(offsets_[i]) * size_of(header_.dtype), header_.dtype,
+                      box_of(bricks_[i].dims));
 }
 
 } // namespace vkt

@@ -31,7 +31,8 @@ private:
     Clock::time_point begin_;
 };
 
-/// Below this many multiply-adds per moved byte a GPU loses to the transfers (measured: 55 GB/s against ~40 Gop/s a core).
+/// Below this many multiply-adds per moved byte a GPU loses to the transfers (measured: 55 GB/s against ~40 Gop/s a
+/// core).
 constexpr double gpu_cost_threshold = 60;
 
 constexpr char placeholder_mark = '\x02';
@@ -106,7 +107,8 @@ void Link::Input::spool(Execution const& execution, StageInfo const& info) {
     spool_ = std::make_unique<Spool>(*source_, execution, info);
 }
 
-Link::Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution, StageInfo info)
+Link::Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution,
+           StageInfo info)
     : operation_(operation), requested_(execution), execution_(execution), info_(std::move(info)) {
     for (auto& input : inputs) inputs_.push_back(std::make_unique<Input>(std::move(input)));
 }
@@ -128,7 +130,8 @@ void Link::plan_volume() {
     std::vector<Header> headers;
     for (auto const& input : inputs_) headers.push_back(input->header());
     tree_.reset();
-    bool const hierarchical = std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
+    bool const hierarchical =
+        std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
     plan_ = operation_.plan(headers);
     check(plan_.output);
@@ -186,7 +189,8 @@ void Link::scan() {
 
 Access Link::access() const {
     if (tree_) return Access::random;
-    bool const random = std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
+    bool const random =
+        std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
 }
 
@@ -234,7 +238,8 @@ void Link::read(AnyView out) {
     }
     // Large requests (a consumer that wants the whole volume) are still worked in slabs, so windows stay small.
     std::int64_t const height = std::max(slab_height(plan_.output, natural_slab(), requested_), std::int64_t{1});
-    bool const down = plan_.access == Access::random; // keeps the ascending order of the input for flips as for all others
+    bool const down =
+        plan_.access == Access::random; // keeps the ascending order of the input for flips as for all others
     std::int64_t const count = (out.dims().z + height - 1) / height;
     for (std::int64_t i = 0; i < count; ++i) {
         std::int64_t const z = out.box.lower.z + (down ? count - 1 - i : i) * height;
@@ -266,7 +271,8 @@ void Link::finish() {
     if (!tree_)
         for (auto& input : inputs_) input->finish();
     if (!info_.listener) return;
-    for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks()) info_.listener(info_.name, remark.message, remark.lossy);
+    for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks())
+        info_.listener(info_.name, remark.message, remark.lossy);
 }
 
 } // namespace vkt

@@ -59,7 +59,7 @@ private:
     Execution requested_, execution_;
     StageInfo info_;
     Plan plan_;
-    std::optional<Volume> tree_;       ///< the result, if an input is hierarchical: computed at once
+    std::optional<Volume> tree_; ///< the result, if an input is hierarchical: computed at once
     std::vector<Remark> tree_remarks_;
     Buffer staging_;
     bool generated_ = false; ///< a source operation yields exactly one volume

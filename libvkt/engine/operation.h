@@ -29,20 +29,20 @@ enum class Shape : std::uint8_t {
 
 /// All that is known before any voxel moves.
 struct Plan {
-    Header output;                    ///< ignored for reductions
-    Access access = Access::forward;  ///< random: ascending output slabs need input slabs in another order
-    bool scans = false;               ///< wants scan() over the whole input before the first run()
+    Header output;                       ///< ignored for reductions
+    Access access = Access::forward;     ///< random: ascending output slabs need input slabs in another order
+    bool scans = false;                  ///< wants scan() over the whole input before the first run()
     Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
     double border_value = 0;             ///< stored value for Boundary::border
     /// Output voxel p is input voxel p + shift, bit for bit (crop, header edits): the engine hands the input through.
     std::optional<Index3> shift;
-    std::int64_t slab_hint = 0;       ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
-    std::string method;               ///< name of the chosen method, e.g. "direct FIR, radius 8"
-    bool exact = true;                ///< permutation, integer or correctly rounded result
-    double error_bound = 0;           ///< if not exact: bound (or estimate) of |error| as a share of the value range
+    std::int64_t slab_hint = 0; ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
+    std::string method;         ///< name of the chosen method, e.g. "direct FIR, radius 8"
+    bool exact = true;          ///< permutation, integer or correctly rounded result
+    double error_bound = 0;     ///< if not exact: bound (or estimate) of |error| as a share of the value range
     bool error_is_estimate = false;
-    double cost = 1;                  ///< multiply-adds per output voxel, for --explain and --device auto
-    std::size_t state_bytes = 0;      ///< memory held besides slabs
+    double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
+    std::size_t state_bytes = 0; ///< memory held besides slabs
 };
 
 /// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.
@@ -83,8 +83,8 @@ public:
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;
 
-    /// Hierarchical volumes: the cells that scan() and run() see next are this many finest cells wide along each axis, and
-    /// positions count cells of their level. Reductions weight by the product, operations with regions scale them.
+    /// Hierarchical volumes: the cells that scan() and run() see next are this many finest cells wide along each axis,
+    /// and positions count cells of their level. Reductions weight by the product, operations with regions scale them.
     virtual void enter_level(Index3 /*cell_width*/) {}
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.

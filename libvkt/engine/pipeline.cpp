@@ -149,7 +149,9 @@ Volume load(Source& source, Execution const& execution) {
     return volume;
 }
 
-std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) { return std::make_unique<VolumeSource>(std::move(volumes)); }
+std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
+    return std::make_unique<VolumeSource>(std::move(volumes));
+}
 
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution) {
     std::vector<std::unique_ptr<Source>> sources;

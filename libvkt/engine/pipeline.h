@@ -18,23 +18,24 @@ using Listener = std::function<void(std::string const& stage, std::string const&
 
 /// Where a stage's time goes, in seconds, and what it moved.
 struct StageTimes {
-    double compute = 0;    ///< in Operation::run and scan
-    double input = 0;      ///< waiting for and copying input
+    double compute = 0; ///< in Operation::run and scan
+    double input = 0;   ///< waiting for and copying input
     std::int64_t voxels = 0;
 };
 
 /// What a stage is to the engine besides its operation.
 struct StageInfo {
-    std::string name;                    ///< for messages: "vkt crop"
-    std::vector<std::string> words;      ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
+    std::string name;                     ///< for messages: "vkt crop"
+    std::vector<std::string> words;       ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
     std::vector<std::string> input_names; ///< what input_placeholder words stand for
-    Listener listener;                   ///< may be empty
-    std::function<void(Plan const&, std::vector<Header> const& inputs)> on_plan; ///< sees the plan of every volume; may be empty
-    std::shared_ptr<StageTimes> times;   ///< filled in if set
+    Listener listener;                    ///< may be empty
+    std::function<void(Plan const&, std::vector<Header> const& inputs)>
+        on_plan;                       ///< sees the plan of every volume; may be empty
+    std::shared_ptr<StageTimes> times; ///< filled in if set
 };
 
-/// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of its
-/// own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
+/// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
+/// its own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
 std::string input_placeholder(std::size_t i, bool explicit_word);
 
 /// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input

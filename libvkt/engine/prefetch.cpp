@@ -23,7 +23,8 @@ struct Slab {
 /// Serves slabs of the expected region that were read ahead; anything else goes to the source itself.
 class Prefetch : public SourceDecorator {
 public:
-    Prefetch(std::unique_ptr<Source> source, Execution execution) : SourceDecorator(std::move(source)), execution_(std::move(execution)) {}
+    Prefetch(std::unique_ptr<Source> source, Execution execution)
+        : SourceDecorator(std::move(source)), execution_(std::move(execution)) {}
     ~Prefetch() override { stop(); }
 
     bool next_volume() override {
@@ -72,7 +73,8 @@ private:
 
     /// The slab that holds the first slice of a region within its columns, waiting for it; null if it will not come.
     Slab const* slab_with(Box const& region) {
-        if (!thread_.joinable() || region.lower.z > served_z_ + height_) return nullptr; // a jump: not worth reading up to it
+        if (!thread_.joinable() || region.lower.z > served_z_ + height_)
+            return nullptr; // a jump: not worth reading up to it
         std::unique_lock lock(mutex_);
         while (true) {
             while (!ready_.empty() && ready_.front().box.upper.z <= region.lower.z) {
@@ -82,7 +84,8 @@ private:
             }
             if (!ready_.empty()) {
                 Box const& box = ready_.front().box;
-                bool const columns = region.lower.x >= box.lower.x && region.upper.x <= box.upper.x && region.lower.y >= box.lower.y && region.upper.y <= box.upper.y;
+                bool const columns = region.lower.x >= box.lower.x && region.upper.x <= box.upper.x &&
+                                     region.lower.y >= box.lower.y && region.upper.y <= box.upper.y;
                 served_z_ = std::max(served_z_, box.upper.z);
                 return columns && region.lower.z >= box.lower.z ? &ready_.front() : nullptr;
             }
@@ -98,7 +101,8 @@ private:
         failure_ = nullptr;
         thread_ = std::thread([this] {
             try {
-                for (std::int64_t z = region_.lower.z; z < region_.upper.z && read_slab(z); z += height_) {}
+                for (std::int64_t z = region_.lower.z; z < region_.upper.z && read_slab(z); z += height_) {
+                }
             } catch (...) {
                 std::lock_guard const lock(mutex_);
                 failure_ = std::current_exception();

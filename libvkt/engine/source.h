@@ -1,5 +1,5 @@
-// Source and Sink: where voxels come from and where they go, slab by slab. Files, pipes, operations are all of this shape.
-// SPDX-License-Identifier: MIT
+// Source and Sink: where voxels come from and where they go, slab by slab. Files, pipes, operations are all of this
+// shape. SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/execution.h"
@@ -14,7 +14,8 @@
 
 namespace vkt {
 
-/// Whether regions may be asked for in any order, or only with z moving forward (skipping is allowed, going back is not).
+/// Whether regions may be asked for in any order, or only with z moving forward (skipping is allowed, going back is
+/// not).
 enum class Access : std::uint8_t { forward, random };
 
 /// A sequence of volumes, each read region by region. Call order: next_volume, header, read…, finish, next_volume, …
@@ -38,8 +39,9 @@ public:
     /// Where read() expects its output and borrow() hands it out.
     virtual Space space() const { return Space::host; }
 
-    /// Asks, before the first next_volume(), for no more bricks of hierarchical volumes than a region needs (finest cells or
-    /// world units). False if the source cannot: it then yields them whole. Structured volumes are not affected.
+    /// Asks, before the first next_volume(), for no more bricks of hierarchical volumes than a region needs (finest
+    /// cells or world units). False if the source cannot: it then yields them whole. Structured volumes are not
+    /// affected.
     virtual bool narrow(Roi const& /*roi*/, WorldRoi const& /*world_roi*/) { return false; }
     /// The whole current volume of kind hierarchical, finished; such volumes are not read region by region.
     virtual Volume load_hierarchical();

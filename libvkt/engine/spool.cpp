@@ -24,8 +24,8 @@ Spool::Spool(Source& source, Execution const& execution, StageInfo const& info) 
         open_file(execution.temporary_directory);
         if (info.listener)
             info.listener(info.name,
-                          text("spooling ", bytes_text(static_cast<double>(bytes)), " to ", directory_, " (--memory is ",
-                               bytes_text(static_cast<double>(execution.memory)), ")"),
+                          text("spooling ", bytes_text(static_cast<double>(bytes)), " to ", directory_,
+                               " (--memory is ", bytes_text(static_cast<double>(execution.memory)), ")"),
                           false);
     }
     std::int64_t const height = slab_height(header_, source.natural_slab(), execution);
@@ -61,7 +61,9 @@ void Spool::open_file(std::string const& directory) {
     // File systems without O_TMPFILE: a private name that exists for an instant.
     std::string name = directory + "/.vkt-spool-XXXXXX";
     file_ = ::mkostemp(name.data(), O_CLOEXEC);
-    if (file_ < 0) throw Error(ErrorKind::io, text("cannot spool to ", directory, ": ", std::strerror(errno)), "set TMPDIR to a writable directory, or raise --memory");
+    if (file_ < 0)
+        throw Error(ErrorKind::io, text("cannot spool to ", directory, ": ", std::strerror(errno)),
+                    "set TMPDIR to a writable directory, or raise --memory");
     ::unlink(name.c_str());
 }
 
@@ -72,7 +74,8 @@ void Spool::write_slab(ConstView slab) {
         ssize_t const n = ::write(file_, data, left);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0)
-            throw Error(ErrorKind::io, text("cannot spool to ", directory_, ": ", std::strerror(errno)), "set TMPDIR to a larger file system, or raise --memory");
+            throw Error(ErrorKind::io, text("cannot spool to ", directory_, ": ", std::strerror(errno)),
+                        "set TMPDIR to a larger file system, or raise --memory");
         data += n;
         left -= static_cast<std::size_t>(n);
     }
@@ -97,7 +100,8 @@ void Spool::read(AnyView out) {
         while (done < bytes) {
             ssize_t const got = ::pread(file_, rows + done, bytes - done, offset + static_cast<std::int64_t>(done));
             if (got < 0 && errno == EINTR) continue;
-            if (got <= 0) throw Error(ErrorKind::io, text("cannot read the spool in ", directory_, ": ", std::strerror(errno)));
+            if (got <= 0)
+                throw Error(ErrorKind::io, text("cannot read the spool in ", directory_, ": ", std::strerror(errno)));
             done += static_cast<std::size_t>(got);
         }
         Box const slice{{0, out.box.lower.y, z}, {header_.dims.x, out.box.upper.y, z + 1}};

@@ -14,7 +14,8 @@
 
 namespace vkt {
 
-/// Sequential bytes with look-ahead; random access where the file allows it. Opened once, never reopened, so FIFOs work.
+/// Sequential bytes with look-ahead; random access where the file allows it. Opened once, never reopened, so FIFOs
+/// work.
 class ByteSource {
 public:
     /// Takes ownership of the descriptor. `name` is used in messages and to find detached data files.
@@ -25,7 +26,7 @@ public:
 
     std::string const& name() const { return name_; }
     bool seekable() const { return size_ >= 0; }
-    std::int64_t size() const { return size_; }      ///< -1 when not seekable
+    std::int64_t size() const { return size_; } ///< -1 when not seekable
     std::int64_t position() const { return position_; }
     int descriptor() const { return descriptor_; }
 
@@ -60,26 +61,26 @@ std::unique_ptr<ByteSource> open_bytes(std::string const& path);
 struct ReadOptions {
     std::optional<Index3> dims;
     std::optional<DataType> dtype;
-    std::int64_t skip = 0;              ///< bytes before the first voxel
+    std::int64_t skip = 0; ///< bytes before the first voxel
     bool big_endian = false;
     std::optional<Vec3> spacing;
-    std::string format;                 ///< forces a format by name; empty: detect
-    std::string variable;               ///< dataset or grid by name, for files that hold several
+    std::string format;   ///< forces a format by name; empty: detect
+    std::string variable; ///< dataset or grid by name, for files that hold several
 };
 
 struct WriteOptions {
-    std::string format;  ///< forces a format by name; empty: by the file's extension
-    bool force = false;  ///< overwrite an existing file
+    std::string format; ///< forces a format by name; empty: by the file's extension
+    bool force = false; ///< overwrite an existing file
     bool compress = false;
-    double background = 0;       ///< sparse formats: voxels of this value are not stored
-    std::optional<double> prune{};///< sparse formats: nor are those this near it; nearly constant nodes become tiles
+    double background = 0;         ///< sparse formats: voxels of this value are not stored
+    std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 
 /// A reader and a writer behind a name. Either may be missing.
 struct Format {
-    std::string name;                     ///< "nrrd"
+    std::string name; ///< "nrrd"
     std::string description;
-    std::vector<std::string> extensions;  ///< lower case with dot: ".nrrd", ".nhdr"
+    std::vector<std::string> extensions; ///< lower case with dot: ".nrrd", ".nhdr"
     /// True if the first bytes (up to 4 KiB) are this format's.
     bool (*recognise)(std::span<std::byte const> head) = nullptr;
     std::unique_ptr<Source> (*open)(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) = nullptr;

@@ -29,7 +29,8 @@ bool natural_less(std::string const& a, std::string const& b) {
         }
         auto const run = [](std::string const& s, std::size_t& k) {
             std::size_t const begin = s.find_first_not_of('0', k);
-            std::size_t const first = begin == std::string::npos || !digit(s[begin]) ? std::min(begin, s.size()) : begin;
+            std::size_t const first =
+                begin == std::string::npos || !digit(s[begin]) ? std::min(begin, s.size()) : begin;
             std::size_t end = first;
             while (end < s.size() && digit(s[end])) ++end;
             k = end;
@@ -109,7 +110,8 @@ std::pair<std::size_t, std::size_t> number_place(std::string const& path) {
         std::size_t end = i + 1;
         while (end < path.size() && digit(path[end])) ++end;
         if (end < path.size() && path[end] == 'd' && end - i <= 4) return {i, end + 1 - i};
-        throw Error(ErrorKind::usage, text("'", path, "' has a '%' that is no number's place"), "write %04d, or %% for a per cent sign");
+        throw Error(ErrorKind::usage, text("'", path, "' has a '%' that is no number's place"),
+                    "write %04d, or %% for a per cent sign");
     }
     return {std::string::npos, 0};
 }
@@ -152,7 +154,8 @@ std::string numbered_path(std::string const& path, std::int64_t number) {
     return without_escapes(path.substr(0, begin)) + digits + without_escapes(path.substr(begin + length));
 }
 
-std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create) {
+std::unique_ptr<Sink> series_sink(std::string pattern,
+                                  std::function<std::unique_ptr<Sink>(std::string const&)> create) {
     return std::make_unique<SeriesSink>(std::move(pattern), std::move(create));
 }
 

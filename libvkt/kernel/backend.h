@@ -85,8 +85,8 @@
     }
 #endif
 
-/// The same for kernels that run on CPUs only; their operations leave runs_on_gpu() false, and their back-end part stands
-/// inside #ifndef __CUDACC__.
+/// The same for kernels that run on CPUs only; their operations leave runs_on_gpu() false, and their back-end part
+/// stands inside #ifndef __CUDACC__.
 #if VKT_HOST
 #define VKT_CPU_KERNEL(name, params, args)                                                                             \
     namespace baseline {                                                                                               \

@@ -20,14 +20,15 @@ void copy_region_on_device(ConstView from, AnyView to);
 
 namespace {
 
-template <class T>
-void store(std::array<std::byte, 8>& voxel, double value) {
+template <class T> void store(std::array<std::byte, 8>& voxel, double value) {
     auto const low = static_cast<double>(std::numeric_limits<T>::lowest());
     auto const high = static_cast<double>(std::numeric_limits<T>::max());
     T stored{};
     if constexpr (std::numeric_limits<T>::is_integer) {
         double const rounded = std::nearbyint(value);
-        stored = rounded <= low ? std::numeric_limits<T>::lowest() : rounded >= high ? std::numeric_limits<T>::max() : static_cast<T>(rounded);
+        stored = rounded <= low    ? std::numeric_limits<T>::lowest()
+                 : rounded >= high ? std::numeric_limits<T>::max()
+                                   : static_cast<T>(rounded);
     } else {
         stored = static_cast<T>(value);
     }
@@ -38,21 +39,41 @@ void store(std::array<std::byte, 8>& voxel, double value) {
 std::array<std::byte, 8> voxel_bytes(DataType type, double value) {
     std::array<std::byte, 8> voxel{};
     switch (type) {
-    case DataType::uint8: store<std::uint8_t>(voxel, value); break;
-    case DataType::int8: store<std::int8_t>(voxel, value); break;
-    case DataType::uint16: store<std::uint16_t>(voxel, value); break;
-    case DataType::int16: store<std::int16_t>(voxel, value); break;
-    case DataType::uint32: store<std::uint32_t>(voxel, value); break;
-    case DataType::int32: store<std::int32_t>(voxel, value); break;
-    case DataType::uint64: store<std::uint64_t>(voxel, value); break;
-    case DataType::int64: store<std::int64_t>(voxel, value); break;
+    case DataType::uint8:
+        store<std::uint8_t>(voxel, value);
+        break;
+    case DataType::int8:
+        store<std::int8_t>(voxel, value);
+        break;
+    case DataType::uint16:
+        store<std::uint16_t>(voxel, value);
+        break;
+    case DataType::int16:
+        store<std::int16_t>(voxel, value);
+        break;
+    case DataType::uint32:
+        store<std::uint32_t>(voxel, value);
+        break;
+    case DataType::int32:
+        store<std::int32_t>(voxel, value);
+        break;
+    case DataType::uint64:
+        store<std::uint64_t>(voxel, value);
+        break;
+    case DataType::int64:
+        store<std::int64_t>(voxel, value);
+        break;
     case DataType::float16: {
         Half const half(static_cast<float>(value));
         std::memcpy(voxel.data(), &half, sizeof half);
         break;
     }
-    case DataType::float32: store<float>(voxel, value); break;
-    case DataType::float64: store<double>(voxel, value); break;
+    case DataType::float32:
+        store<float>(voxel, value);
+        break;
+    case DataType::float64:
+        store<double>(voxel, value);
+        break;
     }
     return voxel;
 }
@@ -83,7 +104,8 @@ struct HostFill {
         if (from < 0)
             fill_row(window.at(w.lower.x, y, z), w.dims().x, voxel, size);
         else
-            std::memcpy(window.at(w.lower.x, y, z), window.at(w.lower.x, from, z), static_cast<std::size_t>(w.dims().x) * size);
+            std::memcpy(window.at(w.lower.x, y, z), window.at(w.lower.x, from, z),
+                        static_cast<std::size_t>(w.dims().x) * size);
     }
 
     void slice(std::int64_t z) const {
@@ -93,7 +115,8 @@ struct HostFill {
             if (from < 0)
                 fill_row(window.at(w.lower.x, y, z), w.dims().x, voxel, size);
             else
-                std::memcpy(window.at(w.lower.x, y, z), window.at(w.lower.x, y, from), static_cast<std::size_t>(w.dims().x) * size);
+                std::memcpy(window.at(w.lower.x, y, z), window.at(w.lower.x, y, from),
+                            static_cast<std::size_t>(w.dims().x) * size);
         }
     }
 
@@ -114,11 +137,14 @@ struct HostFill {
 
 } // namespace
 
-void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary boundary, double border_value, Execution const&) {
+void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary boundary, double border_value,
+                 Execution const&) {
 #ifdef VKT_CUDA
-    if (window.space == Space::device) return fill_border_on_device(window, inside, volume_dims, boundary, border_value);
+    if (window.space == Space::device)
+        return fill_border_on_device(window, inside, volume_dims, boundary, border_value);
 #endif
-    HostFill const fill{window, inside, volume_dims, boundary, voxel_bytes(window.type, border_value), size_of(window.type)};
+    HostFill const fill{
+        window, inside, volume_dims, boundary, voxel_bytes(window.type, border_value), size_of(window.type)};
     fill.run();
 }
 

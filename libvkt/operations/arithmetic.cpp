@@ -264,7 +264,8 @@ std::vector<std::string> Arithmetic::operands() const {
 void Arithmetic::parameters(Parameters& p) {
     p.positional("op", op, "add, sub, mul, div, min or max");
     p.positional("a", a, "first operand: a volume ('-' is standard input) or a number");
-    p.positional("b", b, "second operand: a volume or a number; if only one is given, the first is standard input").optional();
+    p.positional("b", b, "second operand: a volume or a number; if only one is given, the first is standard input")
+        .optional();
     p.option("dtype", dtype, "TYPE", "data type of the result");
 }
 

@@ -4,8 +4,8 @@
 
 #include "libvkt/engine/operation.h"
 
-#include <array>
 #include "libvkt/operations/remarks.h"
+#include <array>
 
 namespace vkt {
 

@@ -1,5 +1,5 @@
-// The engine: chains of operations give the same voxels for every slab height, source and budget, whatever they ask for.
-// SPDX-License-Identifier: MIT
+// The engine: chains of operations give the same voxels for every slab height, source and budget, whatever they ask
+// for. SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/engine/pipeline.h"
@@ -37,7 +37,8 @@ public:
                     for (auto k = -radius_.z; k <= radius_.z; ++k)
                         for (auto j = -radius_.y; j <= radius_.y; ++j)
                             for (auto i = -radius_.x; i <= radius_.x; ++i)
-                                sum += static_cast<std::uint32_t>(a(x + i, y + j, z + k)) * static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
+                                sum += static_cast<std::uint32_t>(a(x + i, y + j, z + k)) *
+                                       static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
                     b(x, y, z) = static_cast<std::int32_t>(sum);
                 }
     }
@@ -100,7 +101,8 @@ public:
         for (auto z = out.box.lower.z; z < out.box.upper.z; ++z)
             for (auto y = out.box.lower.y; y < out.box.upper.y; ++y)
                 for (auto x = out.box.lower.x; x < out.box.upper.x; ++x)
-                    b(x, y, z) = static_cast<std::int32_t>(static_cast<std::uint32_t>(a(x, y, z)) - static_cast<std::uint32_t>(least_));
+                    b(x, y, z) = static_cast<std::int32_t>(static_cast<std::uint32_t>(a(x, y, z)) -
+                                                           static_cast<std::uint32_t>(least_));
     }
 
 private:
@@ -121,7 +123,9 @@ public:
         return plan;
     }
     Box footprint(Box const& o, int) const override { return {o.lower + box_.lower, o.upper + box_.lower}; }
-    void run(std::span<ConstView const>, AnyView, Execution const&) override { FAIL() << "the engine hands cuts through"; }
+    void run(std::span<ConstView const>, AnyView, Execution const&) override {
+        FAIL() << "the engine hands cuts through";
+    }
 
 private:
     Box box_;
@@ -139,7 +143,8 @@ public:
         return plan;
     }
     Box footprint(Box const& o, int) const override {
-        return {{2 * o.lower.x, 2 * o.lower.y, 2 * o.lower.z}, {2 * o.upper.x - 1, 2 * o.upper.y - 1, 2 * o.upper.z - 1}};
+        return {{2 * o.lower.x, 2 * o.lower.y, 2 * o.lower.z},
+                {2 * o.upper.x - 1, 2 * o.upper.y - 1, 2 * o.upper.z - 1}};
     }
     void run(std::span<ConstView const> in, AnyView out, Execution const&) override {
         auto const a = in[0].as<std::int32_t>();
@@ -190,17 +195,28 @@ std::vector<std::unique_ptr<Operation>> random_chain(std::mt19937& random) {
     int const length = 1 + pick(4);
     for (int i = 0; i < length; ++i) {
         switch (pick(5)) {
-        case 0: chain.push_back(std::make_unique<BoxSum>(Index3{pick(3), pick(3), pick(9)}, static_cast<Boundary>(pick(4)))); break;
-        case 1: chain.push_back(std::make_unique<FlipZ>()); break;
-        case 2: chain.push_back(std::make_unique<SubtractMinimum>()); break;
-        case 3: chain.push_back(std::make_unique<Halve>()); break;
-        default: chain.push_back(nullptr); // a cut: needs the dims that arrive there
+        case 0:
+            chain.push_back(
+                std::make_unique<BoxSum>(Index3{pick(3), pick(3), pick(9)}, static_cast<Boundary>(pick(4))));
+            break;
+        case 1:
+            chain.push_back(std::make_unique<FlipZ>());
+            break;
+        case 2:
+            chain.push_back(std::make_unique<SubtractMinimum>());
+            break;
+        case 3:
+            chain.push_back(std::make_unique<Halve>());
+            break;
+        default:
+            chain.push_back(nullptr); // a cut: needs the dims that arrive there
         }
     }
     return chain;
 }
 
-Volume run_chain(Volume const& input, std::vector<std::unique_ptr<Operation>>& chain, Execution const& execution, bool forward) {
+Volume run_chain(Volume const& input, std::vector<std::unique_ptr<Operation>>& chain, Execution const& execution,
+                 bool forward) {
     std::unique_ptr<Source> source = volume_source({input});
     if (forward) source = std::make_unique<ForwardOnly>(std::move(source));
     for (auto& operation : chain) {
@@ -230,7 +246,8 @@ std::string names_of(std::vector<std::unique_ptr<Operation>> const& chain) {
 TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
     std::mt19937 random(7);
     for (int trial = 0; trial < 120; ++trial) {
-        Index3 const dims{1 + static_cast<int>(random() % 6), 1 + static_cast<int>(random() % 5), 1 + static_cast<int>(random() % 17)};
+        Index3 const dims{1 + static_cast<int>(random() % 6), 1 + static_cast<int>(random() % 5),
+                          1 + static_cast<int>(random() % 17)};
         Volume const input = random_volume(dims, static_cast<unsigned>(random()));
         auto chain = random_chain(random);
         Index3 n = dims;
@@ -255,7 +272,8 @@ TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
                     Volume const got = run_chain(input, chain, execution, forward);
                     ASSERT_EQ(got.header().dims, expected.header().dims);
                     ASSERT_EQ(std::memcmp(got.view().data, expected.view().data, expected.header().bytes()), 0)
-                        << "trial " << trial << " of " << names_of(chain) << " slab " << slab << " forward " << forward << " memory " << memory;
+                        << "trial " << trial << " of " << names_of(chain) << " slab " << slab << " forward " << forward
+                        << " memory " << memory;
                 }
             }
         }
@@ -281,9 +299,11 @@ TEST(Engine, BordersAreThoseOfTheRule) {
                         auto const y = fold(p.y + j, 4, boundary);
                         auto const z = fold(p.z + k, 3, boundary);
                         std::int32_t const v = x < 0 || y < 0 || z < 0 ? 3 : a(x, y, z);
-                        expected += static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
+                        expected +=
+                            static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(1 + i * i + 3 * j + 5 * k);
                     }
-            EXPECT_EQ(static_cast<std::uint32_t>(b(p.x, p.y, p.z)), expected) << static_cast<int>(boundary) << " " << radius;
+            EXPECT_EQ(static_cast<std::uint32_t>(b(p.x, p.y, p.z)), expected)
+                << static_cast<int>(boundary) << " " << radius;
         }
     }
 }

@@ -318,9 +318,8 @@ TEST(OutputFile, SaysWhyItCannotWrite) {
 TEST(OutputFile, WriteErrorsSurfaceFromTheThread) {
     Header header;
     header.dims = {64, 64, 64};
-    auto const failure = caught([&] {
-        write_volumes("/dev/full", {header}, {noise(64 * 64 * 64, 1)}, {.format = "raw"}, 4);
-    });
+    auto const failure =
+        caught([&] { write_volumes("/dev/full", {header}, {noise(64 * 64 * 64, 1)}, {.format = "raw"}, 4); });
     EXPECT_EQ(failure.kind, ErrorKind::io);
 }
 

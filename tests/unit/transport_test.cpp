@@ -9,8 +9,8 @@
 #include <atomic>
 #include <cstring>
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <thread>
 #include <unistd.h>
 
@@ -39,7 +39,8 @@ struct Pipe {
 };
 
 /// Writes the volumes into one end; `slabs` are the slab heights of the volumes in turn.
-void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const& volumes, std::int64_t slab, std::string* notice) {
+void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const& volumes, std::int64_t slab,
+             std::string* notice) {
     {
         ipc::StreamOptions options;
         options.transport = transport;
@@ -72,7 +73,8 @@ class Transports : public testing::TestWithParam<ipc::Transport> {};
 
 TEST_P(Transports, VoxelsArriveUnchanged) {
     // Slabs below and above the size from which pages are mapped, many more of them than there are buffers.
-    std::vector<Volume> const volumes{patterned({256, 256, 40}, 1), patterned({7, 5, 3}, 2), patterned({300, 200, 64}, 3)};
+    std::vector<Volume> const volumes{patterned({256, 256, 40}, 1), patterned({7, 5, 3}, 2),
+                                      patterned({300, 200, 64}, 3)};
     for (std::int64_t slab : {1, 3, 8, 64}) {
         Pipe pipe;
         std::string notice;
