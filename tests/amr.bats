@@ -59,7 +59,7 @@ assert s['count'] % 512 == 0 and 300 <= s['count'] // 512 < 307, s['count']"
     vkt arith add t.vkt t.vkt | vkt resample --method nearest --scale 1 | raw >a
     vkt arith add grid.vkt grid.vkt | raw | cmp - a
     fails_with 2 'different trees' vkt arith add t.vkt <(vkt crop t.vkt --roi 0:8,:,:) -o x.vkt
-    fails_with 2 'is hierarchical' vkt arith add t.vkt grid.vkt -o x.vkt
+    fails_with 2 'are of both kinds' vkt arith add t.vkt grid.vkt -o x.vkt
     vkt convert t.vkt --dtype uint8 --range minmax | vkt resample --method nearest --scale 1 | raw >a
     vkt convert grid.vkt --dtype uint8 --range minmax | raw | cmp - a
     vkt set t.vkt --units Pa | vkt info | grep -x 'units      Pa'

@@ -322,7 +322,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     counts_ = {};
     zero_divisors_ = 0;
     if (second != nullptr) {
-        if (first.kind != Kind::structured || second->kind != Kind::structured)
+        if (first.kind != second->kind)
             throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
                         "make it a grid first: vkt resample --cells 50M");
         if (!(first.dims == second->dims))
