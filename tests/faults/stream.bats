@@ -42,7 +42,7 @@ for i in range(len(data)): os.write(1, data[i:i+1])' | vkt read | vkt diff in.vk
     left=$(ls -A small)
     umount small
     [ "$status" -eq 4 ]
-    [[ "$stderr" == *"No space left"* ]]
+    [[ "${stderr,,}" == *"no space left"* ]]
     [ -z "$left" ]
 }
 
