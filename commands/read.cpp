@@ -32,6 +32,7 @@ public:
         p.option("endian", endian_, "E", "raw: byte order");
         p.option("spacing", options_.spacing, "S", "raw: distance of voxels, one number or X,Y,Z");
         p.option("format", options_.format, "F", "input format, if content and name do not tell it");
+        p.option("variable", options_.variable, "NAME", "the variable or grid of a file that holds several");
         p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels");
         p.option("roi-world", world_roi_, "R", "read only this region, in world units");
     }
@@ -55,8 +56,8 @@ public:
         ReadOptions options = options_;
         options.big_endian = endian_ == Endian::big;
         if (endian_) options.format = "raw";
-        bool const told =
-            options.dims || options.dtype || options.skip != 0 || options.spacing || !options.format.empty();
+        bool const told = options.dims || options.dtype || options.skip != 0 || options.spacing ||
+                          !options.format.empty() || !options.variable.empty();
         auto const open_told = [options](std::string const& one) { return open_volume(open_bytes(one), options); };
         auto source = told ? series_source(matching_files(path), open_told) : context.open(path);
         return region_of(std::move(source), roi_, world_roi_);
@@ -77,7 +78,9 @@ Command read_command() {
         {"Read a volume from a file.",
          "The format is recognised by the content first and by the name second. Raw files say dims and type in their "
          "name,\n"
-         "as the Open SciVis data sets do, or by options. Of a region only the bytes needed are read.",
+         "as the Open SciVis data sets do, or by options. Of a region only the bytes needed are read. FLASH files "
+         "(HDF5), AMReX plotfiles\n(directories) and "
+         "OpenVDB files hold hierarchical volumes; --variable chooses one, vkt info lists them.",
          {{"Any known format", "vkt read volume.nrrd | vkt flip x -o flipped.nrrd"},
           {"Bare voxels; dims and type stand in the name", "vkt info $DATA/raw/fuel_64x64x64_uint8.raw"},
           {"Bare voxels that say nothing",

@@ -12,11 +12,15 @@ Command resample_command() {
          "default axes that shrink are averaged "
          "by area and axes that grow are interpolated linearly. nearest, linear and area keep the data type; cubic "
          "turns unsigned integers "
-         "into floats, because it can leave their range.",
+         "into floats, because it can leave their range.\n\n"
+         "Hierarchical (AMR) volumes become structured ones: --cells 50M says how many voxels, --roi which part, in "
+         "finest cells; --method basis (default) interpolates across levels, average conserves the integral.",
          {{"Half as many voxels along each axis",
            "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
           {"Sizes in voxels, cubic",
            "vkt make sphere --dims 32 32 24 | vkt resample --dims 48 48 48 --method cubic | vkt info"},
+          {"A grid of about 20 000 voxels from an AMR volume",
+           "vkt make amr --blocks 50 --levels 3 | vkt resample --cells 20k | vkt info"},
           {"Cubic voxels from slices",
            "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}});
 }

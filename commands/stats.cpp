@@ -38,6 +38,11 @@ private:
             report.add_number("argmin", "nan").add_number("argmax", "nan");
         report.add_number("sum", r.sum_text);
         report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
+        if (r.hierarchical)
+            report.add("weighted_sum", r.weighted_sum)
+                .add("weighted_mean", r.weighted_mean)
+                .add("weighted_variance", r.weighted_variance)
+                .add("volume", r.volume);
         return report;
     }
 
@@ -53,7 +58,9 @@ Command stats_command() {
          "same bit for "
          "bit for every number of threads and slab height. NaN is counted and otherwise left out; infinities count as "
          "values. "
-         "variance and stddev divide by the number of values.",
+         "variance and stddev divide by the number of values. Hierarchical volumes: these count every cell once; "
+         "weighted_mean and weighted_variance weight cells by their volume, weighted_sum is the integral over the "
+         "world volume that the last line states.",
          {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
           {"Of a part, for a program",
            "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"}}});

@@ -20,6 +20,9 @@ public:
         p.option("output", output_, "OUT", "the output, said as an option").short_form('o');
         p.option("format", options_.format, "F", "output format, if the file name does not tell it");
         p.flag("compress", options_.compress, "compress, where the format can");
+        p.option("background", background_, "VALUE", "OpenVDB: voxels of this stored value are left out (0)");
+        p.option("prune", options_.prune, "TOLERANCE",
+                 "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
         p.flag("force", options_.force, "overwrite an existing output file");
     }
 
@@ -29,6 +32,13 @@ public:
                         path_.empty() ? "missing OUT: the file to write"
                                       : text("two outputs: '", path_, "' and '", output_, "'"),
                         "e.g. vkt write out.nrrd");
+        bool const sparse =
+            options_.format == "vdb" || (options_.format.empty() && lower_case(out()).ends_with(".vdb"));
+        if (!sparse && (background_ || options_.prune))
+            throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
+                        "e.g. vkt write out.vdb --prune 0.01");
+        if (options_.prune && !(*options_.prune >= 0))
+            throw Error(ErrorKind::usage, text("--prune ", *options_.prune, " is negative"));
         if (stream() && options_.compress) throw Error(ErrorKind::usage, "--compress: streams are not compressed");
     }
 
@@ -62,7 +72,9 @@ private:
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
             auto const create = [this](std::string const& path) {
-                return stream() ? ipc::create_stream_file(path, options_.force, true) : create_volume(path, options_);
+                WriteOptions options = options_;
+                options.background = background_.value_or(0);
+                return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
             return is_numbered(out()) ? series_sink(out(), create) : create(numbered_path(out(), 0));
         }
@@ -73,6 +85,7 @@ private:
 
     std::string path_, output_;
     WriteOptions options_;
+    std::optional<double> background_;
 };
 
 } // namespace

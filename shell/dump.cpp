@@ -68,7 +68,7 @@ Box Dump::region(Index3 dims) const {
 void Dump::print(Source& source, Context& context) const {
     Header const header = source.header();
     if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
+        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
     Box const box = region(header.dims);
     context.print(head(header));
     source.expect(box);
@@ -97,8 +97,8 @@ void Dump::print(Source& source, Context& context) const {
 }
 
 int Dump::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {
-    std::unique_ptr<Source> const named = file_.empty() ? nullptr : context.open(file_);
-    Source& source = named ? *named : *inputs.front();
+    if (!file_.empty()) named_ = context.open(file_); // lives as long as this: the framework asks it for its times
+    Source& source = named_ ? *named_ : *inputs.front();
     while (source.next_volume()) print(source, context);
     return 0;
 }

@@ -24,6 +24,7 @@ private:
     Roi roi_;
     std::optional<Index3> first_, last_;
     std::string file_;
+    std::unique_ptr<Source> named_; ///< opened from file_
 };
 
 } // namespace vkt::shell

@@ -4,6 +4,7 @@
 
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
+#include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
@@ -192,7 +193,8 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const&
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes) {
     std::unique_ptr<Source> source;
-    if (ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+    bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
+    if (!directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
@@ -201,7 +203,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (standard_input || stream_in_ == nullptr) stream_in_ = stream.get();
         source = std::move(stream);
     } else {
-        if (bytes->peek(1).empty() && !bytes->seekable())
+        if (!directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
         source = prefetch(open_volume(std::move(bytes), {}), execution_of(stage));

@@ -12,6 +12,15 @@ r.integers(0, 65536, (20, 31, 45), np.uint16).tofile('w_45x31x20_uint16.raw')
 r.random((2, 5, 40), np.float32).tofile('thin_40x5x2_float32.raw')"
 }
 
+# refused TEXT COMMAND…: exit 2 and TEXT on stderr. Option errors also reach the next stage through stdout.
+refused() {
+    local text="$1"
+    shift
+    run --separate-stderr "$@"
+    [ "$status" -eq 2 ] || { echo "status $status: $stderr" >&2; return 1; }
+    [[ "$stderr" == *"$text"* ]] || { echo "stderr lacks '$text': $stderr" >&2; return 1; }
+}
+
 # against_scipy IN OUT DTYPE SHAPE SIGMA-XYZ MODE BOUND: mean and largest difference from SciPy in float64.
 against_scipy() {
     /usr/bin/python3 -c "
@@ -100,10 +109,10 @@ assert error <= $7, f'error {error} > $7'"
 
 @test "what makes no sense is refused" {
     for sigma in -1 nan inf 1,-2,1 abc; do
-        fails_with 2 '' vkt filter gaussian f_45x31x20_float32.raw --sigma="$sigma" -o out.nrrd
+        refused '' vkt filter gaussian f_45x31x20_float32.raw --sigma="$sigma" -o out.nrrd
     done
-    fails_with 2 'tolerance' vkt filter gaussian f_45x31x20_float32.raw --tolerance 0 -o out.nrrd
-    fails_with 2 'border' vkt filter gaussian f_45x31x20_float32.raw --boundary clamp:3 -o out.nrrd
-    fails_with 2 'mirror' vkt filter gaussian f_45x31x20_float32.raw --boundary miror -o out.nrrd
+    refused 'tolerance' vkt filter gaussian f_45x31x20_float32.raw --tolerance 0 -o out.nrrd
+    refused 'border' vkt filter gaussian f_45x31x20_float32.raw --boundary clamp:3 -o out.nrrd
+    refused 'mirror' vkt filter gaussian f_45x31x20_float32.raw --boundary miror -o out.nrrd
     [ ! -e out.nrrd ]
 }

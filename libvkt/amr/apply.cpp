@@ -83,8 +83,10 @@ void scan_cells(Operation& operation, Volume const& volume, Execution const& exe
             continue;
         }
         LevelLattice const lattice = lattice_of(volume.header().dims, bricks[run.begin]);
-        for (std::size_t b = run.begin; b < run.end; ++b)
-            operation.scan(volume.brick_view(b).moved_to(lattice_box(lattice, bricks[b]).lower), execution);
+        for (std::size_t b = run.begin; b < run.end; ++b) {
+            Box const box = lattice_box(lattice, bricks[b]);
+            operation.scan(volume.brick_view(b).moved_to(box.lower), execution_for(box, execution));
+        }
     }
     operation.scan_end();
 }
@@ -243,7 +245,10 @@ Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& input
         return NeighbourhoodRun(operation, inputs[0], on_host, options).run(remarks);
     case Shape::geometric: {
         Volume output;
-        if (inputs.size() == 1 && operation.run_tree(inputs[0], output, on_host)) return output;
+        if (inputs.size() == 1 && operation.run_tree(inputs[0], output, on_host)) {
+            if (remarks != nullptr) *remarks = operation.remarks();
+            return output;
+        }
         break;
     }
     case Shape::source:

@@ -30,6 +30,7 @@ public:
                 FlashWriteOptions const& options)
         : volume_(volume), options_(options), path_(path), variable_(variable) {
         list_blocks();
+        H5dont_atexit(); // as the reader: what damaged files left open inside the library is no business of the user's
         file_ = H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
         if (file_ < 0) throw Error(ErrorKind::io, text("cannot write ", path));
     }

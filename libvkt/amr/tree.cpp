@@ -17,6 +17,17 @@ Index3 cell_width(Index3 logical_dims, int level) {
     return {logical_dims.x == 1 ? 1 : width, logical_dims.y == 1 ? 1 : width, logical_dims.z == 1 ? 1 : width};
 }
 
+Box cells_centred_in(Box const& region, Index3 width) {
+    Box cells;
+    for (int a = 0; a < 3; ++a) {
+        // Cell i has its centre at (i + 1/2) width: the first one that is not below the bound.
+        auto const first = [&](std::int64_t bound) { return (bound + (width[a] - 1) / 2) / width[a]; };
+        cells.lower[a] = first(region.lower[a]);
+        cells.upper[a] = first(region.upper[a]);
+    }
+    return cells;
+}
+
 Box bounds_of(Brick const& brick, Index3 logical_dims) {
     Index3 const w = cell_width(logical_dims, brick.level);
     return {brick.lower, brick.lower + Index3{brick.dims.x * w.x, brick.dims.y * w.y, brick.dims.z * w.z}};

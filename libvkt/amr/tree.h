@@ -21,6 +21,9 @@ Index3 cell_width(Index3 logical_dims, int level);
 /// The finest cells that a brick covers.
 Box bounds_of(Brick const& brick, Index3 logical_dims);
 
+/// The cells of a level, `width` finest cells wide, whose centres lie in a box of finest cells. May be empty.
+Box cells_centred_in(Box const& region, Index3 width);
+
 /// Where a brick contributes to the basis reconstruction: its bounds grown by half of its own cells. Counted in half
 /// finest cells, which keeps it exact.
 Box domain_of(Brick const& brick, Index3 logical_dims);

@@ -81,6 +81,9 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
             corner[i][axis] = end.empty() ? 0 : parse_double(end);
         }
     }
+    for (int axis = 0; axis < 3; ++axis)
+        if (!open[0][axis] && !open[1][axis] && corner[0][axis] > corner[1][axis])
+            throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' ends before it begins"));
     // The index box that encloses the world box: its eight corners, or the volume's edge where a bound is open.
     constexpr double infinity = 1e300;
     Vec3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};

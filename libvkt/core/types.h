@@ -89,8 +89,9 @@ enum class Boundary : std::uint8_t { mirror, clamp, wrap, border };
 enum class Axis : std::uint8_t { x, y, z };
 
 /// Index of the voxel that stands at position i of a line of n voxels under a boundary; -1 where the border value does.
-/// Folds any number of times, so halos may exceed the volume.
-constexpr std::int64_t fold(std::int64_t i, std::int64_t n, Boundary boundary) {
+/// Folds any number of times, so halos may exceed the volume. Always inlined, like all that kernels call: a copy compiled
+/// for a newer processor must not be left for the linker to pick.
+[[gnu::always_inline]] constexpr std::int64_t fold(std::int64_t i, std::int64_t n, Boundary boundary) {
     if (i >= 0 && i < n) return i;
     switch (boundary) {
     case Boundary::clamp: return i < 0 ? 0 : n - 1;

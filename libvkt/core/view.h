@@ -50,7 +50,7 @@ struct BasicView {
     /// The same memory seen with its lower corner at another voxel.
     BasicView moved_to(Index3 lower) const { return {data, type, {lower, lower + dims()}, row, slice, space}; }
     bool contiguous() const { return row == dims().x && slice == row * dims().y; }
-    std::size_t bytes() const { return static_cast<std::size_t>(box.voxels()) * size_of(type); }
+    [[gnu::always_inline]] std::size_t bytes() const { return static_cast<std::size_t>(box.voxels()) * size_of(type); }
 
     template <class T>
     auto as() const {

@@ -27,6 +27,7 @@ public:
     Access access() const override { return Access::random; }
     void read(AnyView out) override { copy_region(current().view().part(out.box), out, {}); }
     std::optional<ConstView> borrow(Box const& region) override { return current().view().part(region); }
+    Volume load_hierarchical() override { return current(); }
     void finish() override {}
 
 private:

@@ -10,7 +10,26 @@
 
 namespace vkt {
 
-ConstView Window::fetch(Source& source, Box const& region, Execution const& execution) {
+Box Window::with_fold_sources(Box region) const {
+    for (int axis = 0; axis < 2; ++axis) {
+        std::int64_t const n = rule_.volume_dims[axis];
+        Box const asked = region;
+        auto const include = [&](std::int64_t from, std::int64_t to) {
+            for (std::int64_t i = from; i < to; ++i) {
+                std::int64_t const source = fold(i, n, rule_.boundary);
+                if (source < 0) continue;
+                region.lower[axis] = std::min(region.lower[axis], source);
+                region.upper[axis] = std::max(region.upper[axis], source + 1);
+            }
+        };
+        include(asked.lower[axis], std::min<std::int64_t>(0, asked.upper[axis]));
+        include(std::max(n, asked.lower[axis]), asked.upper[axis]);
+    }
+    return region;
+}
+
+ConstView Window::fetch(Source& source, Box const& asked, Execution const& execution) {
+    Box const region = with_fold_sources(asked);
     Box kept{};
     bool const same_columns = held_.lower.x == region.lower.x && held_.upper.x == region.upper.x &&
                               held_.lower.y == region.lower.y && held_.upper.y == region.upper.y;
@@ -29,7 +48,7 @@ ConstView Window::fetch(Source& source, Box const& region, Execution const& exec
     }
     fill_outer_slices(source, kept.lower.z, kept.upper.z, execution);
     held_ = region;
-    return whole_;
+    return whole_.part(asked);
 }
 
 void Window::shift_to(Box const& region, Box const& kept, Space space) {

@@ -28,6 +28,8 @@ public:
     ConstView fetch(Source& source, Box const& region, Execution const& execution);
 
 private:
+    /// The region and the columns from which its outside is folded: a part of a wrapped volume needs its far side.
+    Box with_fold_sources(Box region) const;
     void shift_to(Box const& region, Box const& kept, Space space);
     void read_slices(Source& source, std::int64_t z0, std::int64_t z1, Execution const& execution);
     void read_part(Source& source, Box const& part, std::int64_t target_z, Execution const& execution);

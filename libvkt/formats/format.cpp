@@ -53,8 +53,8 @@ std::string writable_extensions() {
 } // namespace
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(), metaimage_format(), raw_format(),
-                                          flash_format(), vdb_format(), amrex_format()};
+    static std::vector<Format> const list{nrrd_format(),  metaimage_format(), raw_format(),
+                                          flash_format(), vdb_format(),       amrex_format()};
     return list;
 }
 
@@ -84,6 +84,10 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
                         "for bare voxels say --dims X Y Z --dtype TYPE");
         }
     }
+    bool const one_only = format->name == "raw" || format->name == "nrrd" || format->name == "metaimage";
+    if (!options.variable.empty() && one_only)
+        throw Error(ErrorKind::usage,
+                    text("'", bytes->name(), "': --variable: ", format->name, " files hold one unnamed variable"));
     if (options.spacing && format->name != "raw")
         throw Error(ErrorKind::usage, text("'", bytes->name(), "' states its spacing"),
                     text("change it afterwards: vkt set --spacing ", options.spacing->x, ",", options.spacing->y, ",",

@@ -72,7 +72,7 @@ struct WriteOptions {
     bool force = false;  ///< overwrite an existing file
     bool compress = false;
     double background = 0;       ///< sparse formats: voxels of this value are not stored
-    std::optional<double> prune; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
+    std::optional<double> prune{};///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 
 /// A reader and a writer behind a name. Either may be missing.

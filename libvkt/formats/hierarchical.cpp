@@ -17,9 +17,29 @@ namespace {
 
 /// What readers of these formats have in common.
 struct TreeReader {
-    AmrListing (*list)(std::string const& path) = nullptr; ///< null: the tree is known only when it has been read
+    AmrListing (*list)(std::string const& path) = nullptr;
     Volume (*read)(std::string const& path, AmrReadOptions const& options, Execution const& execution) = nullptr;
 };
+
+/// What a file holds, as attributes: every variable with type and stated range, every level, the share of holes.
+void describe(AmrListing const& listing, Header& header) {
+    std::vector<std::string> names;
+    for (AmrVariable const& variable : listing.variables) {
+        names.push_back(variable.name);
+        std::string range;
+        if (variable.minimum && variable.maximum) range = text(", ", *variable.minimum, " to ", *variable.maximum);
+        header.attributes[text("variable ", variable.name)] = text(variable.dtype, range);
+    }
+    header.attributes["variables"] = join(names, " ");
+    if (listing.bricks.empty()) return;
+    TreeSummary const summary = summarise(header.dims, listing.bricks);
+    for (LevelSummary const& level : summary.levels)
+        header.attributes[text("level ", level.level)] =
+            text(level.bricks, " bricks, ", level.cells, " cells ", cell_width(header.dims, level.level),
+                 " finest cells wide");
+    header.attributes["holes"] = text(100 * summary.hole_share(), " %");
+    header.attributes["format"] = listing.format;
+}
 
 /// One volume of a file that is read as a whole, or as the bricks that a region needs; the header comes from the file's
 /// tables as long as nobody asks for cells.
@@ -41,7 +61,8 @@ public:
     bool next_volume() override {
         if (started_) return false;
         started_ = true;
-        if (reader_.list == nullptr || !wanted_.roi.empty() || !wanted_.world_roi.empty()) {
+        if (lists_only()) return true;
+        if (reader_.read == read_vdb || !wanted_.roi.empty() || !wanted_.world_roi.empty()) {
             volume_ = reader_.read(path_, wanted_, default_execution());
             header_ = volume_->header();
             return true;
@@ -73,6 +94,19 @@ public:
 
 private:
     std::unique_ptr<ByteSource> bytes_;
+    /// True if nobody said which of several variables: the header then describes all of them, which is enough for
+    /// whoever asks for no cells (info); the others are told to choose.
+    bool lists_only() {
+        if (!wanted_.variable.empty() || !wanted_.roi.empty() || !wanted_.world_roi.empty()) return false;
+        AmrListing const listing = reader_.list(path_);
+        if (listing.variables.size() < 2) return false;
+        header_ = listing.header;
+        header_.kind = Kind::hierarchical;
+        header_.dtype = listing.variables.front().dtype;
+        describe(listing, header_);
+        return true;
+    }
+
     TreeReader reader_;
     AmrReadOptions wanted_;
     std::string path_;
@@ -94,7 +128,7 @@ std::unique_ptr<Source> open_flash(std::unique_ptr<ByteSource> bytes, ReadOption
 
 std::unique_ptr<Source> open_vdb(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     require_seekable(*bytes, "OpenVDB files");
-    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{nullptr, read_vdb});
+    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_vdb, read_vdb});
 }
 
 std::unique_ptr<Source> open_amrex(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {

@@ -248,17 +248,23 @@ DataType promoted(DataType a, DataType b) {
     return std::max(f, size_of(other) == 2 ? DataType::float32 : DataType::float64);
 }
 
+/// A single operand is the second one: the first comes from standard input.
+std::array<std::string, 2> Arithmetic::both() const {
+    if (b.empty()) return {"-", a};
+    return {a, b};
+}
+
 std::vector<std::string> Arithmetic::operands() const {
     std::vector<std::string> result;
-    if (!as_number(a)) result.push_back(a.empty() ? "-" : a);
-    if (!b.empty() && !as_number(b)) result.push_back(b);
+    for (auto const& operand : both())
+        if (!operand.empty() && !as_number(operand)) result.push_back(operand);
     return result;
 }
 
 void Arithmetic::parameters(Parameters& p) {
     p.positional("op", op, "add, sub, mul, div, min or max");
     p.positional("a", a, "first operand: a volume ('-' is standard input) or a number");
-    p.positional("b", b, "second operand: a volume or a number");
+    p.positional("b", b, "second operand: a volume or a number; if only one is given, the first is standard input").optional();
     p.option("dtype", dtype, "TYPE", "data type of the result");
 }
 
@@ -310,14 +316,14 @@ void Arithmetic::choose_values(Header const& first, Header const* second, Header
 Plan Arithmetic::plan(std::span<Header const> inputs) {
     Header const& first = inputs.front();
     Header const* const second = inputs.size() > 1 ? &inputs[1] : nullptr;
-    number_a_ = as_number(a);
-    number_b_ = as_number(b);
+    number_a_ = as_number(both()[0]);
+    number_b_ = as_number(both()[1]);
     counts_ = {};
     zero_divisors_ = 0;
     if (second != nullptr) {
         if (first.kind != Kind::structured || second->kind != Kind::structured)
             throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt amr-resample");
+                        "make it a grid first: vkt resample --cells 50M");
         if (!(first.dims == second->dims))
             throw Error(ErrorKind::usage,
                         text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),

@@ -3,6 +3,8 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+
+#include <array>
 #include "libvkt/operations/remarks.h"
 
 namespace vkt {
@@ -32,9 +34,11 @@ public:
     std::vector<std::string> input_names() const override { return operands(); }
     /// Paths of the operands that are volumes, in order; "-" if nothing is said yet.
     std::vector<std::string> operands() const;
+    std::array<std::string, 2> both() const;
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
+    bool uses_position() const override { return false; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 

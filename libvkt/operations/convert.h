@@ -48,6 +48,9 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void after_scan(Header& output) const override { output.values = values_; }
+    /// Hierarchical volumes: percentiles count cells, whatever their size.
+    void enter_level(Index3 cell_width) override { extremes_.enter_level(cell_width); }
+    bool uses_position() const override { return false; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/crop.h"
 
+#include "libvkt/amr/edit.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 
@@ -56,8 +57,8 @@ void Crop::check() const {
 
 void Crop::set_like(Geometry const& geometry, Index3 dims) { like_ = {geometry, dims}; }
 
-Plan Crop::plan(std::span<Header const> inputs) {
-    Header const& in = inputs[0];
+/// The region in voxels, or in finest cells.
+Box Crop::wanted(Header const& in) {
     if (!like_file_.empty() && !like_) {
         auto const source = open_volume(open_bytes(like_file_), {});
         if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like_file_, " holds no volume"));
@@ -66,20 +67,26 @@ Plan Crop::plan(std::span<Header const> inputs) {
     if (like_) {
         Geometry const& g = like_->geometry;
         Index3 const n = like_->dims;
-        box_ = voxels_between(index_bounds(in.geometry,
-                                           [&](bool x, bool y, bool z) {
-                                               return index_to_world(g, {x ? static_cast<double>(n.x) - 0.5 : -0.5,
-                                                                         y ? static_cast<double>(n.y) - 0.5 : -0.5,
-                                                                         z ? static_cast<double>(n.z) - 0.5 : -0.5});
-                                           }),
-                              in.dims);
-        if (box_.empty())
+        Box const box =
+            voxels_between(index_bounds(in.geometry,
+                                        [&](bool x, bool y, bool z) {
+                                            return index_to_world(g, {x ? static_cast<double>(n.x) - 0.5 : -0.5,
+                                                                      y ? static_cast<double>(n.y) - 0.5 : -0.5,
+                                                                      z ? static_cast<double>(n.z) - 0.5 : -0.5});
+                                        }),
+                           in.dims);
+        if (box.empty())
             throw Error(ErrorKind::usage,
                         text("the volume does not overlap ", like_file_.empty() ? "the other" : like_file_),
                         "compare the extents with 'vkt info'");
-    } else {
-        box_ = world_.empty() ? region_.resolve(in.dims) : world_.resolve(in.geometry, in.dims);
+        return box;
     }
+    return world_.empty() ? region_.resolve(in.dims) : world_.resolve(in.geometry, in.dims);
+}
+
+Plan Crop::plan(std::span<Header const> inputs) {
+    Header const& in = inputs[0];
+    box_ = wanted(in);
     Plan plan;
     plan.output = in;
     plan.output.dims = box_.dims();
@@ -96,6 +103,11 @@ Plan Crop::plan(std::span<Header const> inputs) {
 }
 
 Box Crop::footprint(Box const& output, int) const { return {output.lower + box_.lower, output.upper + box_.lower}; }
+
+bool Crop::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+    output = crop_tree(input, wanted(input.header()), execution);
+    return true;
+}
 
 void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     copy_region(inputs[0].part(footprint(out.box, 0)), out, execution);

@@ -24,6 +24,8 @@ public:
     /// Throws Error{usage} if the region is empty or does not lie in the volume.
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
+    /// Keeps the bricks that any reconstruction inside the region needs.
+    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
 
@@ -35,6 +37,8 @@ private:
         Geometry geometry;
         Index3 dims;
     };
+    Box wanted(Header const& in);
+
     Roi region_;
     WorldRoi world_;
     std::string like_file_;

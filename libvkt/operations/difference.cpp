@@ -162,7 +162,8 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     Header const& ha = a.header();
     Header const& hb = b.header();
     if (ha.kind != Kind::structured || hb.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "one of the volumes is hierarchical", "make it a grid first: vkt amr-resample");
+        throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
+                    "make it a grid first: vkt resample --cells 50M");
     DifferenceResult r;
     r.same_dims = ha.dims == hb.dims;
     r.same_type = ha.dtype == hb.dtype;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/fill.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
@@ -42,6 +43,8 @@ Plan Fill::plan(std::span<Header const> inputs) {
     plan.output = inputs[0];
     if (first_) region_ = roi_of(*first_, *last_);
     box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
+    finest_ = box_;
+    whole_ = region_.empty();
     stored_ = inputs[0].values.stored(value_);
     type_ = inputs[0].dtype;
     plan.method = "constant";
@@ -49,8 +52,10 @@ Plan Fill::plan(std::span<Header const> inputs) {
     return plan;
 }
 
+void Fill::enter_level(Index3 cell_width) { box_ = cells_centred_in(finest_, cell_width); }
+
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    Box const inside = intersect(out.box, box_);
+    Box const inside = whole_ ? out.box : intersect(out.box, box_);
     if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
     if (!inside.empty()) fill_box(out.part(inside), stored_, execution);
 }
@@ -61,7 +66,7 @@ std::vector<Remark> Fill::remarks() const {
         clipped = baseline::is_clipped<T>(stored_);
         nan = baseline::is_lost_nan<T>(stored_);
     });
-    std::string const count = text(box_.voxels(), " voxels");
+    std::string const count = text(finest_.voxels(), " voxels");
     if (nan) return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
     if (!clipped) return {};
     double const held = stored_ < 0 ? lowest_of(type_) : highest_of(type_);

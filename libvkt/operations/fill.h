@@ -21,6 +21,9 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     /// Throws Error{usage} if the region is given twice or by half.
     void check() const override;
+    /// In hierarchical volumes cells with centres in the region are filled.
+    void enter_level(Index3 cell_width) override;
+    bool uses_position() const override { return first_ || !region_.empty(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
@@ -31,7 +34,9 @@ protected:
 private:
     double value_ = 0;
     Roi region_;
-    Box box_;           ///< the region in voxels
+    Box box_;           ///< the region in voxels, or in cells of the level
+    Box finest_;        ///< the region as given
+    bool whole_ = true; ///< no region: everything is filled
     double stored_ = 0; ///< the value before rounding
     DataType type_ = DataType::uint8;
 };

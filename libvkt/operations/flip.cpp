@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/flip.h"
 
+#include "libvkt/amr/edit.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
@@ -39,6 +40,20 @@ Plan Flip::plan(std::span<Header const> inputs) {
     plan.method = "mirrored copy";
     plan.cost = 0;
     return plan;
+}
+
+bool Flip::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+    Index3 const dims = input.header().dims;
+    if (!region_.empty() && !(region_.resolve(dims) == box_of(dims)))
+        throw Error(ErrorKind::usage, "a part of a hierarchical volume cannot be mirrored: bricks would be cut",
+                    "flip all of it, or make it a grid first: vkt resample --cells 50M");
+    output = flip_tree(input, axis_, execution);
+    return true;
+}
+
+bool FlipRange::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+    region_ = roi_of(first_, last_);
+    return Flip::run_tree(input, output, execution);
 }
 
 Box Flip::mirrored(Box part) const {

@@ -28,7 +28,13 @@ void Resample::parameters(Parameters& p) {
     p.option("spacing", spacing, "S|SX,SY,SZ",
              "size of the result's voxels in world units, met as nearly as whole voxels allow");
     p.option("like", like, "FILE", "as many voxels as this volume file has");
-    p.option("method", method, "METHOD", "auto: area average where an axis shrinks, linear where it grows");
+    p.option("cells", cells, "N", "about this many voxels, as cubic as can be; 50M are 50 millions");
+    p.option("method", method, "METHOD",
+             "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
+             "(default), nearest, average, or auto: average where a voxel covers several cells");
+    p.option("roi", roi, "REGION", "hierarchical volumes: only this region, in finest cells");
+    p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
+    p.option("background", background, "VALUE", "hierarchical volumes: value where there is no cell (0)");
     p.option("boundary", boundary, "RULE",
              "how the volume continues outside, for linear and cubic: mirror, clamp (default), wrap or border[:VALUE]");
     p.option("dtype", dtype, "TYPE", "data type of the result, values kept").alias("data-format");
@@ -42,11 +48,13 @@ void Resample::parameters(Parameters& p) {
 }
 
 void Resample::check() const {
-    int const given =
-        (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) + (like.empty() ? 0 : 1);
+    int const given = (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) +
+                      (like.empty() ? 0 : 1) + (cells ? 1 : 0);
     if (given > 1)
-        throw Error(ErrorKind::usage, "only one of --scale, --dims, --size, --spacing and --like can be followed");
-    if (given == 0 && !dtype && !bytes_per_voxel && !dist && !voxel_mapping)
+        throw Error(ErrorKind::usage,
+                    "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
+    if (!roi.empty() && !world_roi.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
+    if (given == 0 && !changes_values() && roi.empty() && world_roi.empty())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     if (scale)
         for (int axis = 0; axis < 3; ++axis)
@@ -61,9 +69,11 @@ void Resample::check() const {
             throw Error(ErrorKind::usage,
                         text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
     }
-    if (boundary && (method == ResampleMethod::nearest || method == ResampleMethod::area))
+    bool const looks_outside = !method || method == ResampleMethod::automatic || method == ResampleMethod::linear ||
+                               method == ResampleMethod::cubic;
+    if (boundary && !looks_outside)
         throw Error(ErrorKind::usage,
-                    text("--boundary does not apply to --method ", enum_name(method), ", which never looks outside"));
+                    text("--boundary does not apply to --method ", enum_name(*method), ", which never looks outside"));
 }
 
 namespace {
@@ -100,8 +110,30 @@ Index3 dims_of_size(std::string const& size, Index3 dims) {
 
 } // namespace
 
+CellCount ValueText<CellCount>::read(std::vector<std::string> const& w, std::string_view name) {
+    std::string number = w.front();
+    double factor = 1;
+    if (!number.empty()) {
+        char const unit = number.back();
+        factor = unit == 'k' || unit == 'K' ? 1e3 : unit == 'M' ? 1e6 : unit == 'G' ? 1e9 : 1;
+        if (factor > 1) number.pop_back();
+    }
+    double const count = ValueText<double>::read({number}, name) * factor;
+    if (!(count >= 1 && count <= 1e15))
+        throw Error(ErrorKind::usage, text("--", name, ": ", w.front(), " is not a number of cells"),
+                    "for example --cells 50M");
+    return {static_cast<std::int64_t>(std::llround(count))};
+}
+
 Index3 Resample::target_dims(Header const& input) const {
     if (dims) return *dims;
+    if (cells) {
+        Header whole = input;
+        whole.attributes.clear(); // whatever region a tree had that this grid came from
+        GridRequest request;
+        request.cells = cells->value;
+        return plan_grid(whole, request).dims;
+    }
     if (!size.empty()) return dims_of_size(size, input.dims);
     if (!like.empty()) {
         auto const source = open_volume(open_bytes(like), {});
@@ -118,7 +150,7 @@ Index3 Resample::target_dims(Header const& input) const {
 }
 
 Kernel Resample::kernel_for(std::int64_t n_in, std::int64_t n_out) const {
-    switch (method) {
+    switch (method.value_or(ResampleMethod::automatic)) {
     case ResampleMethod::nearest:
         return Kernel::nearest;
     case ResampleMethod::linear:
@@ -128,6 +160,8 @@ Kernel Resample::kernel_for(std::int64_t n_in, std::int64_t n_out) const {
     case ResampleMethod::cubic:
         return Kernel::cubic;
     case ResampleMethod::automatic:
+    case ResampleMethod::basis:
+    case ResampleMethod::average:
         break;
     }
     return n_out < n_in ? Kernel::area : Kernel::linear;
@@ -156,8 +190,8 @@ void Resample::choose_header(Header const& input, Header& output) {
 
 Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
-    if (input.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
+    if (input.kind == Kind::hierarchical) return plan_tree(input);
+    refuse_tree_options();
     Plan plan;
     from_ = input.dims;
     to_ = target_dims(input);
@@ -194,6 +228,95 @@ Plan Resample::plan(std::span<Header const> inputs) {
     plan.error_bound = plan.exact ? 0 : 1e-15; // rounding only: interpolation error depends on the data
     plan.cost = way_ == Way::copy || way_ == Way::nearest ? 0 : taps;
     return plan;
+}
+
+void Resample::refuse_tree_options() const {
+    if (method == ResampleMethod::basis || method == ResampleMethod::average)
+        throw Error(ErrorKind::usage,
+                    text("--method ", enum_name(*method), " is for hierarchical volumes, and this one is structured"),
+                    method == ResampleMethod::average ? "--method area averages voxels" : "use --method linear");
+    bool const region = !roi.empty() || !world_roi.empty();
+    if (region || background)
+        throw Error(ErrorKind::usage,
+                    text(!roi.empty() ? "--roi"
+                         : region     ? "--roi-world"
+                                      : "--background",
+                         " is for hierarchical volumes, and this one is structured"),
+                    region ? "use vkt crop before" : "");
+}
+
+Reconstruction Resample::reconstruction() const {
+    switch (method.value_or(ResampleMethod::basis)) {
+    case ResampleMethod::basis:
+        return Reconstruction::basis;
+    case ResampleMethod::nearest:
+        return Reconstruction::nearest;
+    case ResampleMethod::average:
+        return Reconstruction::average;
+    case ResampleMethod::automatic:
+        return Reconstruction::automatic;
+    case ResampleMethod::linear:
+    case ResampleMethod::area:
+    case ResampleMethod::cubic:
+        break;
+    }
+    throw Error(ErrorKind::usage,
+                text("--method ", enum_name(*method), " is for structured volumes, and this one is hierarchical"),
+                text("use --method ", method == ResampleMethod::area ? "average" : "basis"));
+}
+
+SampleGrid Resample::tree_grid(Header const& input) const {
+    GridRequest request;
+    request.roi = roi;
+    request.world_roi = world_roi;
+    request.spacing = spacing;
+    if (cells) request.cells = cells->value;
+    if (scale || dims || !size.empty() || !like.empty()) {
+        Header region = input;
+        region.dims = plan_grid(input, request).dims; // without any of the others: the region's finest cells
+        request.dims = target_dims(region);
+    }
+    return plan_grid(input, request);
+}
+
+Plan Resample::plan_tree(Header const& input) const {
+    if (boundary)
+        throw Error(ErrorKind::usage, "--boundary is for structured volumes, and this one is hierarchical",
+                    "say with --background what stands where there is no cell");
+    Plan plan;
+    plan.output = gridded_header(input, tree_grid(input));
+    plan.method = enum_name(reconstruction());
+    plan.exact = reconstruction() == Reconstruction::nearest;
+    plan.error_bound = plan.exact ? 0 : is_integer(input.dtype) || input.dtype == DataType::float64 ? 1e-15 : 1e-6;
+    plan.error_is_estimate = !plan.exact;
+    plan.cost = 16;
+    vkt::check(plan.output);
+    return plan;
+}
+
+bool Resample::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+    Header const& header = input.header();
+    plan_tree(header);
+    counts_ = {};
+    double empty = background.value_or(0);
+    if (auto const known = header.attributes.find("background"); !background && known != header.attributes.end())
+        empty = parse_double(known->second);
+    output = reconstruct(input, tree_grid(header), reconstruction(), header.values.stored(empty), execution);
+    if (!changes_values()) return true;
+    Resample rest; // the grid stays, the values change
+    rest.dtype = dtype;
+    rest.bytes_per_voxel = bytes_per_voxel;
+    rest.dist = dist;
+    rest.voxel_mapping = voxel_mapping;
+    Volume const grid = output;
+    Header const grid_header = grid.header();
+    output = Volume(rest.plan({&grid_header, 1}).output);
+    ConstView const from = grid.view();
+    rest.run({&from, 1}, output.mutable_view(), execution);
+    to_ = rest.to_;
+    out_type_ = rest.out_type_;
+    counts_ = rest.counts_;
+    return true;
 }
 
 std::string Resample::describe() const {

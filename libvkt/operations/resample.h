@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/remarks.h"
@@ -12,15 +13,23 @@
 
 namespace vkt {
 
-enum class ResampleMethod : std::uint8_t { automatic, nearest, linear, area, cubic };
+enum class ResampleMethod : std::uint8_t { automatic, nearest, linear, area, cubic, basis, average };
 template <> struct EnumNames<ResampleMethod> {
     static std::vector<std::pair<ResampleMethod, char const*>> all() {
-        return {{ResampleMethod::automatic, "auto"},
-                {ResampleMethod::nearest, "nearest"},
-                {ResampleMethod::linear, "linear"},
-                {ResampleMethod::area, "area"},
-                {ResampleMethod::cubic, "cubic"}};
+        return {{ResampleMethod::automatic, "auto"}, {ResampleMethod::nearest, "nearest"},
+                {ResampleMethod::linear, "linear"},  {ResampleMethod::area, "area"},
+                {ResampleMethod::cubic, "cubic"},    {ResampleMethod::basis, "basis"},
+                {ResampleMethod::average, "average"}};
     }
+};
+
+/// A number of cells: "50000000", "50M" (k, M, G: thousands, millions, thousands of millions).
+struct CellCount {
+    std::int64_t value = 0;
+};
+template <> struct ValueText<CellCount> : OneWord {
+    static CellCount read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(CellCount v) { return {to_text(v.value)}; }
 };
 
 /// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto
@@ -29,14 +38,19 @@ template <> struct EnumNames<ResampleMethod> {
 /// = -1/2, stretched when shrinking) can leave the range of its input, so that unsigned types become float32 (float64
 /// from 32 bits on) unless a type is given. Sums are in double. One pass: a row of output is the weighted sum of the
 /// input rows in its footprint, then of their voxels; about one multiply-add per input voxel when shrinking.
+/// Hierarchical volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
 class Resample : public Operation {
 public:
     std::optional<Vec3> scale;
     std::optional<Index3> dims;
-    std::string size;            ///< "512,auto,auto"
-    std::optional<Vec3> spacing; ///< world units of the result's voxels
-    std::string like;            ///< a volume file whose dims are taken
-    ResampleMethod method = ResampleMethod::automatic;
+    std::string size;                     ///< "512,auto,auto"
+    std::optional<Vec3> spacing;          ///< world units of the result's voxels
+    std::string like;                     ///< a volume file whose dims are taken
+    std::optional<CellCount> cells;       ///< about this many voxels, cubes as nearly as possible
+    std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones
+    Roi roi;                              ///< hierarchical volumes: the region in finest cells
+    WorldRoi world_roi;                   ///< the same in world units
+    std::optional<double> background;     ///< hierarchical volumes: physical value where there is no cell
     std::optional<BoundaryRule> boundary;
     std::optional<DataType> dtype;
     std::optional<int> bytes_per_voxel;
@@ -49,12 +63,18 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
+    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 private:
     Index3 target_dims(Header const& input) const;
+    SampleGrid tree_grid(Header const& input) const;
+    Reconstruction reconstruction() const;
+    void refuse_tree_options() const;
+    Plan plan_tree(Header const& input) const;
+    bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, Header& output);
     std::string describe() const;

@@ -3,6 +3,7 @@
 #if VKT_HOST
 #include "libvkt/operations/statistics.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <cmath>
@@ -110,13 +111,14 @@ void Statistics::parameters(Parameters& p) {
 
 Plan Statistics::plan(std::span<Header const> inputs) {
     input_ = inputs.front();
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    region_ = finest_region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    width_ = {1, 1, 1};
+    levels_.clear();
+    level_ = nullptr;
     total_ = {};
     min_ = max_ = {};
     origin_ = {};
     result_ = {};
-    if (input_.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt amr-resample");
     Plan plan;
     plan.output = input_;
     plan.method =
@@ -126,6 +128,21 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     plan.error_is_estimate = !plan.exact;
     plan.cost = 4;
     return plan;
+}
+
+void Statistics::enter_level(Index3 cell_width) {
+    width_ = cell_width;
+    region_ = cells_centred_in(finest_region_, cell_width);
+    if (roi.empty()) // lattices may begin outside the grid, and every cell counts
+        region_ = {{0, 0, 0}, {max_roi_extent, max_roi_extent, max_roi_extent}};
+    double const cell = volume_of(cell_width);
+    level_ = &levels_[cell];
+    level_->cell = cell;
+}
+
+void Statistics::append(Moments const& slice, bool exact) {
+    total_.append(slice, exact);
+    if (level_ != nullptr) level_->moments.append(slice, exact);
 }
 
 void Statistics::scan(ConstView slab, Execution const& execution) {
@@ -143,7 +160,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     for (std::int64_t z = 0; z < n.z; ++z)
         for (std::int64_t y = 0; y < n.y; ++y)
             slices_[static_cast<std::size_t>(z)].append(rows_[static_cast<std::size_t>(z * n.y + y)].moments, exact);
-    for (Moments const& slice : slices_) total_.append(slice, exact);
+    for (Moments const& slice : slices_) append(slice, exact);
     merge_extremes(part);
 }
 
@@ -167,8 +184,12 @@ void Statistics::merge_extremes(ConstView slab) {
         }
     }
     // Only the row that won is searched: the first voxel in x-fastest order that has the value.
-    if (new_min) min_.where.x = find(slab, min_.where, min_);
-    if (new_max) max_.where.x = find(slab, max_.where, max_);
+    auto const locate = [&](Extreme& extreme) {
+        extreme.where.x = find(slab, extreme.where, extreme);
+        for (int axis = 0; axis < 3; ++axis) extreme.where[axis] *= width_[axis];
+    };
+    if (new_min) locate(min_);
+    if (new_max) locate(max_);
 }
 
 void Statistics::scan_end() {
@@ -178,12 +199,14 @@ void Statistics::scan_end() {
     bool const integer = is_integer(input_.dtype);
     ValueMap const map = input_.values;
     std::int64_t const infinite = m.positive_infinity + m.negative_infinity;
+    r.hierarchical = input_.kind == Kind::hierarchical;
     r.nan = m.nan;
     r.inf = infinite;
     r.count = m.finite + m.nan + infinite;
     r.valid = m.finite + infinite > 0;
     if (!r.valid) {
         r.min = r.max = r.sum = r.mean = r.variance = r.stddev = undefined;
+        if (r.hierarchical) r.weighted_sum = r.weighted_mean = r.weighted_variance = undefined;
         r.min_text = r.max_text = r.sum_text = "nan";
         return;
     }
@@ -211,10 +234,50 @@ void Statistics::scan_end() {
     r.mean = map.physical(mean);
     r.variance = map.slope * map.slope * variance;
     r.stddev = std::sqrt(r.variance);
+    weigh(r);
     bool const exact = integer && map == ValueMap{};
     r.min_text = exact ? to_text(low.integer) : to_text(r.min);
     r.max_text = exact ? to_text(high.integer) : to_text(r.max);
     r.sum_text = exact ? to_text(m.integer_sum) : to_text(r.sum);
+}
+
+/// Mean and variance over volume: every level adds its sum and its squared deviations, cell volume times.
+void Statistics::weigh(StatisticsResult& r) const {
+    if (!r.hierarchical) return;
+    bool const integer = is_integer(input_.dtype), exact = integer && size_of(input_.dtype) <= 4;
+    ValueMap const map = input_.values;
+    double const finest =
+        input_.geometry.spacing.x * input_.geometry.spacing.y * input_.geometry.spacing.z; // in world units
+    double weight = 0, sum = 0;
+    auto const count = [](Moments const& m) {
+        return static_cast<double>(m.finite + m.positive_infinity + m.negative_infinity);
+    };
+    auto const mean_of = [&](Moments const& m) {
+        return integer ? quotient(m.integer_sum, m.finite) : (m.sum + m.sum_error) / static_cast<double>(m.finite);
+    };
+    for (auto const& [cell, level] : levels_) {
+        weight += cell * count(level.moments);
+        if (level.moments.finite > 0) sum += cell * static_cast<double>(level.moments.finite) * mean_of(level.moments);
+    }
+    r.volume = weight * finest;
+    if (r.inf > 0) { // as unweighted
+        r.weighted_mean = r.mean;
+        r.weighted_sum = r.sum;
+        r.weighted_variance = r.variance;
+        return;
+    }
+    double const mean = sum / weight;
+    double deviations = 0;
+    for (auto const& [cell, level] : levels_) {
+        Moments const& m = level.moments;
+        if (m.finite == 0) continue;
+        auto const n = static_cast<double>(m.finite);
+        double const offset = mean_of(m) - mean;
+        deviations += cell * ((exact ? exact_variance(m) * n : m.deviations) + n * offset * offset);
+    }
+    r.weighted_mean = map.physical(mean);
+    r.weighted_variance = map.slope * map.slope * (deviations / weight);
+    r.weighted_sum = r.weighted_mean * r.volume;
 }
 
 } // namespace vkt

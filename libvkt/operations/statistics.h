@@ -5,6 +5,7 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/wide.h"
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -62,13 +63,19 @@ struct StatisticsResult {
     std::int64_t count = 0, nan = 0, inf = 0; ///< count includes NaN and infinities
     bool valid = false;                       ///< false if there is no number at all: min … stddev are NaN
     double min = 0, max = 0, sum = 0, mean = 0, variance = 0, stddev = 0; ///< variance with ddof 0
-    Index3 argmin, argmax;                    ///< voxel indices in the whole volume, first in x-fastest order
+    Index3 argmin, argmax; ///< voxel indices in the whole volume, first in x-fastest order
+    /// Hierarchical volumes: the same weighted by the world volume of the cells; weighted_sum is the integral, `volume`
+    /// that of the cells that count. Extremes are named by their cell's first finest cell. Structured volumes: 0.
+    bool hierarchical = false;
+    double weighted_sum = 0, weighted_mean = 0, weighted_variance = 0, volume = 0;
     std::string min_text, max_text, sum_text; ///< exact decimals for integers, shortest round trip otherwise; "nan"
 };
 
 /// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
 /// The result is the same bit for bit for every thread count, slab height and instruction set: each row is summed in 16
-/// lanes, rows are merged in order, then slices. Cost: one read of the volume, O(rows of a slab) memory.
+/// lanes, rows are merged in order, then slices. Cells of hierarchical volumes are counted one by one, and once more
+/// weighted by their volume; a region takes the cells whose centres lie in it. Cost: one read of the volume, O(rows of
+/// a slab) memory.
 class Statistics : public Operation {
 public:
     Roi roi; ///< part to look at; empty: all
@@ -77,6 +84,7 @@ public:
     Shape shape() const override { return Shape::reduction; }
     void parameters(Parameters& p) override;
     Plan plan(std::span<Header const> inputs) override;
+    void enter_level(Index3 cell_width) override;
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
@@ -84,10 +92,21 @@ public:
     StatisticsResult const& result() const { return result_; }
 
 private:
+    /// Sums of the cells of one volume, in finest cells.
+    struct Weighted {
+        double cell = 1;
+        Moments moments;
+    };
+    void append(Moments const& slice, bool exact);
     void merge_extremes(ConstView slab);
+    void weigh(StatisticsResult& result) const;
 
     Header input_;
-    Box region_;
+    Box finest_region_;
+    Box region_;                        ///< in voxels, or in cells of the level
+    Index3 width_{1, 1, 1};             ///< of a cell, in finest cells
+    std::map<double, Weighted> levels_; ///< hierarchical volumes: by the volume of a cell
+    Weighted* level_ = nullptr;
     Moments total_;
     MeanOrigin origin_;
     Extreme min_, max_;

@@ -319,7 +319,7 @@ TEST(OutputFile, WriteErrorsSurfaceFromTheThread) {
     Header header;
     header.dims = {64, 64, 64};
     auto const failure = caught([&] {
-        write_volumes("/dev/full", {header}, {noise(64 * 64 * 64, 1)}, {"raw", false, false}, 4);
+        write_volumes("/dev/full", {header}, {noise(64 * 64 * 64, 1)}, {.format = "raw"}, 4);
     });
     EXPECT_EQ(failure.kind, ErrorKind::io);
 }

@@ -58,12 +58,14 @@ TEST(WeightTable, KnowsHalvings) {
     EXPECT_EQ(WeightTable(8, 4, Kernel::linear, Boundary::clamp).halving(), 0);
 }
 
-TEST(WeightTable, PositionsOfLongLinesDoNotDrift) {
-    // 2^26 voxels at 2^26 - 1: the last position is n - 1 - tiny, which float32 coordinates would round away.
-    std::int64_t const n = 60'000'000, m = n - 1;
-    WeightTable const table(n, m, Kernel::nearest, Boundary::clamp);
-    EXPECT_EQ(table.taps(Space::host).first[m - 1], n - 1);
-    EXPECT_EQ(table.taps(Space::host).first[0], 0);
+TEST(WeightTable, PositionsOfLongLinesAreExact) {
+    // (2 o + 1) n / 6 for a prime n near 10^9: far beyond what float32 coordinates tell apart
+    std::int64_t const n = 1'000'000'007;
+    WeightTable const nearest(n, 3, Kernel::nearest, Boundary::clamp);
+    Taps const t = nearest.taps(Space::host);
+    for (std::int64_t o = 0; o < 3; ++o) EXPECT_EQ(t.first[o], (2 * o + 1) * n / 6);
+    WeightTable const linear(n, 3, Kernel::linear, Boundary::clamp);
+    EXPECT_EQ(linear.taps(Space::host).first[2], (5 * n - 3) / 6);
 }
 
 } // namespace

@@ -1,0 +1,201 @@
+# Hierarchical (AMR) volumes on the command line: reading, resampling, editing, statistics, making and refining.
+load helper
+
+raw() { vkt read "${1:--}" | vkt write - --format raw; }
+check() {
+    python_with numpy
+    /usr/bin/python3 -c "import numpy as np, json
+$1"
+}
+# tree [OPTION…]: t.vkt, a small tree of four levels on a grid of 64^3 finest cells.
+tree() { vkt make amr --blocks 300 --levels 4 "$@" -o t.vkt --force; }
+
+@test "make amr makes what it is asked for, whatever the threads" {
+    tree
+    vkt info t.vkt --json >info.json
+    check "
+i = json.load(open('info.json'))
+assert i['kind'] == 'hierarchical' and i['dims'] == [64, 64, 64], i"
+    vkt stats t.vkt --json >stats.json
+    check "
+s = json.load(open('stats.json'))
+assert s['count'] % 512 == 0 and 300 <= s['count'] // 512 < 307, s['count']"
+    vkt make amr --blocks 300 --levels 4 --threads 1 -o u.vkt
+    cmp <(vkt resample t.vkt --dims 30 20 10 | raw) <(vkt resample u.vkt --dims 30 20 10 | raw)
+    fails_with 2 'not in 1…20' vkt make amr --levels 0 -o x.vkt
+    fails_with 2 '--silcc says' vkt make amr --silcc --blocks 5 -o x.vkt
+    fails_with 2 'float32 or float64' vkt make amr --dtype uint8 -o x.vkt
+}
+
+@test "crop keeps bricks, and what is inside is reconstructed as before" {
+    tree
+    vkt crop t.vkt --roi 10:34,16:48,5:29 -o part.vkt
+    for method in basis nearest average auto; do
+        vkt resample part.vkt --dims 20 31 17 --method $method | raw >a
+        vkt resample t.vkt --roi 10:34,16:48,5:29 --dims 20 31 17 --method $method | raw >b
+        cmp a b
+    done
+    vkt read t.vkt --roi 10:34,16:48,5:29 | vkt resample --dims 20 31 17 --method auto | raw | cmp - a
+    vkt stats t.vkt --json >all.json
+    vkt stats part.vkt --json >part.json
+    check "assert json.load(open('part.json'))['count'] < json.load(open('all.json'))['count']"
+    fails_with 2 'leaves' vkt resample part.vkt --roi 0:64,:,: --dims 8 8 8 -o x.vkt
+}
+
+@test "flip of a tree is the flip of its grid" {
+    tree
+    for axis in x y z; do
+        vkt flip $axis t.vkt | vkt resample --method nearest --scale 1 | raw >a
+        vkt resample t.vkt --method nearest --scale 1 | vkt flip $axis | raw | cmp - a
+    done
+    fails_with 2 'cannot be mirrored' vkt flip x t.vkt --roi 0:32,:,: -o x.vkt
+}
+
+@test "pointwise operations on a tree are those on its grid" {
+    tree
+    vkt resample t.vkt --method nearest --scale 1 -o grid.vkt
+    vkt arith mul t.vkt 3 | vkt resample --method nearest --scale 1 | raw >a
+    vkt arith mul grid.vkt 3 | raw | cmp - a
+    vkt arith add t.vkt t.vkt | vkt resample --method nearest --scale 1 | raw >a
+    vkt arith add grid.vkt grid.vkt | raw | cmp - a
+    fails_with 2 'different trees' vkt arith add t.vkt <(vkt crop t.vkt --roi 0:8,:,:) -o x.vkt
+    fails_with 2 'is hierarchical' vkt arith add t.vkt grid.vkt -o x.vkt
+    vkt convert t.vkt --dtype uint8 --range minmax | vkt resample --method nearest --scale 1 | raw >a
+    vkt convert grid.vkt --dtype uint8 --range minmax | raw | cmp - a
+    vkt set t.vkt --units Pa | vkt info | grep -x 'units      Pa'
+}
+
+@test "fill takes the cells whose centres lie in the region" {
+    tree
+    vkt resample t.vkt --method nearest --scale 1 | raw >before
+    vkt fill t.vkt --value 7 --roi 0:32,8:64,: | vkt resample --method nearest --scale 1 | raw >after
+    check "
+b, a = (np.fromfile(f, np.float32).reshape(64, 64, 64) for f in ('before', 'after'))
+b[:, 8:64, 0:32] = 7
+assert (a == b).all()"
+    vkt fill t.vkt --value 7 | vkt stats --json >s.json
+    check "
+s = json.load(open('s.json'))
+assert s['min'] == 7 and s['max'] == 7"
+}
+
+@test "statistics weight cells by their volume" {
+    tree --dtype float64 --field linear
+    vkt stats t.vkt --json >t.json
+    vkt resample t.vkt --method nearest --scale 1 | vkt stats --json >grid.json
+    check "
+t, g = json.load(open('t.json')), json.load(open('grid.json'))
+assert abs(t['weighted_mean'] - 3) < 1e-12 and abs(t['weighted_mean'] - g['mean']) < 1e-12, t
+assert abs(t['weighted_variance'] - g['variance']) < 1e-10, (t, g)
+assert abs(t['weighted_sum'] - t['weighted_mean'] * t['volume']) < 1e-9 * t['volume']
+assert t['weighted_variance'] != t['variance'] and t['min'] == g['min'] and t['max'] == g['max']
+assert t['argmin'] == g['argmin'], (t, g)
+assert 'weighted_mean' not in g"
+    vkt stats t.vkt --roi 0:32,:,: --json >t.json
+    vkt resample t.vkt --method nearest --scale 1 | vkt stats --roi 0:32,:,: --json >grid.json
+    check "
+t, g = json.load(open('t.json')), json.load(open('grid.json'))
+assert abs(t['weighted_mean'] - g['mean']) < 1e-12, (t, g)"
+    vkt convert t.vkt --dtype uint8 --range minmax | vkt stats --json >t.json
+    vkt convert t.vkt --dtype uint8 --range minmax | vkt resample --method nearest --scale 1 | vkt stats --json >grid.json
+    check "
+t, g = json.load(open('t.json')), json.load(open('grid.json'))
+assert abs(t['weighted_mean'] - g['mean']) < 1e-9 and abs(t['weighted_variance'] - g['variance']) < 1e-9, (t, g)"
+}
+
+@test "average conserves the integral" {
+    tree --dtype float64
+    vkt stats t.vkt --json >t.json
+    vkt resample t.vkt --method average --dims 13 9 21 | vkt stats --json >grid.json
+    check "
+t, g = json.load(open('t.json')), json.load(open('grid.json'))
+assert abs(t['weighted_mean'] - g['mean']) < 1e-12 * abs(g['mean']), (t, g)"
+}
+
+@test "resample sizes: cells, spacing, scale, other types" {
+    tree
+    vkt resample t.vkt --cells 20k -o g.vkt
+    vkt info g.vkt --json >g.json
+    check "
+d = json.load(open('g.json'))['dims']
+assert abs(d[0] * d[1] * d[2] - 20000) < 1500 and d[0] == d[1] == d[2], d"
+    vkt resample t.vkt --scale 0.5 | vkt info | grep -x 'dims       32 32 32'
+    vkt resample t.vkt --size 16,auto,auto --roi :,:,0:32 | vkt info | grep -x 'dims       16 16 8'
+    vkt resample t.vkt --roi 0:10,0:12,0:14 | vkt info | grep -x 'dims       10 12 14'
+    vkt resample t.vkt --dims 8 9 10 --dtype float64 | vkt info | grep -x 'dtype      float64'
+    vkt make ramp --dims 40 20 10 | vkt resample --cells 1k | vkt info | grep -x 'dims       20 10 5'
+    run -2 vkt resample t.vkt --cells 0 -o x.vkt
+    [[ "$output" == *'not a number of cells'* ]]
+}
+
+@test "methods and options of the other kind are refused by name" {
+    tree
+    fails_with 2 'is for structured volumes' vkt resample t.vkt --dims 8 8 8 --method linear -o x.vkt
+    fails_with 2 'use --method average' vkt resample t.vkt --dims 8 8 8 --method area -o x.vkt
+    fails_with 2 '--boundary is for structured' vkt resample t.vkt --dims 8 8 8 --boundary mirror -o x.vkt
+    vkt make ramp --dims 8 8 8 -o s.vkt
+    fails_with 2 'is for hierarchical volumes' vkt resample s.vkt --scale 2 --method basis -o x.vkt
+    fails_with 2 'vkt crop' vkt resample s.vkt --scale 2 --roi 0:4,:,: -o x.vkt
+    fails_with 2 '--background is for hierarchical' vkt resample s.vkt --scale 2 --background 3 -o x.vkt
+    fails_with 2 'is for OpenVDB' vkt write s.nrrd s.vkt --prune 1
+    vkt write s.nrrd s.vkt
+    fails_with 2 'one unnamed variable' vkt read s.nrrd --variable dens -o x.vkt
+}
+
+@test "FLASH: variables are listed, chosen and resampled as the oracle does" {
+    needs_data amr/flash
+    python_with numpy
+    file="$VKT_DATA/amr/flash/synth3d_cubic_hdf5_plt_cnt_0000"
+    vkt info "$file" >info
+    grep 'variables: .*dens' info
+    grep 'variable dens: ' info
+    grep 'level 0: ' info
+    grep 'holes: 0 %' info
+    fails_with 2 'choose one with --variable' vkt stats "$file"
+    fails_with 2 "has no variable 'denz'; it holds dens" vkt read "$file" --variable denz -o x.vkt
+    for method in basis average; do
+        vkt read "$file" --variable dens | vkt resample --dims 40 36 72 --method $method | raw >got
+        check "
+want = np.fromfile('$VKT_DATA/amr/oracle/cubic_${method}_dens_40x36x72.raw', np.float32)
+got = np.fromfile('got', np.float32)
+assert abs(got - want).max() <= 1e-5 * abs(want).max(), abs(got - want).max()"
+    done
+    vkt read "$file" --variable linr --roi 10:34,20:44,30:54 | vkt resample --dims 48 48 48 | raw >got
+    check "
+want = np.fromfile('$VKT_DATA/amr/oracle/cubic_basis_linr_roi10-20-30_34-44-54_48x48x48.raw', np.float32)
+got = np.fromfile('got', np.float32)
+assert abs(got - want).max() <= 1e-5 * abs(want).max(), abs(got - want).max()"
+}
+
+@test "AMReX: a directory is an input like any other" {
+    needs_data amr/plt_eb_3d
+    vkt info "$VKT_DATA/amr/plt_eb_3d" >info
+    grep 'kind       hierarchical' info
+    name=$(sed -n 's/^attribute  *variables: \([^ ]*\).*/\1/p' info)
+    if [ -n "$name" ]; then
+        vkt read "$VKT_DATA/amr/plt_eb_3d" --variable "$name" | vkt stats --json >stats.json
+        vkt read "$VKT_DATA/amr/plt_eb_3d/" --variable "$name" | vkt resample --cells 10k --method average | vkt stats --json >grid.json
+    else
+        vkt stats "$VKT_DATA/amr/plt_eb_3d" --json >stats.json
+        vkt resample "$VKT_DATA/amr/plt_eb_3d" --cells 10k --method average | vkt stats --json >grid.json
+    fi
+    check "
+s, g = json.load(open('stats.json')), json.load(open('grid.json'))
+assert abs(s['weighted_mean'] - g['mean']) <= 1e-5 * max(1, abs(g['mean'])), (s, g)"
+    mkdir plain
+    fails_with 4 'directory' vkt info plain
+}
+
+@test "the case study runs" {
+    run sh "$VKT_ROOT/examples/amr-zoom.sh" 20k --blocks 400 --levels 5
+    [ "$status" -eq 0 ] || { echo "$output" >&2; false; }
+    [[ "$output" == *"whole volume"* && "$output" == *"region"* ]]
+    [ -s whole.nrrd ] && [ -s zoom.nrrd ]
+    python_with numpy
+    for file in whole zoom; do
+        vkt info $file.nrrd --json >info.json
+        check "
+d = json.load(open('info.json'))['dims']
+assert abs(d[0] * d[1] * d[2] - 20000) < 2000, d"
+    done
+}
