@@ -26,7 +26,7 @@ operations=(
     "convert --dtype float32"
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
-    "arith mul 1.5"
+    "arith mul - 1.5"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
