@@ -45,6 +45,32 @@ inline void stream_bytes(std::byte* to, std::byte const* from, std::size_t n) {
 #endif
 }
 
+/// A register of U, as wide as the instruction set has them.
+#if defined(__AVX512F__)
+inline constexpr std::size_t register_bytes = 64;
+#elif defined(__AVX2__)
+inline constexpr std::size_t register_bytes = 32;
+#else
+inline constexpr std::size_t register_bytes = 16;
+#endif
+template <class U> struct Register {
+    typedef U type __attribute__((vector_size(register_bytes)));
+    static constexpr std::int64_t lanes = static_cast<std::int64_t>(register_bytes / sizeof(U));
+};
+
+/// Stores a register past the caches; `to` is aligned to its size.
+template <class U> VKT_HD void stream_register(U* to, typename Register<U>::type value) {
+#if defined(__AVX512F__)
+    _mm512_stream_si512(reinterpret_cast<__m512i*>(to), reinterpret_cast<__m512i>(value));
+#elif defined(__AVX2__)
+    _mm256_stream_si256(reinterpret_cast<__m256i*>(to), reinterpret_cast<__m256i>(value));
+#elif defined(__x86_64__)
+    _mm_stream_si128(reinterpret_cast<__m128i*>(to), reinterpret_cast<__m128i>(value));
+#else
+    std::memcpy(to, &value, sizeof value);
+#endif
+}
+
 inline void stream_fence() {
 #if defined(__x86_64__)
     _mm_sfence();
