@@ -26,6 +26,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t ring_slabs = 3;
+/// Of slabs beyond this, one is filled while the other is written; a third would only hold memory.
+constexpr std::size_t large_slab = std::size_t{4} << 20;
 constexpr std::uint32_t shared_slots = 4;
 constexpr std::chrono::milliseconds patience{250}; ///< for the next stage to take the offered memory
 /// From this size on mapping pages into the pipe beats copying them, and buffers come from fresh mappings.
@@ -172,7 +174,10 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     {
         std::unique_lock lock(mutex_);
         auto const begin = Clock::now();
-        changed_.wait(lock, [&] { return failure_ || !spare_.empty() || slabs_ < ring_slabs + in_pipe_.size(); });
+        changed_.wait(lock, [&] {
+            return failure_ || !spare_.empty() ||
+                   slabs_ < (current_.bytes > large_slab ? ring_slabs - 1 : ring_slabs) + in_pipe_.size();
+        });
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
         if (failure_) std::rethrow_exception(failure_);
         if (spare_.empty()) {

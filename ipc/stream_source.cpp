@@ -27,9 +27,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t ring_slabs = 3;
+constexpr std::size_t ring_slabs = 2;
 /// Slabs beyond this are handed out in pieces, so that no frame decides how much memory a reader needs.
-constexpr std::size_t piece_bytes = std::size_t{8} << 20;
+constexpr std::size_t piece_bytes = std::size_t{2} << 20;
 constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
 
 struct Cancelled {};

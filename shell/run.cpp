@@ -211,7 +211,9 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (!directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        source = prefetch(open_volume(std::move(bytes), {}), execution_of(stage));
+        source = open_volume(std::move(bytes), {});
+        // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
+        if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));
     }
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     return source;
