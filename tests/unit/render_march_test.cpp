@@ -78,7 +78,8 @@ TEST(RenderMarch, ConstantSlabIsExactForAnyStep) {
                 RenderSettings s = orthographic(view, 9, 9);
                 s.transfer = flat_transfer({0.5, 0.25, 1}, alpha, 10);
                 s.step = step;
-                float const* p = render_one(volume, s).center();
+                auto const image = render_one(volume, s);
+                float const* p = image.center();
                 double const depth = extinction_of(alpha) * length / 10, through = std::exp(-depth);
                 // A ray ends when less than 1/1024 comes through.
                 double const slack = through < 1.0 / 1024 ? 1.0 / 1024 : 2e-6 * (1 + depth) * through;
