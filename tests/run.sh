@@ -32,7 +32,7 @@ fail() {
 build() {
     preset=$1
     say "build: $preset"
-    if cmake --preset "$preset" "$configure" >"$scratch/build.log" 2>&1 &&
+    if cmake --preset "$preset" "$configure" ${VKT_OPENVDB:+"-DVKT_OPENVDB=$VKT_OPENVDB"} >"$scratch/build.log" 2>&1 &&
         cmake --build --preset "$preset" >>"$scratch/build.log" 2>&1; then
         grep '^-- vkt:' "$scratch/build.log" || true
         return 0
