@@ -1,11 +1,8 @@
-// The FLASH reader.
+// The FLASH reader; part of the module hdf5.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/flash.h"
-
+#include "libvkt/amr/flash_module.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-
-#ifdef VKT_HAVE_HDF5
 
 #include <hdf5.h>
 
@@ -546,9 +543,9 @@ Volume FlashFile::read(AmrReadOptions const& options, Execution const& execution
 
 } // namespace
 
-bool built_with_hdf5() { return true; }
+namespace flash {
 
-bool is_flash(std::string const& path) {
+bool recognises(std::string const& path) {
     LibraryGuard const guard;
     if (H5Fis_hdf5(path.c_str()) <= 0) return false;
     Handle const file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
@@ -556,34 +553,16 @@ bool is_flash(std::string const& path) {
            H5Lexists(file, "refine level", H5P_DEFAULT) > 0;
 }
 
-AmrListing list_flash(std::string const& path) {
+AmrListing list(std::string const& path) {
     LibraryGuard const guard;
     return FlashFile(path).take_listing();
 }
 
-Volume read_flash(std::string const& path, AmrReadOptions const& options, Execution const& execution) {
+Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution) {
     LibraryGuard const guard;
     return FlashFile(path).read(options, execution);
 }
 
-} // namespace vkt
-
-#else // without HDF5
-
-namespace vkt {
-
-namespace {
-[[noreturn]] void unavailable(std::string const& path) {
-    throw Error(ErrorKind::failure, text(path, ": this build reads no HDF5 files"),
-                "build vkt with -DVKT_HDF5=ON and libhdf5");
-}
-} // namespace
-
-bool built_with_hdf5() { return false; }
-bool is_flash(std::string const&) { return false; }
-AmrListing list_flash(std::string const& path) { unavailable(path); }
-Volume read_flash(std::string const& path, AmrReadOptions const&, Execution const&) { unavailable(path); }
+} // namespace flash
 
 } // namespace vkt
-
-#endif

@@ -1,11 +1,9 @@
 // FLASH-like files for tests and benchmarks of readers.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/flash.h"
+#include "libvkt/amr/flash_module.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-
-#ifdef VKT_HAVE_HDF5
 
 #include <hdf5.h>
 
@@ -258,8 +256,10 @@ private:
 
 } // namespace
 
-void write_flash(Volume const& volume, std::string const& path, std::string const& variable,
-                 FlashWriteOptions const& options) {
+namespace flash {
+
+void write(Volume const& volume, std::string const& path, std::string const& variable,
+           FlashWriteOptions const& options) {
     if (volume.header().kind != Kind::hierarchical || volume.bricks().empty())
         throw Error(ErrorKind::usage, "only hierarchical volumes can be written as FLASH files");
     if (variable.empty() || variable.size() > 4)
@@ -267,17 +267,15 @@ void write_flash(Volume const& volume, std::string const& path, std::string cons
     FlashWriter(volume, path, variable, options).write();
 }
 
+} // namespace flash
+
+namespace {
+FlashFunctions const functions{flash::recognises, flash::list, flash::read, flash::write};
+} // namespace
+
 } // namespace vkt
 
-#else
-
-namespace vkt {
-
-void write_flash(Volume const&, std::string const& path, std::string const&, FlashWriteOptions const&) {
-    throw Error(ErrorKind::failure, text(path, ": this build writes no HDF5 files"),
-                "build vkt with -DVKT_HDF5=ON and libhdf5");
+extern "C" {
+__attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_hdf5;
+vkt::ModuleExport const vkt_module_hdf5{VKT_VERSION, &vkt::functions};
 }
-
-} // namespace vkt
-
-#endif

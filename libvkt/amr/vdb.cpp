@@ -1,12 +1,10 @@
-// The OpenVDB reader.
+// The OpenVDB reader; part of the module openvdb.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/vdb.h"
+#include "libvkt/amr/vdb_module.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"
 #include "libvkt/core/text.h"
-
-#ifdef VKT_HAVE_OPENVDB
 
 #include <cerrno>
 #include <cstring>
@@ -278,14 +276,14 @@ std::optional<Volume> read_as(openvdb::GridBase const& grid, std::string const& 
 
 } // namespace
 
-bool built_with_openvdb() { return true; }
+namespace openvdb_module {
 
-AmrListing list_vdb(std::string const& path) {
+AmrListing list(std::string const& path) {
     openvdb::initialize();
     return VdbFile(path).list();
 }
 
-Volume read_vdb(std::string const& path, AmrReadOptions const& options, Execution const&) {
+Volume read(std::string const& path, AmrReadOptions const& options, Execution const&) {
     openvdb::initialize();
     if (options.dtype)
         throw Error(ErrorKind::usage, text(path, ": grids are read in their own type"),
@@ -304,24 +302,6 @@ Volume read_vdb(std::string const& path, AmrReadOptions const& options, Executio
                 text(path, ": grid '", grid->getName(), "' has another node layout than OpenVDB's usual one"));
 }
 
-} // namespace vkt
-
-#else
-
-namespace vkt {
-
-namespace {
-[[noreturn]] void unavailable(std::string const& path) {
-    throw Error(ErrorKind::failure, text(path, ": this build has no OpenVDB"),
-                "build vkt with -DVKT_OPENVDB=ON and libopenvdb");
-}
-} // namespace
-
-bool built_with_openvdb() { return false; }
-AmrListing list_vdb(std::string const& path) { unavailable(path); }
-Volume read_vdb(std::string const& path, AmrReadOptions const&, Execution const&) { unavailable(path); }
-void write_vdb(Volume const&, std::string const& path, VdbWriteOptions const&) { unavailable(path); }
+} // namespace openvdb_module
 
 } // namespace vkt
-
-#endif

@@ -1,8 +1,6 @@
-// The OpenVDB writer.
+// The OpenVDB writer; part of the module openvdb.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/vdb.h"
-
-#ifdef VKT_HAVE_OPENVDB
+#include "libvkt/amr/vdb_module.h"
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
@@ -137,7 +135,9 @@ openvdb::GridBase::Ptr build(Volume const& volume, VdbWriteOptions const& option
 
 } // namespace
 
-void write_vdb(Volume const& volume, std::string const& path, VdbWriteOptions const& options) {
+namespace openvdb_module {
+
+void write(Volume const& volume, std::string const& path, VdbWriteOptions const& options) {
     Header const& header = volume.header();
     for (int a = 0; a < 3; ++a)
         if (header.dims[a] > std::numeric_limits<int>::max())
@@ -168,6 +168,15 @@ void write_vdb(Volume const& volume, std::string const& path, VdbWriteOptions co
     }
 }
 
+} // namespace openvdb_module
+
+namespace {
+VdbFunctions const functions{openvdb_module::list, openvdb_module::read, openvdb_module::write};
+} // namespace
+
 } // namespace vkt
 
-#endif
+extern "C" {
+__attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_openvdb;
+vkt::ModuleExport const vkt_module_openvdb{VKT_VERSION, &vkt::functions};
+}

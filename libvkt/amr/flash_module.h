@@ -1,0 +1,25 @@
+// What the module hdf5 hands to the library: the functions of flash.h.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/flash.h"
+#include "libvkt/formats/module.h"
+
+namespace vkt {
+
+struct FlashFunctions {
+    decltype(is_flash)* recognises;
+    decltype(list_flash)* list;
+    decltype(read_flash)* read;
+    decltype(write_flash)* write;
+};
+
+namespace flash {
+bool recognises(std::string const& path);
+AmrListing list(std::string const& path);
+Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+void write(Volume const& volume, std::string const& path, std::string const& variable,
+           FlashWriteOptions const& options);
+} // namespace flash
+
+} // namespace vkt

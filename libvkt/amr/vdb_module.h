@@ -1,0 +1,22 @@
+// What the module openvdb hands to the library: the functions of vdb.h.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/vdb.h"
+#include "libvkt/formats/module.h"
+
+namespace vkt {
+
+struct VdbFunctions {
+    decltype(list_vdb)* list;
+    decltype(read_vdb)* read;
+    decltype(write_vdb)* write;
+};
+
+namespace openvdb_module {
+AmrListing list(std::string const& path);
+Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+void write(Volume const& volume, std::string const& path, VdbWriteOptions const& options);
+} // namespace openvdb_module
+
+} // namespace vkt

@@ -1,0 +1,102 @@
+// Loading of modules.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/module.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <dlfcn.h>
+#include <filesystem>
+#include <link.h>
+#include <string_view>
+#include <vector>
+
+#ifdef VKT_STATIC_MODULES
+#ifdef VKT_HAVE_HDF5
+extern "C" vkt::ModuleExport const vkt_module_hdf5;
+#endif
+#ifdef VKT_HAVE_OPENVDB
+extern "C" vkt::ModuleExport const vkt_module_openvdb;
+#endif
+#endif
+
+namespace vkt {
+namespace {
+
+#ifndef VKT_STATIC_MODULES
+/// The folder of the program or shared library that this code is part of.
+std::filesystem::path own_folder() {
+    Dl_info info{};
+    link_map* map = nullptr;
+    if (::dladdr1(reinterpret_cast<void*>(&module_functions), &info, reinterpret_cast<void**>(&map), RTLD_DL_LINKMAP) !=
+            0 &&
+        map != nullptr && map->l_name != nullptr && *map->l_name != '\0')
+        return std::filesystem::path(map->l_name).parent_path();
+    std::error_code ignored;
+    return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
+}
+
+/// Where modules may lie: beside an installed program, beside a shared libvkt, in a build folder, where vkt was
+/// installed (for programs elsewhere that contain libvkt).
+std::vector<std::filesystem::path> folders() {
+    std::filesystem::path const own = own_folder();
+    return {own / VKT_LIBRARY_FROM_BINARY / "vkt", own / "vkt", own / "lib/vkt", own / "../lib/vkt", VKT_MODULE_FOLDER};
+}
+
+ModuleExport const* load(std::string const& name, std::string& reason) {
+    for (auto const& folder : folders()) {
+        std::filesystem::path const file = folder / text("vkt_", name, ".so");
+        std::error_code ignored;
+        if (!std::filesystem::exists(file, ignored)) continue;
+        // Never closed: objects with code in the module may live until the process ends.
+        void* const module = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+        void const* const symbol = module != nullptr ? ::dlsym(module, text("vkt_module_", name).c_str()) : nullptr;
+        if (symbol != nullptr) return static_cast<ModuleExport const*>(symbol);
+        char const* const error = ::dlerror();
+        reason = text("its module does not load: ", error != nullptr ? error : file.string());
+        return nullptr;
+    }
+    reason = text("no vkt_", name, ".so in ", folders().front().lexically_normal().string());
+    return nullptr;
+}
+#endif
+
+/// Whether this build made the module.
+bool built(std::string_view name) {
+#ifdef VKT_HAVE_HDF5
+    if (name == "hdf5") return true;
+#endif
+#ifdef VKT_HAVE_OPENVDB
+    if (name == "openvdb") return true;
+#endif
+    return false;
+}
+
+} // namespace
+
+void const* module_functions(std::string const& name, std::string const& what) {
+    ModuleExport const* module = nullptr;
+    std::string reason = "this build is without it";
+    std::string hint = text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name);
+    if (built(name)) {
+        hint = "install vkt again, with its folder lib/vkt";
+#ifndef VKT_STATIC_MODULES
+        module = load(name, reason);
+#else
+#ifdef VKT_HAVE_HDF5
+        if (name == "hdf5") module = &vkt_module_hdf5;
+#endif
+#ifdef VKT_HAVE_OPENVDB
+        if (name == "openvdb") module = &vkt_module_openvdb;
+#endif
+#endif
+        if (module != nullptr && std::string_view(module->version) != VKT_VERSION) {
+            reason = text("its module is of version ", module->version, ", this is ", VKT_VERSION);
+            module = nullptr;
+        }
+    }
+    if (module == nullptr) throw Error(ErrorKind::failure, text(what, ": ", reason), hint);
+    return module->functions;
+}
+
+} // namespace vkt
