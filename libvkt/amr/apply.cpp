@@ -209,11 +209,11 @@ private:
         Box const needed = operation_.footprint(box, 0);
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
-        if (needed.empty() || bytes > static_cast<double>(execution_.memory))
+        if (bytes > static_cast<double>(execution_.memory))
             refuse(operation_, text("a brick's neighbourhood takes ", bytes_text(bytes)));
         grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
         AnyView const grown = dense_view(grown_.data(), type, needed);
-        filler_.fill(lattice, grown, plan.boundary, plan.border_value);
+        if (!needed.empty()) filler_.fill(lattice, grown, plan.boundary, plan.border_value);
         ConstView const view = grown;
         std::size_t const offset = static_cast<std::size_t>(result.brick_offset(b)) * size_of(result.header().dtype);
         operation_.run({&view, 1}, dense_view(result.buffer().update(Space::host) + offset, result.header().dtype, box),

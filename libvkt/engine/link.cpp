@@ -253,8 +253,13 @@ void Link::read(AnyView out) {
 void Link::run(AnyView out) {
     if (out.box.empty()) return;
     std::vector<ConstView> views;
-    for (std::size_t i = 0; i < inputs_.size(); ++i)
-        views.push_back(fetch(i, operation_.footprint(out.box, static_cast<int>(i))));
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        Box const footprint = operation_.footprint(out.box, static_cast<int>(i));
+        // Empty: the operation has seen all that it needs.
+        views.push_back(footprint.empty()
+                            ? dense_view(static_cast<std::byte const*>(nullptr), inputs_[i]->header().dtype, footprint)
+                            : fetch(i, footprint));
+    }
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     if (info_.times) info_.times->voxels += out.box.voxels();
     if (out.space == execution_.space()) {

@@ -70,7 +70,8 @@ public:
 
     /// Validates against the inputs' headers and describes the output; called once per volume, resets all state.
     virtual Plan plan(std::span<Header const> inputs) = 0;
-    /// Input region that an output region needs; may reach outside the input, where the boundary rule fills it.
+    /// Input region that an output region needs; may reach outside the input, where the boundary rule fills it. An
+    /// operation that keeps input slices from the run before may leave them out of the next region's footprint.
     virtual Box footprint(Box const& output, int /*input*/) const { return output; }
 
     /// First pass, if the plan asks for it: sees every slab of the input once, in z order, full rows and slices.

@@ -94,21 +94,23 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
     }
     plan.exact = plan.cost == 0 && plan.error_bound == 0;
     plan.method = text("direct FIR, radius ", radii, passes_.wide ? ", float64" : ", float32");
+    // Some slices are filtered along z together; slabs of more than 16 MiB would only take memory.
     std::int64_t const rz = passes_.taps[2].radius, slice = in.dims.x * in.dims.y;
-    std::int64_t const some =
-        std::max<std::int64_t>(1, (std::int64_t{16} << 20) / (slice * static_cast<std::int64_t>(size_of(in.dtype))));
-    plan.slab_hint = rz == 0 ? 0 : std::max(std::min(4 * rz, some), std::min(2 * rz, in.dims.z));
-    plan.state_bytes = static_cast<std::size_t>(std::min(2 * rz + 5, in.dims.z) * slice) * (passes_.wide ? 8 : 4);
+    auto const size = static_cast<std::int64_t>(size_of(in.dtype));
+    std::int64_t const some = (std::int64_t{16} << 20) / (slice * size);
+    plan.slab_hint = rz == 0 ? 0 : std::clamp<std::int64_t>(some, 4, 16);
+    passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
+    plan.state_bytes = static_cast<std::size_t>(std::min(2 * rz + passes_.run_height, in.dims.z) * slice * size);
     return plan;
 }
 
-Box Gaussian::footprint(Box const& output, int) const {
-    Box box = grow(output, {passes_.taps[0].radius, passes_.taps[1].radius, passes_.taps[2].radius});
+Box gaussian_input(GaussianPasses const& passes, Box const& output) {
+    Box box = grow(output, {passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius});
     for (int axis = 0; axis < 3; ++axis) {
-        std::int64_t const n = passes_.dims[axis];
+        std::int64_t const n = passes.dims[axis];
         bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
         if (!outside) continue;
-        if (boundary_.boundary == Boundary::wrap) {
+        if (passes.boundary == Boundary::wrap) {
             if (axis == 2) continue; // the engine fetches the slices of the other end
             box.lower[axis] = 0;
             box.upper[axis] = n;
@@ -116,6 +118,13 @@ Box Gaussian::footprint(Box const& output, int) const {
         box.lower[axis] = std::max<std::int64_t>(box.lower[axis], 0);
         box.upper[axis] = std::min(box.upper[axis], n);
     }
+    return box;
+}
+
+Box Gaussian::footprint(Box const& output, int) const {
+    Box box = gaussian_input(passes_, output);
+    // What the ring holds need not come again.
+    if (planes_.continues(output)) box.lower.z = std::clamp(planes_.input_end, box.lower.z, box.upper.z);
     return box;
 }
 

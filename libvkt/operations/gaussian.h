@@ -38,7 +38,8 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
-    /// Grown by the radius and cut to the volume: the kernel knows the boundary rule. Only slices wrap outside.
+    /// Grown by the radius and cut to the volume, because the kernel knows the boundary rule; of a region that follows
+    /// the last one only the slices that run() has not seen yet.
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }

@@ -8,6 +8,7 @@
 #include "libvkt/operations/gaussian_taps.h"
 
 #include <array>
+#include <limits>
 
 namespace vkt {
 
@@ -16,19 +17,35 @@ struct GaussianPasses {
     std::array<GaussianTaps, 3> taps; ///< along x, y, z
     Index3 dims;                      ///< of the volume
     Boundary boundary = Boundary::mirror;
-    double border_value = 0; ///< stored value outside, for Boundary::border
-    bool wide = false;       ///< float64 intermediates
+    double border_value = 0;     ///< stored value outside, for Boundary::border
+    bool wide = false;           ///< float64 intermediates
+    std::int64_t run_height = 4; ///< CPU: output slices for which the ring of input slices is made
 };
 
-/// Planes already filtered along x and y that the next run may use again: a ring per tile of the xy plane. They depend
-/// on nothing but the input, so results do not depend on whether they were kept.
+/// Input slices that the next run may use again (on the GPU: planes already filtered along x and y). They depend on
+/// nothing but the input, so results do not depend on whether they were kept.
 struct GaussianPlanes {
-    Buffer storage;
-    Box area;                        ///< output region in x and y (z unused) to which the rings belong
+    Buffer storage, scratch;
+    Box area;                        ///< output region of the last run
     std::int64_t begin = 0, end = 0; ///< slices held
-    std::int64_t layout = 0;         ///< tiles and threads the rings were made for
+    std::int64_t layout = 0;         ///< GPU: tiles the planes were made for
+    std::int64_t input_end = none;   ///< CPU: the ring holds the input slices up to here
 
-    void forget() { begin = end = 0; }
+    static constexpr std::int64_t none = std::numeric_limits<std::int64_t>::min();
+
+    void forget() {
+        begin = end = 0;
+        input_end = none;
+    }
+    bool held() const { return input_end != none; }
+    /// True if the ring holds what a run of `box` needs of the slices that the last run used.
+    bool continues(Box const& box) const {
+        return held() && box.lower.z == end && box.lower.x == area.lower.x && box.upper.x == area.upper.x &&
+               box.lower.y == area.lower.y && box.upper.y == area.upper.y;
+    }
 };
+
+/// Input region that an output region needs: grown by the radius and cut to the volume. Only slices wrap outside.
+Box gaussian_input(GaussianPasses const& passes, Box const& output);
 
 } // namespace vkt
