@@ -37,7 +37,7 @@ std::string described(Header const& header) {
 class Info : public Consumer {
 public:
     void parameters(Parameters& p) override {
-        p.flag("drain", drain_, "read the input to its end, so that the command before it is not cut off");
+        p.flag("first", first_, "only the first volume: what comes after its header is not read, nor proven whole");
     }
     bool reports() const override { return true; }
 
@@ -47,10 +47,8 @@ public:
         while (source.next_volume()) {
             headers.push_back(source.header());
             headers.back().timing = false;
-            if (drain_ || headers.back().dry_run)
-                source.finish();
-            else if (source.access() == Access::forward)
-                break; // the next header lies behind all of these voxels
+            if (headers.back().dry_run) source.finish();
+            if (first_) break;
         }
         context.print(context.json() ? as_json(headers) : as_text(headers));
         return 0;
@@ -74,7 +72,7 @@ private:
         return result;
     }
 
-    bool drain_ = false;
+    bool first_ = false;
 };
 
 } // namespace
@@ -82,12 +80,12 @@ private:
 Command info_command() {
     return consumer_command<Info>(
         {"Print what the header of a volume says: dims, type, geometry, attributes, history.",
-         "Only the header is read. Of a pipe or a compressed file that is the header of the first volume; --drain "
-         "reads on\n"
-         "to the end, lists every volume, and proves that the input is whole.",
+         "Of files only headers are read. A stream is read to its end, which lists every volume and proves that all "
+         "of\n"
+         "it is whole; --first stops after the first header, and the command before is cut off.",
          {{"A file", "vkt info volume.nrrd"},
           {"For scripts", "vkt info volume.nrrd --json"},
-          {"At the end of a pipeline whose exit codes count", "vkt read volume.nrrd | vkt info --drain"}}});
+          {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}});
 }
 
 } // namespace vkt::shell

@@ -84,8 +84,8 @@ Command read_command() {
          {{"Any known format", "vkt read volume.nrrd | vkt flip x -o flipped.nrrd"},
           {"Bare voxels; dims and type stand in the name", "vkt info $DATA/raw/fuel_64x64x64_uint8.raw"},
           {"Bare voxels that say nothing",
-           "head -c 24000 /dev/zero | vkt read - --dims 40 30 10 --dtype int16 --endian big | vkt info --drain"},
-          {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info --drain"}}});
+           "head -c 24000 /dev/zero | vkt read - --dims 40 30 10 --dtype int16 --endian big | vkt info"},
+          {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info"}}});
 }
 
 } // namespace vkt::shell

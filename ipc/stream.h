@@ -31,6 +31,12 @@ struct Traffic {
 /// True if the bytes begin a volume stream.
 bool is_stream(std::span<std::byte const> head);
 
+/// What a stream's reader knows of it; outlives the reader.
+struct StreamRecord {
+    Traffic traffic;
+    std::vector<StageReport> stages; ///< timing rows that arrived with END
+};
+
 /// Reads a stream. Skipped slabs are not copied. EOF before END, a broken checksum, slabs out of order or of the wrong
 /// size are Error{data}; an ERR frame is an UpstreamError.
 class StreamSource : public Source {
@@ -48,9 +54,8 @@ public:
     void finish() override;
     Volume load_hierarchical() override;
 
-    Traffic traffic() const;
-    /// Timing rows that arrived with END.
-    std::vector<StageReport> const& stage_reports() const;
+    /// Up to date after finish() and when the source is gone.
+    std::shared_ptr<StreamRecord const> record() const;
 
 private:
     class Reader;

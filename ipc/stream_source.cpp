@@ -128,7 +128,10 @@ class StreamSource::Reader {
 public:
     Reader(std::unique_ptr<ByteSource> bytes, StreamOptions options)
         : input_(std::move(bytes)), options_(std::move(options)) {}
-    ~Reader() { stop(); }
+    ~Reader() {
+        stop();
+        note_traffic();
+    }
     Reader(Reader const&) = delete;
     Reader& operator=(Reader const&) = delete;
 
@@ -140,10 +143,10 @@ public:
     std::int64_t first_slab_height();
     void finish();
     Volume load_hierarchical();
-    Traffic traffic() const { return {wait_, input_.taken()}; }
-    std::vector<StageReport> const& stages() const { return end_.stages; }
+    std::shared_ptr<StreamRecord const> record() const { return record_; }
 
 private:
+    void note_traffic() { record_->traffic = {wait_, input_.taken()}; }
     [[noreturn]] void ended_early();
     FrameHeader read_frame_header();
     std::string read_text(FrameHeader const& frame, char const* what);
@@ -176,13 +179,13 @@ private:
     Header header_;
     bool any_volume_ = false, in_volume_ = false;
     Box expected_;
-    EndReport end_;
     std::optional<FrameHeader> pending_; ///< first frame, read to learn the slab height
     std::optional<SlabHeader> pending_slab_;
     std::int64_t next_z_ = 0;
     std::uint64_t frames_ = 0, bytes_ = 0, chain_ = 0;
     bool all_checked_ = true;
     double wait_ = 0;
+    std::shared_ptr<StreamRecord> record_ = std::make_shared<StreamRecord>();
 
     std::thread thread_;
     std::mutex mutex_;
@@ -265,11 +268,12 @@ void StreamSource::Reader::check_end(FrameHeader const& frame) {
                          " of ", bytes_text(static_cast<double>(expected))));
     if (report.checksum != 0 && all_checked_ && report.checksum != chain_)
         throw Error(ErrorKind::data, text("the volume on ", input_.name(), " is damaged (checksum over all slabs)"));
-    end_ = std::move(report);
+    record_->stages = std::move(report.stages);
 }
 
 bool StreamSource::Reader::next_volume() {
     if (in_volume_) finish();
+    note_traffic();
     std::array<char, 8> start{};
     std::size_t const got = input_.read(start.data(), start.size());
     if (got == 0 && any_volume_) return false;
@@ -298,7 +302,6 @@ bool StreamSource::Reader::next_volume() {
     all_checked_ = true;
     next_z_ = released_z_ = 0;
     expected_ = box_of(header_.dims);
-    end_ = {};
     pending_.reset();
     pending_slab_.reset();
     return true;
@@ -525,6 +528,7 @@ void StreamSource::Reader::finish() {
     }
     if (thread_.joinable()) thread_.join();
     in_volume_ = false;
+    note_traffic();
     if (failure_) std::rethrow_exception(failure_);
 }
 
@@ -615,7 +619,6 @@ void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
 void StreamSource::finish() { reader_->finish(); }
 Volume StreamSource::load_hierarchical() { return reader_->load_hierarchical(); }
-Traffic StreamSource::traffic() const { return reader_->traffic(); }
-std::vector<StageReport> const& StreamSource::stage_reports() const { return reader_->stages(); }
+std::shared_ptr<StreamRecord const> StreamSource::record() const { return reader_->record(); }
 
 } // namespace vkt::ipc

@@ -148,7 +148,7 @@ private:
     Log log_;
     bool dry_run_ = false;
     std::string lossy_;
-    ipc::StreamSource* stream_in_ = nullptr;
+    std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     TimeMeter meter_;
 };
@@ -205,7 +205,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         options.transport = stage.common().resolved_transport();
         bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
         auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
-        if (standard_input || stream_in_ == nullptr) stream_in_ = stream.get();
+        if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();
         source = std::move(stream);
     } else {
         if (!directory && bytes->peek(1).empty() && !bytes->seekable())
@@ -300,7 +300,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
 }
 
 ipc::StageReport Runner::own_report() const {
-    ipc::Traffic const in = stream_in_ != nullptr ? stream_in_->traffic() : ipc::Traffic{};
+    ipc::Traffic const in = stream_in_ != nullptr ? stream_in_->traffic : ipc::Traffic{};
     ipc::Traffic const out = stream_out_ != nullptr ? stream_out_->traffic() : ipc::Traffic{};
     std::string name = stages_.front().verb().name;
     for (std::size_t i = 1; i < stages_.size(); ++i) name += " | " + stages_[i].verb().name;
@@ -309,7 +309,7 @@ ipc::StageReport Runner::own_report() const {
 
 std::vector<ipc::StageReport> Runner::reports() const {
     std::vector<ipc::StageReport> rows;
-    if (stream_in_ != nullptr) rows = stream_in_->stage_reports();
+    if (stream_in_ != nullptr) rows = stream_in_->stages;
     rows.push_back(own_report());
     return rows;
 }
@@ -374,7 +374,7 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     int const code = stage.consumer()->consume(inputs, context);
     refuse_lossy();
     bool timing = stage.common().wants_timing();
-    if (stream_in_ != nullptr) timing = timing || !stream_in_->stage_reports().empty();
+    if (stream_in_ != nullptr) timing = timing || !stream_in_->stages.empty();
     if (timing) std::fputs(timing_table(reports()).c_str(), stderr);
     return code;
 }
@@ -393,6 +393,17 @@ int Runner::run() {
         throw;
     }
     return drain(std::move(source));
+}
+
+} // namespace
+
+namespace {
+
+/// Whether words that could not be parsed name an output file: standard output is somebody else's then.
+bool names_output(std::vector<std::string> const& words) {
+    return std::any_of(words.begin(), words.end(), [](std::string const& word) {
+        return word == "--output" || word.starts_with("--output=") || (word.starts_with("-o") && word != "-o-");
+    });
 }
 
 } // namespace
@@ -422,7 +433,7 @@ int run_words(std::vector<std::string> const& words) {
     try {
         stage.parse();
     } catch (Error const& e) {
-        say_downstream(stage, e.what());
+        if (!names_output(verb.words)) say_downstream(stage, e.what());
         throw;
     }
     if (stage.common().examples || stage.common().help) {

@@ -31,25 +31,25 @@ END
 }
 
 @test "a stream says the same as its file, and its history" {
-    vkt read a.nrrd | vkt info --drain >piped
+    vkt read a.nrrd | vkt info >piped
     vkt info a.nrrd | diff - <(grep -v '^history' piped)
     grep -qx "history    vkt read a.nrrd" piped
 }
 
-@test "only the header is read, unless --drain" {
+@test "of files only the header is read, of streams all unless --first" {
     truncate -s 4G big_2048x2048x1024_uint8.raw
     run -0 timeout 5 vkt info big_2048x2048x1024_uint8.raw
     # The command before is cut off, or let to its end.
-    run -141 bash -o pipefail -c 'vkt read big_2048x2048x1024_uint8.raw | vkt info >/dev/null'
+    run -141 bash -o pipefail -c 'vkt read big_2048x2048x1024_uint8.raw | vkt info --first >/dev/null'
     truncate -s 64M small_512x512x256_uint8.raw
-    run -0 bash -o pipefail -c 'vkt read small_512x512x256_uint8.raw | vkt info --drain >/dev/null'
+    run -0 bash -o pipefail -c 'vkt read small_512x512x256_uint8.raw | vkt info >/dev/null'
 }
 
 @test "several volumes are listed" {
     printf 'NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nkinds: domain domain domain list\nencoding: raw\n\nabcdefghijkl' >series.nrrd
     vkt info series.nrrd | grep -c '^dims' | grep -qx 3
     vkt info series.nrrd | grep -qx 'volume     3 of 3'
-    vkt read series.nrrd | vkt info --drain --json | python3 -c 'import json, sys; assert [v["dims"] for v in json.load(sys.stdin)] == [[2, 2, 1]] * 3'
+    vkt read series.nrrd | vkt info --json | python3 -c 'import json, sys; assert [v["dims"] for v in json.load(sys.stdin)] == [[2, 2, 1]] * 3'
 }
 
 @test "damage is told" {
@@ -59,6 +59,6 @@ END
     fails_with 3 "ended early" vkt info cut.nrrd
     fails_with 4 "no such file" vkt info none.nrrd
     fails_with 3 "empty" vkt info - </dev/null
-    run -3 bash -c 'vkt read a.nrrd | head -c 300 | vkt info --drain 2>&1 >/dev/null'
+    run -3 bash -c 'vkt read a.nrrd | head -c 300 | vkt info 2>&1 >/dev/null'
     [[ "$output" == *"ended early"* ]]
 }

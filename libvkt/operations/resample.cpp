@@ -224,8 +224,11 @@ Plan Resample::plan(std::span<Header const> inputs) {
         way_ = Way::halving;
     if (way_ == Way::copy) plan.shift = Index3{};
     plan.method = describe();
-    plan.exact = method != ResampleMethod::cubic || from_ == to_;
-    plan.error_bound = plan.exact ? 0 : 1e-15; // rounding only: interpolation error depends on the data
+    // Of the arithmetic only: how well an interpolant represents what was sampled depends on the data. Integers come
+    // out as exact arithmetic, rounded once; floats are summed in double, halved in their own type by three additions.
+    bool const floats = !is_integer(input.dtype) || method == ResampleMethod::cubic;
+    plan.exact = way_ == Way::copy || way_ == Way::nearest || !floats;
+    plan.error_bound = plan.exact ? 0 : way_ == Way::halving && input.dtype != DataType::float64 ? 3 * 0x1p-24 : 1e-15;
     plan.cost = way_ == Way::copy || way_ == Way::nearest ? 0 : taps;
     return plan;
 }
