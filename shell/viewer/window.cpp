@@ -54,7 +54,7 @@ namespace {
 /// A frame of a movement should take no longer: two refreshes of a common screen.
 constexpr double target_seconds = 0.030;
 
-// GLFW is loaded when a window is opened. Linked, it would cost every vkt process a millisecond and 1.6 MiB.
+// GLFW is loaded when a window is opened. Linked, every vkt process would need it and pay 0.6 to 1.1 ms and 1.6 MiB.
 #define VKT_GLFW_FUNCTIONS(one)                                                                                        \
     one(glfwInit) one(glfwTerminate) one(glfwGetError) one(glfwWindowHint) one(glfwCreateWindow)                       \
         one(glfwDestroyWindow) one(glfwMakeContextCurrent) one(glfwGetProcAddress) one(glfwSetWindowUserPointer)       \
