@@ -2,68 +2,76 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/settings.h"
 #include "shell/command.h"
+#include "shell/pictures.h"
+#include "shell/viewer/viewer.h"
 
 #include "libvkt/core/text.h"
-#include "libvkt/formats/format.h"
 
 namespace vkt::shell {
 
 namespace {
 
-/// One picture per volume. The options are those of render::SettingsParameters.
+/// What the window asks for.
+class WindowScene : public viewer::Scene {
+public:
+    WindowScene(Volumes& volumes, Context& context, render::RenderSettings asked, render::Background background)
+        : volumes_(volumes), context_(context), asked_(std::move(asked)), background_(background) {}
+
+    std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
+    render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
+                       std::stop_token const& stop) override {
+        return volumes_.renderer().render(settings, &report, stop);
+    }
+    std::string save(render::Image const& image, render::RenderReport const& report,
+                     viewer::View const& view) override {
+        std::string path = viewer::free_picture_name(input());
+        StageInfo stage = context_.stage_info();
+        stage.words = viewer::words_of(stage.words, asked_, view);
+        write_picture(path, false, {image, report, background_}, volumes_.header(), stage, context_);
+        return path;
+    }
+    bool next() override { return volumes_.next(asked_); }
+
+private:
+    std::string input() const {
+        std::string const name = context_.stage_info().input_names.front();
+        return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
+    }
+
+    Volumes& volumes_;
+    Context& context_;
+    render::RenderSettings asked_;
+    render::Background background_;
+};
+
+/// One picture per volume, or a window. The options are those of render::SettingsParameters.
 class Render : public Consumer {
 public:
     void parameters(Parameters& list) override { options_.declare(list); }
     void check() const override { (void)options_.settings(); }
     bool writes() const override { return true; }
+    bool shows() const override { return true; }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();
-        Source& source = *inputs.front();
-        bool more = source.next_volume();
-        for (std::int64_t number = 0; more; ++number) {
-            if (source.header().dry_run) {
-                context.note(text("would render ", source.header().dims, " voxels into ", settings.width, "x",
-                                  settings.height, " pixels"));
-                source.finish();
-                more = source.next_volume();
-                continue;
-            }
-            Volume const volume = load(source, context.execution());
+        render::Background const background = options_.background();
+        Volumes volumes(*inputs.front(), context);
+        if (context.window()) {
+            WindowScene scene(volumes, context, settings, background);
+            if (scene.next())
+                viewer::show(scene, settings, background, [&](std::string const& line) { context.note(line); });
+            return 0;
+        }
+        for (std::int64_t number = 0; volumes.next(settings); ++number) {
             render::RenderReport report;
-            render::Image const image = render::render(volume, settings, context.execution(), &report);
-            more = source.next_volume();
-            std::string const path = render::numbered(context.output(), number, more || number > 0);
-            write(path, image, volume.header(), report, context);
-            tell(report, context);
+            render::Image const image = volumes.renderer().render(settings, &report);
+            write_picture(render::numbered(context.output(), number, volumes.more() || number > 0), context.force(),
+                          {image, report, background}, volumes.header(), context.stage_info(), context);
         }
         return 0;
     }
 
 private:
-    void write(std::string const& path, render::Image const& image, Header const& header,
-               render::RenderReport const& report, Context& context) const {
-        History history{context.stage_info().words, {}};
-        if (header.history) history.inputs.push_back(*header.history);
-        auto const png = render::to_png(image, options_.background(),
-                                        {{"Software", "vkt " VKT_VERSION},
-                                         {"History", history_as_shell(history)},
-                                         {"Camera", render::camera_text(report.camera)},
-                                         {"Method", report.method},
-                                         {"Unit distance", to_text(report.unit)},
-                                         {"Transfer function", report.transfer}});
-        OutputFile file(path, context.force());
-        file.write(png.data(), png.size());
-        file.commit();
-    }
-
-    static void tell(render::RenderReport const& r, Context& context) {
-        if (r.missing > 0) context.note(text(r.missing, " voxels are not a number and show nothing"));
-        if (r.infinite > 0) context.note(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
-        if (r.capped > 0) context.note(text(r.capped, " paths were cut at the bounce limit"));
-        if (context.verbose()) context.note(render::report_text(r));
-    }
-
     render::SettingsParameters options_;
 };
 
@@ -76,8 +84,11 @@ Command render_command() {
          "as light "
          "in a cloud. Without options the colours, opacities and the camera are chosen from the data. The picture is a "
          "PNG file "
-         "that holds its own recipe.",
-         {{"A picture, everything chosen from the data", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw -o fuel.png"},
+         "that holds its own recipe. Without -o, on a terminal, a window shows the volume instead: drag to turn it, "
+         "drag with the right button or with shift to move it, wheel to zoom; keys r (reset), c (next colours), s "
+         "(save), n (next volume), q (quit).",
+         {{"In a window, everything chosen from the data", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw"},
+          {"The same as a picture", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw -o fuel.png"},
           {"From the right, own opacities over the value range",
            "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --view x --colormap viridis --opacity 0,0.02,0.1,0.6 -o "
            "fuel.png"},

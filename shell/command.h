@@ -39,6 +39,7 @@ public:
     virtual bool verbose() const = 0;
     virtual std::string const& output() const = 0; ///< -o, "-" by default
     virtual bool force() const = 0;
+    virtual bool window() const = 0; ///< there is no -o but a terminal, and the consumer shows()
     /// Prints a report to standard output (or -o). The only way for a command to print.
     virtual void print(std::string const& report) = 0;
     /// One line on standard error, prefixed with the stage, unless --quiet.
@@ -58,6 +59,8 @@ public:
     virtual bool reports() const { return false; }
     /// True if -o names a file that this command writes itself (picture, volume file). Adds -o and --force.
     virtual bool writes() const { return false; }
+    /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer).
+    virtual bool shows() const { return false; }
     /// Returns the exit code. Must finish() each volume that it reads; framework moves no volume itself.
     virtual int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) = 0;
 };

@@ -13,6 +13,7 @@
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
+#include "shell/viewer/viewer.h"
 
 #include <algorithm>
 #include <csignal>
@@ -104,6 +105,7 @@ public:
     bool verbose() const override { return invocation_.common().verbose; }
     std::string const& output() const override { return invocation_.common().output; }
     bool force() const override { return invocation_.common().force; }
+    bool window() const override;
     void print(std::string const& report) override;
     void note(std::string const& message) override;
     std::unique_ptr<Source> open(std::string const& path) override;
@@ -125,6 +127,7 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes);
     Log const& log() const { return log_; }
     bool dry_run() const { return dry_run_; }
+    bool window() const { return window_; }
 
 private:
     static Verbosity verbosity(Common const& c) {
@@ -146,13 +149,14 @@ private:
     std::deque<Invocation>& stages_;
     Invocation& last_;
     Log log_;
-    bool dry_run_ = false;
+    bool dry_run_ = false, window_ = false;
     std::string lossy_;
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     TimeMeter meter_;
 };
 
+bool StageContext::window() const { return runner_.window(); }
 StageInfo StageContext::stage_info() const { return runner_.stage_info(invocation_); }
 void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
 std::unique_ptr<Source> StageContext::open(std::string const& path) { return runner_.open(invocation_, path); }
@@ -262,8 +266,12 @@ void Runner::check_ends() {
     bool const volumes = last_.yields_volumes();
     bool const picture =
         last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
-    if ((volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") && output_is_terminal() &&
-        !dry_run_)
+    bool const to_terminal = (volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") &&
+                             output_is_terminal() && !dry_run_;
+    window_ = to_terminal && picture && last_.consumer()->shows();
+    if (window_)
+        viewer::require_display();
+    else if (to_terminal)
         throw Error(ErrorKind::usage,
                     text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
                     "use -o FILE, or pipe it into another command, e.g. '| vkt info'");

@@ -37,7 +37,18 @@ constexpr double gpu_cost_threshold = 60;
 
 constexpr char placeholder_mark = '\x02';
 
-/// The history step of a stage: its words with placeholders replaced, and the histories of its inputs.
+Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
+    if (execution.device == Device::automatic) {
+        double const work = plan.cost * static_cast<double>(plan.output.voxels());
+        bool const worth_it = operation.runs_on_gpu() && plan.cost >= gpu_cost_threshold && work > 1e10;
+        execution.device = worth_it && gpu_count() > 0 ? Device::gpu : Device::cpu;
+    }
+    if (execution.device == Device::gpu && !operation.runs_on_gpu()) execution.device = Device::cpu;
+    return execution;
+}
+
+} // namespace
+
 History history_step(StageInfo const& info, std::vector<Header> const& headers) {
     History step;
     bool any = false;
@@ -62,18 +73,6 @@ History history_step(StageInfo const& info, std::vector<Header> const& headers) 
     }
     return step;
 }
-
-Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
-    if (execution.device == Device::automatic) {
-        double const work = plan.cost * static_cast<double>(plan.output.voxels());
-        bool const worth_it = operation.runs_on_gpu() && plan.cost >= gpu_cost_threshold && work > 1e10;
-        execution.device = worth_it && gpu_count() > 0 ? Device::gpu : Device::cpu;
-    }
-    if (execution.device == Device::gpu && !operation.runs_on_gpu()) execution.device = Device::cpu;
-    return execution;
-}
-
-} // namespace
 
 std::string input_placeholder(std::size_t i, bool explicit_word) {
     return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));

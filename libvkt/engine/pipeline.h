@@ -37,6 +37,8 @@ struct StageInfo {
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
 /// its own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
 std::string input_placeholder(std::size_t i, bool explicit_word);
+/// The history step of a stage: its words with the placeholders replaced, and the histories of its inputs.
+History history_step(StageInfo const& info, std::vector<Header> const& inputs);
 
 /// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input
 /// cannot be read again. The operation must outlive the result.

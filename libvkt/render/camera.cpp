@@ -85,6 +85,8 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     if (!(request.fov > 0 && request.fov < 180))
         throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
     if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
+    if (request.span && (!(*request.span > 0) || !std::isfinite(*request.span)))
+        throw Error(ErrorKind::usage, "the span must be positive");
     Vec3 centre{0, 0, 0};
     for (Vec3 const& c : corners) centre = centre + c * 0.125;
 
@@ -114,7 +116,7 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     if (!request.eye)
         camera.eye = camera.target -
                      b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance);
-    camera.height = 2 * half_height / request.zoom;
+    camera.height = request.span.value_or(2 * half_height) / request.zoom;
     return camera;
 }
 

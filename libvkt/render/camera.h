@@ -34,7 +34,8 @@ struct CameraRequest {
     std::optional<Vec3> eye, target, up; ///< world units; an eye overrules view and angles
     Projection projection = Projection::perspective;
     double fov = 30;
-    double zoom = 1; ///< 2 shows things twice as large
+    double zoom = 1;            ///< 2 shows things twice as large
+    std::optional<double> span; ///< orthographic: world length from bottom to top of the picture; overrules the fit
     Fit fit = Fit::content;
 };
 

@@ -213,7 +213,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
     return scene;
 }
 
-Image Renderer::render(RenderSettings const& settings, RenderReport* report) const {
+Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop) const {
     check(settings);
     auto const start = Clock::now();
     Look const look = look_of(settings);
@@ -239,16 +239,18 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report) con
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     TileFunction const run = tile_function(execution_.instructions);
-    int const across = (settings.width + tile_size - 1) / tile_size,
-              down = (settings.height + tile_size - 1) / tile_size;
+    // Many paths make a tile long; a small one hears sooner that it is to stop.
+    int const side = integrator == Integrator::scatter && settings.samples > 1024 ? tile_size / 8 : tile_size;
+    int const across = (settings.width + side - 1) / side, down = (settings.height + side - 1) / side;
     std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
     for (int i = 0; i < across * down; ++i) {
-        int const x = i % across * tile_size, y = i / across * tile_size;
+        if (stop.stop_requested()) continue;
+        int const x = i % across * side, y = i / across * side;
         Counters counters;
         run(scene, lattice_.view, integrator,
-            {x, y, std::min(x + tile_size, settings.width), std::min(y + tile_size, settings.height)},
-            image.pixels.data(), settings.width, counters);
+            {x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, image.pixels.data(),
+            settings.width, counters);
         rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
     }
     if (report != nullptr) {

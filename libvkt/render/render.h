@@ -11,6 +11,7 @@
 #include "libvkt/render/transfer.h"
 
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -79,8 +80,9 @@ public:
     /// Throws Error{data} for hierarchical volumes and volumes without finite voxels.
     Renderer(Volume const& volume, Execution const& execution);
 
-    /// Throws Error{usage} for settings out of range.
-    Image render(RenderSettings const& settings, RenderReport* report = nullptr) const;
+    /// Throws Error{usage} for settings out of range. Asked to stop, it returns soon and the picture is incomplete.
+    Image render(RenderSettings const& settings, RenderReport* report = nullptr,
+                 std::stop_token const& stop = {}) const;
     Histogram const& histogram() const { return lattice_.histogram; }
 
 private:

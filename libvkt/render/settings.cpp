@@ -83,6 +83,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("up", s.camera.up, "X,Y,Z", "direction that points upwards in the picture");
     list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large");
     list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
+    list.option("span", s.camera.span, "LENGTH", "orthographic: world length from bottom to top of the picture");
     list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
     list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
@@ -147,6 +148,8 @@ void SettingsParameters::refuse_misfits() const {
     exclude("exact", "no-skip");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
         refuse("--fov does not apply to --projection orthographic", "--zoom does");
+    if (settings_.camera.projection == Projection::perspective && list_->given("span"))
+        refuse("--span does not apply to --projection perspective", "--zoom and --fov do");
 }
 
 RenderSettings SettingsParameters::settings() const {

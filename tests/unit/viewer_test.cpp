@@ -1,0 +1,331 @@
+// The viewer without a window: camera movements, views as settings and words, effort, the painter's thread.
+// SPDX-License-Identifier: MIT
+#include "shell/viewer/painter.h"
+#include "tests/unit/render_testing.h"
+
+#include "libvkt/core/text.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <unistd.h>
+
+namespace vkt::shell::viewer {
+namespace {
+
+using render::Camera;
+using render::Projection;
+using render::RenderSettings;
+
+double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+double length(Vec3 a) { return std::sqrt(dot(a, a)); }
+double distance(Vec3 a, Vec3 b) { return length(a - b); }
+
+Camera front() {
+    Camera camera;
+    camera.eye = {0, -10, 0};
+    camera.up = {0, 0, 1};
+    return camera;
+}
+Camera flat_front() {
+    Camera camera = front();
+    camera.projection = Projection::orthographic;
+    camera.height = 4;
+    return camera;
+}
+
+TEST(Orbit, keepsTargetDistanceAndRightAngles) {
+    Camera camera = front();
+    for (int i = 0; i < 200; ++i) {
+        camera = orbit(camera, {0.031 * (i % 7), 0.02 * (i % 11) - 0.05});
+        EXPECT_NEAR(length(camera.eye), 10, 1e-9);
+        EXPECT_NEAR(dot(camera.up, camera.eye), 0, 1e-8);
+        EXPECT_NEAR(length(camera.up), 1, 1e-9);
+    }
+    EXPECT_EQ(camera.target, front().target);
+}
+
+TEST(Orbit, thingsFollowTheHand) {
+    // A quarter turn to the right by hand shows what was on the left, -x.
+    Camera const right = orbit(front(), {0.5, 0});
+    EXPECT_LT(distance(right.eye, {-10, 0, 0}), 1e-9);
+    // Downwards by hand shows the top.
+    Camera const down = orbit(front(), {0, 0.5});
+    EXPECT_LT(distance(down.eye, {0, 0, 10}), 1e-9);
+    EXPECT_LT(distance(down.up, {0, 1, 0}), 1e-9);
+}
+
+TEST(Orbit, goesBackAndOverThePoles) {
+    Camera const there = orbit(front(), {0, 0.4}), back = orbit(there, {0, -0.4});
+    EXPECT_LT(distance(back.eye, front().eye), 1e-9);
+    // Half a turn over the top: behind, head down.
+    Camera const over = orbit(orbit(front(), {0, 0.5}), {0, 0.5});
+    EXPECT_LT(distance(over.eye, {0, 10, 0}), 1e-9);
+    EXPECT_LT(distance(over.up, {0, 0, -1}), 1e-9);
+}
+
+TEST(Orbit, worksWhereTheCameraLooksAlongUp) {
+    Camera camera = front();
+    camera.eye = {0, 0, 10};
+    Camera const moved = orbit(camera, {0.1, 0.1});
+    EXPECT_NEAR(length(moved.eye), 10, 1e-9);
+    EXPECT_TRUE(std::isfinite(moved.up.x));
+}
+
+TEST(Pan, whatIsAtTheTargetStaysUnderTheHand) {
+    // The height of the picture at the target is 2 tan(15°) 10; half of it to the right moves the camera as far left.
+    double const span = 20 * std::tan(15 * std::acos(-1.0) / 180);
+    Camera const moved = pan(front(), {0.5, 0.25});
+    EXPECT_LT(distance(moved.target, {-span / 2, 0, span / 4}), 1e-9);
+    EXPECT_LT(distance(moved.eye - moved.target, front().eye), 1e-9);
+    Camera const flat = pan(flat_front(), {0.5, 0.25});
+    EXPECT_LT(distance(flat.target, {-2, 0, 1}), 1e-9);
+}
+
+TEST(Zoom, scalesWhatThePictureSpansWithinLimits) {
+    Camera const near = zoom(front(), 1, front());
+    EXPECT_NEAR(length(near.eye), 9, 1e-9);
+    EXPECT_NEAR(length(zoom(near, -1, front()).eye), 10, 1e-9);
+    EXPECT_NEAR(zoom(flat_front(), 2, flat_front()).height, 4 * 0.81, 1e-9);
+    EXPECT_EQ(zoom(flat_front(), 2, flat_front()).eye, flat_front().eye);
+    EXPECT_NEAR(length(zoom(front(), 1000, front()).eye), 0.01, 1e-9);
+    EXPECT_NEAR(length(zoom(front(), -1000, front()).eye), 10000, 1e-6);
+}
+
+TEST(Views, theUntouchedViewIsTheCommandLine) {
+    RenderSettings asked;
+    asked.width = 300, asked.camera.azimuth = 12;
+    RenderSettings const s = settings_of(asked, initial_view(asked));
+    EXPECT_EQ(s.width, 300);
+    EXPECT_EQ(s.camera.azimuth, 12);
+    EXPECT_FALSE(s.camera.eye);
+    std::vector<std::string> const words{"render", "--azimuth", "12", "--size", "300x512", "a.nrrd"};
+    EXPECT_EQ(words_of(words, asked, initial_view(asked)), words);
+}
+
+TEST(Views, wordsSayWhatWasChanged) {
+    RenderSettings const asked;
+    View view = initial_view(asked);
+    view.width = 640, view.colormap = "grey";
+    view.camera = front();
+    std::vector<std::string> const words{"render", "--view", "x", "--shade", "none", "--colormap", "heat", "a.nrrd"};
+    EXPECT_EQ(join(words_of(words, asked, view), " "),
+              "render --size 640x512 --colormap grey --eye 0,-10,0 --target 0,0,0 --up 0,0,1 --fov 30 --shade none "
+              "a.nrrd");
+    view = initial_view(asked);
+    view.camera = flat_front();
+    EXPECT_EQ(join(words_of({"render", "--projection", "orthographic", "a.nrrd"}, asked, view), " "),
+              "render --eye 0,-10,0 --target 0,0,0 --up 0,0,1 --projection orthographic --span 4 a.nrrd");
+    EXPECT_TRUE(words_of({}, asked, view).empty());
+}
+
+TEST(Views, aCameraSurvivesTheWayThroughSettings) {
+    Volume const volume = render::testing::blobs({20, 16, 24}, DataType::uint8);
+    for (Projection const projection : {Projection::perspective, Projection::orthographic}) {
+        RenderSettings asked;
+        asked.width = 48, asked.height = 32;
+        asked.camera.projection = projection;
+        auto const first = render::testing::render_one(volume, asked);
+        View view = initial_view(asked);
+        view.camera = first.report.camera;
+        auto const again = render::testing::render_one(volume, settings_of(asked, view));
+        EXPECT_NEAR(again.report.camera.height, first.report.camera.height, 1e-12);
+        EXPECT_LT(render::testing::greatest_difference(first.image, again.image), 1e-3);
+    }
+}
+
+TEST(Views, colourMapsComeInTurn) {
+    std::string map;
+    std::vector<std::string> seen;
+    do {
+        map = next_colormap(map, "");
+        seen.push_back(map);
+    } while (!map.empty() && seen.size() < 100);
+    EXPECT_EQ(seen.size(), render::colormap_names().size() + 1);
+    EXPECT_EQ(next_colormap("viridis:reverse", "viridis:reverse"), render::colormap_names().front());
+    RenderSettings own;
+    EXPECT_TRUE(has_colormap(own));
+    own.lut = {1, 1, 1, 1};
+    EXPECT_FALSE(has_colormap(own));
+}
+
+TEST(Effort, fullIsFull) {
+    RenderSettings s;
+    s.exact = true, s.samples = 7;
+    RenderSettings const same = reduced(s, 1);
+    EXPECT_EQ(same.width, s.width);
+    EXPECT_EQ(same.step, s.step);
+    EXPECT_TRUE(same.exact);
+    EXPECT_EQ(same.samples, 7);
+}
+
+TEST(Effort, theWorkIsTheShare) {
+    for (double const effort : {0.5, 0.25, 0.1, 0.02}) {
+        RenderSettings march, iso, scatter;
+        iso.algorithm = render::Algorithm::implicit_iso;
+        scatter.algorithm = render::Algorithm::multi_scattering;
+        auto const pixels = [](RenderSettings const& s) { return s.width * s.height / (512.0 * 512.0); };
+        EXPECT_NEAR(pixels(reduced(march, effort)) * march.step / reduced(march, effort).step, effort, 0.02 * effort);
+        EXPECT_NEAR(pixels(reduced(iso, effort)), effort, 0.02 * effort);
+        RenderSettings const few = reduced(scatter, effort);
+        EXPECT_NEAR(pixels(few) * few.samples / scatter.samples, effort, 0.05 * effort);
+    }
+    RenderSettings coarse;
+    coarse.step = 4;
+    EXPECT_EQ(reduced(coarse, 0.25).step, 4);
+    EXPECT_EQ(reduced(coarse, 0.25).width, 256);
+    RenderSettings tiny;
+    tiny.width = 1, tiny.height = 2;
+    EXPECT_EQ(reduced(tiny, least_effort(tiny)).width, 1);
+}
+
+TEST(Effort, findsTheTargetAndStays) {
+    // A renderer that needs 5 ms and 2 s for the full picture; then one that is fast enough.
+    double effort = 1;
+    for (int i = 0; i < 10; ++i) effort = next_effort(effort, 0.005 + 2 * effort, 0.03, 0.005);
+    double const found = 0.005 + 2 * effort;
+    EXPECT_GT(found, 0.018);
+    EXPECT_LT(found, 0.043);
+    EXPECT_EQ(next_effort(effort, found, 0.03, 0.005), effort);
+    for (int i = 0; i < 10; ++i) effort = next_effort(effort, 0.01 * effort, 0.03, 0.005);
+    EXPECT_EQ(effort, 1);
+    // A renderer that cannot meet it draws little, but something.
+    for (int i = 0; i < 10; ++i) effort = next_effort(effort, 1, 0.03, 0.005);
+    EXPECT_EQ(effort, 0.005);
+}
+
+TEST(Effort, theFirstFrameIsSmall) {
+    RenderSettings s;
+    EXPECT_DOUBLE_EQ(first_effort(s), 1.0 / 16);
+    s.algorithm = render::Algorithm::multi_scattering;
+    s.samples = 100000;
+    RenderSettings const few = reduced(s, first_effort(s));
+    EXPECT_EQ(few.samples, 1);
+    EXPECT_EQ(few.width, 128);
+    s.width = s.height = 1, s.samples = 1;
+    EXPECT_EQ(first_effort(s), 1);
+}
+
+TEST(Effort, refinementIsDirectWhenQuick) {
+    EXPECT_EQ(refined_effort(0.25, 0.03), 1);
+    double effort = 0.01, sum = 0;
+    int passes = 0;
+    while (effort < 1 && passes < 20) {
+        effort = refined_effort(effort, 10 * effort);
+        sum += effort;
+        ++passes;
+    }
+    EXPECT_EQ(effort, 1);
+    EXPECT_GT(passes, 1);
+    EXPECT_LT(sum, 1.7);
+}
+
+TEST(Names, neverThoseInUse) {
+    auto const before = std::filesystem::current_path();
+    auto const folder = std::filesystem::temp_directory_path() / text("vkt-viewer-", static_cast<int>(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::filesystem::current_path(folder);
+    EXPECT_EQ(free_picture_name("/some/where/head.nrrd"), "head.png");
+    std::ofstream("head.png") << "precious";
+    EXPECT_EQ(free_picture_name("head.nrrd"), "head-2.png");
+    std::filesystem::create_symlink("nowhere", "head-2.png");
+    EXPECT_EQ(free_picture_name("head.nrrd"), "head-3.png");
+    EXPECT_EQ(free_picture_name("-"), "volume.png");
+    std::filesystem::current_path(before);
+    std::filesystem::remove_all(folder);
+}
+
+/// Draws nothing, and takes as long as the pixels ask for.
+class SlowScene : public Scene {
+public:
+    std::string name() const override { return "scene"; }
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const& stop) override {
+        auto const until = std::chrono::steady_clock::now() + std::chrono::microseconds(s.width * s.height / 50);
+        while (std::chrono::steady_clock::now() < until && !stop.stop_requested())
+            std::this_thread::sleep_for(std::chrono::microseconds(200));
+        if (stop.stop_requested()) ++stopped;
+        report.camera.fov = s.camera.fov;
+        render::Image image{s.width, s.height, {}};
+        image.pixels.resize(static_cast<std::size_t>(4 * s.width * s.height));
+        return image;
+    }
+    std::string save(render::Image const& image, render::RenderReport const&, View const& view) override {
+        if (fails) throw Error(ErrorKind::io, "the disk is full");
+        EXPECT_EQ(image.width, view.width);
+        ++saved;
+        return "a.png";
+    }
+    bool next() override { return false; }
+    std::atomic<int> stopped{0}, saved{0};
+    std::atomic<bool> fails{false};
+};
+
+/// The last frame that comes within some seconds, once `done` says so.
+template <class Done> Frame wait_for(Painter& painter, Done done) {
+    for (int i = 0; i < 20000; ++i) {
+        if (auto frame = painter.take(); frame && done(*frame)) return *frame;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ADD_FAILURE() << "no such frame came";
+    return {};
+}
+
+TEST(Painting, coarseFirstThenFull) {
+    SlowScene scene;
+    RenderSettings const asked;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    Frame const first = wait_for(painter, [](Frame const&) { return true; });
+    EXPECT_LT(first.width, 512);
+    Frame const full = wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    EXPECT_EQ(full.width, 512);
+    EXPECT_EQ(full.rgb.size(), std::size_t{3 * 512 * 512});
+}
+
+TEST(Painting, movingGivesUpRefinementOnly) {
+    SlowScene scene;
+    RenderSettings asked;
+    asked.width = 4096, asked.height = 4096; // 0.34 s
+    Painter painter(
+        scene, asked, {}, [] {}, 0.005);
+    wait_for(painter, [](Frame const&) { return true; });
+    View view = initial_view(asked);
+    int frames = 0;
+    for (int i = 0; i < 100; ++i) {
+        view.camera = orbit(front(), {0.01 * i, 0});
+        painter.show(view);
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        if (painter.take()) ++frames;
+    }
+    EXPECT_GT(frames, 10);
+    Frame const last = wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    EXPECT_EQ(last.view.camera->eye, view.camera->eye);
+    EXPECT_EQ(last.width, 4096);
+}
+
+TEST(Painting, whatWasAskedToBeSavedIsSaved) {
+    SlowScene scene;
+    RenderSettings const asked;
+    {
+        Painter painter(
+            scene, asked, {}, [] {}, 0.03);
+        painter.save();
+        painter.save();
+    }
+    EXPECT_EQ(scene.saved, 2);
+    scene.fails = true;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    painter.save();
+    painter.finish();
+    EXPECT_EQ(painter.take_message(), "the disk is full");
+    EXPECT_FALSE(painter.saving());
+}
+
+} // namespace
+} // namespace vkt::shell::viewer

@@ -1,0 +1,235 @@
+# vkt render in a window: needs a virtual display (Xvfb) and somebody who moves its mouse (xdotool).
+load helper
+
+volume=block_24x18x30_uint8.raw
+
+setup_more() {
+    # Different along each axis, so that a picture that is turned or mirrored shows.
+    /usr/bin/python3 -c "
+v = bytearray(24 * 18 * 30)
+for z in range(4, 20):
+    for y in range(5, 13):
+        for x in range(3, 16): v[(z * 18 + y) * 24 + x] = 60 + 8 * x
+open('$volume', 'wb').write(v)"
+}
+
+teardown() {
+    for process in "${command:-}" "${server:-}"; do
+        [ -z "$process" ] || kill "$process" 2>/dev/null || true
+    done
+}
+
+# on_terminal COMMAND: runs it with a terminal as standard output; what it says goes to the file log.
+on_terminal() { script -qec "$1" /dev/null </dev/null >log 2>&1 3>&-; }
+
+# with_display: starts a display of our own, or skips with the reason.
+with_display() {
+    local what
+    for what in Xvfb xdotool script; do
+        command -v $what >/dev/null || skip "$what is not installed"
+    done
+    (unset DISPLAY WAYLAND_DISPLAY && on_terminal "vkt render $volume") || true
+    ! grep -q 'without the viewer' log || skip 'this vkt was built without the viewer'
+    # The server takes a number that is free and says which; its screen is a file that can be read.
+    mkdir screen
+    Xvfb -displayfd 7 -screen 0 800x700x24 -nolisten tcp -fbdir screen 7>number >server.log 2>&1 3>&- &
+    server=$!
+    for _ in {1..100}; do
+        [ ! -s number ] || break
+        sleep 0.1
+    done
+    [ -s number ] || skip "Xvfb does not start: $(tail -n 1 server.log)"
+    export DISPLAY=":$(cat number)"
+    unset WAYLAND_DISPLAY
+}
+
+# finds_window [PATTERN]: waits for a window whose title holds the pattern and gives it the keyboard.
+finds_window() {
+    for _ in {1..150}; do
+        window=$(xdotool search --name "^vkt render: .*${1:-}" 2>/dev/null | head -n 1)
+        if [ -n "$window" ]; then
+            xdotool windowfocus "$window"
+            return
+        fi
+        sleep 0.1
+    done
+    echo "no window with '${1:-}' in its title; the command said: $(cat log)" >&2
+    return 1
+}
+
+# opens OPTION…: starts the viewer and waits for the full picture.
+opens() {
+    on_terminal "vkt render $volume --size 320x240 $*" &
+    command=$!
+    finds_window
+    titled ' [0-9]+ ms'
+}
+
+# titled PATTERN: the picture is full (no size in the title) and the title ends like this.
+titled() {
+    local title
+    for _ in {1..150}; do
+        title=$(xdotool getwindowname "$window")
+        if [[ "$title" =~ $1$ && "$title" != *' at '* ]]; then return 0; fi
+        sleep 0.1
+    done
+    echo "the title is '$title', not '$1'" >&2
+    return 1
+}
+
+saves() {
+    xdotool key s
+    titled "saved $1"
+    [ -s "$1" ]
+}
+
+quits() {
+    xdotool key q
+    wait "$command"
+    command=
+}
+
+pixels_of() { /usr/bin/python3 -c "
+import re, sys
+sys.stdout.buffer.write(re.search(rb'IDAT.*', open(sys.argv[1], 'rb').read(), re.S).group())" "$1"; }
+
+recipe_of() { /usr/bin/python3 -c "
+import re, sys
+print(re.search(rb'iTXtHistory\0+([^\0]*?)....iTXt', open(sys.argv[1], 'rb').read(), re.S).group(1)[:-4].decode())" "$1"; }
+
+@test "the untouched window saves what -o writes, byte for byte" {
+    with_display
+    opens
+    saves block_24x18x30_uint8.png
+    # A name in use is left alone.
+    saves block_24x18x30_uint8-2.png
+    quits
+    vkt render $volume --size 320x240 -o expected.png
+    cmp block_24x18x30_uint8.png expected.png
+    cmp block_24x18x30_uint8-2.png expected.png
+}
+
+@test "the window shows the picture, the right way up" {
+    python_with vtk numpy
+    with_display
+    opens
+    vkt render $volume --size 320x240 -o expected.png
+    eval "$(xdotool getwindowgeometry --shell "$window")"
+    sleep 0.3
+    /usr/bin/python3 - "$X" "$Y" <<'PY'
+import struct, sys, numpy, vtk
+from vtk.util.numpy_support import vtk_to_numpy
+raw = open('screen/Xvfb_screen0', 'rb').read() # XWD: big-endian words, then colours, then rows of BGRX
+h = struct.unpack('>25I', raw[:100])
+pixels = numpy.frombuffer(raw, numpy.uint8, h[5] * h[12], h[0] + 12 * h[19]).reshape(h[5], h[12] // 4, 4)
+x, y = int(sys.argv[1]), int(sys.argv[2])
+seen = pixels[y:y + 240, x:x + 320, 2::-1].astype(int)
+r = vtk.vtkPNGReader(); r.SetFileName('expected.png'); r.Update()
+wanted = vtk_to_numpy(r.GetOutput().GetPointData().GetScalars()).reshape(240, 320, 3)[::-1].astype(int)
+worst = abs(seen - wanted).max()
+print('largest difference', worst)
+assert wanted.max() > 60 and worst <= 1
+PY
+    quits
+}
+
+@test "mouse and keys change the view, and the recipe of the picture makes it again" {
+    with_display
+    opens
+    xdotool mousemove --window "$window" 160 120 mousedown 1
+    for _ in {1..8}; do xdotool mousemove_relative 6 3; done
+    xdotool mouseup 1 mousedown 3 mousemove_relative 20 10 mouseup 3 click 4 click 4 key c
+    titled 'grey, [0-9]+ ms'
+    saves block_24x18x30_uint8.png
+    xdotool keydown shift mousedown 1 mousemove_relative 20 10 mouseup 1 keyup shift
+    titled ' ms.*'
+    saves block_24x18x30_uint8-2.png
+    # Reset leaves the colours.
+    xdotool key r
+    titled ' ms'
+    saves block_24x18x30_uint8-3.png
+    xdotool windowsize --sync "$window" 200 220
+    titled ' ms.*'
+    sleep 0.5
+    saves block_24x18x30_uint8-4.png
+    quits
+    for n in '' -2 -3 -4; do
+        recipe=$(recipe_of block_24x18x30_uint8$n.png)
+        echo "$recipe"
+        eval "$recipe -o again$n.png"
+        cmp <(pixels_of block_24x18x30_uint8$n.png) <(pixels_of again$n.png)
+    done
+    [[ "$(recipe_of block_24x18x30_uint8.png)" == *--eye*--target*--up* ]]
+    [ "$(recipe_of block_24x18x30_uint8-4.png)" != "${recipe/--size 200x220/}" ]
+    vkt render $volume --size 320x240 --colormap grey -o home.png
+    cmp <(pixels_of block_24x18x30_uint8-3.png) <(pixels_of home.png)
+    ! cmp -s <(pixels_of block_24x18x30_uint8.png) <(pixels_of block_24x18x30_uint8-2.png)
+    ! cmp -s <(pixels_of block_24x18x30_uint8.png) <(pixels_of home.png)
+}
+
+@test "an orthographic view has a recipe too" {
+    with_display
+    opens --projection orthographic
+    xdotool mousemove --window "$window" 160 120 mousedown 1 mousemove_relative 40 30 mouseup 1 click 5
+    titled ' ms'
+    sleep 0.5
+    saves block_24x18x30_uint8.png
+    quits
+    recipe=$(recipe_of block_24x18x30_uint8.png)
+    [[ "$recipe" == *--span* ]]
+    eval "$recipe -o again.png"
+    cmp <(pixels_of block_24x18x30_uint8.png) <(pixels_of again.png)
+}
+
+@test "several volumes from a pipe are shown in turn" {
+    with_display
+    cp $volume two_24x18x30_uint8.raw
+    on_terminal "bash -c 'cat <(vkt read $volume) <(vkt flip x two_24x18x30_uint8.raw) | vkt render --size 64'" &
+    command=$!
+    finds_window
+    titled ' ms'
+    saves volume.png
+    xdotool key n
+    sleep 1
+    titled ' ms.*'
+    saves volume-2.png
+    xdotool key n
+    titled 'this is the last volume'
+    quits
+    ! cmp -s <(pixels_of volume.png) <(pixels_of volume-2.png)
+}
+
+@test "closing the window while it draws loses nothing and does not wait" {
+    with_display
+    on_terminal "vkt render $volume --size 1000 -ra multi-scattering --spp 100000" &
+    command=$!
+    finds_window ' ms at '
+    SECONDS=0
+    quits
+    [ "$SECONDS" -le 5 ]
+}
+
+@test "without a display one line says what to do" {
+    command -v script >/dev/null || skip "script is not installed"
+    unset DISPLAY WAYLAND_DISPLAY
+    code=0
+    on_terminal "vkt render $volume" || code=$?
+    [ "$code" -eq 2 ]
+    grep -q 'no window: .*' log
+    grep -q -e '-o FILE' log
+    # A redirected picture needs no window, with or without a display.
+    vkt render $volume --size 16 >a.png
+    vkt render $volume --size 16 -o b.png
+    cmp a.png b.png
+}
+
+@test "a display that does not answer is said" {
+    command -v script >/dev/null || skip "script is not installed"
+    unset WAYLAND_DISPLAY
+    code=0
+    DISPLAY=:9753 on_terminal "vkt render $volume" || code=$?
+    ! grep -q 'without the viewer' log || skip 'this vkt was built without the viewer'
+    [ "$code" -eq 5 ]
+    grep -q 'no window: ' log
+    grep -q -e '-o FILE' log
+}
