@@ -168,6 +168,26 @@ except vkt.Error as e: assert e.exit_code == 3
 else: assert False'
 }
 
+@test "processes that Python forks, and threads, compute too" {
+    cat >script.py <<'EOF'
+import multiprocessing, concurrent.futures, vkt
+volume = vkt.read("volume.nrrd")
+def smooth(sigma):
+    return int(volume.apply("filter gaussian", sigma=sigma, threads=2).array.sum())
+def refused(_):
+    try:
+        volume.apply("flop x")
+    except vkt.Error as e:
+        return e.exit_code
+want = [smooth(s) for s in (1, 2, 3)]
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    assert pool.map(smooth, (1, 2, 3)) == want and pool.map(refused, (1,)) == [2]
+with concurrent.futures.ThreadPoolExecutor(3) as pool:
+    assert list(pool.map(smooth, (1, 2, 3))) == want
+EOF
+    PYTHONPATH="$site" timeout 60 /usr/bin/python3 script.py
+}
+
 @test "hierarchical volumes have no array until they are a grid" {
     sample=amr/flash/synth3d_cubic_hdf5_plt_cnt_0000
     needs_data "$sample"

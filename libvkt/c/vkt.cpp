@@ -12,6 +12,9 @@
 #include <cstring>
 #include <new>
 #include <string>
+#include <thread>
+#include <unistd.h>
+#include <utility>
 #include <vector>
 
 struct vkt_volume {
@@ -33,22 +36,23 @@ struct LastError {
 };
 thread_local LastError last_error;
 
-vkt_status failed(vkt_status status, char const* message, char const* hint = "") noexcept {
-    last_error.status = status;
+LastError failed(vkt_status status, char const* message, char const* hint = "") noexcept {
+    LastError error;
+    error.status = status;
     try {
-        last_error.message = message;
-        last_error.hint = hint;
+        error.message = message;
+        error.hint = hint;
     } catch (std::exception const&) { // no memory for the text; the status remains
-        last_error.message.clear();
-        last_error.hint.clear();
+        error.message.clear();
+        error.hint.clear();
     }
-    return status;
+    return error;
 }
 
-template <class F> vkt_status guarded(F const& body) noexcept {
+template <class F> LastError attempt(F const& body) noexcept {
     try {
         body();
-        return VKT_OK;
+        return {};
     } catch (Error const& e) {
         return failed(static_cast<vkt_status>(e.kind()), e.what(), e.hint().c_str());
     } catch (std::bad_alloc const&) {
@@ -58,6 +62,23 @@ template <class F> vkt_status guarded(F const& body) noexcept {
     } catch (...) {
         return failed(VKT_FAILURE, "unknown failure");
     }
+}
+
+pid_t const loaded_by = ::getpid();
+
+template <class F> vkt_status guarded(F const& body) noexcept {
+    LastError error;
+    if (::getpid() == loaded_by) {
+        error = attempt(body);
+    } else {
+        // After fork(), as Python's multiprocessing does it, this thread would wait forever for the OpenMP threads that
+        // it had in the parent. A new thread gets new ones.
+        LastError outer = attempt([&] { std::thread([&] { error = attempt(body); }).join(); });
+        if (outer.status != VKT_OK) error = std::move(outer);
+    }
+    vkt_status const status = error.status;
+    if (status != VKT_OK) last_error = std::move(error);
+    return status;
 }
 
 std::vector<std::string> words_of(char const* const* words, size_t count) { return {words, words + count}; }

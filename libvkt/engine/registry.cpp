@@ -87,6 +87,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
     info.words = history_words(name, own, info.input_names, inputs_are_parameters);
     info.listener = listener;
     std::vector<std::unique_ptr<Source>> sources;
+    sources.reserve(inputs.size());
     for (auto const& input : inputs) sources.push_back(volume_source({input}));
     Execution const execution = options.execution();
     auto const result = attach(std::move(sources), *operation, execution, std::move(info));
