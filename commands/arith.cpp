@@ -1,12 +1,12 @@
 // vkt arith: arithmetic of two volumes, or of a volume and a number.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/arithmetic.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command arith_command() {
-    return operation_command<Arithmetic>(
+    return operation_command(
+        "arith",
         {"Add, subtract, multiply, divide two volumes, or a volume and a number.",
          "Results saturate and are rounded half to even. Two volumes of one type give that type; else the smallest "
          "type that holds both. What is clipped or "

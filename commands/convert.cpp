@@ -1,12 +1,12 @@
 // vkt convert: another data type.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/convert.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command convert_command() {
-    return operation_command<Convert>(
+    return operation_command(
+        "convert",
         {"Change the data type of a volume.",
          "Values are kept, rounded half to even and clipped to what the type holds. With --range the values in the "
          "range are spread over the "

@@ -1,12 +1,12 @@
 // vkt crop: a box of the volume.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/crop.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command crop_command() {
-    return operation_command<Crop>(
+    return operation_command(
+        "crop",
         {"Keep an axis-aligned box of the volume.",
          "The box is half-open and given in voxels (--roi), in world units (--roi-world), or by another volume "
          "(--like); voxels keep their world positions. Reading from a raw file touches only the bytes of the box.",

@@ -1,12 +1,12 @@
 // vkt declare-sv: volkit's empty structured volume.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/set_header.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command declare_sv_command() {
-    return operation_command<DeclareStructured>(
+    return operation_command(
+        "declare-sv",
         {"Make a structured volume of zeros.",
          "The range of an integer type stands for 0 to 1 unless --voxel-mapping says otherwise, so that filling with 1 "
          "stores the largest integer.",

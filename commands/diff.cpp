@@ -1,8 +1,8 @@
 // vkt diff: how much two volumes differ.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/report.h"
 #include "libvkt/operations/difference.h"
 #include "shell/command.h"
-#include "shell/report.h"
 
 #include <cmath>
 

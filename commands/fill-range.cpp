@@ -1,12 +1,12 @@
 // vkt fill-range: volkit's name for fill with a range.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/fill.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command fill_range_command() {
-    return operation_command<FillRange>(
+    return operation_command(
+        "fill-range",
         {"Set the voxels of a region to one value.",
          "volkit's name for vkt fill with a range, which must be given.",
          {{"Blank a corner",

@@ -1,12 +1,12 @@
 // vkt fill: one value for all voxels, or for a region.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/fill.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command fill_command() {
-    return operation_command<Fill>(
+    return operation_command(
+        "fill",
         {"Set all voxels, or those of a region, to one value.",
          "The value is physical: it is mapped to a stored value through the slope and intercept of the volume, rounded "
          "half to even and saturated.",

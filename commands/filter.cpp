@@ -1,6 +1,5 @@
 // vkt filter: filters by name.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/gaussian.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
@@ -11,7 +10,8 @@ Command filter_command() {
         "Filter a volume: gaussian.", "Each filter has options of its own: see vkt filter NAME --help.", {}};
     command.verbs.push_back(
         {"gaussian",
-         operation_command<Gaussian>(
+         operation_command(
+             "filter gaussian",
              {"Smooth with a Gaussian.",
               "A separable convolution whose radius follows from --tolerance: the error against the infinite kernel is "
               "bounded before it runs "

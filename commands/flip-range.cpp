@@ -1,12 +1,12 @@
 // vkt flip-range: volkit's name for flip within a region.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/flip.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command flip_range_command() {
-    return operation_command<FlipRange>(
+    return operation_command(
+        "flip-range",
         {"Mirror the voxels of a region within it.",
          "volkit's name for vkt flip --roi. Voxels outside the region and the geometry stay as they are.",
          {{"Mirror a corner left and right",

@@ -1,7 +1,7 @@
 // vkt history: what made a volume.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/report.h"
 #include "shell/command.h"
-#include "shell/report.h"
 
 namespace vkt::shell {
 namespace {

@@ -1,6 +1,5 @@
 // vkt make: test fields.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/make.h"
 #include "libvkt/amr/make_amr.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
@@ -70,30 +69,35 @@ Command make_command() {
                      "averages of the field.",
                      {{"A few levels", "vkt make amr --blocks 500 --levels 4 | vkt info"},
                       {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}}})},
-        {"checkerboard", operation_command<MakeCheckerboard>(
-                             {"Make cubes of two alternating values.",
-                              "",
-                              {{"Cubes of four voxels",
-                                "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}}})},
-        {"constant", operation_command<MakeConstant>(
-                         {"Make a volume of one value.",
-                          "",
-                          {{"All sevens", "vkt make constant --dims 16 16 8 --dtype uint8 --value 7 | vkt stats"}}})},
-        {"marschner-lobb", operation_command<MakeMarschnerLobb>(
-                               {"Make the test signal of Marschner and Lobb.",
-                                "On [-1, 1] in each axis, sampled at voxel centres; with 40 voxels an axis close to "
-                                "the limit that the samples can hold.",
-                                {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}}})},
-        {"noise", operation_command<MakeNoise>(
-                      {"Make uniform white noise.",
-                       "Philox4x32-10, counted by voxel: any part of a volume has the same noise as the whole.",
-                       {{"Bytes", "vkt make noise --dims 64 48 32 --dtype uint8 --seed 7 | vkt stats"}}})},
-        {"ramp", operation_command<MakeRamp>(
-                     {"Make values that rise along an axis.",
-                      "By default a voxel's value is its index.",
-                      {{"From 0 to 1 along z", "vkt make ramp --dims 16 16 33 --axis z --last 1 | vkt stats"}}})},
+        {"checkerboard",
+         operation_command("make checkerboard",
+                           {"Make cubes of two alternating values.",
+                            "",
+                            {{"Cubes of four voxels",
+                              "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}}})},
+        {"constant",
+         operation_command("make constant",
+                           {"Make a volume of one value.",
+                            "",
+                            {{"All sevens", "vkt make constant --dims 16 16 8 --dtype uint8 --value 7 | vkt stats"}}})},
+        {"marschner-lobb",
+         operation_command("make marschner-lobb",
+                           {"Make the test signal of Marschner and Lobb.",
+                            "On [-1, 1] in each axis, sampled at voxel centres; with 40 voxels an axis close to "
+                            "the limit that the samples can hold.",
+                            {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}}})},
+        {"noise",
+         operation_command("make noise",
+                           {"Make uniform white noise.",
+                            "Philox4x32-10, counted by voxel: any part of a volume has the same noise as the whole.",
+                            {{"Bytes", "vkt make noise --dims 64 48 32 --dtype uint8 --seed 7 | vkt stats"}}})},
+        {"ramp", operation_command("make ramp", {"Make values that rise along an axis.",
+                                                 "By default a voxel's value is its index.",
+                                                 {{"From 0 to 1 along z",
+                                                   "vkt make ramp --dims 16 16 33 --axis z --last 1 | vkt stats"}}})},
         {"sphere",
-         operation_command<MakeSphere>(
+         operation_command(
+             "make sphere",
              {"Make a ball.",
               "With a hard edge, with each voxel's exact share inside, or as signed distance to the surface. Radius "
               "and centre count voxels.",

@@ -1,12 +1,12 @@
 // vkt resample: another number of voxels for the same extent.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/resample.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command resample_command() {
-    return operation_command<Resample>(
+    return operation_command(
+        "resample",
         {"Resample a volume to another number of voxels.",
          "The volume keeps its extent in the world; voxels are cells, so the outer faces stay where they are. By "
          "default axes that shrink are averaged "

@@ -1,12 +1,12 @@
 // vkt set: header edits.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/set_header.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 
 Command set_command() {
-    return operation_command<SetHeader>(
+    return operation_command(
+        "set",
         {"Change what the header says about a volume.",
          "Voxels stay as they are.",
          {{"Voxel size and unit", "vkt make ramp --dims 8 8 8 | vkt set --spacing 0.5,0.5,2 --units HU | vkt info"}}});

@@ -1,52 +1,30 @@
 // vkt stats: all aggregates of a volume.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/report.h"
 #include "libvkt/operations/statistics.h"
 #include "shell/command.h"
-#include "shell/report.h"
 
 namespace vkt::shell {
 namespace {
 
 class Stats : public Consumer {
 public:
-    void parameters(Parameters& p) override {
-        p.option("roi", roi_, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
-    }
+    void parameters(Parameters& p) override { statistics_.parameters(p); }
     bool reports() const override { return true; }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         std::vector<Report> reports;
         Source& source = *inputs.front();
         while (source.next_volume()) {
-            Statistics statistics;
-            statistics.roi = roi_;
-            reduce(source, statistics, context.execution(), context.stage_info());
-            if (!source.header().dry_run) reports.push_back(report(statistics.result()));
+            reduce(source, statistics_, context.execution(), context.stage_info());
+            if (!source.header().dry_run) reports.push_back(report(statistics_.result()));
         }
         if (!reports.empty()) context.print(context.json() ? Report::json(reports) : Report::text(reports));
         return 0;
     }
 
 private:
-    static Report report(StatisticsResult const& r) {
-        Report report;
-        report.add("count", r.count).add("nan", r.nan).add("inf", r.inf);
-        report.add_number("min", r.min_text).add_number("max", r.max_text);
-        if (r.valid)
-            report.add("argmin", r.argmin).add("argmax", r.argmax);
-        else
-            report.add_number("argmin", "nan").add_number("argmax", "nan");
-        report.add_number("sum", r.sum_text);
-        report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
-        if (r.hierarchical)
-            report.add("weighted_sum", r.weighted_sum)
-                .add("weighted_mean", r.weighted_mean)
-                .add("weighted_variance", r.weighted_variance)
-                .add("volume", r.volume);
-        return report;
-    }
-
-    Roi roi_;
+    Statistics statistics_;
 };
 
 } // namespace

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
-#include "libvkt/formats/format.h"
+#include "libvkt/formats/request.h"
 #include "libvkt/formats/series.h"
 #include "shell/command.h"
 #include "shell/terminal.h"
@@ -18,12 +18,7 @@ public:
         p.positional("out", path_, "output: a file whose extension tells the format, or '-' for standard output")
             .optional();
         p.option("output", output_, "OUT", "the output, said as an option").short_form('o');
-        p.option("format", options_.format, "F", "output format, if the file name does not tell it");
-        p.flag("compress", options_.compress, "compress, where the format can");
-        p.option("background", background_, "VALUE", "OpenVDB: voxels of this stored value are left out (0)");
-        p.option("prune", options_.prune, "TOLERANCE",
-                 "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
-        p.flag("force", options_.force, "overwrite an existing output file");
+        request_.declare(p);
     }
 
     void check() const override {
@@ -32,14 +27,9 @@ public:
                         path_.empty() ? "missing OUT: the file to write"
                                       : text("two outputs: '", path_, "' and '", output_, "'"),
                         "e.g. vkt write out.nrrd");
-        bool const sparse =
-            options_.format == "vdb" || (options_.format.empty() && lower_case(out()).ends_with(".vdb"));
-        if (!sparse && (background_ || options_.prune))
-            throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
-                        "e.g. vkt write out.vdb --prune 0.01");
-        if (options_.prune && !(*options_.prune >= 0))
-            throw Error(ErrorKind::usage, text("--prune ", *options_.prune, " is negative"));
-        if (stream() && options_.compress) throw Error(ErrorKind::usage, "--compress: streams are not compressed");
+        request_.check(out());
+        if (stream() && request_.options().compress)
+            throw Error(ErrorKind::usage, "--compress: streams are not compressed");
     }
 
     bool writes() const override { return true; }
@@ -64,7 +54,8 @@ public:
 private:
     std::string const& out() const { return output_.empty() ? path_ : output_; }
     bool stream() const {
-        return options_.format == "vkt" || (options_.format.empty() && lower_case(out()).ends_with(".vkt"));
+        std::string const format = request_.options().format;
+        return format == "vkt" || (format.empty() && lower_case(out()).ends_with(".vkt"));
     }
 
     std::unique_ptr<Sink> make_sink(Context& context) const {
@@ -72,8 +63,7 @@ private:
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
             auto const create = [this](std::string const& path) {
-                WriteOptions options = options_;
-                options.background = background_.value_or(0);
+                WriteOptions const options = request_.options();
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
             return is_numbered(out()) ? series_sink(out(), create) : create(numbered_path(out(), 0));
@@ -84,8 +74,7 @@ private:
     }
 
     std::string path_, output_;
-    WriteOptions options_;
-    std::optional<double> background_;
+    WriteRequest request_;
 };
 
 } // namespace

@@ -6,6 +6,7 @@
 #include "libvkt/core/parameters.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/registry.h"
 #include "libvkt/engine/source.h"
 
 #include <functional>
@@ -94,10 +95,11 @@ struct NamedCommand {
     Command command;
 };
 
-template <class T> Command operation_command(Texts texts) {
+/// The operation that is registered under this name (VKT_OPERATION in its source).
+inline Command operation_command(std::string name, Texts texts) {
     Command c;
     c.texts = std::move(texts);
-    c.operation = [] { return std::make_unique<T>(); };
+    c.operation = [name = std::move(name)] { return make_operation(name); };
     return c;
 }
 template <class T> Command consumer_command(Texts texts) {

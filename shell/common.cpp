@@ -32,11 +32,7 @@ void Common::declare(Parameters& p, CommonKind kind) {
             .not_in_history();
     }
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
-    p.option("device", device, "D", "auto, cpu, gpu or gpu:N (VKT_DEVICE)").not_in_history();
-    p.option("threads", threads, "N", "threads to compute with (VKT_THREADS)").not_in_history();
-    p.option("memory", memory, "SIZE", "memory a stage may hold before it spools, e.g. 2GiB (VKT_MEMORY)")
-        .not_in_history();
-    p.option("slab", slab, "N", "slices per slab; results do not depend on it").not_in_history();
+    ExecutionOptions::declare(p);
     p.flag("dry-run", dry_run, "print the plan, move no voxels").short_form('n').not_in_history();
     p.flag("explain", explain, "print method, error bound and cost").not_in_history();
     p.flag("timing", timing, "let the last stage print a table of times (VKT_TIMING=1)").not_in_history();
@@ -45,37 +41,6 @@ void Common::declare(Parameters& p, CommonKind kind) {
     p.flag("verbose", verbose, "print more").short_form('v').not_in_history();
     p.flag("help", help, "print this help").short_form('h').not_in_history();
     p.flag("examples", examples, "print the examples as commands, one a line").not_in_history();
-}
-
-Execution Common::execution() const {
-    Execution execution = default_execution();
-    std::string const asked =
-        device != "auto" || environment("VKT_DEVICE").empty() ? device : environment("VKT_DEVICE");
-    std::string const name = asked.substr(0, asked.find(':'));
-    execution.device = parse_enum<Device>(name, "--device");
-    if (name != asked) {
-        if (execution.device != Device::gpu)
-            throw Error(ErrorKind::usage, text("--device ", asked, ": only GPUs are numbered"));
-        execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "device");
-    }
-    if (execution.device == Device::gpu) {
-        int const n = gpu_count();
-        if (!built_with_cuda())
-            throw Error(ErrorKind::resources, "this vkt was built without CUDA",
-                        "use --device cpu, or build with -DVKT_CUDA=ON");
-        if (execution.gpu < 0 || execution.gpu >= n)
-            throw Error(ErrorKind::resources, text("there is no GPU ", execution.gpu, " (", n, " found)"),
-                        "use --device cpu");
-    }
-    if (threads) {
-        if (*threads < 1 || *threads > 4096)
-            throw Error(ErrorKind::usage, text("--threads ", *threads, " is not between 1 and 4096"));
-        execution.threads = *threads;
-    }
-    if (memory) execution.memory = parse_size(*memory);
-    if (slab < 0) throw Error(ErrorKind::usage, text("--slab ", slab, " is negative"));
-    execution.slab = slab;
-    return execution;
 }
 
 ipc::Transport Common::resolved_transport() const {

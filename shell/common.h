@@ -3,18 +3,12 @@
 #pragma once
 
 #include "ipc/stream.h"
-#include "libvkt/core/execution.h"
-#include "libvkt/core/parameters.h"
+#include "libvkt/core/execution_options.h"
 
 #include <optional>
 #include <string>
 
 namespace vkt {
-template <> struct EnumNames<Device> {
-    static std::vector<std::pair<Device, char const*>> all() {
-        return {{Device::automatic, "auto"}, {Device::cpu, "cpu"}, {Device::gpu, "gpu"}};
-    }
-};
 template <> struct EnumNames<ipc::Transport> {
     static std::vector<std::pair<ipc::Transport, char const*>> all() {
         return {{ipc::Transport::pipe, "pipe"}, {ipc::Transport::shm, "shm"}};
@@ -31,12 +25,8 @@ struct CommonKind {
     bool report = false;        ///< --json
 };
 
-struct Common {
-    std::string device = "auto";
-    std::optional<int> threads;
-    std::optional<std::string> memory;
+struct Common : ExecutionOptions {
     std::optional<ipc::Transport> transport;
-    std::int64_t slab = 0;
     bool dry_run = false, explain = false, timing = false, strict = false, quiet = false, verbose = false, json = false;
     bool force = false, no_checksum = false, no_history = false, compress = false;
     std::string output = "-";
@@ -44,8 +34,6 @@ struct Common {
     bool help = false, examples = false;
 
     void declare(Parameters& parameters, CommonKind kind);
-    /// The options on top of what machine and environment say. Throws Error{usage}.
-    Execution execution() const;
     ipc::Transport resolved_transport() const;
     bool wants_timing() const;
 };

@@ -113,18 +113,7 @@ void Invocation::resolve_inputs() {
 }
 
 std::vector<std::string> Invocation::history_words() const {
-    std::vector<std::string> words = shell_words(verb_.name);
-    std::vector<std::string> own = own_.words();
-    if (inputs_are_parameters_) {
-        // Each input's word becomes a placeholder, which the engine replaces once it knows the input's own history.
-        std::size_t next = 0;
-        for (auto& word : own)
-            if (next < inputs_.size() && word == inputs_[next]) word = input_placeholder(next++, true);
-    } else {
-        for (std::size_t i = 0; i < inputs_.size(); ++i) own.push_back(input_placeholder(i, false));
-    }
-    words.insert(words.end(), own.begin(), own.end());
-    return words;
+    return vkt::history_words(verb_.name, own_, inputs_, inputs_are_parameters_);
 }
 
 } // namespace vkt::shell

@@ -42,7 +42,7 @@ mkdir -p build/tidy
 state=$(git ls-files -co --exclude-standard -- '*.h' .clang-tidy | sort | xargs -r cat | sha256sum | cut -c1-16)
 todo=$(mktemp)
 trap 'rm -f "$todo"' EXIT
-git ls-files -co --exclude-standard -- 'libvkt/core/*.cpp' 'libvkt/engine/*.cpp' 'libvkt/formats/*.cpp' 'libvkt/amr/*.cpp' \
+git ls-files -co --exclude-standard -- 'libvkt/core/*.cpp' 'libvkt/c/*.cpp' 'libvkt/engine/*.cpp' 'libvkt/formats/*.cpp' 'libvkt/amr/*.cpp' \
     'libvkt/render/*.cpp' 'ipc/*.cpp' 'shell/*.cpp' 'commands/*.cpp' | while read -r file; do
     grep -q "/$file\"" "$database" || continue
     stamp=build/tidy/$(sha256sum <"$file" | cut -c1-24)-$state

@@ -13,7 +13,7 @@ install(FILES ${PROJECT_BINARY_DIR}/vktConfig.cmake ${PROJECT_BINARY_DIR}/vktCon
 
 # Headers keep their paths: #include "libvkt/core/volume.h".
 install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
-  PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN kernel EXCLUDE)
+  PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN kernel EXCLUDE PATTERN python EXCLUDE)
 
 # A static library leaves its own dependencies to the one who links it, so they are not private then.
 file(RELATIVE_PATH VKT_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)

@@ -3,13 +3,13 @@
 # SPDX-License-Identifier: MIT
 #
 #   build      what libvkt and the command need
-#   optional   OpenVDB, HDF5 and the viewer; each is left out of the build where it is absent
+#   optional   OpenVDB, HDF5, the viewer and Python; each is left out of the build where it is absent
 #   test       test runner, sanitizer and fuzzing compiler, linters, and the programs tests compare with
 set -eu
 
 build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev libboost-dev libcli11-dev libspdlog-dev
     nlohmann-json3-dev libxxhash-dev'
-optional='libopenvdb-dev libtbb-dev libhdf5-dev libglfw3-dev libgl-dev'
+optional='libopenvdb-dev libtbb-dev libhdf5-dev libglfw3-dev libgl-dev python3-numpy'
 test='bats libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
     xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-pip python3-vtk9 teem-apps strace time xxd bsdutils
     util-linux procps'

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 namespace vkt {
 namespace {
@@ -16,6 +17,40 @@ template <class F> auto named(std::string_view name, F const& parse) {
     } catch (Error const& e) {
         throw Error(e.kind(), text("--", name, ": ", e.what()), e.hint());
     }
+}
+
+bool is_option(std::string const& word) {
+    if (word.size() < 2 || word[0] != '-') return false;
+    return word[1] != '.' && (word[1] < '0' || word[1] > '9'); // "-" is an input, "-5" a number
+}
+
+Parameter& find_option(std::string const& spelling, std::vector<Parameters*> const& lists) {
+    std::string const name = spelling.substr(std::min(spelling.find_first_not_of('-'), spelling.size()));
+    std::vector<std::string> names;
+    for (Parameters* list : lists) {
+        for (Parameter& p : list->all()) {
+            if (p.letter != 0 && spelling == std::string{'-', p.letter}) return p;
+            names.push_back(p.name);
+        }
+        if (Parameter* const p = list->find(name); p != nullptr) return *p;
+    }
+    std::string const near = nearest_name(name, names);
+    throw Error(ErrorKind::usage, text("unknown option '", spelling, "'"),
+                near.empty() ? "" : text("did you mean '--", near, "'?"));
+}
+
+/// Words that a parameter takes from `next` on: three numbers may be one word, "X,Y,Z".
+std::size_t words_taken(Parameter const& p, std::vector<std::string> const& words, std::size_t next) {
+    auto const least = static_cast<std::size_t>(p.min_values);
+    if (least == 3 && next < words.size() && words[next].find(',') != std::string::npos) return 1;
+    std::size_t n = 0;
+    while (next + n < words.size() && (p.max_values < 0 || n < static_cast<std::size_t>(p.max_values)) &&
+           !is_option(words[next + n]))
+        ++n;
+    if (n < least)
+        throw Error(ErrorKind::usage,
+                    text("--", p.name, " takes ", p.min_values, " value(s), not ", static_cast<std::int64_t>(n)));
+    return n;
 }
 
 } // namespace
@@ -117,6 +152,51 @@ std::vector<std::string> Parameters::words() const {
         for (auto& word : p.get()) result.push_back(std::move(word));
     }
     return result;
+}
+
+std::vector<std::string> read_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
+    std::map<Parameter const*, std::vector<std::string>> values;
+    std::vector<std::string> bare;
+    for (std::size_t i = 0; i < words.size();) {
+        if (!is_option(words[i])) {
+            bare.push_back(words[i++]);
+            continue;
+        }
+        std::size_t const equals = words[i].find('=');
+        Parameter& p = find_option(words[i].substr(0, equals), lists);
+        bool const again = values.count(&p) > 0;
+        if (again && !p.flag && p.max_values >= 0)
+            throw Error(ErrorKind::usage, text("--", p.name, " is given more than once"));
+        auto& given = values[&p];
+        if (equals != std::string::npos) {
+            if (p.flag) throw Error(ErrorKind::usage, text("--", p.name, " takes no value"));
+            given.push_back(words[i++].substr(equals + 1));
+            continue;
+        }
+        std::size_t const n = p.flag ? 0 : words_taken(p, words, ++i);
+        given.insert(given.end(), words.begin() + static_cast<std::ptrdiff_t>(i),
+                     words.begin() + static_cast<std::ptrdiff_t>(i + n));
+        i += p.flag ? 1 : n;
+    }
+    // Positionals take the words without a name in the order of declaration; all values are set in that order, too.
+    std::size_t next = 0;
+    for (Parameters* list : lists)
+        for (Parameter& p : list->all()) {
+            if (p.positional && values.count(&p) == 0 && next < bare.size()) {
+                std::size_t const n = words_taken(p, bare, next);
+                values[&p].assign(bare.begin() + static_cast<std::ptrdiff_t>(next),
+                                  bare.begin() + static_cast<std::ptrdiff_t>(next + n));
+                next += n;
+            }
+            if (values.count(&p) > 0) {
+                p.set(values[&p]);
+                p.given = true;
+            } else if (p.required) {
+                throw Error(ErrorKind::usage,
+                            text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
+            }
+        }
+    return {bare.begin() + static_cast<std::ptrdiff_t>(next), bare.end()};
 }
 
 } // namespace vkt

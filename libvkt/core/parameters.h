@@ -145,6 +145,11 @@ private:
     std::deque<Parameter> list_;
 };
 
+/// Reads the words of a command line into the lists and returns the words that no positional took. Options may be
+/// spelled `--name VALUE…`, `--name=VALUE` or, as volkit does, `-name`; positionals also `--name VALUE`. Throws
+/// Error{usage}. This is for callers inside the process; the shell has a parser of its own for what people type.
+std::vector<std::string> read_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists);
+
 /// Base for values of exactly one word.
 struct OneWord {
     static constexpr int min_words = 1, max_words = 1;

@@ -9,6 +9,7 @@
 #include "libvkt/core/view.h"
 #include "libvkt/engine/source.h"
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -98,5 +99,18 @@ public:
     /// What was clipped, not a number, … in the volume just finished.
     virtual std::vector<Remark> remarks() const { return {}; }
 };
+
+/// An operation under the name that commands, C API and Python know it by. See libvkt/engine/registry.h.
+struct RegisteredOperation {
+    std::string_view name;
+    std::unique_ptr<Operation> (*make)() = nullptr;
+};
+
+/// Registers a class: a line `VKT_OPERATION(Flip, "flip")` in the host part of its source. CMake lists these lines;
+/// constructors of static objects would not do, because a static library leaves out what nobody names.
+#define VKT_OPERATION(Class, name)                                                                                     \
+    RegisteredOperation registered_##Class() {                                                                         \
+        return {name, []() -> std::unique_ptr<Operation> { return std::make_unique<Class>(); }};                       \
+    }
 
 } // namespace vkt

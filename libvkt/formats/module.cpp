@@ -40,7 +40,14 @@ std::filesystem::path own_folder() {
 /// installed (for programs elsewhere that contain libvkt).
 std::vector<std::filesystem::path> folders() {
     std::filesystem::path const own = own_folder();
-    return {own / VKT_LIBRARY_FROM_BINARY / "vkt", own / "vkt", own / "lib/vkt", own / "../lib/vkt", VKT_MODULE_FOLDER};
+    std::vector<std::filesystem::path> list{own / VKT_LIBRARY_FROM_BINARY / "vkt", own / "vkt", own / "lib/vkt",
+                                            own / "../lib/vkt"};
+#ifdef VKT_LIBRARY_FROM_PYTHON // the Python package contains libvkt
+    list.push_back(own / VKT_LIBRARY_FROM_PYTHON / "vkt");
+    list.push_back(own / "../../lib/vkt");
+#endif
+    list.emplace_back(VKT_MODULE_FOLDER);
+    return list;
 }
 
 ModuleExport const* load(std::string const& name, std::string& reason) {

@@ -248,6 +248,8 @@ DataType promoted(DataType a, DataType b) {
     return std::max(f, size_of(other) == 2 ? DataType::float32 : DataType::float64);
 }
 
+VKT_OPERATION(Arithmetic, "arith")
+
 /// A single operand is the second one: the first comes from standard input.
 std::array<std::string, 2> Arithmetic::both() const {
     if (b.empty()) return {"-", a};

@@ -145,6 +145,8 @@ std::vector<std::string> ValueText<ValueRange>::write(ValueRange const& v) {
     return {text(v.low.percentile ? "p" : "", v.low.value, ":", v.high.percentile ? "p" : "", v.high.value)};
 }
 
+VKT_OPERATION(Convert, "convert")
+
 void Convert::parameters(Parameters& p) {
     p.option("dtype", dtype, "TYPE", "data type of the result").alias("data-format");
     p.option("range", range, "LO:HI|minmax|pA:pB",

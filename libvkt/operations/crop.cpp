@@ -42,6 +42,8 @@ Box voxels_between(std::array<Vec3, 2> const& bounds, Index3 dims) {
 
 } // namespace
 
+VKT_OPERATION(Crop, "crop")
+
 void Crop::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1");
     parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");

@@ -20,6 +20,9 @@ void fill_box(AnyView out, double value, Execution const& execution) {
 
 #if VKT_HOST
 
+VKT_OPERATION(Fill, "fill")
+VKT_OPERATION(FillRange, "fill-range")
+
 void Fill::parameters(Parameters& parameters) {
     parameters.option("value", value_, "VALUE", "physical value to store");
     parameters.option("roi", region_, "REGION", "fill only the voxels of this region");

@@ -20,6 +20,9 @@ void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution)
 
 #if VKT_HOST
 
+VKT_OPERATION(Flip, "flip")
+VKT_OPERATION(FlipRange, "flip-range")
+
 void Flip::parameters(Parameters& parameters) {
     parameters.positional("axis", axis_, "axis to mirror: x, y or z");
     parameters.option("roi", region_, "REGION", "mirror only the voxels of this region");

@@ -25,6 +25,8 @@ double default_tolerance(DataType type) {
 
 } // namespace
 
+VKT_OPERATION(Gaussian, "filter gaussian")
+
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
     parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");

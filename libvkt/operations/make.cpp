@@ -183,6 +183,13 @@ void make_noise(AnyView out, NoiseField const& field, Execution const& execution
 
 #if VKT_HOST
 
+VKT_OPERATION(MakeCheckerboard, "make checkerboard")
+VKT_OPERATION(MakeConstant, "make constant")
+VKT_OPERATION(MakeMarschnerLobb, "make marschner-lobb")
+VKT_OPERATION(MakeNoise, "make noise")
+VKT_OPERATION(MakeRamp, "make ramp")
+VKT_OPERATION(MakeSphere, "make sphere")
+
 void MakeField::parameters(Parameters& p) {
     p.option("dims", dims, "X Y Z", "numbers of voxels").needed();
     p.option("dtype", dtype, "TYPE", "data type (float32)").alias("data-format");

@@ -21,6 +21,8 @@ VKT_KERNEL(resample_weighted,
             Execution const& execution),
            (in, out, sum, scratch, tally, execution))
 
+VKT_OPERATION(Resample, "resample")
+
 void Resample::parameters(Parameters& p) {
     p.option("scale", scale, "S|SX,SY,SZ", "factor for the numbers of voxels, rounded to the nearest");
     p.option("dims", dims, "X Y Z", "numbers of voxels of the result");

@@ -27,6 +27,9 @@ std::array<Vec3, 3> parse_direction(std::string const& text_) {
 
 } // namespace
 
+VKT_OPERATION(SetHeader, "set")
+VKT_OPERATION(DeclareStructured, "declare-sv")
+
 void SetHeader::parameters(Parameters& p) {
     p.option("spacing", spacing, "S|SX,SY,SZ", "size of a voxel in world units");
     p.option("dist", dist, "X Y Z", "the same in volkit's spelling").values(3, 3);

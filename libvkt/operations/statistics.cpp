@@ -280,5 +280,23 @@ void Statistics::weigh(StatisticsResult& r) const {
     r.weighted_sum = r.weighted_mean * r.volume;
 }
 
+Report report(StatisticsResult const& r) {
+    Report report;
+    report.add("count", r.count).add("nan", r.nan).add("inf", r.inf);
+    report.add_number("min", r.min_text).add_number("max", r.max_text);
+    if (r.valid)
+        report.add("argmin", r.argmin).add("argmax", r.argmax);
+    else
+        report.add_number("argmin", "nan").add_number("argmax", "nan");
+    report.add_number("sum", r.sum_text);
+    report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
+    if (r.hierarchical)
+        report.add("weighted_sum", r.weighted_sum)
+            .add("weighted_mean", r.weighted_mean)
+            .add("weighted_variance", r.weighted_variance)
+            .add("volume", r.volume);
+    return report;
+}
+
 } // namespace vkt
 #endif

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/report.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/wide.h"
 
@@ -70,6 +71,8 @@ struct StatisticsResult {
     double weighted_sum = 0, weighted_mean = 0, weighted_variance = 0, volume = 0;
     std::string min_text, max_text, sum_text; ///< exact decimals for integers, shortest round trip otherwise; "nan"
 };
+
+Report report(StatisticsResult const& result);
 
 /// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
 /// The result is the same bit for bit for every thread count, slab height and instruction set: each row is summed in 16

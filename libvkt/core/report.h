@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace vkt::shell {
+namespace vkt {
 
 /// Fields in the order in which they were added. Numbers keep the text they were given, so that no digit is lost; what
 /// is not finite is null in JSON.
@@ -43,4 +43,4 @@ private:
 /// A JSON string literal.
 std::string json_string(std::string_view text);
 
-} // namespace vkt::shell
+} // namespace vkt

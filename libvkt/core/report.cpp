@@ -1,6 +1,6 @@
 // Printing reports.
 // SPDX-License-Identifier: MIT
-#include "shell/report.h"
+#include "libvkt/core/report.h"
 
 #include "libvkt/core/text.h"
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdio>
 
-namespace vkt::shell {
+namespace vkt {
 
 std::string json_string(std::string_view text) {
     std::string result = "\"";
@@ -109,4 +109,4 @@ std::string Report::json(std::vector<Report> const& reports) {
     return result += "\n]\n";
 }
 
-} // namespace vkt::shell
+} // namespace vkt

@@ -1,0 +1,273 @@
+// The C API: each function is a guarded call of the library.
+// SPDX-License-Identifier: MIT
+#include "libvkt/c/vkt.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/execution_options.h"
+#include "libvkt/engine/registry.h"
+#include "libvkt/formats/request.h"
+#include "libvkt/operations/statistics.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <thread>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+struct vkt_volume {
+    vkt::Volume volume;
+    std::string dtype, remarks{};
+};
+
+namespace {
+
+using namespace vkt;
+
+static_assert(static_cast<int>(ErrorKind::failure) == VKT_FAILURE && static_cast<int>(ErrorKind::usage) == VKT_USAGE &&
+              static_cast<int>(ErrorKind::data) == VKT_DATA && static_cast<int>(ErrorKind::io) == VKT_IO &&
+              static_cast<int>(ErrorKind::resources) == VKT_RESOURCES);
+
+struct LastError {
+    std::string message, hint;
+    vkt_status status = VKT_OK;
+};
+thread_local LastError last_error;
+
+LastError failed(vkt_status status, char const* message, char const* hint = "") noexcept {
+    LastError error;
+    error.status = status;
+    try {
+        error.message = message;
+        error.hint = hint;
+    } catch (std::exception const&) { // no memory for the text; the status remains
+        error.message.clear();
+        error.hint.clear();
+    }
+    return error;
+}
+
+template <class F> LastError attempt(F const& body) noexcept {
+    try {
+        body();
+        return {};
+    } catch (Error const& e) {
+        return failed(static_cast<vkt_status>(e.kind()), e.what(), e.hint().c_str());
+    } catch (std::bad_alloc const&) {
+        return failed(VKT_RESOURCES, "out of memory");
+    } catch (std::exception const& e) {
+        return failed(VKT_FAILURE, e.what());
+    } catch (...) {
+        return failed(VKT_FAILURE, "unknown failure");
+    }
+}
+
+pid_t const loaded_by = ::getpid();
+
+template <class F> vkt_status guarded(F const& body) noexcept {
+    LastError error;
+    if (::getpid() == loaded_by) {
+        error = attempt(body);
+    } else {
+        // After fork(), as Python's multiprocessing does it, this thread would wait forever for the OpenMP threads that
+        // it had in the parent. A new thread gets new ones.
+        LastError outer = attempt([&] { std::thread([&] { error = attempt(body); }).join(); });
+        if (outer.status != VKT_OK) error = std::move(outer);
+    }
+    vkt_status const status = error.status;
+    if (status != VKT_OK) last_error = std::move(error);
+    return status;
+}
+
+std::vector<std::string> words_of(char const* const* words, size_t count) { return {words, words + count}; }
+
+/// For functions whose words are options only.
+void read_options(char const* const* words, size_t count, std::vector<Parameters*> const& lists) {
+    auto const left = read_words(words_of(words, count), lists);
+    if (!left.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", left.front(), "'"));
+}
+
+vkt_volume* wrapped(Volume volume) {
+    std::string dtype = to_text(volume.header().dtype);
+    return new vkt_volume{std::move(volume), std::move(dtype)};
+}
+
+char* copied(std::string const& text) {
+    auto* const copy = static_cast<char*>(std::malloc(text.size() + 1));
+    if (copy == nullptr) throw std::bad_alloc();
+    std::memcpy(copy, text.c_str(), text.size() + 1);
+    return copy;
+}
+
+Header header_of(vkt_description const& d) {
+    Header header;
+    header.dims = {d.dims[0], d.dims[1], d.dims[2]};
+    header.dtype = parse_data_type(d.dtype);
+    for (int axis = 0; axis < 3; ++axis) {
+        header.geometry.origin[axis] = d.origin[axis];
+        header.geometry.spacing[axis] = d.spacing[axis];
+        for (int i = 0; i < 3; ++i)
+            header.geometry.direction[static_cast<std::size_t>(axis)][i] = d.direction[3 * axis + i];
+    }
+    header.values = {d.slope, d.intercept};
+    header.units = d.units == nullptr ? "" : d.units;
+    if (d.hierarchical != 0) throw Error(ErrorKind::usage, "only structured volumes can be created from voxels");
+    return header;
+}
+
+/// The volume of that index; -1 takes the first and insists that there is no other.
+Volume read_one(Source& source, std::string const& path, std::int64_t index, Execution const& execution) {
+    auto const next = [&](std::int64_t i) {
+        if (!source.next_volume())
+            throw Error(ErrorKind::usage, text("'", path, "' holds ", i, " volumes; --index counts from 0"));
+    };
+    for (std::int64_t i = 0; i < index; ++i) {
+        next(i);
+        source.finish();
+    }
+    next(std::max<std::int64_t>(index, 0));
+    Volume volume = load(source, execution);
+    if (index < 0 && source.next_volume())
+        throw Error(ErrorKind::usage, text("'", path, "' holds several volumes"), "say --index N, counted from 0");
+    return volume;
+}
+
+} // namespace
+
+char const* vkt_version(void) { return VKT_VERSION; }
+
+char const* vkt_error(void) { return last_error.message.c_str(); }
+char const* vkt_error_hint(void) { return last_error.hint.c_str(); }
+vkt_status vkt_error_status(void) { return last_error.status; }
+
+char const* const* vkt_operations(void) {
+    static std::vector<char const*> const names = [] {
+        std::vector<char const*> list;
+        for (auto const& operation : operations()) list.push_back(operation.name.data()); // literals, ended by a zero
+        list.push_back(nullptr);
+        return list;
+    }();
+    return names.data();
+}
+
+vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume) {
+    return guarded([&] {
+        ReadRequest request;
+        ExecutionOptions options;
+        Parameters parameters, own, shared;
+        std::int64_t index = -1;
+        request.declare(parameters);
+        own.option("index", index, "N", "which volume of a file that holds several, counted from 0");
+        options.declare(shared);
+        read_options(words, count, {&parameters, &own, &shared});
+        request.check();
+        if (own.given("index") && index < 0) throw Error(ErrorKind::usage, text("--index ", index, " is negative"));
+        auto const source = request.region_of(request.open(path));
+        Volume result = read_one(*source, path, index, options.execution());
+        if (!result.header().history) {
+            std::vector<std::string> step{"read", path};
+            for (auto& word : parameters.words()) step.push_back(std::move(word));
+            result.header().history = History{std::move(step), {}};
+        }
+        *volume = wrapped(std::move(result));
+    });
+}
+
+void vkt_default_description(vkt_description* description) {
+    *description = {{1, 1, 1}, "uint8", {0, 0, 0}, {1, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 1, 0, "", 0};
+}
+
+vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume) {
+    return guarded([&] {
+        Volume result(header_of(*description));
+        AnyView const view = result.mutable_view();
+        if (voxels == nullptr)
+            std::memset(view.data, 0, view.bytes());
+        else
+            std::memcpy(view.data, voxels, view.bytes());
+        *volume = wrapped(std::move(result));
+    });
+}
+
+void vkt_free(vkt_volume* volume) { delete volume; }
+
+void vkt_describe(vkt_volume const* volume, vkt_description* description) {
+    Header const& header = volume->volume.header();
+    vkt_description& d = *description;
+    for (int axis = 0; axis < 3; ++axis) {
+        d.dims[axis] = header.dims[axis];
+        d.origin[axis] = header.geometry.origin[axis];
+        d.spacing[axis] = header.geometry.spacing[axis];
+        for (int i = 0; i < 3; ++i)
+            d.direction[3 * axis + i] = header.geometry.direction[static_cast<std::size_t>(axis)][i];
+    }
+    d.dtype = volume->dtype.c_str();
+    d.slope = header.values.slope;
+    d.intercept = header.values.intercept;
+    d.units = header.units.c_str();
+    d.hierarchical = header.kind == Kind::hierarchical ? 1 : 0;
+}
+
+vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes) {
+    return guarded([&] {
+        if (volume->volume.header().kind == Kind::hierarchical)
+            throw Error(ErrorKind::usage, "a hierarchical volume is no box of voxels",
+                        "make a grid of it: resample --cells 50M");
+        ConstView const view = volume->volume.view();
+        *voxels = view.data;
+        if (bytes != nullptr) *bytes = view.bytes();
+    });
+}
+
+vkt_status vkt_header(vkt_volume const* volume, char** json) {
+    return guarded([&] { *json = copied(to_json(volume->volume.header())); });
+}
+
+vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* const* words, size_t count) {
+    return guarded([&] {
+        WriteRequest request;
+        Parameters parameters;
+        request.declare(parameters);
+        read_options(words, count, {&parameters});
+        request.check(path);
+        auto const sink = create_volume(path, request.options());
+        auto const source = volume_source({volume->volume});
+        drain(*source, *sink, ExecutionOptions().execution());
+    });
+}
+
+vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs, size_t input_count,
+                     vkt_volume** result) {
+    return guarded([&] {
+        std::vector<Volume> volumes;
+        for (size_t i = 0; i < input_count; ++i) volumes.push_back(inputs[i]->volume);
+        std::string remarks;
+        Volume volume = apply(words_of(words, count), volumes,
+                              [&remarks](std::string const&, std::string const& message, bool lossy) {
+                                  if (lossy) remarks += (remarks.empty() ? "" : "\n") + message;
+                              });
+        *result = wrapped(std::move(volume));
+        (*result)->remarks = std::move(remarks);
+    });
+}
+
+char const* vkt_remarks(vkt_volume const* volume) { return volume->remarks.c_str(); }
+
+vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json) {
+    return guarded([&] {
+        Statistics statistics;
+        ExecutionOptions options;
+        Parameters parameters, shared;
+        statistics.parameters(parameters);
+        options.declare(shared);
+        read_options(words, count, {&parameters, &shared});
+        auto const source = volume_source({volume->volume});
+        source->next_volume();
+        reduce(*source, statistics, options.execution(), {});
+        *json = copied(report(statistics.result()).json());
+    });
+}
+
+void vkt_free_text(char* text) { std::free(text); }

@@ -1,0 +1,91 @@
+/* The C API of vkt: volumes in memory, read, written, measured and worked on with the words of the command line.
+   SPDX-License-Identifier: MIT
+
+   Volumes are opaque. Functions that can fail return a status, which is the exit code that the command would have; what
+   went wrong is said by vkt_error() and vkt_error_hint(). Nothing is thrown across this border. Options are words as on
+   the command line, {"--dims", "40,30,10"}, and are those of the command that does the same. The number of threads and
+   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. Several threads may use different volumes, and
+   read from the same one. */
+#ifndef LIBVKT_C_VKT_H
+#define LIBVKT_C_VKT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define VKT_API __attribute__((visibility("default")))
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum vkt_status {
+    VKT_OK = 0,
+    VKT_FAILURE = 1,  /* the operation itself failed */
+    VKT_USAGE = 2,    /* the request makes no sense: option, argument, region */
+    VKT_DATA = 3,     /* the input is malformed or truncated */
+    VKT_IO = 4,       /* a file cannot be read or written */
+    VKT_RESOURCES = 5 /* memory, device or limit exhausted */
+} vkt_status;
+
+typedef struct vkt_volume vkt_volume;
+
+/* What a volume is. Position of the centre of voxel i = origin + sum over the axes a of
+   direction[3a .. 3a+2] * spacing[a] * i[a]; physical value = slope * stored value + intercept. */
+typedef struct vkt_description {
+    int64_t dims[3];   /* voxels along x, y, z; of a hierarchical volume, finest cells */
+    char const* dtype; /* uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64 */
+    double origin[3];
+    double spacing[3];
+    double direction[9]; /* one unit vector per axis of the volume */
+    double slope, intercept;
+    char const* units; /* of the physical values; "" if unknown */
+    int hierarchical;  /* bricks of several resolutions: `apply` "resample" makes a grid of it */
+} vkt_description;
+
+VKT_API char const* vkt_version(void);
+
+/* About the last call of this thread that failed; valid until it makes another call. */
+VKT_API char const* vkt_error(void);
+VKT_API char const* vkt_error_hint(void); /* what to do instead; may be "" */
+VKT_API vkt_status vkt_error_status(void);
+
+/* Names of the operations that vkt_apply() knows, ended by a null pointer. */
+VKT_API char const* const* vkt_operations(void);
+
+/* Reads the volume of a file. Options are those of `vkt read`, and "--index N" for a file of several volumes. */
+VKT_API vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume);
+
+/* One voxel of uint8 at the origin, 1 wide: something to begin a description with. */
+VKT_API void vkt_default_description(vkt_description* description);
+/* A volume with a copy of the voxels, x fastest, then y, then z; zeros if `voxels` is null. */
+VKT_API vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume);
+VKT_API void vkt_free(vkt_volume* volume);
+
+/* The strings stay valid as long as the volume. */
+VKT_API void vkt_describe(vkt_volume const* volume, vkt_description* description);
+/* The voxels in place, x fastest, valid as long as the volume, and their bytes (`bytes` may be null). */
+VKT_API vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes);
+/* All that the header says, attributes and history too, as `vkt info --json`. For vkt_free_text(). */
+VKT_API vkt_status vkt_header(vkt_volume const* volume, char** json);
+
+/* Writes a file whose name tells the format. Options are those of `vkt write`: --force, --compress, --format. */
+VKT_API vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* const* words, size_t count);
+
+/* Applies one operation, {"filter", "gaussian", "--sigma", "2"}. Inputs are passed beside the words; where the command
+   takes them between other arguments, "-" stands for the next: {"arith", "sub", "-", "-"}, {"arith", "mul", "-", "2"}.
+   --device, --threads and --memory are understood. */
+VKT_API vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs,
+                             size_t input_count, vkt_volume** result);
+/* What was lost when this volume was computed, "12 of 4096 voxels clipped", one remark a line; "" if nothing. */
+VKT_API char const* vkt_remarks(vkt_volume const* volume);
+
+/* What `vkt stats --json` prints. Option: --roi. For vkt_free_text(). */
+VKT_API vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json);
+
+VKT_API void vkt_free_text(char* text);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,98 @@
+// Finding operations and applying them from words.
+// SPDX-License-Identifier: MIT
+#include "libvkt/engine/registry.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/execution_options.h"
+#include "libvkt/core/text.h"
+
+#include <algorithm>
+
+namespace vkt {
+namespace {
+
+RegisteredOperation const* find_operation(std::string_view name) {
+    auto const& list = operations();
+    auto const found = std::find_if(list.begin(), list.end(), [&](auto const& entry) { return entry.name == name; });
+    return found == list.end() ? nullptr : &*found;
+}
+
+/// "filter gaussian" and "make sphere" are names of two words.
+std::size_t words_of_name(std::vector<std::string> const& words) {
+    if (words.empty()) throw Error(ErrorKind::usage, "the name of the operation is missing");
+    bool const one = words.size() == 1 || words[1].starts_with('-') || find_operation(words[0]) != nullptr;
+    return one ? 1 : 2;
+}
+
+} // namespace
+
+std::unique_ptr<Operation> make_operation(std::string_view name) {
+    if (auto const* const entry = find_operation(name)) return entry->make();
+    std::vector<std::string> names;
+    for (auto const& entry : operations()) names.emplace_back(entry.name);
+    std::string const near = nearest_name(name, names);
+    throw Error(ErrorKind::usage, text("'", name, "' is not an operation"),
+                near.empty() ? text("known are ", join(names, ", ")) : text("did you mean '", near, "'?"));
+}
+
+std::vector<std::string> history_words(std::string_view name, Parameters const& own,
+                                       std::vector<std::string> const& inputs, bool inputs_are_parameters) {
+    std::vector<std::string> words = shell_words(std::string(name));
+    std::vector<std::string> arguments = own.words();
+    if (inputs_are_parameters) {
+        // Each input's word becomes a placeholder, which the engine replaces once it knows the input's own history.
+        std::size_t next = 0;
+        for (auto& word : arguments)
+            if (next < inputs.size() && word == inputs[next]) word = input_placeholder(next++, true);
+    } else {
+        for (std::size_t i = 0; i < inputs.size(); ++i) arguments.push_back(input_placeholder(i, false));
+    }
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return words;
+}
+
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener) {
+    std::size_t const n = words_of_name(words);
+    std::string const name = n == 1 ? words[0] : words[0] + " " + words[1];
+    words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
+    auto const operation = make_operation(name);
+
+    Parameters own, shared;
+    ExecutionOptions options;
+    operation->parameters(own);
+    options.declare(shared);
+    bool const inputs_are_parameters = !operation->input_names().empty();
+    std::size_t named = inputs_are_parameters ? 0 : std::erase(words, "-");
+    auto const left = read_words(words, {&own, &shared});
+    if (!left.empty())
+        throw Error(ErrorKind::usage, text(name, ": unexpected argument '", left.front(), "'"),
+                    "volumes are passed beside the words");
+    operation->check();
+    if (inputs_are_parameters)
+        for (auto const& input : operation->input_names()) {
+            if (input != "-")
+                throw Error(ErrorKind::usage, text(name, ": '", input, "' is not a number"),
+                            "read a file first, pass the volume beside the words, and say '-' for it here");
+            ++named;
+        }
+    auto const wanted = static_cast<std::size_t>(operation->inputs());
+    if (inputs.size() != wanted || named > wanted)
+        throw Error(ErrorKind::usage,
+                    text(name, " takes ", static_cast<std::uint64_t>(wanted), wanted == 1 ? " volume" : " volumes",
+                         ", not ", static_cast<std::uint64_t>(std::max(named, inputs.size()))));
+
+    StageInfo info;
+    info.name = name;
+    info.input_names.assign(inputs.size(), "-");
+    info.words = history_words(name, own, info.input_names, inputs_are_parameters);
+    info.listener = listener;
+    std::vector<std::unique_ptr<Source>> sources;
+    sources.reserve(inputs.size());
+    for (auto const& input : inputs) sources.push_back(volume_source({input}));
+    Execution const execution = options.execution();
+    auto const result = attach(std::move(sources), *operation, execution, std::move(info));
+    result->next_volume();
+    return load(*result, execution);
+}
+
+} // namespace vkt

@@ -1,0 +1,29 @@
+// Operations by name: what commands, C API and Python look them up in, and one call that applies them.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+#include "libvkt/engine/pipeline.h"
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vkt {
+
+/// All operations by name; generated from the VKT_OPERATION lines in operations/.
+std::vector<RegisteredOperation> const& operations();
+/// Throws Error{usage}, with a suggestion, for unknown names.
+std::unique_ptr<Operation> make_operation(std::string_view name);
+
+/// The words that the history keeps of an operation, with placeholders for its inputs (see StageInfo).
+std::vector<std::string> history_words(std::string_view name, Parameters const& own,
+                                       std::vector<std::string> const& inputs, bool inputs_are_parameters);
+
+/// Applies the operation that the words of a command line name, {"filter", "gaussian", "--sigma", "2"}, to volumes in
+/// memory. "-" stands for the next volume where the operation takes it as an argument, {"arith", "sub", "-", "-"}, and
+/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener.
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener = {});
+
+} // namespace vkt

@@ -1,0 +1,71 @@
+// Requests.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/request.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/formats/region_source.h"
+#include "libvkt/formats/series.h"
+
+namespace vkt {
+
+void ReadRequest::declare(Parameters& p) {
+    p.option("dims", options_.dims, "X Y Z", "raw: voxels along each axis");
+    p.option("dtype", options_.dtype, "T", "raw: type of a voxel");
+    p.option("skip", options_.skip, "N", "raw: bytes before the first voxel");
+    p.option("endian", endian_, "E", "raw: byte order");
+    p.option("spacing", options_.spacing, "S", "raw: distance of voxels, one number or X,Y,Z");
+    p.option("format", options_.format, "F", "input format, if content and name do not tell it");
+    p.option("variable", options_.variable, "NAME", "the variable or grid of a file that holds several");
+    p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels");
+    p.option("roi-world", world_roi_, "R", "read only this region, in world units");
+}
+
+void ReadRequest::check() const {
+    if (!roi_.empty() && !world_roi_.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
+    if (options_.skip < 0) throw Error(ErrorKind::usage, text("--skip ", options_.skip, " is negative"));
+    if (endian_ && !options_.format.empty() && options_.format != "raw")
+        throw Error(ErrorKind::usage, text("--endian describes raw files, not ", options_.format));
+}
+
+bool ReadRequest::told() const {
+    return options_.dims || options_.dtype || options_.skip != 0 || endian_ || options_.spacing ||
+           !options_.format.empty() || !options_.variable.empty();
+}
+
+std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
+    ReadOptions options = options_;
+    options.big_endian = endian_ == Endian::big;
+    if (endian_) options.format = "raw";
+    return series_source(matching_files(path),
+                         [options](std::string const& one) { return open_volume(open_bytes(one), options); });
+}
+
+std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source) const {
+    return vkt::region_of(std::move(source), roi_, world_roi_);
+}
+
+void WriteRequest::declare(Parameters& p) {
+    p.option("format", options_.format, "F", "output format, if the file name does not tell it");
+    p.flag("compress", options_.compress, "compress, where the format can");
+    p.option("background", background_, "VALUE", "OpenVDB: voxels of this stored value are left out (0)");
+    p.option("prune", options_.prune, "TOLERANCE",
+             "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
+    p.flag("force", options_.force, "overwrite an existing output file");
+}
+
+void WriteRequest::check(std::string const& path) const {
+    bool const sparse = options_.format == "vdb" || (options_.format.empty() && lower_case(path).ends_with(".vdb"));
+    if (!sparse && (background_ || options_.prune))
+        throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
+                    "e.g. vkt write out.vdb --prune 0.01");
+    if (options_.prune && !(*options_.prune >= 0))
+        throw Error(ErrorKind::usage, text("--prune ", *options_.prune, " is negative"));
+}
+
+WriteOptions WriteRequest::options() const {
+    WriteOptions options = options_;
+    options.background = background_.value_or(0);
+    return options;
+}
+
+} // namespace vkt

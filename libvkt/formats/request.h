@@ -1,0 +1,50 @@
+// What a user asks of reading and writing a file: options declared once for command line, C API and Python.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/parameters.h"
+#include "libvkt/formats/format.h"
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace vkt {
+
+enum class Endian : std::uint8_t { little, big };
+template <> struct EnumNames<Endian> {
+    static std::vector<std::pair<Endian, char const*>> all() {
+        return {{Endian::little, "little"}, {Endian::big, "big"}};
+    }
+};
+
+class ReadRequest {
+public:
+    void declare(Parameters& p);
+    void check() const; ///< throws Error{usage}
+    /// True if anything is said about what the file holds, besides the region wanted.
+    bool told() const;
+    /// All volumes of a file, or of the files that a pattern matches, as they were described.
+    std::unique_ptr<Source> open(std::string const& path) const;
+    /// The part of a source that was asked for.
+    std::unique_ptr<Source> region_of(std::unique_ptr<Source> source) const;
+
+private:
+    ReadOptions options_;
+    std::optional<Endian> endian_;
+    Roi roi_;
+    WorldRoi world_roi_;
+};
+
+class WriteRequest {
+public:
+    void declare(Parameters& p);
+    void check(std::string const& path) const; ///< throws Error{usage}
+    WriteOptions options() const;
+
+private:
+    WriteOptions options_;
+    std::optional<double> background_;
+};
+
+} // namespace vkt

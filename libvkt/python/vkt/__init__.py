@@ -1,0 +1,308 @@
+"""Volumes in Python: read, written, measured and worked on by the operations of the command vkt.
+
+    import vkt
+    volume = vkt.read("volume.nrrd")
+    smooth = volume.apply("filter gaussian", sigma=2)
+    smooth.array                      # numpy, [z, y, x], the voxels in place
+    smooth.write("smooth.nrrd", force=True)
+
+Operations, their options and the values these take are those of the command line: `vkt help`, `man vkt-filter`.
+"""
+# SPDX-License-Identifier: MIT
+import ctypes
+import json as _json
+import os as _os
+import shlex as _shlex
+import warnings as _warnings
+
+import numpy as _np
+
+__all__ = ["Error", "Volume", "apply", "operations", "read"]
+
+_library = ctypes.CDLL(_os.path.join(_os.path.dirname(_os.path.abspath(__file__)), "_vkt.so"))
+
+
+class _Description(ctypes.Structure):
+    _fields_ = [
+        ("dims", ctypes.c_int64 * 3),
+        ("dtype", ctypes.c_char_p),
+        ("origin", ctypes.c_double * 3),
+        ("spacing", ctypes.c_double * 3),
+        ("direction", ctypes.c_double * 9),
+        ("slope", ctypes.c_double),
+        ("intercept", ctypes.c_double),
+        ("units", ctypes.c_char_p),
+        ("hierarchical", ctypes.c_int),
+    ]
+
+
+def _declare():
+    volume, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+    words, out = ctypes.POINTER(ctypes.c_char_p), ctypes.POINTER(ctypes.c_void_p)
+    description = ctypes.POINTER(_Description)
+    signatures = {
+        "vkt_version": (text, []),
+        "vkt_error": (text, []),
+        "vkt_error_hint": (text, []),
+        "vkt_operations": (words, []),
+        "vkt_read": (ctypes.c_int, [text, words, size, out]),
+        "vkt_default_description": (None, [description]),
+        "vkt_create": (ctypes.c_int, [description, ctypes.c_void_p, out]),
+        "vkt_free": (None, [volume]),
+        "vkt_describe": (None, [volume, description]),
+        "vkt_voxels": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
+        "vkt_header": (ctypes.c_int, [volume, out]),
+        "vkt_write": (ctypes.c_int, [volume, text, words, size]),
+        "vkt_apply": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
+        "vkt_remarks": (text, [volume]),
+        "vkt_statistics": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_free_text": (None, [ctypes.c_void_p]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(_library, name)
+        function.restype, function.argtypes = result, arguments
+
+
+_declare()
+__version__ = _library.vkt_version().decode()
+
+
+class Error(Exception):
+    """What vkt refused or failed to do. exit_code is that of the command: 1 failure, 2 usage, 3 data, 4 files, 5 memory
+    or device; hint says what to do instead and may be empty."""
+
+    def __init__(self, message, exit_code, hint=""):
+        super().__init__(f"{message} ({hint})" if hint else message)
+        self.exit_code = exit_code
+        self.hint = hint
+
+
+def _check(status):
+    if status != 0:
+        raise Error(_library.vkt_error().decode(), status, _library.vkt_error_hint().decode())
+
+
+def _words(words):
+    """A list of words for C, and how many they are."""
+    return (ctypes.c_char_p * len(words))(*(_os.fsencode(word) for word in words)), len(words)
+
+
+def _value(value):
+    """A Python value as one word: numbers as they are, three of them as X,Y,Z."""
+    if isinstance(value, (list, tuple, _np.ndarray)):
+        return ",".join(_value(part) for part in value)
+    if isinstance(value, (bool, _np.bool_)):
+        raise Error(f"{value} is no value; flags are given as name=True", 2)
+    if isinstance(value, (float, _np.floating)):
+        return repr(float(value))
+    if isinstance(value, (type, _np.dtype)):
+        return _np.dtype(value).name
+    return _os.fspath(value) if isinstance(value, _os.PathLike) else str(value)
+
+
+def _options(options):
+    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out."""
+    words = []
+    for name, value in options.items():
+        name = "--" + name.rstrip("_").replace("_", "-")
+        if value is True:
+            words.append(name)
+        elif isinstance(value, (list, tuple)) and value and all(isinstance(part, str) for part in value):
+            words += [name, *value]
+        elif value is not None and value is not False:
+            words.append(f"{name}={_value(value)}")
+    return words
+
+
+def _text(function, *arguments):
+    """The text that a function hands out, freed."""
+    pointer = ctypes.c_void_p()
+    _check(function(*arguments, ctypes.byref(pointer)))
+    try:
+        return ctypes.string_at(pointer).decode()
+    finally:
+        _library.vkt_free_text(pointer)
+
+
+class _Voxels:
+    """Tells numpy where the voxels are. The array keeps this object, and this object the volume."""
+
+    def __init__(self, volume):
+        pointer = ctypes.c_void_p()
+        _check(_library.vkt_voxels(volume._handle, ctypes.byref(pointer), None))
+        self._volume = volume
+        self.__array_interface__ = {
+            "version": 3,
+            "shape": volume.dims[::-1],
+            "typestr": volume.dtype.str,
+            "data": (pointer.value, True),
+        }
+
+
+class Volume:
+    """A volume: voxels, where they lie in the world, and what their values mean.
+
+    Volume(array) takes a copy of an array [z, y, x]; geometry and values are given by name or taken from another
+    volume, `like`. dims, spacing and origin are in the order x, y, z; the columns of the 3 x 3 matrix direction are the
+    world directions in which x, y and z grow, so that world = origin + direction @ (spacing * index)."""
+
+    def __init__(self, array, *, spacing=None, origin=None, direction=None, slope=None, intercept=None, units=None,
+                 like=None):
+        array = _np.asarray(array)
+        if array.dtype == bool:
+            array = array.view(_np.uint8)
+        if not 1 <= array.ndim <= 3 or array.size == 0:
+            raise Error(f"an array of shape {array.shape} is no volume: it takes [z, y, x]", 2)
+        if array.dtype.kind not in "iuf" or array.dtype.itemsize > 8:
+            raise Error(f"voxels cannot be {array.dtype}: integers and floats of up to 64 bits can", 2)
+        array = _np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+        description = _Description()
+        if like is None:
+            _library.vkt_default_description(ctypes.byref(description))
+        else:
+            _library.vkt_describe(like._handle, ctypes.byref(description))
+        description.dims[:] = ((1,) * (3 - array.ndim) + array.shape)[::-1]
+        description.dtype = array.dtype.name.encode()
+        if spacing is not None:
+            description.spacing[:] = _np.broadcast_to(_np.asarray(spacing, float), 3)
+        if origin is not None:
+            description.origin[:] = origin
+        if direction is not None:
+            description.direction[:] = _np.asarray(direction, float).reshape(3, 3).T.ravel()
+        if slope is not None:
+            description.slope = slope
+        if intercept is not None:
+            description.intercept = intercept
+        if units is not None:
+            description.units = units.encode()
+        handle = ctypes.c_void_p()
+        _check(_library.vkt_create(ctypes.byref(description), array.ctypes.data, ctypes.byref(handle)))
+        self._handle = handle
+
+    @classmethod
+    def _of(cls, handle):
+        volume = cls.__new__(cls)
+        volume._handle = handle
+        return volume
+
+    def __del__(self, _free=_library.vkt_free):
+        if getattr(self, "_handle", None):
+            _free(self._handle)
+
+    def __repr__(self):
+        dims = " x ".join(str(n) for n in self.dims)
+        return f"<vkt.Volume {dims} {self.dtype.name}{', hierarchical' if self.hierarchical else ''}>"
+
+    def __array__(self, dtype=None, copy=None):
+        array = self.array if dtype is None else self.array.astype(dtype, copy=False)
+        return array.copy() if copy else array
+
+    @property
+    def _description(self):
+        description = _Description()
+        _library.vkt_describe(self._handle, ctypes.byref(description))
+        return description
+
+    @property
+    def array(self):
+        """The stored values in place, [z, y, x]. Read-only, so that the history of the volume stays true; make a new
+        volume of a changed copy: vkt.Volume(changed, like=volume)."""
+        return _np.asarray(_Voxels(self))
+
+    @property
+    def dims(self):
+        return tuple(self._description.dims)
+
+    @property
+    def dtype(self):
+        return _np.dtype(self._description.dtype.decode())
+
+    @property
+    def spacing(self):
+        return tuple(self._description.spacing)
+
+    @property
+    def origin(self):
+        return tuple(self._description.origin)
+
+    @property
+    def direction(self):
+        return _np.array(self._description.direction[:]).reshape(3, 3).T
+
+    @property
+    def slope(self):
+        """Physical values are slope * array + intercept."""
+        return self._description.slope
+
+    @property
+    def intercept(self):
+        return self._description.intercept
+
+    @property
+    def units(self):
+        return self._description.units.decode()
+
+    @property
+    def hierarchical(self):
+        """True for adaptive meshes, which have no array: apply("resample", cells="50M") makes a grid."""
+        return bool(self._description.hierarchical)
+
+    @property
+    def header(self):
+        """All that is known about the volume, its attributes and history too, as `vkt info --json` prints it."""
+        return _json.loads(_text(_library.vkt_header, self._handle))
+
+    def stats(self, **options):
+        """Count, extremes, mean and so on, as `vkt stats --json` prints them; option: roi. None is not a number."""
+        return _json.loads(_text(_library.vkt_statistics, self._handle, *_words(_options(options))))
+
+    def write(self, path, **options):
+        """Writes a file whose name tells the format. Options are those of `vkt write`: force, compress, format."""
+        _check(_library.vkt_write(self._handle, _os.fsencode(path), *_words(_options(options))))
+
+    def apply(self, name, *arguments, **options):
+        """vkt.apply() with this volume as the first input."""
+        return _apply(name, (self, *arguments), options)
+
+
+def read(path, **options):
+    """The volume of a file of any format that vkt knows. Options are those of `vkt read`: dims, dtype, skip, endian,
+    spacing, format, variable, roi; and index for a file that holds several volumes."""
+    handle = ctypes.c_void_p()
+    _check(_library.vkt_read(_os.fsencode(path), *_words(_options(options)), ctypes.byref(handle)))
+    return Volume._of(handle)
+
+
+def apply(name, *arguments, **options):
+    """The result of an operation: apply("filter gaussian", volume, sigma=2), apply("flip x", volume),
+    apply("arith sub", a, b), apply("make sphere", dims=(64, 64, 64)).
+
+    Arguments are volumes and words, in the order of the command line. What was lost on the way, such as values that
+    were clipped, is a warning."""
+    return _apply(name, arguments, options)
+
+
+def _apply(name, arguments, options):
+    words, inputs = _shlex.split(name), []
+    for argument in arguments:
+        if isinstance(argument, Volume):
+            inputs.append(argument)
+            words.append("-")
+        else:
+            words.append(_value(argument))
+    words += _options(options)
+    handles = (ctypes.c_void_p * len(inputs))(*(volume._handle for volume in inputs))
+    handle = ctypes.c_void_p()
+    _check(_library.vkt_apply(*_words(words), handles, len(inputs), ctypes.byref(handle)))
+    result = Volume._of(handle)
+    for remark in _library.vkt_remarks(handle).decode().splitlines():
+        _warnings.warn(f"{name}: {remark}", RuntimeWarning, stacklevel=3)
+    return result
+
+
+def operations():
+    """Names of the operations that apply() knows."""
+    list_, names = _library.vkt_operations(), []
+    while list_[len(names)] is not None:
+        names.append(list_[len(names)].decode())
+    return sorted(names)

@@ -1,0 +1,156 @@
+# The C API: a program in C99 builds against the installed tree, and does what the command does.
+load helper
+
+setup_file() {
+    [ -n "${VKT_BUILD:-}" ] && [ -z "${VKT_SANITIZED:-}" ] || return 0
+    cmake --install "$VKT_BUILD" --prefix "$BATS_FILE_TMPDIR/installed" >"$BATS_FILE_TMPDIR/log"
+    cat >"$BATS_FILE_TMPDIR/program.c" <<'EOF'
+#include "libvkt/c/vkt.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define OPTIONS(...) (char const*[]){__VA_ARGS__}, sizeof((char const*[]){__VA_ARGS__}) / sizeof(char const*)
+
+static int complain(void) {
+    fprintf(stderr, "%d: %s [%s]\n", (int)vkt_error_status(), vkt_error(), vkt_error_hint());
+    return vkt_error_status();
+}
+
+/* program apply OUT IN WORD...: applies an operation to a file. */
+static int apply_to_file(int argc, char** argv) {
+    vkt_volume *in = NULL, *out = NULL;
+    int status = vkt_read(argv[3], NULL, 0, &in);
+    vkt_volume const* inputs[] = {in};
+    if (status == VKT_OK) status = vkt_apply((char const* const*)argv + 4, (size_t)argc - 4, inputs, 1, &out);
+    if (status == VKT_OK) printf("%s", vkt_remarks(out));
+    if (status == VKT_OK) status = vkt_write(out, argv[2], OPTIONS("--force"));
+    vkt_free(in);
+    vkt_free(out);
+    return status == VKT_OK ? 0 : complain();
+}
+
+/* program memory: voxels in, voxels out. */
+static int in_memory(void) {
+    int16_t const voxels[12] = {-5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 300};
+    vkt_description d;
+    vkt_volume *a = NULL, *b = NULL;
+    void const* result = NULL;
+    size_t bytes = 0;
+    char* json = NULL;
+    vkt_default_description(&d);
+    d.dims[0] = 3, d.dims[1] = 2, d.dims[2] = 2;
+    d.dtype = "int16";
+    d.spacing[2] = 2.5;
+    d.origin[0] = -1;
+    d.units = "HU";
+    if (vkt_create(&d, voxels, &a) != VKT_OK) return complain();
+    if (vkt_apply(OPTIONS("flip", "x"), (vkt_volume const*[]){a}, 1, &b) != VKT_OK) return complain();
+    vkt_describe(b, &d);
+    printf("%d %d %d %s %g %g %g %s\n", (int)d.dims[0], (int)d.dims[1], (int)d.dims[2], d.dtype, d.spacing[2],
+           d.origin[0], d.direction[0], d.units);
+    if (vkt_voxels(b, &result, &bytes) != VKT_OK) return complain();
+    for (size_t i = 0; i < bytes / 2; ++i) printf("%d ", ((int16_t const*)result)[i]);
+    vkt_free(b);
+    if (vkt_apply(OPTIONS("arith", "sub", "-", "-"), (vkt_volume const*[]){a, a}, 2, &b) != VKT_OK) return complain();
+    if (vkt_statistics(b, NULL, 0, &json) != VKT_OK) return complain();
+    printf("\n%s\n", strstr(json, "\"max\": 0,") != NULL ? "zero" : json);
+    vkt_free_text(json);
+    vkt_free(b);
+    /* Clipping is said, not hidden. */
+    if (vkt_apply(OPTIONS("convert", "--dtype", "uint8"), (vkt_volume const*[]){a}, 1, &b) != VKT_OK) return complain();
+    printf("%s\n", vkt_remarks(b));
+    vkt_free(b);
+    vkt_free(a);
+    return 0;
+}
+
+/* program refuse N: a call that fails, with the N-th reason. */
+static int refuse(int reason) {
+    vkt_volume *volume = NULL, *other = NULL;
+    vkt_description d;
+    vkt_default_description(&d);
+    if (vkt_create(&d, NULL, &volume) != VKT_OK) return complain();
+    vkt_status status = VKT_OK;
+    if (reason == 0) status = vkt_apply(OPTIONS("flop", "x"), (vkt_volume const*[]){volume}, 1, &other);
+    if (reason == 1) status = vkt_apply(OPTIONS("crop", "--roy", ":,:,:"), (vkt_volume const*[]){volume}, 1, &other);
+    if (reason == 2) status = vkt_read("truncated.nrrd", NULL, 0, &other);
+    if (reason == 3) status = vkt_read("missing.nrrd", NULL, 0, &other);
+    if (reason == 4)
+        status = vkt_apply(OPTIONS("make", "ramp", "--dims", "1000", "1000", "1000", "--memory", "1MiB"), NULL, 0, &other);
+    if (reason == 5) status = vkt_write(volume, "existing.nrrd", NULL, 0);
+    vkt_free(volume);
+    if (status != VKT_OK && other != NULL) return 99;
+    return status == VKT_OK ? 0 : complain();
+}
+
+int main(int argc, char** argv) {
+    if (argc > 4 && strcmp(argv[1], "apply") == 0) return apply_to_file(argc, argv);
+    if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
+    if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
+    printf("%s\n", vkt_version());
+    for (char const* const* name = vkt_operations(); *name != NULL; ++name) printf("%s\n", *name);
+    return 0;
+}
+EOF
+    pc=$(find "$BATS_FILE_TMPDIR/installed" -name vkt.pc)
+    cd "$BATS_FILE_TMPDIR"
+    eval "cc -std=c99 -pedantic -Wall -Wextra -Werror program.c -o program \
+        $(PKG_CONFIG_PATH="${pc%/*}" pkg-config --cflags --libs vkt)" 2>compiler || true
+}
+
+setup_more() {
+    [ -n "${VKT_BUILD:-}" ] || skip "VKT_BUILD does not name a build folder"
+    [ -z "${VKT_SANITIZED:-}" ] || skip "a plain C program does not link with a sanitized library"
+    program=$BATS_FILE_TMPDIR/program
+    [ -x "$program" ] || { cat "$BATS_FILE_TMPDIR/compiler" >&2; false; }
+    cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
+}
+
+@test "the version and the operations are those of the command" {
+    "$program" >list
+    [ "$(head -n 1 list)" = "$(vkt --version | cut -d' ' -f2)" ]
+    vkt help --list >verbs
+    [ "$(wc -l <list)" -gt 10 ]
+    sed 1d list | while IFS= read -r name; do
+        grep -qxF -e "$name" verbs || { echo "$name is no command" >&2; false; }
+    done
+}
+
+@test "words do what they do on the command line" {
+    while IFS= read -r line; do
+        eval "vkt read volume.nrrd | vkt $line -o want.nrrd --force -q"
+        eval "\"\$program\" apply got.nrrd volume.nrrd $line" >/dev/null
+        cmp want.nrrd got.nrrd # geometry, attributes, history and voxels
+    done <<'EOF'
+flip z
+filter gaussian --sigma 1,2,0.5 --boundary border:-3.5
+crop --roi 10:-5,:,25%:75%
+convert --dtype int16 --range=p1:p99
+resample --dims 20 30 40 --method cubic
+resample --dims=20,30,40
+set -spacing 1,2,3 --attribute a=b 'c=d e'
+fill --value 7 --first 1 2 3 --last 10 10 10 --threads 2
+EOF
+}
+
+@test "volumes from memory and back" {
+    run "$program" memory
+    [ "$status" -eq 0 ]
+    [ "${lines[0]}" = "3 2 2 int16 2.5 1 -1 HU" ]
+    [ "${lines[1]}" = "2 1 -5 5 4 3 8 7 6 300 10 9 " ]
+    [ "${lines[2]}" = "zero" ]
+    [[ "${lines[3]}" == "2 of 12 voxels"*"clipped to [0,255]" ]]
+}
+
+@test "errors have the kind, the text and the hint of the command" {
+    head -c 20000 volume.nrrd >truncated.nrrd
+    cp volume.nrrd existing.nrrd
+    fails_with 2 "2: 'flop x' is not an operation [" "$program" refuse 0
+    fails_with 2 "2: unknown option '--roy' [did you mean '--roi'?]" "$program" refuse 1
+    fails_with 3 "3: " "$program" refuse 2
+    fails_with 4 "4: cannot open 'missing.nrrd'" "$program" refuse 3
+    fails_with 5 "5: the volume needs 3.7 GiB of memory" "$program" refuse 4
+    fails_with 4 "existing.nrrd" "$program" refuse 5
+    cmp volume.nrrd existing.nrrd
+}

@@ -1,0 +1,216 @@
+# The Python package: found where it was moved to, in agreement with numpy, scipy, nibabel and the command.
+load helper
+
+setup_file() {
+    [ -e "${VKT_BUILD:-}/python/vkt/_vkt.so" ] || return 0
+    cmake --install "$VKT_BUILD" --prefix "$BATS_FILE_TMPDIR/first" >"$BATS_FILE_TMPDIR/log"
+    mv "$BATS_FILE_TMPDIR/first" "$BATS_FILE_TMPDIR/moved here"
+}
+
+setup_more() {
+    [ -n "${VKT_BUILD:-}" ] || skip "VKT_BUILD does not name a build folder"
+    [ -e "$VKT_BUILD/python/vkt/_vkt.so" ] || skip "this build has no Python package; configure says why"
+    python_with numpy
+    site=$(dirname "$(dirname "$(find "$BATS_FILE_TMPDIR/moved here" -name _vkt.so)")")
+    cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
+}
+
+# Runs standard input with the moved package; vkt, numpy as np and `volume` are there already.
+python() {
+    { echo 'import warnings, numpy as np, vkt; volume = vkt.read("volume.nrrd")' && cat; } |
+        PYTHONPATH="$site" /usr/bin/python3 -W error -
+}
+
+@test "the package is found in the moved tree, and nothing else is needed" {
+    [[ "$site" == *"moved here/lib/python"*/site-packages ]]
+    PYTHONPATH="$site" /usr/bin/python3 -c 'import vkt; print(vkt.__file__, vkt.__version__)' >out
+    grep -qF "$site/vkt/__init__.py $(vkt --version | cut -d' ' -f2)" out
+}
+
+@test "the example of the README runs" {
+    sed -n '/^```python/,/^```$/p' "$VKT_ROOT/README.md" | sed '/^```/d' >example.py
+    [ -s example.py ]
+    PYTHONPATH="$site" /usr/bin/python3 -W error example.py
+    vkt stats mask.nrrd | grep -q '^max  *1$'
+}
+
+@test "arrays and files: every type, unequal extents, geometry, no copy" {
+    python <<'EOF'
+rng = np.random.default_rng(1)
+for dtype in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    a = rng.integers(0, 100, (4, 5, 6)).astype(dtype)
+    direction = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    v = vkt.Volume(a, spacing=(1, 2, 3), origin=(-4, 5, 6.5), direction=direction, slope=2, intercept=-1, units="HU")
+    assert np.array_equal(v.array, a) and v.dtype == a.dtype and v.dims == (6, 5, 4)
+    if dtype == "float16":
+        continue  # no file with a header holds it
+    v.write(f"{dtype}.nrrd", compress=True)
+    back = vkt.read(f"{dtype}.nrrd")
+    for x in v, back:
+        assert x.dims == (6, 5, 4) and x.dtype == a.dtype and np.array_equal(x.array, a), dtype
+        assert x.spacing == (1, 2, 3) and x.origin == (-4, 5, 6.5) and np.array_equal(x.direction, direction)
+        assert (x.slope, x.intercept, x.units) == (2, -1, "HU")
+v = vkt.Volume(a[::2, :, ::-1])
+assert np.array_equal(v, a[::2, :, ::-1]) and v.spacing == (1, 1, 1)
+assert np.array_equal(vkt.Volume(a.astype(">f8")).array, a)
+assert vkt.Volume(a > 50).dtype == np.uint8 and vkt.Volume(np.arange(5)).dims == (5, 1, 1)
+array = v.array
+assert array.ctypes.data == v.array.ctypes.data and not array.flags.writeable and not array.flags.owndata
+del v
+assert array.sum() == a[::2].sum()  # the array keeps the voxels alive
+like = vkt.Volume(a[:2], like=back, units="")
+assert like.dims == (6, 5, 2) and like.spacing == (1, 2, 3) and like.units == ""
+EOF
+    vkt info --json int16.nrrd | grep -q '"slope": 2'
+}
+
+@test "raw files, regions and several volumes are read as by the command" {
+    head -c 24 /dev/urandom >bare
+    cat volume.nrrd >first.nrrd
+    python <<'EOF'
+a = np.fromfile("bare", ">i2", offset=4).reshape(2, 1, 5)
+assert np.array_equal(vkt.read("bare", dims=(5, 1, 2), dtype=np.int16, skip=4, endian="big").array, a)
+part = vkt.read("volume.nrrd", roi="10:20,:,-7:")
+assert np.array_equal(part.array, volume.array[-7:, :, 10:20])
+assert part.origin[0] == volume.origin[0] + 10 * volume.spacing[0]
+v = vkt.read("[vf]*.nrrd", index=1)
+assert np.array_equal(v.array, volume.array)
+try:
+    vkt.read("[vf]*.nrrd")
+    assert False
+except vkt.Error as e:
+    assert "several" in str(e) and e.exit_code == 2
+EOF
+}
+
+@test "operations agree with numpy and scipy" {
+    python_with scipy
+    python <<'EOF'
+from scipy import ndimage
+a = volume.array
+for axis, flipped in ("x", a[:, :, ::-1]), ("y", a[:, ::-1]), ("z", a[::-1]):
+    assert np.array_equal(vkt.apply("flip " + axis, volume).array, flipped)
+    assert np.array_equal(volume.apply("flip", axis).array, flipped)
+    assert np.array_equal(volume.apply("flip", axis=axis).array, flipped)
+f = volume.apply("convert", dtype="float64")
+assert np.array_equal(f.array, a)
+g = f.apply("filter gaussian", sigma=(1, 2, 1.5), tolerance=1e-9)
+want = ndimage.gaussian_filter(a.astype(float), (1.5, 2, 1), mode="reflect", truncate=9)
+assert np.abs(g.array - want).max() < 250e-9, np.abs(g.array - want).max()
+assert np.array_equal(f.apply("arith sub", g).array, f.array - g.array)
+assert np.array_equal(vkt.apply("arith", "div", 1000, vkt.apply("arith add", g, 1)).array, 1000 / (g.array + 1))
+half = f.apply("resample", scale=0.5, method="area")
+assert np.allclose(half.array, a.reshape(48, 2, 32, 2, 32, 2).mean((1, 3, 5)), rtol=1e-12)
+s = f.stats()
+assert s["count"] == a.size and s["max"] == a.max() and s["argmax"][::-1] == list(np.unravel_index(a.argmax(), a.shape))
+assert abs(s["mean"] - a.mean()) < 1e-12 and abs(s["variance"] - a.astype(float).var()) < 1e-9
+assert f.stats(roi="0:5,:,:")["sum"] == a[:, :, :5].sum()
+ball = vkt.apply("make sphere", dims=(30, 20, 10), dtype=np.float32, edge="distance")
+z, y, x = np.mgrid[:10, :20, :30]
+assert np.allclose(ball.array, np.sqrt((x - 14.5) ** 2 + (y - 9.5) ** 2 + (z - 4.5) ** 2) - 4, atol=1e-5)
+EOF
+}
+
+@test "voxels stay where they are in the world, says nibabel" {
+    python_with nibabel
+    python <<'EOF'
+import nibabel
+def image(v):
+    affine = np.eye(4)
+    affine[:3, :3] = v.direction * v.spacing
+    affine[:3, 3] = v.origin
+    return nibabel.Nifti1Image(v.array.T, affine)
+angle = 0.3
+turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+v = vkt.Volume(volume.array, spacing=(1, 2, 3), origin=(4, 5, 6), direction=turn)
+for name, theirs in (
+    ("flip x", image(v).as_reoriented(np.array([[0, -1], [1, 1], [2, 1]]))),
+    ("flip z", image(v).as_reoriented(np.array([[0, 1], [1, 1], [2, -1]]))),
+    ("crop --roi 3:9,5:,:-7", image(v).slicer[3:9, 5:, :-7]),
+):
+    mine = image(v.apply(name))
+    assert np.allclose(mine.affine, theirs.affine, atol=1e-12), name
+    assert np.array_equal(np.asarray(mine.dataobj), np.asarray(theirs.dataobj)), name
+EOF
+}
+
+@test "what is lost is a warning, what is refused an error with the exit code of the command" {
+    cp volume.nrrd there.nrrd
+    python <<'EOF'
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    volume.apply("arith mul", 3)
+assert len(caught) == 1 and "clipped to [0,255]" in str(caught[0].message) and caught[0].filename == "<stdin>"
+
+def refused(code, text, call):
+    try:
+        call()
+    except vkt.Error as e:
+        assert e.exit_code == code and text in str(e), (e.exit_code, str(e))
+    else:
+        assert False, text
+refused(2, "did you mean 'filter gaussian'", lambda: volume.apply("filtr gaussian"))
+refused(2, "did you mean '--sigma'", lambda: volume.apply("filter gaussian", sigme=2))
+refused(2, "missing AXIS", lambda: volume.apply("flip"))
+refused(2, "flip takes 1 volume, not 2", lambda: volume.apply("flip x", volume))
+refused(2, "make noise takes 0 volumes, not 1", lambda: volume.apply("make noise", dims=(2, 2, 2)))
+refused(2, "complex", lambda: vkt.Volume(np.zeros((2, 2), complex)))
+refused(2, "shape", lambda: vkt.Volume(np.zeros((2, 2, 2, 2))))
+refused(4, "nowhere.nrrd", lambda: vkt.read("nowhere.nrrd"))
+refused(4, "there.nrrd", lambda: volume.write("there.nrrd"))
+refused(5, "memory", lambda: vkt.apply("make ramp", dims=(999, 999, 999), memory="1MiB"))
+volume.write("there.nrrd", force=True)
+EOF
+    head -c 20000 volume.nrrd >cut.nrrd
+    python <<<'
+try: vkt.read("cut.nrrd")
+except vkt.Error as e: assert e.exit_code == 3
+else: assert False'
+}
+
+@test "processes that Python forks, and threads, compute too" {
+    cat >script.py <<'EOF'
+import multiprocessing, concurrent.futures, vkt
+volume = vkt.read("volume.nrrd")
+def smooth(sigma):
+    return int(volume.apply("filter gaussian", sigma=sigma, threads=2).array.sum())
+def refused(_):
+    try:
+        volume.apply("flop x")
+    except vkt.Error as e:
+        return e.exit_code
+want = [smooth(s) for s in (1, 2, 3)]
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    assert pool.map(smooth, (1, 2, 3)) == want and pool.map(refused, (1,)) == [2]
+with concurrent.futures.ThreadPoolExecutor(3) as pool:
+    assert list(pool.map(smooth, (1, 2, 3))) == want
+EOF
+    PYTHONPATH="$site" timeout 60 /usr/bin/python3 script.py
+}
+
+@test "hierarchical volumes have no array until they are a grid" {
+    sample=amr/flash/synth3d_cubic_hdf5_plt_cnt_0000
+    needs_data "$sample"
+    [ -n "$(find "$BATS_FILE_TMPDIR/moved here" -name vkt_hdf5.so)" ] || skip "this build has no HDF5 module"
+    vkt read "$VKT_DATA/$sample" --variable dens | vkt resample --cells 20k -o want.nrrd
+    cp "$VKT_DATA/$sample" flash
+    python <<'EOF'
+tree = vkt.read("flash", variable="dens")
+assert tree.hierarchical and tree.stats()["volume"] > 0
+try:
+    tree.array
+    assert False
+except vkt.Error as e:
+    assert e.exit_code == 2 and "resample" in e.hint
+assert np.array_equal(tree.apply("resample", cells="20k").array, vkt.read("want.nrrd").array)
+EOF
+}
+
+@test "the history makes the volume again" {
+    python <<'EOF'
+volume.apply("crop", roi="8:-8,:,:").apply("filter gaussian", sigma=1.5).apply("flip y").write("made.nrrd")
+EOF
+    vkt history --as-shell made.nrrd >again
+    bash -c "$(cat again)" >again.vkt
+    vkt diff made.nrrd again.vkt --geometry
+}
