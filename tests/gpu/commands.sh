@@ -1,0 +1,50 @@
+#!/bin/sh
+# The command on the GPU and on the CPU, step by step and as pipelines: commands.sh VKT
+# SPDX-License-Identifier: MIT
+set -eu
+vkt=$1
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+"$vkt" make ramp --dims 4 4 4 -o tiny.nrrd
+if ! reason=$("$vkt" flip x tiny.nrrd --device gpu -o out.nrrd 2>&1); then
+    echo "skipped: $reason"
+    exit 77
+fi
+failed=0 checked=0
+
+# same TOLERANCE PIPELINE…: with VKT_DEVICE=gpu as with cpu, largest difference at most TOLERANCE of the range.
+same() {
+    tolerance=$1
+    shift
+    checked=$((checked + 1))
+    for device in cpu gpu; do
+        VKT_DEVICE=$device sh -c "$*" >$device.vkt || {
+            echo "FAILED on $device: $*"
+            failed=$((failed + 1))
+            return 0
+        }
+    done
+    "$vkt" diff cpu.vkt gpu.vkt --tolerance "$tolerance" >report || {
+        echo "FAILED: differs: $*"
+        cat report
+        failed=$((failed + 1))
+    }
+}
+
+for type in uint8 uint16 int16 float32 float64; do
+    "$vkt" make noise --dims 130 67 41 --dtype $type --seed 3 -o in_$type.nrrd
+    case $type in float*) tolerance=1e-6 ;; *) tolerance=0 ;; esac
+    for command in 'fill 7 --roi 10:100,5:,3:30' 'flip x' 'flip y' 'flip z' 'crop --roi 3:-2,1:,5:-1' \
+        'resample --scale 0.5' 'resample --dims 77 91 53 --method linear' 'resample --dims 200 50 50 --method nearest' \
+        'resample --scale 0.7 --method cubic'; do
+        same "$tolerance" "$vkt $command in_$type.nrrd"
+    done
+    # Integers may fall to the other side of a half.
+    case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
+    same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
+    same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
+    same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
+done
+echo "$checked commands, $failed failed"
+[ "$failed" -eq 0 ]
