@@ -20,7 +20,10 @@ public:
     Volume load_hierarchical() override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
-    Space space() const override { return tree_ ? Space::host : execution_.space(); }
+    /// What is handed through lies where the input lies.
+    Space space() const override {
+        return tree_ ? Space::host : plan_.shift ? inputs_.front()->space() : execution_.space();
+    }
     void finish() override;
 
 private:

@@ -35,7 +35,7 @@ same() {
 for type in uint8 uint16 int16 float32 float64; do
     "$vkt" make noise --dims 130 67 41 --dtype $type --seed 3 -o in_$type.nrrd
     case $type in float*) tolerance=1e-6 ;; *) tolerance=0 ;; esac
-    for command in 'fill 7 --roi 10:100,5:,3:30' 'flip x' 'flip y' 'flip z' 'crop --roi 3:-2,1:,5:-1' \
+    for command in 'fill --value 7 --roi 10:100,5:,3:30' 'flip x' 'flip y' 'flip z' 'crop --roi 3:-2,1:,5:-1' \
         'resample --scale 0.5' 'resample --dims 77 91 53 --method linear' 'resample --dims 200 50 50 --method nearest' \
         'resample --scale 0.7 --method cubic'; do
         same "$tolerance" "$vkt $command in_$type.nrrd"
