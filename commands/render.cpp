@@ -51,6 +51,7 @@ public:
     void check() const override { (void)options_.settings(); }
     bool writes() const override { return true; }
     bool shows() const override { return true; }
+    bool needs_whole() const override { return true; }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();

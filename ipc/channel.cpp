@@ -23,7 +23,8 @@
 namespace vkt::ipc {
 namespace {
 
-constexpr std::uint32_t greeting = 0x314b5456; // "VTK1" reversed twice: both ends speak this version
+constexpr std::uint32_t greeting = 0x314b5456;       ///< both ends speak this version
+constexpr std::uint32_t greeting_whole = 0x574b5456; ///< … and the consumer wants whole volumes in one piece
 
 /// What the producer sends with a ring's descriptor.
 struct RingMessage {
@@ -129,12 +130,12 @@ std::byte* SharedRing::slot(std::uint32_t index) const {
     return static_cast<std::byte*>(mapping_->region.get_address()) + index * slot_bytes_;
 }
 
-void SharedRing::map(bool writable) {
+void SharedRing::map(Rights rights) {
     using namespace boost::interprocess;
+    auto const mode = rights == Rights::read ? read_only : rights == Rights::write ? read_write : copy_on_write;
     try {
         mapping_ = std::make_unique<Mapping>();
-        mapping_->region =
-            mapped_region(Mappable(descriptor_), writable ? read_write : read_only, 0, slots_ * slot_bytes_);
+        mapping_->region = mapped_region(Mappable(descriptor_), mode, 0, slots_ * slot_bytes_);
     } catch (interprocess_exception const& e) {
         throw Error(ErrorKind::resources, text("cannot map shared memory: ", e.what()));
     }
@@ -159,7 +160,7 @@ SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
                                                " of shared memory: ", std::strerror(failure)));
     // Nobody may shrink it under the other's feet.
     ::fcntl(ring.descriptor_, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
-    ring.map(true);
+    ring.map(Rights::write);
     return ring;
 }
 
@@ -175,7 +176,7 @@ SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slo
                       static_cast<std::size_t>(status.st_size) >= slots * slot_bytes &&
                       (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
     if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
-    ring.map(false);
+    ring.map(slots == 1 ? Rights::copy_on_write : Rights::read);
     return ring;
 }
 
@@ -205,12 +206,14 @@ bool ProducerChannel::connected(std::chrono::milliseconds wait) {
     std::uint32_t word = 0;
     pollfd hello{candidate, POLLIN, 0};
     bool const greeted = same_user(candidate) && ::poll(&hello, 1, 1000) == 1 &&
-                         ::recv(candidate, &word, sizeof word, 0) == sizeof word && word == greeting;
+                         ::recv(candidate, &word, sizeof word, 0) == sizeof word &&
+                         (word == greeting || word == greeting_whole);
     if (!greeted) {
         close_descriptor(candidate);
         return false;
     }
     peer_ = candidate;
+    wants_whole_ = word == greeting_whole;
     close_descriptor(listener_); // one reader only
     return true;
 }
@@ -219,7 +222,8 @@ void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes) {
     SharedRing ring = SharedRing::create(slots, slot_bytes);
     RingMessage const message{greeting, slots, ring.slot_bytes()};
     if (!send_descriptor(peer_, message, ring.descriptor())) throw BrokenPipe{};
-    rings_.push_back(std::move(ring));
+    ring_ = std::move(ring);
+    ++generation_;
     free_.clear();
     for (std::uint32_t i = slots; i-- > 0;) free_.push_back(i);
 }
@@ -232,7 +236,7 @@ void ProducerChannel::receive_returns(bool wait) {
         if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
         if (n != sizeof name) throw BrokenPipe{};
         std::uint32_t const index = name & 0xffff;
-        if (name >> 16 == generation() && index < rings_.back().slots()) free_.push_back(index);
+        if (name >> 16 == generation() && index < ring_->slots()) free_.push_back(index);
         wait = wait && free_.empty();
     }
 }
@@ -245,13 +249,14 @@ std::uint32_t ProducerChannel::acquire_slot() {
     return index;
 }
 
-ConsumerChannel::ConsumerChannel(int pipe) {
+ConsumerChannel::ConsumerChannel(int pipe, bool whole) {
     auto const address = address_of(pipe);
     if (!address) return;
+    std::uint32_t const word = whole ? greeting_whole : greeting;
     peer_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     bool const met = peer_ >= 0 &&
                      ::connect(peer_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
-                     same_user(peer_) && ::send(peer_, &greeting, sizeof greeting, MSG_NOSIGNAL) == sizeof greeting;
+                     same_user(peer_) && ::send(peer_, &word, sizeof word, MSG_NOSIGNAL) == sizeof word;
     if (!met) close_descriptor(peer_);
 }
 
@@ -262,7 +267,9 @@ void ConsumerChannel::receive_ring() {
     int const descriptor = receive_descriptor(peer_, message);
     if (descriptor < 0 || message.greeting != greeting)
         throw Error(ErrorKind::data, "an upstream command ended before it shared its memory");
-    rings_.push_back(SharedRing::open(descriptor, message.slots, message.slot_bytes));
+    // A segment of the volume before is gone with that volume.
+    if (!rings_.empty() && rings_.back()->slots() == 1) rings_.back().reset();
+    rings_.push_back(std::make_shared<SharedRing>(SharedRing::open(descriptor, message.slots, message.slot_bytes)));
 }
 
 std::byte const* ConsumerChannel::slot(std::uint32_t name, std::size_t bytes) {
@@ -271,7 +278,8 @@ std::byte const* ConsumerChannel::slot(std::uint32_t name, std::size_t bytes) {
     if (!connected() || generation == 0)
         throw Error(ErrorKind::data, "a slab lies in shared memory that was not offered to this command");
     while (rings_.size() < generation) receive_ring();
-    SharedRing const& ring = rings_[generation - 1];
+    if (!rings_[generation - 1]) throw Error(ErrorKind::data, "a slab lies in the segment of another volume");
+    SharedRing const& ring = *rings_[generation - 1];
     if (index >= ring.slots() || bytes > ring.slot_bytes())
         throw Error(ErrorKind::data, "a slab lies outside the shared memory");
     return ring.slot(index);

@@ -19,6 +19,7 @@ public:
     /// Throws Error{resources} when the memory cannot be had.
     static SharedRing create(std::uint32_t slots, std::size_t slot_bytes);
     /// Maps a ring that the other end created; checks its size. Takes ownership of the descriptor.
+    /// A single slot is a segment for a whole volume: what the consumer changes there is seen by nobody else.
     static SharedRing open(int descriptor, std::uint32_t slots, std::size_t slot_bytes);
     SharedRing(SharedRing&&) noexcept;
     SharedRing& operator=(SharedRing&&) noexcept;
@@ -31,7 +32,8 @@ public:
 
 private:
     SharedRing();
-    void map(bool writable);
+    enum class Rights : std::uint8_t { read, write, copy_on_write };
+    void map(Rights rights);
 
     struct Mapping;
     std::unique_ptr<Mapping> mapping_;
@@ -56,8 +58,10 @@ public:
     bool connected(std::chrono::milliseconds wait = std::chrono::milliseconds(0));
     /// Makes a ring and hands it to the consumer. Throws Error{resources}.
     void share_ring(std::uint32_t slots, std::size_t slot_bytes);
-    SharedRing* ring() { return rings_.empty() ? nullptr : &rings_.back(); }
-    std::uint32_t generation() const { return static_cast<std::uint32_t>(rings_.size()); }
+    SharedRing* ring() { return ring_ ? &*ring_ : nullptr; }
+    std::uint32_t generation() const { return generation_; }
+    /// True if the consumer, once connected, asked for one segment per volume instead of a ring.
+    bool wants_whole() const { return wants_whole_; }
     /// A free slot of the newest ring; waits for the consumer to return one. Throws BrokenPipe when it is gone.
     std::uint32_t acquire_slot();
 
@@ -66,15 +70,18 @@ private:
 
     int pipe_;
     int listener_ = -1, peer_ = -1;
-    std::deque<SharedRing> rings_; ///< older ones stay mapped: the consumer may still read them
+    bool wants_whole_ = false;
+    std::optional<SharedRing> ring_; ///< the newest: the consumer has mappings of its own
+    std::uint32_t generation_ = 0;
     std::vector<std::uint32_t> free_;
 };
 
 /// The consumer's end.
 class ConsumerChannel {
 public:
-    /// Connects to the producer at the other end of `pipe`, if it is a vkt process of the same user.
-    explicit ConsumerChannel(int pipe);
+    /// Connects to the producer at the other end of `pipe`, if it is a vkt process of the same user. `whole` asks for
+    /// one segment per volume instead of a ring.
+    explicit ConsumerChannel(int pipe, bool whole = false);
     ~ConsumerChannel();
     ConsumerChannel(ConsumerChannel const&) = delete;
     ConsumerChannel& operator=(ConsumerChannel const&) = delete;
@@ -83,12 +90,14 @@ public:
     /// Memory of a slot named in a frame. Throws Error{data} if the producer never shared it or `bytes` exceed it.
     std::byte const* slot(std::uint32_t name, std::size_t bytes);
     void give_back(std::uint32_t name);
+    /// The memory that a slot belongs to, to be kept beyond the life of this channel.
+    std::shared_ptr<SharedRing> memory_of(std::uint32_t name) const { return rings_[(name >> 16) - 1]; }
 
 private:
     void receive_ring();
 
     int peer_ = -1;
-    std::deque<SharedRing> rings_;
+    std::deque<std::shared_ptr<SharedRing>> rings_;
 };
 
 } // namespace vkt::ipc

@@ -42,8 +42,9 @@ static_assert(sizeof(FrameHeader) == 32);
 
 /// Where a slab's voxels are.
 enum class Place : std::uint32_t {
-    here = 0,   ///< they follow in the pipe
-    shared = 1, ///< in a slot of the shared-memory ring that the header announced
+    here = 0,    ///< they follow in the pipe
+    shared = 1,  ///< in a slot of the ring of shared memory that the side channel handed over
+    segment = 2, ///< at their own place in a piece of shared memory that holds the whole volume
 };
 
 /// First 32 bytes of a SLAB payload; the voxels follow if their place is here.

@@ -18,7 +18,8 @@ enum class Transport : std::uint8_t { pipe, shm };
 struct StreamOptions {
     Transport transport = Transport::pipe;
     bool checksum = true;
-    std::string stage = "vkt";                      ///< names this process in ERR frames and notices
+    bool whole = false;        ///< reading: whole volumes are wanted, in one segment of shared memory if the writer can
+    std::string stage = "vkt"; ///< names this process in ERR frames and notices
     std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty
 };
 
@@ -53,6 +54,7 @@ public:
     std::int64_t natural_slab() const override;
     void finish() override;
     Volume load_hierarchical() override;
+    std::optional<Volume> take_whole() override;
 
     /// Up to date after finish() and when the source is gone.
     std::shared_ptr<StreamRecord const> record() const;

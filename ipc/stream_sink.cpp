@@ -40,6 +40,7 @@ struct Slab {
     Buffer voxels;
     std::size_t bytes = 0;
     std::optional<std::uint32_t> slot; ///< in shared memory, by name
+    bool in_segment = false;           ///< at its own place there
     std::uint64_t spliced_at = 0;      ///< bytes written when its pages had gone into the pipe
 };
 
@@ -85,8 +86,9 @@ private:
     StreamOptions options_;
     std::size_t pipe_bytes_ = 0; ///< capacity of the pipe; 0 if the output is no pipe
     std::unique_ptr<ProducerChannel> channel_;
-    bool shares_ = false; ///< slabs go through shared memory
-    bool direct_ = false; ///< the reader copies out of the pipe itself, so pages may be mapped into it
+    bool shares_ = false;  ///< slabs go through shared memory
+    bool segment_ = false; ///< the whole volume lies in one piece of it
+    bool direct_ = false;  ///< the reader copies out of the pipe itself, so pages may be mapped into it
     bool told_ = false;
     Header header_;
     EndReport end_;
@@ -144,6 +146,14 @@ void StreamSink::Writer::begin(Header const& header) {
 
 void StreamSink::Writer::meet_consumer() {
     shares_ = channel_ && channel_->connected(patience);
+    segment_ = false;
+    if (shares_ && channel_->wants_whole()) {
+        try {
+            channel_->share_ring(1, header_.bytes());
+            segment_ = true;
+        } catch (Error const&) { // too large to hold: a ring will do
+        }
+    }
     if (shares_ || std::exchange(told_, true) || !options_.notice) return;
     options_.notice("the next stage does not share memory: voxels go through the pipe");
 }
@@ -151,7 +161,8 @@ void StreamSink::Writer::meet_consumer() {
 /// Puts the current slab into a slot of shared memory; false if there is none to be had.
 bool StreamSink::Writer::take_slot() {
     try {
-        if (channel_->ring() == nullptr || channel_->ring()->slot_bytes() < current_.bytes)
+        if (channel_->ring() == nullptr || channel_->ring()->slots() < shared_slots ||
+            channel_->ring()->slot_bytes() < current_.bytes)
             channel_->share_ring(shared_slots, current_.bytes);
     } catch (Error const& e) {
         shares_ = false;
@@ -169,6 +180,13 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     current_.bytes = static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype);
     if (shares_) {
         current_.box = box;
+        if (segment_) {
+            current_.slot = slot_name(channel_->generation(), 0);
+            current_.in_segment = true;
+            auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
+            return dense_view(channel_->ring()->slot(0) + static_cast<std::size_t>(box.lower.z) * slice, header_.dtype,
+                              box);
+        }
         if (take_slot()) return dense_view(channel_->ring()->slot(*current_.slot & 0xffff), header_.dtype, box);
     }
     {
@@ -255,7 +273,10 @@ void StreamSink::Writer::recycle(Slab slab) {
 }
 
 void StreamSink::Writer::write_slab(Slab& slab) {
-    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, slab.slot ? Place::shared : Place::here,
+    SlabHeader const head{slab.box.lower.z, slab.box.upper.z,
+                          !slab.slot        ? Place::here
+                          : slab.in_segment ? Place::segment
+                                            : Place::shared,
                           slab.slot.value_or(0), slab.bytes};
     FrameHeader frame{FrameType::slab, flag_required, sizeof head + (slab.slot ? 0 : slab.bytes), 0, 0};
     if (options_.checksum &&

@@ -114,8 +114,8 @@ private:
 struct Piece {
     std::int64_t z_begin = 0, z_end = 0;
     Buffer voxels;
-    std::byte const* shared = nullptr; ///< where they lie in shared memory
-    std::uint32_t slot = 0;
+    std::byte const* shared = nullptr;   ///< where they lie in shared memory
+    std::optional<std::uint32_t> slot{}; ///< to be given back
 };
 
 } // namespace
@@ -143,6 +143,7 @@ public:
     std::int64_t first_slab_height();
     void finish();
     Volume load_hierarchical();
+    std::optional<Volume> take_whole();
     std::shared_ptr<StreamRecord const> record() const { return record_; }
 
 private:
@@ -184,6 +185,8 @@ private:
     std::int64_t next_z_ = 0;
     std::uint64_t frames_ = 0, bytes_ = 0, chain_ = 0;
     bool all_checked_ = true;
+    std::optional<std::uint32_t> segment_; ///< that take_whole() hands out
+    std::uint64_t segment_bytes_ = 0;
     double wait_ = 0;
     std::shared_ptr<StreamRecord> record_ = std::make_shared<StreamRecord>();
 
@@ -295,7 +298,8 @@ bool StreamSource::Reader::next_volume() {
         throw Error(ErrorKind::data, text("the stream on ", input_.name(), " does not begin with a header"));
     header_ = header_from_json(read_text(frame, "HEAD"));
     // Only now is it certain that the producer is a vkt process and listens.
-    if (!channel_ && is_pipe(input_.descriptor())) channel_ = std::make_unique<ConsumerChannel>(input_.descriptor());
+    if (!channel_ && is_pipe(input_.descriptor()))
+        channel_ = std::make_unique<ConsumerChannel>(input_.descriptor(), options_.whole);
     any_volume_ = in_volume_ = true;
     complete_ = false;
     frames_ = bytes_ = chain_ = 0;
@@ -314,7 +318,7 @@ SlabHeader StreamSource::Reader::read_slab_header(FrameHeader const& frame) {
     bool const in_order = slab.z_begin == next_z_ && slab.z_end > slab.z_begin && slab.z_end <= header_.dims.z;
     if (!in_order || slab.bytes != slice_bytes() * static_cast<std::uint64_t>(slab.z_end - slab.z_begin) ||
         frame.length != sizeof slab + (slab.place == Place::here ? slab.bytes : 0) ||
-        (slab.place != Place::here && slab.place != Place::shared))
+        (slab.place != Place::here && slab.place != Place::shared && slab.place != Place::segment))
         throw Error(ErrorKind::data, text("a slab on ", input_.name(), " is out of order or of the wrong size"));
     return slab;
 }
@@ -330,8 +334,8 @@ std::int64_t StreamSource::Reader::first_slab_height() {
     }
     std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
     std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
-    return pending_slab_->place == Place::shared || pending_slab_->bytes <= 2 * piece_bytes ? height
-                                                                                            : std::min(height, most);
+    return pending_slab_->place != Place::here || pending_slab_->bytes <= 2 * piece_bytes ? height
+                                                                                          : std::min(height, most);
 }
 
 void StreamSource::Reader::start() {
@@ -407,10 +411,8 @@ void StreamSource::Reader::hand_out(Piece piece) {
 void StreamSource::Reader::release_front() {
     Piece& piece = ready_.front();
     released_z_ = piece.z_end;
-    if (piece.shared != nullptr)
-        channel_->give_back(piece.slot);
-    else
-        spare_.push_back(std::move(piece));
+    if (piece.slot) channel_->give_back(*piece.slot);
+    if (piece.shared == nullptr) spare_.push_back(std::move(piece));
     ready_.pop_front();
     changed_.notify_all();
 }
@@ -419,21 +421,27 @@ void StreamSource::Reader::read_shared(SlabHeader const& slab) {
     if (!channel_)
         throw Error(ErrorKind::data, text("a slab on ", input_.name(), " lies in shared memory of another pipeline"));
     Piece piece;
-    piece.shared = channel_->slot(slab.slot, slab.bytes);
-    piece.slot = slab.slot;
+    if (slab.place == Place::segment) {
+        if (slab.slot == segment_) segment_bytes_ += slab.bytes;
+        piece.shared =
+            channel_->slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(slab.z_begin) * slice_bytes();
+    } else {
+        piece.shared = channel_->slot(slab.slot, slab.bytes);
+        piece.slot = slab.slot;
+    }
     piece.z_begin = slab.z_begin;
     piece.z_end = slab.z_end;
     if (wanted(slab.z_begin, slab.z_end))
         hand_out(std::move(piece));
-    else
-        channel_->give_back(slab.slot);
+    else if (piece.slot)
+        channel_->give_back(*piece.slot);
     bytes_ += slab.bytes;
 }
 
 void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const& slab) {
     bool const check = (frame.flags & flag_checksum) != 0;
     if (!check) all_checked_ = false;
-    if (slab.place == Place::shared) {
+    if (slab.place != Place::here) {
         read_shared(slab);
     } else if (!wanted(slab.z_begin, slab.z_end)) {
         // Nobody will look at these voxels: their length counts, their bytes are not even copied.
@@ -504,6 +512,18 @@ std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
     Piece& piece = *piece_with(region.lower.z);
     if (region.upper.z > piece.z_end) return std::nullopt;
     return view_of(piece).part(region);
+}
+
+std::optional<Volume> StreamSource::Reader::take_whole() {
+    if (!options_.whole || first_slab_height() == 0 || pending_slab_->place != Place::segment) return std::nullopt;
+    std::uint32_t const name = pending_slab_->slot;
+    segment_ = name;
+    segment_bytes_ = 0;
+    finish(); // counts every slab and proves the end; the voxels lie where they are
+    if (segment_bytes_ != header_.bytes())
+        throw Error(ErrorKind::data, text("the volume on ", input_.name(), " lies in several places"));
+    std::byte* const voxels = const_cast<std::byte*>(channel_->slot(name, header_.bytes())); // copy on write
+    return Volume(header_, Buffer::adopt(voxels, header_.bytes(), channel_->memory_of(name)));
 }
 
 void StreamSource::Reader::finish() {
@@ -619,6 +639,7 @@ void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
 void StreamSource::finish() { reader_->finish(); }
 Volume StreamSource::load_hierarchical() { return reader_->load_hierarchical(); }
+std::optional<Volume> StreamSource::take_whole() { return reader_->take_whole(); }
 std::shared_ptr<StreamRecord const> StreamSource::record() const { return reader_->record(); }
 
 } // namespace vkt::ipc

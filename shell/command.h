@@ -62,6 +62,8 @@ public:
     virtual bool writes() const { return false; }
     /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer).
     virtual bool shows() const { return false; }
+    /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.
+    virtual bool needs_whole() const { return false; }
     /// Returns the exit code. Must finish() each volume that it reads; framework moves no volume itself.
     virtual int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) = 0;
 };

@@ -207,6 +207,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         ipc::StreamOptions options;
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
+        options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole();
         bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
         auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
         if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();

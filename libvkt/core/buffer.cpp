@@ -63,14 +63,25 @@ Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
 Buffer& Buffer::operator=(Buffer&& other) noexcept {
     std::swap(host_, other.host_);
     std::swap(device_, other.device_);
+    std::swap(owner_, other.owner_);
     std::swap(bytes_, other.bytes_);
     std::swap(host_valid_, other.host_valid_);
     std::swap(device_valid_, other.device_valid_);
     return *this;
 }
 
+Buffer Buffer::adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> owner) {
+    Buffer buffer;
+    buffer.host_ = host;
+    buffer.bytes_ = bytes;
+    buffer.owner_ = std::move(owner);
+    buffer.host_valid_ = true;
+    return buffer;
+}
+
 void Buffer::release() {
-    free_host(host_, bytes_);
+    if (!owner_) free_host(host_, bytes_);
+    owner_.reset();
     if (device_ != nullptr) device_free(device_);
     host_ = device_ = nullptr;
     host_valid_ = device_valid_ = false;

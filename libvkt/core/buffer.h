@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 namespace vkt {
 
@@ -16,6 +17,8 @@ class Buffer {
 public:
     Buffer() = default;
     explicit Buffer(std::size_t bytes) { reserve(bytes); }
+    /// Memory that somebody else allocated and `owner` keeps alive; it is written to like any other.
+    static Buffer adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> owner);
     ~Buffer();
     Buffer(Buffer&& other) noexcept;
     Buffer& operator=(Buffer&& other) noexcept;
@@ -37,6 +40,7 @@ private:
 
     std::byte* host_ = nullptr;
     std::byte* device_ = nullptr;
+    std::shared_ptr<void> owner_; ///< of host_, if it was adopted
     std::size_t bytes_ = 0;
     bool host_valid_ = false, device_valid_ = false;
 };

@@ -14,6 +14,14 @@ Volume::Volume(Header header) : header_(std::move(header)), bricks_{Brick{{0, 0,
     buffer_ = std::make_shared<Buffer>(header_.bytes());
 }
 
+Volume::Volume(Header header, Buffer voxels)
+    : header_(std::move(header)), bricks_{Brick{{0, 0, 0}, header_.dims, 0}}, offsets_{0} {
+    if (header_.kind != Kind::structured || voxels.bytes() < header_.bytes())
+        throw Error(ErrorKind::failure, "the voxels do not fit the header of a structured volume");
+    check(header_);
+    buffer_ = std::make_shared<Buffer>(std::move(voxels));
+}
+
 Volume::Volume(Header header, std::vector<Brick> bricks) : header_(std::move(header)), bricks_(std::move(bricks)) {
     header_.kind = Kind::hierarchical;
     header_.brick_count = static_cast<std::int64_t>(bricks_.size());

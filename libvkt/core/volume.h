@@ -17,6 +17,8 @@ public:
     Volume() = default;
     /// A structured volume with unspecified voxels.
     explicit Volume(Header header);
+    /// A structured volume whose voxels are in the buffer already, x fastest.
+    Volume(Header header, Buffer voxels);
     /// A hierarchical volume; fills in the header's brick, cell and level counts.
     Volume(Header header, std::vector<Brick> bricks);
 

@@ -142,6 +142,7 @@ Volume load(Source& source, Execution const& execution) {
                     text("the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
                          bytes_text(static_cast<double>(execution.memory))),
                     "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+    if (auto whole = source.take_whole()) return std::move(*whole);
     Volume volume(header);
     source.expect(box_of(header.dims));
     source.read(volume.mutable_view());

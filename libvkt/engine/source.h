@@ -46,6 +46,10 @@ public:
     /// The whole current volume of kind hierarchical, finished; such volumes are not read region by region.
     virtual Volume load_hierarchical();
 
+    /// The whole current volume, finished, if it lies in memory in one piece that may be had without a copy. Only
+    /// before anything else was asked of it.
+    virtual std::optional<Volume> take_whole() { return std::nullopt; }
+
     /// Consumes what is left of the current volume and proves that it is whole. Throws Error{data} otherwise.
     virtual void finish() = 0;
 };

@@ -20,7 +20,9 @@ struct Rows {
     dim3 grid, block;
 };
 
-inline Rows rows_of(Index3 dims, std::int64_t units, int per_thread) {
+/// Blocks are whole warps, unless they may be `ragged`: then no thread is idle because rows are a little longer than a
+/// power of two.
+inline Rows rows_of(Index3 dims, std::int64_t units, int per_thread, bool ragged = false) {
     Rows r;
     r.nx = dims.x;
     r.ny = dims.y;
@@ -28,6 +30,10 @@ inline Rows rows_of(Index3 dims, std::int64_t units, int per_thread) {
     std::int64_t const threads = (units + per_thread - 1) / per_thread;
     unsigned across = 1;
     while (across < block_threads && across < threads) across *= 2;
+    if (ragged) {
+        std::int64_t const blocks = (threads + block_threads - 1) / block_threads;
+        across = static_cast<unsigned>((threads + blocks - 1) / blocks);
+    }
     r.block = dim3(across, block_threads / across);
     std::int64_t const per_row = (threads + across - 1) / across;
     std::int64_t const row_blocks = (r.rows + r.block.y - 1) / r.block.y;
@@ -255,30 +261,44 @@ __global__ void __launch_bounds__(block_threads) copy_kernel(Rows rows, RowCopy 
     auto const head = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) % 16);
     std::int64_t const first =
         static_cast<std::int64_t>(blockIdx.x % rows.blocks_per_row) * (blockDim.x * K) + threadIdx.x;
-    uint4 values[K];
+    constexpr auto size = static_cast<std::int64_t>(sizeof(U));
+    constexpr int voxels = 16 / static_cast<int>(sizeof(U));
+    union Unit {
+        uint4 all;
+        U voxel[voxels];
+    } values[K];
 #pragma unroll
     for (int k = 0; k < K; ++k) {
         std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
-        if (b < 0 || b + 16 > copy.bytes) continue;
-        values[k] = Reverse ? reversed<U>(load_16(from + (copy.bytes - 16 - b))) : load_16(from + b);
+        if (b >= 0 && b + 16 <= copy.bytes) {
+            values[k].all = Reverse ? reversed<U>(load_16(from + (copy.bytes - 16 - b))) : load_16(from + b);
+        } else if (b < copy.bytes) {
+#pragma unroll
+            for (int i = 0; i < voxels; ++i) {
+                std::int64_t const at = b + i * size;
+                if (at >= 0 && at < copy.bytes)
+                    values[k].voxel[i] = *reinterpret_cast<U const*>(from + (Reverse ? copy.bytes - size - at : at));
+            }
+        }
     }
 #pragma unroll
     for (int k = 0; k < K; ++k) {
         std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
         if (b >= 0 && b + 16 <= copy.bytes) {
-            *reinterpret_cast<uint4*>(to + b) = values[k];
+            *reinterpret_cast<uint4*>(to + b) = values[k].all;
         } else if (b < copy.bytes) {
-            constexpr auto size = static_cast<std::int64_t>(sizeof(U));
-            for (std::int64_t i = b < 0 ? 0 : b; i < b + 16 && i < copy.bytes; i += size)
-                *reinterpret_cast<U*>(to + i) =
-                    *reinterpret_cast<U const*>(from + (Reverse ? copy.bytes - size - i : i));
+#pragma unroll
+            for (int i = 0; i < voxels; ++i) {
+                std::int64_t const at = b + i * size;
+                if (at >= 0 && at < copy.bytes) *reinterpret_cast<U*>(to + at) = values[k].voxel[i];
+            }
         }
     }
 }
 
 template <bool Reverse, class U> void launch_copy(Index3 dims, RowCopy const& copy) {
     constexpr int per_thread = 2;
-    Rows const rows = rows_of(dims, (copy.bytes + 30) / 16, per_thread);
+    Rows const rows = rows_of(dims, (copy.bytes + 30) / 16, per_thread, true);
     copy_kernel<per_thread, Reverse, U><<<rows.grid, rows.block>>>(rows, copy);
     check_launch("copy_box");
 }
@@ -299,8 +319,12 @@ inline void copy_box(Execution const&, ConstView from, AnyView to, Mirror mirror
                                (mirror.z ? -1 : 1) * from.slice * size,
                                to.row * size,
                                to.slice * size};
-    if (!mirror.x) return driver::launch_copy<false, std::uint8_t>(dims, copy);
-    for_each_size(size_of(to.type), [&]<class U>(U) { driver::launch_copy<true, U>(dims, copy); });
+    for_each_size(size_of(to.type), [&]<class U>(U) {
+        if (mirror.x)
+            driver::launch_copy<true, U>(dims, copy);
+        else
+            driver::launch_copy<false, U>(dims, copy);
+    });
 }
 
 } // namespace vkt::VKT_BACKEND
