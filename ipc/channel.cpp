@@ -219,6 +219,8 @@ bool ProducerChannel::connected(std::chrono::milliseconds wait) {
 }
 
 void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes) {
+    // Names of slots have 16 bits for it: a series of more volumes than that goes on through the pipe.
+    if (generation_ == 0xffff) throw Error(ErrorKind::resources, "this stream has shared memory too many times");
     SharedRing ring = SharedRing::create(slots, slot_bytes);
     RingMessage const message{greeting, slots, ring.slot_bytes()};
     if (!send_descriptor(peer_, message, ring.descriptor())) throw BrokenPipe{};

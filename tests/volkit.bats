@@ -3,22 +3,18 @@ load helper
 
 setup_more() { vkt make sphere --dims 24 20 16 --dtype uint8 | vkt write v_24x20x16_uint8.raw; FILE=v_24x20x16_uint8.raw; }
 is_png() { [ "$(head -c 8 "$1" | od -An -tx1 | tr -d ' \n')" = 89504e470d0a1a0a ]; }
-needs() { for verb in "$@"; do vkt help --list | grep -qx "$verb" || skip "vkt $verb is not there"; done; }
 
 @test "resample to another type and size, and render" {
-    needs render
     vkt read -i $FILE | vkt resample --data-format uint16 -dims 16 16 16 | vkt render >out.png
     is_png out.png
 }
 
 @test "declare, fill, render" {
-    needs render fill
     vkt declare-sv --dims 32 32 32 --data-format uint8 | vkt fill --value 1 | vkt render >out.png
     is_png out.png
 }
 
 @test "declare, fill, fill a range, render" {
-    needs render fill fill-range
     vkt declare-sv --dims 32 32 32 --data-format uint8 | vkt fill --value 0.05 | vkt fill-range --value 1 --first 0 0 0 --last 8 8 8 | vkt render >out.png
     is_png out.png
     vkt declare-sv --dims 32 32 32 --data-format uint8 | vkt fill --value 0.05 | vkt fill-range --value 1 --first 0 0 0 --last 8 8 8 | vkt stats --json >s
@@ -27,7 +23,6 @@ needs() { for verb in "$@"; do vkt help --list | grep -qx "$verb" || skip "vkt $
 }
 
 @test "render with volkit's algorithm and lookup table" {
-    needs render
     vkt read -i $FILE | vkt render --render-algo multi-scattering --rgba-lookup-table 1 1 1 0  0.2 0.0 0.2 0.2  0.0 0.8 0.8 0.8  1 1 0 1 >out.png
     is_png out.png
 }

@@ -228,7 +228,30 @@ private:
         if (nodes_.empty()) throw Error(ErrorKind::data, text(path_, ": grid '", grid_.getName(), "' is empty"));
     }
 
+    /// The volume's own extent where the writer said it, otherwise that of the active voxels; empty if there are none.
+    std::optional<Box> extent() const {
+        auto const low = grid_.template getMetadata<openvdb::Vec3IMetadata>(box_min_name);
+        auto const high = grid_.template getMetadata<openvdb::Vec3IMetadata>(box_max_name);
+        openvdb::CoordBBox box = grid_.evalActiveVoxelBoundingBox();
+        if (low && high) {
+            box = openvdb::CoordBBox(openvdb::Coord(low->value()), openvdb::Coord(high->value()));
+            if (box.empty()) throw Error(ErrorKind::data, text(path_, ": the volume's box is empty"));
+        }
+        if (box.empty()) return std::nullopt;
+        Box result;
+        for (int a = 0; a < 3; ++a) {
+            result.lower[a] = box.min()[a];
+            result.upper[a] = std::int64_t{box.max()[a]} + 1;
+        }
+        return result;
+    }
+
     void describe() {
+        std::optional<Box> box = extent();
+        for (int a = 0; box && a < 3; ++a) {
+            low_[a] = std::min(low_[a], box->lower[a]);
+            high_[a] = std::max(high_[a], box->upper[a]);
+        }
         header_.dims = high_ - low_;
         first_ = openvdb::Coord(static_cast<int>(low_.x), static_cast<int>(low_.y), static_cast<int>(low_.z));
         header_.geometry = geometry_of(grid_.transform(), path_, first_);
@@ -237,14 +260,9 @@ private:
         attributes["background"] = to_text(static_cast<double>(grid_.background()));
         if (grid_.getGridClass() != openvdb::GRID_UNKNOWN)
             attributes["class"] = openvdb::GridBase::gridClassToString(grid_.getGridClass());
-        openvdb::CoordBBox const active = grid_.evalActiveVoxelBoundingBox();
-        if (active.empty()) return;
-        Box box;
-        for (int a = 0; a < 3; ++a) {
-            box.lower[a] = std::int64_t{active.min()[a]} - low_[a];
-            box.upper[a] = std::int64_t{active.max()[a]} + 1 - low_[a];
-        }
-        if (!(box == box_of(header_.dims))) attributes["roi"] = to_text(box);
+        if (!box) return;
+        Box const region{box->lower - low_, box->upper - low_};
+        if (!(region == box_of(header_.dims))) attributes["roi"] = to_text(region);
     }
 
     void fill(Node const& node, T* to) const {

@@ -21,8 +21,9 @@ AmrListing list_vdb(std::string const& path);
 /// Reads one grid. Leaf nodes become bricks of 8^3 voxels, inactive ones included; tiles that are active or differ from
 /// the background become bricks of constant cells 8 (128 in the largest tiles) voxels wide. Float grids saved as half
 /// arrive as float16; double, int32, int64 and bool (uint8) keep their type. What no node holds is a hole: attribute
-/// "background" names the value there, "roi" the box of active voxels, "class" the grid's class (fog, level set).
-/// Throws Error{usage} for unknown names, Error{data} for vectors, points, strings and transforms that are not linear.
+/// "background" names the value there, "roi" the volume's box if the writer said it (vkt does), else that of the active
+/// voxels, "class" the grid's class (fog, level set). Throws Error{usage} for unknown names, Error{data} for vectors,
+/// points, strings and transforms that are not linear.
 Volume read_vdb(std::string const& path, AmrReadOptions const& options, Execution const& execution);
 
 struct VdbWriteOptions {

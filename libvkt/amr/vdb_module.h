@@ -7,6 +7,9 @@
 
 namespace vkt {
 
+/// Metadata of grids that vkt wrote: first and last voxel of the volume, background included.
+inline constexpr char const *box_min_name = "volume_box_min", *box_max_name = "volume_box_max";
+
 struct VdbFunctions {
     decltype(list_vdb)* list;
     decltype(read_vdb)* read;

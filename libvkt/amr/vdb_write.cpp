@@ -156,6 +156,11 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         grid->setName(options.name);
         if (!options.grid_class.empty()) grid->setGridClass(openvdb::GridBase::stringToGridClass(options.grid_class));
         grid->setSaveFloatAsHalf(header.dtype == DataType::float16);
+        // What lies outside the active voxels would be lost otherwise.
+        grid->insertMeta(box_min_name, openvdb::Vec3IMetadata(openvdb::Vec3i(0, 0, 0)));
+        grid->insertMeta(box_max_name, openvdb::Vec3IMetadata(openvdb::Vec3i(static_cast<int>(header.dims.x - 1),
+                                                                             static_cast<int>(header.dims.y - 1),
+                                                                             static_cast<int>(header.dims.z - 1))));
         openvdb::io::File file(path);
         file.write(openvdb::GridCPtrVec{grid});
         file.close();

@@ -11,7 +11,7 @@ build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev 
     nlohmann-json3-dev libxxhash-dev'
 optional='libopenvdb-dev libtbb-dev libhdf5-dev libglfw3-dev libgl-dev python3-numpy'
 test='bats libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
-    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-pip python3-vtk9 teem-apps strace time xxd bsdutils
+    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-pip python3-vtk9 python3-openvdb teem-apps strace time xxd bsdutils
     util-linux procps'
 
 command -v dpkg-query >/dev/null || {

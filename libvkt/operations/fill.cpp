@@ -38,7 +38,8 @@ void Fill::check() const {
 
 void FillRange::check() const {
     Fill::check();
-    if (!first_) throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
+    if (!first_ && region_.empty())
+        throw Error(ErrorKind::usage, "no range is given", "say for example --first 0 0 0 --last 8 8 8");
 }
 
 Plan Fill::plan(std::span<Header const> inputs) {

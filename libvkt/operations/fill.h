@@ -12,7 +12,7 @@ namespace vkt {
 class Fill : public Operation {
 public:
     Fill() = default;
-    explicit Fill(double value, Roi region = {}) : value_(value), region_(std::move(region)) {}
+    explicit Fill(double value, Roi region = {}) : region_(std::move(region)), value_(value) {}
 
     std::string_view name() const override { return "fill"; }
     Shape shape() const override { return Shape::pointwise; }
@@ -29,11 +29,11 @@ public:
     std::vector<Remark> remarks() const override;
 
 protected:
+    Roi region_;
     std::optional<Index3> first_, last_; ///< volkit's way to name the region
 
 private:
     double value_ = 0;
-    Roi region_;
     Box box_;           ///< the region in voxels, or in cells of the level
     Box finest_;        ///< the region as given
     bool whole_ = true; ///< no region: everything is filled

@@ -56,8 +56,6 @@ void Resample::check() const {
         throw Error(ErrorKind::usage,
                     "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
     if (!roi.empty() && !world_roi.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
-    if (given == 0 && !changes_values() && roi.empty() && world_roi.empty())
-        throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     if (scale)
         for (int axis = 0; axis < 3; ++axis)
             if (!std::isfinite((*scale)[axis]) || !((*scale)[axis] > 0))
@@ -194,6 +192,8 @@ Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
     if (input.kind == Kind::hierarchical) return plan_tree(input);
     refuse_tree_options();
+    if (!scale && !dims && size.empty() && !spacing && like.empty() && !cells && !changes_values())
+        throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
     from_ = input.dims;
     to_ = target_dims(input);

@@ -54,8 +54,10 @@ void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const
     ::close(descriptor);
 }
 
-std::vector<Volume> consume(int descriptor) {
-    ipc::StreamSource source(std::make_unique<ByteSource>(descriptor, "pipe"), {});
+std::vector<Volume> consume(int descriptor, bool whole = false) {
+    ipc::StreamOptions options;
+    options.whole = whole;
+    ipc::StreamSource source(std::make_unique<ByteSource>(descriptor, "pipe"), options);
     std::vector<Volume> volumes;
     while (source.next_volume()) volumes.push_back(load(source, {}));
     return volumes;
@@ -129,6 +131,60 @@ TEST_P(Transports, UnwantedSlabsAreReturned) {
         EXPECT_EQ(a(199, 99, 32), b(189, 79, 2));
     }
     producer.join();
+}
+
+TEST_P(Transports, WholeVolumesArriveUnchangedAndOutliveTheStream) {
+    std::vector<Volume> const volumes{patterned({256, 256, 40}, 1), patterned({7, 5, 3}, 2)};
+    for (std::int64_t slab : {1, 7, 64}) {
+        Pipe pipe;
+        std::string notice;
+        std::thread producer([&] { produce(pipe.write_end, GetParam(), volumes, slab, &notice); });
+        auto const read = consume(pipe.read_end, true);
+        producer.join();
+        expect_same(read, volumes);
+        EXPECT_EQ(notice, "");
+    }
+}
+
+TEST_P(Transports, WhoeverWantsWholeVolumesMayStillReadRegions) {
+    Volume const volume = patterned({64, 64, 32}, 9);
+    Pipe pipe;
+    std::string notice;
+    std::thread producer([&] { produce(pipe.write_end, GetParam(), {volume, volume}, 4, &notice); });
+    {
+        ipc::StreamOptions options;
+        options.whole = true;
+        ipc::StreamSource source(std::make_unique<ByteSource>(pipe.read_end, "pipe"), options);
+        ASSERT_TRUE(source.next_volume());
+        source.expect(box_of(volume.header().dims));
+        Volume got(volume.header());
+        for (std::int64_t z = 0; z < 32; z += 8) {
+            Box const part{{0, 0, z}, {64, 64, z + 8}};
+            source.read(got.mutable_view().part(part));
+        }
+        source.finish();
+        expect_same({got}, {volume});
+        ASSERT_TRUE(source.next_volume());
+        Volume changed = load(source, {});
+        // The segment is the reader's own now: what it writes there nobody else sees, and nothing faults.
+        std::memset(changed.mutable_view().data, 0, changed.header().bytes());
+    }
+    producer.join();
+}
+
+TEST(SharedMemory, AWholeVolumeIsTakenWithoutACopyOnce) {
+    Volume const volume = patterned({64, 64, 32}, 3);
+    Pipe pipe;
+    std::string notice;
+    std::thread producer([&] { produce(pipe.write_end, ipc::Transport::shm, {volume}, 4, &notice); });
+    ipc::StreamOptions options;
+    options.whole = true;
+    ipc::StreamSource source(std::make_unique<ByteSource>(pipe.read_end, "pipe"), options);
+    ASSERT_TRUE(source.next_volume());
+    auto const taken = source.take_whole();
+    producer.join();
+    ASSERT_TRUE(taken.has_value());
+    expect_same({*taken}, {volume});
 }
 
 INSTANTIATE_TEST_SUITE_P(Stream, Transports, testing::Values(ipc::Transport::pipe, ipc::Transport::shm));

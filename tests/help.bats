@@ -1,0 +1,37 @@
+# vkt help: lists, explains and finds commands; every way to ask gives the same text.
+load helper
+
+@test "lists every command" {
+    vkt help --list >list
+    for page in "$VKT_ROOT"/man/vkt-*.1; do
+        verb=$(basename "$page" .1)
+        grep -Eqx "${verb#vkt-}( .*)?" list
+    done
+    diff <(vkt help | sed -n 's/^  \([a-z-]*\)  *[A-Z].*/\1/p' | sort) <(cut -d' ' -f1 list | sort -u)
+}
+
+@test "help COMMAND is COMMAND --help" {
+    for verb in $(vkt help --list); do diff <(vkt help "$verb") <(vkt "$verb" --help); done
+    diff <(vkt help) <(vkt --help)
+}
+
+@test "help reads no input and leaves none" {
+    vkt crop --help </dev/null >/dev/null
+    run vkt stats --help
+    [ "$status" -eq 0 ]
+    [ -z "$(vkt --version 2>&1 >/dev/null)" ]
+}
+
+@test "finds by a word" {
+    vkt help --search mirror | grep -q '^ *flip'
+    vkt help --search threshold-of-nothing >out 2>&1 && false
+    [ "$(vkt help --search MIRROR)" = "$(vkt help --search mirror)" ]
+}
+
+@test "an unknown command is corrected" {
+    fails_with 2 "crop" vkt help corp
+    fails_with 2 "crop" vkt corp
+    fails_with 2 "" vkt
+}
+
+@test "common options are listed" { vkt help --common | grep -q -- '--transport'; }

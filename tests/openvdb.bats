@@ -1,0 +1,92 @@
+# OpenVDB files through read and write: round trips, pruning, several grids, and OpenVDB's own Python module.
+load helper
+
+setup_more() {
+    vkt make sphere --dims 12 10 8 --dtype float32 -o probe.nrrd
+    vkt write probe.vdb probe.nrrd 2>err || { grep -q 'OpenVDB' err && skip 'built without OpenVDB'; cat err >&2; false; }
+    vkt make sphere --dims 40 36 32 --dtype float32 | vkt set --spacing 0.5,1,2 --origin 3,-4,5 -o sphere.nrrd
+}
+
+dense() { vkt read "$1" | vkt resample --method nearest; }
+
+@test "a volume comes back whole, background and geometry included" {
+    vkt write sphere.vdb sphere.nrrd
+    vkt info sphere.vdb --json | grep -q '"kind": "hierarchical"'
+    dense sphere.vdb | vkt diff - sphere.nrrd --json | tee diff.json | grep -q '"max_abs": 0'
+    grep -q '"same_geometry": true' diff.json
+}
+
+@test "a background other than 0 is left out and comes back" {
+    vkt arith add sphere.nrrd 5 -o five.nrrd
+    vkt write zero.vdb five.nrrd
+    vkt write five.vdb five.nrrd --background 5
+    [ "$(stat -c %s five.vdb)" -lt "$(stat -c %s zero.vdb)" ]
+    dense five.vdb | vkt diff - five.nrrd
+    dense zero.vdb | vkt diff - five.nrrd
+}
+
+@test "pruning stays within its tolerance and saves room" {
+    vkt make marschner-lobb --dims 48 48 48 -o ml.nrrd
+    vkt write whole.vdb ml.nrrd
+    vkt write pruned.vdb ml.nrrd --prune 0.125
+    [ "$(stat -c %s pruned.vdb)" -lt "$(stat -c %s whole.vdb)" ]
+    dense pruned.vdb | vkt diff - ml.nrrd --tolerance 0.125
+    run vkt diff --tolerance 0.01 <(dense pruned.vdb) ml.nrrd
+    [ "$status" -eq 1 ]
+    fails_with 2 'prune' vkt write bad.vdb ml.nrrd --prune -1
+    [ ! -e bad.vdb ]
+}
+
+@test "options of OpenVDB are refused elsewhere" {
+    fails_with 2 '' vkt write out.nrrd sphere.nrrd --prune 0.1
+    fails_with 2 '' vkt write out.nrrd sphere.nrrd --background 1
+    [ ! -e out.nrrd ]
+}
+
+@test "OpenVDB's Python module reads what vkt writes" {
+    python_with pyopenvdb numpy
+    vkt write sphere.vdb sphere.nrrd
+    vkt read sphere.nrrd | vkt write - --format raw >sphere.raw
+    /usr/bin/python3 -c "
+import numpy as np, pyopenvdb as vdb
+grid = vdb.readAll('sphere.vdb')[0][0]
+a = np.zeros((40, 36, 32), np.float32)
+grid.copyToArray(a)
+b = np.fromfile('sphere.raw', np.float32).reshape(32, 36, 40).transpose(2, 1, 0)
+assert (a == b).all()
+assert np.allclose(grid.transform.indexToWorld((2, 3, 4)), (3 + 0.5 * 2, -4 + 3, 5 + 2 * 4))"
+}
+
+@test "vkt reads what OpenVDB's Python module writes" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import numpy as np, pyopenvdb as vdb
+rng = np.random.default_rng(1)
+a = rng.random((30, 20, 17)).astype(np.float32)
+a[8:24, 8:16] = 0
+first = vdb.FloatGrid(background=0)
+first.copyFromArray(a, ijk=(-5, 4, 9))
+first.name = 'first'
+first.transform = vdb.createLinearTransform(voxelSize=0.25)
+second = vdb.FloatGrid(background=7)
+second.fill((0, 0, 0), (63, 63, 63), 3.0)
+second.name = 'second'
+vdb.write('two.vdb', grids=[first, second])
+a.transpose(2, 1, 0).tofile('first.raw')"
+    vkt info two.vdb --json >info.json || true
+    vkt read two.vdb --variable first | vkt resample --method nearest -o first.nrrd
+    vkt read first.nrrd | vkt write - --format raw | cmp - first.raw
+    vkt info first.nrrd --json | grep -q '"origin": \[-1.25,1.0,2.25\]'
+    vkt read two.vdb --variable second | vkt resample --method nearest | vkt stats --json >s.json
+    grep -q '"count": 262144,' s.json
+    grep -q '"min": 3,' s.json
+    grep -q '"max": 3,' s.json
+    fails_with 2 'third' vkt read two.vdb --variable third
+}
+
+@test "damaged files are refused" {
+    head -c 300 probe.vdb >cut.vdb
+    fails_with 3 'cut.vdb' vkt read cut.vdb
+    printf 'not a grid' >text.vdb
+    fails_with 3 'text.vdb' vkt read text.vdb
+}

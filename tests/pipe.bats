@@ -1,0 +1,41 @@
+# vkt pipe: stages fused in one process; tests/properties.bats compares its bytes with those of pipes.
+load helper
+
+setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nrrd; }
+
+@test "runs stages and reports like the last one" {
+    [ "$(vkt pipe 'read noise.nrrd | flip x | stats --json')" = "$(vkt flip x noise.nrrd | vkt stats --json)" ]
+    vkt pipe 'read noise.nrrd | crop --roi 1:9,:,: | write part.nrrd'
+    vkt crop noise.nrrd --roi 1:9,:,: | vkt diff - part.nrrd
+}
+
+@test "ends in a stream where nothing writes" {
+    vkt pipe 'read noise.nrrd | filter gaussian --sigma 1' | vkt info --json | tr -d ' \n' | grep -q '"dims":\[20,18,16\]'
+}
+
+@test "may begin with a stream" {
+    vkt read noise.nrrd | vkt pipe 'flip y | flip y' | vkt diff - noise.nrrd
+}
+
+@test "quotes and spaces are those of a shell" {
+    cp noise.nrrd 'a noise.nrrd'
+    vkt pipe 'read "a noise.nrrd" | set --attribute "who=a b"' | vkt info --json | grep -q '"who":"a b"'
+    fails_with 2 '' vkt pipe 'read "noise.nrrd | stats'
+}
+
+@test "options before the pipeline reach all stages" {
+    vkt pipe --dry-run 'read noise.nrrd | flip x | write out.nrrd' >plan 2>&1
+    [ "$(grep -c '20 *x *18 *x *16\|20 18 16' plan)" -ge 1 ]
+    [ ! -e out.nrrd ]
+    [ "$(vkt pipe --slab 1 --threads 1 'read noise.nrrd | filter gaussian --sigma 1 | stats')" = \
+        "$(vkt pipe 'read noise.nrrd | filter gaussian --sigma 1 | stats')" ]
+}
+
+@test "a stage that fails fails the pipeline" {
+    fails_with 2 'gaussian' vkt pipe 'read noise.nrrd | filter gausian | write out.nrrd'
+    fails_with 2 '' vkt pipe 'read noise.nrrd | | stats'
+    fails_with 2 '' vkt pipe ''
+    fails_with 4 'absent.nrrd' vkt pipe 'read absent.nrrd | write out.nrrd'
+    fails_with 2 '' vkt pipe 'read noise.nrrd | crop --roi 0:30,:,: | write out.nrrd'
+    [ ! -e out.nrrd ]
+}
