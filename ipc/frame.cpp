@@ -48,7 +48,11 @@ struct StreamHash::State {
     XXH3_state_t xxh;
 };
 
-StreamHash::StreamHash(std::uint64_t seed) : state_(new State) { XXH3_64bits_reset_withSeed(&state_->xxh, seed); }
+StreamHash::StreamHash(std::uint64_t seed) : state_(std::make_unique<State>()) {
+    // A state that is not cleared keeps its old secret if its old seed happens to be this one.
+    XXH3_INITSTATE(&state_->xxh);
+    XXH3_64bits_reset_withSeed(&state_->xxh, seed);
+}
 StreamHash::~StreamHash() = default;
 void StreamHash::add(std::span<std::byte const> data) { XXH3_64bits_update(&state_->xxh, data.data(), data.size()); }
 std::uint64_t StreamHash::value() const { return XXH3_64bits_digest(&state_->xxh); }

@@ -113,7 +113,9 @@ std::byte const* Buffer::read(Space space) {
     std::byte* const data = memory(space);
     if (space == Space::device && !device_valid_ && host_valid_) copy_to_device(device_, host_, bytes_);
     if (space == Space::host && !host_valid_ && device_valid_) copy_to_host(host_, device_, bytes_);
-    (space == Space::host ? host_valid_ : device_valid_) = true;
+    // Written only when it changes: several threads may read what is there already.
+    bool& valid = space == Space::host ? host_valid_ : device_valid_;
+    if (!valid) valid = true;
     return data;
 }
 
