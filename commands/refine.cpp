@@ -23,7 +23,7 @@ struct Request {
 class RefineSource : public SourceDecorator {
 public:
     RefineSource(std::unique_ptr<Source> source, Request request, Execution execution, std::vector<std::string> words)
-        : SourceDecorator(std::move(source)), request_(std::move(request)), execution_(std::move(execution)),
+        : SourceDecorator(std::move(source)), request_(request), execution_(std::move(execution)),
           words_(std::move(words)) {}
 
     bool next_volume() override {

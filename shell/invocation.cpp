@@ -3,6 +3,8 @@
 #include "shell/invocation.h"
 
 #include "libvkt/core/error.h"
+
+#include "libvkt/core/collect.h"
 #include "shell/options.h"
 
 #include <algorithm>
@@ -16,9 +18,7 @@ Command const* lookup(std::vector<NamedCommand> const& list, std::string const& 
 }
 
 std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
-    std::vector<std::string> names;
-    for (auto const& entry : list) names.push_back(entry.name);
-    return names;
+    return collect(list, [](NamedCommand const& entry) { return entry.name; });
 }
 
 [[noreturn]] void unknown_verb(std::string const& word, std::vector<std::string> const& names,

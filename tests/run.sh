@@ -95,7 +95,7 @@ if has unit || has bats; then
 fi
 
 if has asan && build asan; then
-    export LSAN_OPTIONS=suppressions=$root/tests/lsan.suppressions:print_suppressions=0
+    export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
     export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
     check build-asan asan -LE packaging
     unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS

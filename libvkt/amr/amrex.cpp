@@ -3,6 +3,7 @@
 #include "libvkt/amr/amrex.h"
 
 #include "libvkt/amr/amrex_header.h"
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -98,9 +99,9 @@ void Plotfile::find_pieces() {
         Box const domain = header_.levels[l].domain;
         if (l + 1 < header_.levels.size()) {
             covers = coarsened(l + 1);
-            std::vector<Brick> bricks;
-            for (Box const& cover : covers) bricks.push_back({cover.lower - domain.lower, cover.dims(), 0});
-            index = BrickIndex(domain.dims(), bricks);
+            index = BrickIndex(domain.dims(), collect(covers, [&](Box const& cover) {
+                                   return Brick{cover.lower - domain.lower, cover.dims(), 0};
+                               }));
         }
         std::vector<std::int32_t> near;
         for (std::size_t b = 0; b < boxes.size(); ++b) {
@@ -204,9 +205,7 @@ void Plotfile::copy_piece(std::vector<std::byte> const& bytes, amrex::FabHeader 
 }
 
 Volume Plotfile::read_pieces(Header const& header, std::vector<std::size_t> const& kept, std::size_t component) {
-    std::vector<Brick> bricks;
-    for (std::size_t const k : kept) bricks.push_back(listing_.bricks[k]);
-    Volume volume(header, std::move(bricks));
+    Volume volume(header, collect(kept, [&](std::size_t k) { return listing_.bricks[k]; }));
     std::byte* const to = volume.buffer().write(Space::host);
     std::ifstream file;
     std::string open_name;

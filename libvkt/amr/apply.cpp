@@ -3,6 +3,7 @@
 #include "libvkt/amr/apply.h"
 
 #include "libvkt/amr/ghost.h"
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -33,9 +34,7 @@ Execution execution_for(Box const& box, Execution const& execution) {
 }
 
 std::vector<Header> headers_of(std::vector<Volume> const& inputs) {
-    std::vector<Header> headers;
-    for (Volume const& volume : inputs) headers.push_back(volume.header());
-    return headers;
+    return collect(inputs, [](Volume const& volume) { return volume.header(); });
 }
 
 /// Neighbouring bricks of one level.
@@ -261,7 +260,7 @@ Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& input
 void reduce_hierarchical(Operation& reduction, Volume const& volume, Execution const& execution) {
     Execution on_host = execution;
     on_host.device = Device::cpu;
-    Header const header = volume.header();
+    Header const& header = volume.header();
     reduction.plan({&header, 1});
     scan_cells(reduction, volume, on_host);
 }

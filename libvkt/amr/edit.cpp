@@ -67,7 +67,7 @@ bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
             std::int64_t const extent = brick.dims[a] * w[a];
             if (brick.lower[a] % extent != 0 || brick.dims[a] * factor(a) > largest)
                 return std::array<std::int64_t, 7>{-1};
-            key[static_cast<std::size_t>(4 + a)] = brick.lower[a] / extent / factor(a);
+            key[4 + static_cast<std::size_t>(a)] = brick.lower[a] / extent / factor(a);
         }
         return key;
     };
@@ -92,7 +92,7 @@ bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
             Brick merged = brick;
             if (whole)
                 for (int a = 0; a < 3; ++a) {
-                    merged.lower[a] = key[static_cast<std::size_t>(4 + a)] * factor(a) * brick.dims[a] *
+                    merged.lower[a] = key[4 + static_cast<std::size_t>(a)] * factor(a) * brick.dims[a] *
                                       cell_width(logical, brick.level)[a];
                     merged.dims[a] = brick.dims[a] * factor(a);
                 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/file.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -17,8 +18,7 @@ std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& heade
 
 std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,
                             std::string const& file) {
-    std::vector<std::string> names;
-    for (auto const& variable : variables) names.push_back(variable.name);
+    std::vector<std::string> const names = collect(variables, [](AmrVariable const& v) { return v.name; });
     if (names.empty()) throw Error(ErrorKind::data, text(file, ": holds no cell variables"));
     if (wanted.empty()) {
         if (names.size() == 1) return 0;

@@ -408,7 +408,7 @@ void FlashFile::place_blocks() {
 
 /// Checks the shape of a variable: blocks, then z, y, x with x fastest, guard cells on both sides.
 std::vector<std::int64_t> FlashFile::cells_with_guards(hid_t data, std::string const& name, Index3& guards) const {
-    std::vector<std::int64_t> const dims = extents(data);
+    std::vector<std::int64_t> dims = extents(data);
     if (dims.size() != 4 || dims[0] != blocks_in_file_)
         refuse(text("variable '", name, "' is not one block of cells for each block of the tree"));
     for (int a = 0; a < 3; ++a) {

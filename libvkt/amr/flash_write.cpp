@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/flash_module.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -96,8 +97,7 @@ private:
 
     void write_dataset(char const* name, hid_t file_type, hid_t memory_type, std::vector<std::int64_t> const& dims,
                        void const* data) {
-        std::vector<hsize_t> extents;
-        for (std::int64_t const d : dims) extents.push_back(size(d));
+        std::vector<hsize_t> const extents = collect(dims, [&](std::int64_t d) -> hsize_t { return size(d); });
         hid_t const space = H5Screate_simple(static_cast<int>(extents.size()), extents.data(), nullptr);
         hid_t const set = H5Dcreate2(file_, name, file_type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
         bool const good = set >= 0 && H5Dwrite(set, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0;

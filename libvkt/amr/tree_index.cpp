@@ -98,7 +98,7 @@ void BrickIndex::query(Vec3 lower, Vec3 upper, std::vector<std::int32_t>& ids) c
         } else {
             // The boxes of single bricks are not kept: the node's box is near enough, callers test exactly.
             for (std::int32_t k = 0; k < node.count; ++k)
-                ids.push_back(order_[static_cast<std::size_t>(node.first + k)]);
+                ids.push_back(order_[static_cast<std::size_t>(node.first) + static_cast<std::size_t>(k)]);
         }
     }
     std::sort(ids.begin(), ids.end());

@@ -19,7 +19,10 @@ template <class T> ValueRange range_of(T const* cells, std::int64_t n) {
         Value const v = static_cast<Value>(cells[i]);
         low = v < low ? v : low;
         high = v > high ? v : high;
-        valid += v == v ? 1 : 0;
+        if constexpr (std::is_floating_point_v<Value>)
+            valid += std::isnan(v) ? 0 : 1;
+        else
+            ++valid;
     }
     constexpr double infinity = std::numeric_limits<double>::infinity();
     if (valid == 0) return {infinity, -infinity};

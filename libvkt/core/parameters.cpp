@@ -71,8 +71,8 @@ int ValueText<int>::read(std::vector<std::string> const& w, std::string_view nam
 }
 
 std::vector<std::string> ValueText<DataType>::choices() {
-    std::vector<std::string> names;
-    for (int i = 0; i < data_type_count; ++i) names.emplace_back(name_of(static_cast<DataType>(i)));
+    std::vector<std::string> names(data_type_count);
+    for (std::size_t i = 0; i < names.size(); ++i) names[i] = name_of(static_cast<DataType>(i));
     return names;
 }
 

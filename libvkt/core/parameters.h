@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/roi.h"
 #include "libvkt/core/text.h"
@@ -221,14 +222,10 @@ template <class T> struct ValueText<std::vector<T>> {
     static constexpr int min_words = 1, max_words = -1;
     static std::vector<std::string> choices() { return ValueText<T>::choices(); }
     static std::vector<T> read(std::vector<std::string> const& w, std::string_view name) {
-        std::vector<T> result;
-        for (auto const& word : w) result.push_back(ValueText<T>::read({word}, name));
-        return result;
+        return collect(w, [&](std::string const& word) { return ValueText<T>::read({word}, name); });
     }
     static std::vector<std::string> write(std::vector<T> const& v) {
-        std::vector<std::string> words;
-        for (auto const& element : v) words.push_back(ValueText<T>::write(element).front());
-        return words;
+        return collect(v, [](T const& element) { return ValueText<T>::write(element).front(); });
     }
 };
 

@@ -3,6 +3,7 @@
 #include "libvkt/engine/pipeline.h"
 
 #include "libvkt/amr/apply.h"
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/link.h"
@@ -155,8 +156,7 @@ std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
 }
 
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution) {
-    std::vector<std::unique_ptr<Source>> sources;
-    for (auto const& input : inputs) sources.push_back(volume_source({input}));
+    auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
     auto const result = attach(std::move(sources), operation, execution, {});
     result->next_volume();
     return load(*result, execution);

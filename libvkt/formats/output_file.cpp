@@ -197,9 +197,10 @@ void OutputFile::commit() {
                 throw system_error(text("cannot write '", path_, "'"));
         }
         if (::rename(aside.c_str(), path_.c_str()) != 0) {
-            Error const error = system_error(text("cannot write '", path_, "'"));
+            int const reason = errno;
             ::unlink(aside.c_str());
-            throw error;
+            errno = reason;
+            throw system_error(text("cannot write '", path_, "'"));
         }
     }
     if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));

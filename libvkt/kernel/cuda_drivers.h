@@ -261,45 +261,118 @@ __global__ void __launch_bounds__(block_threads) copy_kernel(Rows rows, RowCopy 
     auto const head = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) % 16);
     std::int64_t const first =
         static_cast<std::int64_t>(blockIdx.x % rows.blocks_per_row) * (blockDim.x * K) + threadIdx.x;
-    constexpr auto size = static_cast<std::int64_t>(sizeof(U));
-    constexpr int voxels = 16 / static_cast<int>(sizeof(U));
-    union Unit {
-        uint4 all;
-        U voxel[voxels];
-    } values[K];
+    uint4 values[K];
 #pragma unroll
     for (int k = 0; k < K; ++k) {
         std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
-        if (b >= 0 && b + 16 <= copy.bytes) {
-            values[k].all = Reverse ? reversed<U>(load_16(from + (copy.bytes - 16 - b))) : load_16(from + b);
-        } else if (b < copy.bytes) {
-#pragma unroll
-            for (int i = 0; i < voxels; ++i) {
-                std::int64_t const at = b + i * size;
-                if (at >= 0 && at < copy.bytes)
-                    values[k].voxel[i] = *reinterpret_cast<U const*>(from + (Reverse ? copy.bytes - size - at : at));
-            }
-        }
+        if (b < 0 || b + 16 > copy.bytes) continue;
+        values[k] = Reverse ? reversed<U>(load_16(from + (copy.bytes - 16 - b))) : load_16(from + b);
     }
 #pragma unroll
     for (int k = 0; k < K; ++k) {
         std::int64_t const b = (first + static_cast<std::int64_t>(k) * blockDim.x) * 16 - head;
         if (b >= 0 && b + 16 <= copy.bytes) {
-            *reinterpret_cast<uint4*>(to + b) = values[k].all;
+            *reinterpret_cast<uint4*>(to + b) = values[k];
         } else if (b < copy.bytes) {
-#pragma unroll
-            for (int i = 0; i < voxels; ++i) {
-                std::int64_t const at = b + i * size;
-                if (at >= 0 && at < copy.bytes) *reinterpret_cast<U*>(to + at) = values[k].voxel[i];
-            }
+            constexpr auto size = static_cast<std::int64_t>(sizeof(U));
+            for (std::int64_t i = b < 0 ? 0 : b; i < b + 16 && i < copy.bytes; i += size)
+                *reinterpret_cast<U*>(to + i) =
+                    *reinterpret_cast<U const*>(from + (Reverse ? copy.bytes - size - i : i));
         }
     }
 }
 
 template <bool Reverse, class U> void launch_copy(Index3 dims, RowCopy const& copy) {
     constexpr int per_thread = 2;
-    Rows const rows = rows_of(dims, (copy.bytes + 30) / 16, per_thread, true);
+    Rows const rows = rows_of(dims, (copy.bytes + 30) / 16, per_thread, sizeof(U) >= 4);
     copy_kernel<per_thread, Reverse, U><<<rows.grid, rows.block>>>(rows, copy);
+    check_launch("copy_box");
+}
+
+/// The 16 bytes that begin `within` bytes after the begin of `a`, of which `b` is the continuation.
+__device__ __forceinline__ uint4 join(uint4 a, uint4 b, unsigned within) {
+    unsigned const shift = (within & 3) * 8;
+    auto const shifted = [shift](unsigned p, unsigned q, unsigned r, unsigned s, unsigned t) -> uint4 {
+        return {__funnelshift_r(p, q, shift), __funnelshift_r(q, r, shift), __funnelshift_r(r, s, shift),
+                __funnelshift_r(s, t, shift)};
+    };
+    switch (within >> 2) {
+    case 0:
+        return shifted(a.x, a.y, a.z, a.w, b.x);
+    case 1:
+        return shifted(a.y, a.z, a.w, b.x, b.y);
+    case 2:
+        return shifted(a.z, a.w, b.x, b.y, b.z);
+    default:
+        return shifted(a.w, b.x, b.y, b.z, b.w);
+    }
+}
+
+/// The first n bytes of a, the rest of b.
+__device__ __forceinline__ unsigned spliced(int n, unsigned a, unsigned b) {
+    unsigned const mask = n <= 0 ? 0u : n >= 4 ? ~0u : (1u << (8 * n)) - 1;
+    return (a & mask) | (b & ~mask);
+}
+
+/// What a dense copy of rows needs besides: bytes in [first, last) of the source may be touched.
+struct DenseCopy {
+    unsigned rows, ny;
+    std::byte const *first, *last;
+};
+
+/// Rows of small voxels that follow one another without gaps and whose lengths are no multiple of 16 bytes. A warp a
+/// row, so that the source is off alignment by the same for all its lanes; the unit in which one row ends and the next
+/// begins is put together by the warp of the former. Measured on an H200 at 1024^3, share of a plain copy: uint8 0.91,
+/// uint16 0.93; with units that end with their row 0.47 to 0.61 and 0.80 to 0.86.
+template <bool Reverse, class U>
+__global__ void __launch_bounds__(block_threads) dense_copy_kernel(DenseCopy dense, RowCopy copy) {
+    unsigned const row = blockIdx.x * blockDim.y + threadIdx.y;
+    if (row >= dense.rows) return;
+    auto const begin_of = [&](unsigned r) {
+        unsigned const z = r / dense.ny, y = r - z * dense.ny;
+        return copy.from + y * copy.from_row + z * copy.from_slice;
+    };
+    std::byte const* const from = begin_of(row);
+    std::byte* const to = copy.to + static_cast<std::int64_t>(row) * copy.bytes;
+    int const bytes = static_cast<int>(copy.bytes);
+    int const skip = static_cast<int>(-reinterpret_cast<std::uintptr_t>(to) % 16); // the row before writes those
+    auto const source = [&](std::byte const* begin, int b) { return begin + (Reverse ? bytes - 16 - b : b); };
+    auto const load = [&](std::byte const* at) { return Reverse ? reversed<U>(load_16(at)) : load_16(at); };
+    auto const within = static_cast<unsigned>(reinterpret_cast<std::uintptr_t>(source(from, skip)) % 16);
+    auto const one_by_one = [&](int b, int end, std::byte const* begin, int shift) {
+        constexpr int size = sizeof(U);
+        for (int i = b; i < end; i += size)
+            *reinterpret_cast<U*>(to + i) =
+                *reinterpret_cast<U const*>(begin + (Reverse ? bytes - size - (i - shift) : i - shift));
+    };
+    if (row == 0 && threadIdx.x == 0) one_by_one(0, skip, from, 0);
+    for (int b = skip + static_cast<int>(threadIdx.x) * 16; b < bytes; b += 32 * 16) {
+        std::byte const* const here = source(from, b);
+        if (b + 16 <= bytes) {
+            auto const* const units = reinterpret_cast<uint4 const*>(here - within);
+            uint4 const v = within == 0 ? units[0] : join(units[0], units[1], within);
+            *reinterpret_cast<uint4*>(to + b) = Reverse ? reversed<U>(v) : v;
+            continue;
+        }
+        int const own = bytes - b;
+        bool const another = row + 1 < dense.rows;
+        std::byte const* const next = begin_of(another ? row + 1 : row);
+        std::byte const* const there = source(next, -own);
+        auto const inside = [&](std::byte const* at) { return at >= dense.first && at + 16 <= dense.last; };
+        if (another && inside(here) && inside(there)) {
+            uint4 const v = load(here), w = load(there);
+            *reinterpret_cast<uint4*>(to + b) = {spliced(own, v.x, w.x), spliced(own - 4, v.y, w.y),
+                                                 spliced(own - 8, v.z, w.z), spliced(own - 12, v.w, w.w)};
+        } else {
+            one_by_one(b, bytes, from, 0);
+            if (another) one_by_one(bytes, b + 16, next, bytes);
+        }
+    }
+}
+
+template <bool Reverse, class U> void launch_dense_copy(DenseCopy const& dense, RowCopy const& copy) {
+    dim3 const block(32, block_threads / 32);
+    dense_copy_kernel<Reverse, U><<<(dense.rows + block.y - 1) / block.y, block>>>(dense, copy);
     check_launch("copy_box");
 }
 
@@ -319,8 +392,15 @@ inline void copy_box(Execution const&, ConstView from, AnyView to, Mirror mirror
                                (mirror.z ? -1 : 1) * from.slice * size,
                                to.row * size,
                                to.slice * size};
+    std::int64_t const rows = dims.y * dims.z;
+    bool const odd = size < 4 && copy.bytes % 16 != 0 && copy.bytes >= 16 && copy.bytes < 1 << 30;
+    driver::DenseCopy const dense{static_cast<unsigned>(rows), static_cast<unsigned>(dims.y), from.data,
+                                  from.at(from.box.upper.x - 1, from.box.upper.y - 1, from.box.upper.z - 1) + size};
     for_each_size(size_of(to.type), [&]<class U>(U) {
-        if (mirror.x)
+        if (odd && to.contiguous() && rows > 1 && rows < 1LL << 32)
+            mirror.x ? driver::launch_dense_copy<true, U>(dense, copy)
+                     : driver::launch_dense_copy<false, U>(dense, copy);
+        else if (mirror.x)
             driver::launch_copy<true, U>(dims, copy);
         else
             driver::launch_copy<false, U>(dims, copy);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/colormap.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -96,9 +97,7 @@ constexpr std::array<Map, 7> maps{{
 } // namespace
 
 std::vector<std::string> colormap_names() {
-    std::vector<std::string> names;
-    for (Map const& map : maps) names.emplace_back(map.name);
-    return names;
+    return collect(maps, [](Map const& map) { return std::string(map.name); });
 }
 
 Color colormap(std::string_view name, double x) {

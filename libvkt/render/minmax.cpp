@@ -34,7 +34,8 @@ void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGri
                 high[x] = row[x] > high[x] ? row[x] : high[x];
             }
             if constexpr (floating)
-                for (std::int64_t x = 0; x < n; ++x) nan[x] = static_cast<std::uint8_t>(nan[x] | (row[x] != row[x]));
+                for (std::int64_t x = 0; x < n; ++x)
+                    nan[x] = static_cast<std::uint8_t>(nan[x] | (std::isnan(row[x]) ? 1 : 0));
         }
     for (int i = 0; i < grid.nx; ++i) {
         std::int64_t const x0 = macrocell_size * static_cast<std::int64_t>(i),

@@ -220,7 +220,7 @@ Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
         if (!(p >= 0 && p <= 100)) throw fail();
         return histogram.percentile(p / 100);
     };
-    Domain const domain{text_of, read(parts[0]), read(parts[1])};
+    Domain domain{text_of, read(parts[0]), read(parts[1])};
     if (!std::isfinite(domain.lower) || !std::isfinite(domain.upper) || domain.lower > domain.upper) throw fail();
     return domain;
 }

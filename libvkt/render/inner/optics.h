@@ -17,7 +17,8 @@ struct Attenuation {
 VKT_HD Attenuation attenuation(float t) {
     float const limited = t < 87.0F ? t : 87.0F;
     // t = n ln 2 - r with |r| <= ln 2 / 2; then e^-t = 2^-n e^r.
-    int const n = static_cast<int>(limited * 1.44269504F + 0.5F);
+    float const nearest = limited * 1.44269504F + 0.5F;
+    int const n = static_cast<int>(nearest); // not negative
     float const whole = static_cast<float>(n);
     float const r = (whole * 0.693359375F - limited) + whole * -2.12194440e-4F;
     // (e^r - 1) by its Taylor series to r^8; the remainder is below 2e-9 of r.

@@ -10,11 +10,15 @@
 #include <type_traits>
 
 #if defined(__AVX2__) && !defined(__CUDACC__)
-#pragma GCC diagnostic push
+#if !defined(__clang__)
 // GCC 12 takes its own "undefined" operands of masked instructions for mistakes.
+#pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #include <immintrin.h>
+#if !defined(__clang__)
 #pragma GCC diagnostic pop
+#endif
 #endif
 
 namespace vkt::render {
