@@ -62,3 +62,11 @@ w = np.full(24, 2**62, "i8"); w.tofile("i_4x3x2_int64.raw"); w[23] += 1; w.tofil
     run vkt diff cut.vkt cut.vkt
     [ "$status" -eq 3 ]
 }
+
+@test "equal volumes have an infinite signal-to-noise ratio, constant ones too" {
+    vkt make constant --value 3 --dims 4 3 2 -o constant.nrrd
+    vkt diff constant.nrrd constant.nrrd | grep -Eq '^psnr +inf$'
+    vkt make ramp --dims 4 3 2 -o ramp.nrrd
+    vkt diff ramp.nrrd ramp.nrrd | grep -Eq '^psnr +inf$'
+    vkt diff ramp.nrrd ramp.nrrd --json | grep -q '"psnr": null' # JSON has no infinity
+}

@@ -195,7 +195,7 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
         r.count = ha.voxels();
         r.rmse = std::sqrt(squares / static_cast<double>(r.count));
         r.range = high > low ? high - low : 0;
-        r.psnr = 20 * std::log10(r.range / r.rmse);
+        r.psnr = r.rmse > 0 ? 20 * std::log10(r.range / r.rmse) : std::numeric_limits<double>::infinity();
     }
     a.finish();
     b.finish();

@@ -15,7 +15,8 @@ TEST(StreamHash, PiecesGiveWhatTheWholeGives) {
     for (std::size_t n : {std::size_t{0}, std::size_t{1}, std::size_t{240}, std::size_t{420}, data.size()})
         for (std::uint64_t seed : {std::uint64_t{0}, std::uint64_t{77}}) {
             ipc::StreamHash hasher(seed);
-            for (std::size_t at = 0; at < n; at += 17) hasher.add({data.data() + at, std::min<std::size_t>(17, n - at)});
+            for (std::size_t at = 0; at < n; at += 17)
+                hasher.add({data.data() + at, std::min<std::size_t>(17, n - at)});
             EXPECT_EQ(hasher.value(), ipc::hash({data.data(), n}, seed)) << n;
         }
 }
