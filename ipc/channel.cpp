@@ -147,14 +147,14 @@ SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
     ring.slots_ = slots;
     ring.slot_bytes_ = (slot_bytes + page - 1) / page * page;
     ring.descriptor_ = ::memfd_create("vkt-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    int const refusal = ring.descriptor_ < 0 ? errno : 0;
     std::size_t const bytes = ring.slots_ * ring.slot_bytes_;
     // Pages of a memory file count against no limit: asked for more than there is, the kernel kills processes at
     // random.
     if (bytes > std::max(default_memory(), std::size_t{256} << 20))
         throw Error(ErrorKind::resources, text("a ring of ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory is more than a stage may hold"));
-    int const failure =
-        ring.descriptor_ < 0 ? errno : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));
+    int const failure = refusal != 0 ? refusal : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));
     if (failure != 0)
         throw Error(ErrorKind::resources, text("cannot have ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory: ", std::strerror(failure)));

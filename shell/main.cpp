@@ -1,8 +1,10 @@
 // Where the process begins: words in, exit code out.
 // SPDX-License-Identifier: MIT
+#include "libvkt/formats/temporaries.h"
 #include "shell/help.h"
 #include "shell/run.h"
 
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -20,10 +22,28 @@ void make_threads_sleep(char** argv) {
     // Where that is impossible the threads spin; results are the same.
 }
 
+extern "C" void clean_up_and_die(int signal) {
+    vkt::remove_temporaries();
+    std::signal(signal, SIG_DFL);
+    std::raise(signal); // whoever waits for this process sees what ended it
+}
+
+/// Temporary files that have names do not outlive the process, unless it is killed by force.
+void handle_signals() {
+    for (int const signal : {SIGINT, SIGTERM, SIGHUP}) {
+        struct sigaction action {};
+        if (::sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_DFL)
+            std::signal(signal, clean_up_and_die);
+    }
+    // Files that grow beyond the limit are an error like a full disk.
+    std::signal(SIGXFSZ, SIG_IGN);
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
     make_threads_sleep(argv);
+    handle_signals();
     std::vector<std::string> const words(argv + 1, argv + argc);
     if (words.empty() || words.front() == "--help" || words.front() == "-h") {
         std::FILE* const where = words.empty() ? stderr : stdout;

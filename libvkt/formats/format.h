@@ -114,6 +114,8 @@ public:
 
 private:
     void open_temporary();
+    void keep_existing(std::string const& from, bool unnamed);
+    void replace(std::string const& from, bool unnamed);
 
     std::string path_;
     std::string temporary_; ///< empty for an unnamed file

@@ -1,5 +1,6 @@
 // Files that appear whole or not at all: unnamed until committed where the file system can, else under a temporary
-// name. SPDX-License-Identifier: MIT
+// name.
+// SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/format.h"
@@ -7,13 +8,8 @@
 #include "libvkt/formats/temporaries.h"
 
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <random>
 #include <utility>
 
 #include <fcntl.h>
@@ -23,31 +19,6 @@
 namespace vkt {
 
 namespace {
-
-constexpr int slots = 64;
-/// The names outlive every object, since a signal may come between any two instructions.
-std::array<std::atomic<char*>, slots> temporaries{};
-
-std::string directory_of(std::string const& path) {
-    std::size_t const slash = path.rfind('/');
-    if (slash == std::string::npos) return ".";
-    return slash == 0 ? "/" : path.substr(0, slash);
-}
-
-std::string file_of(std::string const& path) {
-    std::size_t const slash = path.rfind('/');
-    return slash == std::string::npos ? path : path.substr(slash + 1);
-}
-
-/// A name in the directory of `path` that no other process and no other call uses.
-std::string temporary_name(std::string const& path) {
-    std::random_device random;
-    std::array<char, 17> nonce{};
-    std::snprintf(nonce.data(), nonce.size(), "%08x%08x", random(), random());
-    // The name may not exceed the longest that file systems take.
-    return text(directory_of(path), "/.", file_of(path).substr(0, 200), ".vkt-", static_cast<std::int64_t>(::getpid()),
-                "-", nonce.data());
-}
 
 std::string unnamed_link(int descriptor) { return text("/proc/self/fd/", descriptor); }
 
@@ -71,26 +42,6 @@ bool link_without_overwriting(std::string const& from, std::string const& to, bo
 }
 
 } // namespace
-
-int remember_temporary(std::string const& path) {
-    char* const copy = ::strdup(path.c_str());
-    if (!copy) return -1;
-    for (int i = 0; i < slots; ++i) {
-        char* expected = nullptr;
-        if (temporaries[static_cast<std::size_t>(i)].compare_exchange_strong(expected, copy)) return i;
-    }
-    std::free(copy);
-    return -1;
-}
-
-void forget_temporary(int slot) {
-    if (slot >= 0) std::free(temporaries[static_cast<std::size_t>(slot)].exchange(nullptr));
-}
-
-void remove_temporaries() noexcept {
-    for (auto& slot : temporaries)
-        if (char const* const path = slot.load()) ::unlink(path);
-}
 
 OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), force_(force) {
     if (path_ == "-") {
@@ -117,11 +68,13 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
 
 void OutputFile::open_temporary() {
     std::string const directory = directory_of(path_);
+    if (force_) remove_leftovers(path_); // only what displaces another file is ever named besides
     if (::access("/proc/self/fd", X_OK) == 0) {
         descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
         if (descriptor_ >= 0) return;
     }
     // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
+    remove_leftovers(path_);
     temporary_ = temporary_name(path_);
     descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
     if (descriptor_ < 0) {
@@ -130,6 +83,7 @@ void OutputFile::open_temporary() {
         if (code == ENOENT) hint = text("make the directory '", directory, "' first");
         throw system_error(text("cannot write '", path_, "'"), code, hint);
     }
+    mark_alive(descriptor_);
     slot_ = remember_temporary(temporary_);
 }
 
@@ -173,41 +127,50 @@ void OutputFile::commit() {
         return;
     }
     bool const unnamed = temporary_.empty();
+    mark_alive(descriptor_);
     if (!unnamed) {
-        // Network file systems tell about a full disk only here, so before the name is given away.
-        int const descriptor = std::exchange(descriptor_, -1);
+        // Network file systems tell about a full disk only here, so before the name is given away. The copy keeps the
+        // mark.
+        int const descriptor = std::exchange(descriptor_, ::fcntl(descriptor_, F_DUPFD_CLOEXEC, 3));
         if (::close(descriptor) != 0) throw system_error(text("cannot write '", path_, "'"));
     }
     std::string const from = unnamed ? unnamed_link(descriptor_) : temporary_;
-    if (!force_) {
-        if (!link_without_overwriting(from, path_, unnamed) &&
-            ::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
-            if (errno == EEXIST) throw exists_already(path_);
-            if (errno != EINVAL && errno != ENOSYS) throw system_error(text("cannot write '", path_, "'"));
-            // A file system with neither links nor exclusive renaming: look before renaming is the best there is.
-            if (::access(path_.c_str(), F_OK) == 0) throw exists_already(path_);
-            if (::rename(from.c_str(), path_.c_str()) != 0) throw system_error(text("cannot write '", path_, "'"));
-        }
-    } else {
-        // An existing file is replaced in one step: named aside first, then renamed over it.
-        std::string aside = temporary_;
-        if (unnamed) {
-            aside = temporary_name(path_);
-            if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, aside.c_str(), AT_SYMLINK_FOLLOW) != 0)
-                throw system_error(text("cannot write '", path_, "'"));
-        }
-        if (::rename(aside.c_str(), path_.c_str()) != 0) {
-            int const reason = errno;
-            ::unlink(aside.c_str());
-            errno = reason;
-            throw system_error(text("cannot write '", path_, "'"));
-        }
-    }
+    if (force_)
+        replace(from, unnamed);
+    else
+        keep_existing(from, unnamed);
     if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
     if (!temporary_.empty()) {
         ::unlink(temporary_.c_str());
         temporary_.clear();
     }
+}
+
+void OutputFile::keep_existing(std::string const& from, bool unnamed) {
+    if (link_without_overwriting(from, path_, unnamed)) return;
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0) return;
+    if (errno == EEXIST) throw exists_already(path_);
+    if (errno != EINVAL && errno != ENOSYS) throw system_error(text("cannot write '", path_, "'"));
+    // A file system with neither links nor exclusive renaming: look before renaming is the best there is.
+    if (::access(path_.c_str(), F_OK) == 0) throw exists_already(path_);
+    if (::rename(from.c_str(), path_.c_str()) != 0) throw system_error(text("cannot write '", path_, "'"));
+}
+
+/// In one step: an unnamed file takes a free name at once, and is named aside first where it has to displace another.
+void OutputFile::replace(std::string const& from, bool unnamed) {
+    std::string aside = temporary_;
+    if (unnamed) {
+        if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
+        if (errno != EEXIST) throw system_error(text("cannot write '", path_, "'"));
+        aside = temporary_name(path_);
+        slot_ = remember_temporary(aside);
+        if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, aside.c_str(), AT_SYMLINK_FOLLOW) != 0)
+            throw system_error(text("cannot write '", path_, "'"));
+    }
+    if (::rename(aside.c_str(), path_.c_str()) == 0) return;
+    int const reason = errno;
+    ::unlink(aside.c_str());
+    throw system_error(text("cannot write '", path_, "'"), reason);
 }
 
 } // namespace vkt

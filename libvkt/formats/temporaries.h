@@ -1,10 +1,16 @@
-// Names of temporary files that must not outlive the process, for file systems without unnamed files.
+// Temporary files that must not outlive the process: their names, and what to do about those of processes that died.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include <string>
 
 namespace vkt {
+
+/// "." for a name without a slash.
+std::string directory_of(std::string const& path);
+
+/// A hidden name beside `path` that no other process and no other call uses.
+std::string temporary_name(std::string const& path);
 
 /// Remembers a temporary file until it is forgotten. Beyond 64 at a time it is not remembered, and only removed by its
 /// owner. Returns the slot.
@@ -13,5 +19,11 @@ void forget_temporary(int slot);
 
 /// Removes every remembered file. Async-signal-safe: a program calls it from its handler of fatal signals.
 void remove_temporaries() noexcept;
+
+/// Marks an open temporary file as belonging to a living process; the kernel takes the mark away when that dies.
+void mark_alive(int descriptor);
+
+/// Removes what killed processes left beside `path` under names from temporary_name(path).
+void remove_leftovers(std::string const& path);
 
 } // namespace vkt

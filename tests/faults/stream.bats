@@ -103,3 +103,22 @@ for i in range(len(data)): os.write(1, data[i:i+1])' | vkt read | vkt diff in.vk
     for _ in $(seq 50); do [ -e flipped.vkt ] && break; sleep 0.1; done
     vkt flip x flipped.vkt | vkt diff - in.vkt >/dev/null
 }
+
+@test "geometry that is no number is refused" {
+    vkt make ramp --dims 3 4 5 --dtype uint8 -o good.vkt
+    for option in spacing origin slope intercept; do
+        for value in nan inf -inf; do
+            fails_with 2 '' vkt set good.vkt --$option=$value -o out.nrrd
+        done
+    done
+    # NRRD says with NaN that a spacing is unknown.
+    printf 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspacings: nan 2 2\nencoding: raw\n\n12345678' >unknown.nrrd
+    vkt info unknown.nrrd --json | grep -q '"spacing": \[1.0,2.0,2.0\]'
+    printf 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspacings: inf 2 2\nencoding: raw\n\n12345678' >bad.nrrd
+    fails_with 3 'bad.nrrd' vkt read bad.nrrd -o out.nrrd
+    printf 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nspace: left-posterior-superior\nspace directions: (1,0,0) (0,nan,0) (0,0,1)\nencoding: raw\n\n12345678' >bad.nrrd
+    fails_with 3 'bad.nrrd' vkt read bad.nrrd -o out.nrrd
+    printf 'ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementSpacing = 1 nan 1\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n12345678' >bad.mha
+    fails_with 3 'bad.mha' vkt read bad.mha -o out.nrrd
+    [ ! -e out.nrrd ]
+}

@@ -346,6 +346,27 @@ TEST(OutputFile, RememberedTemporariesAreRemovable) {
     forget_temporary(slot);
 }
 
+TEST(OutputFile, LeftoversOfTheDeadAreRemovedThoseOfTheLivingAreNot) {
+    Scratch const scratch;
+    std::string const path = scratch / "a.raw";
+    put_file(path, "old");
+    put_file(temporary_name(path), "left by a process that was killed");
+    std::string const living = temporary_name(path);
+    put_file(living, "being written");
+    int const owner = ::open(living.c_str(), O_RDONLY | O_CLOEXEC);
+    mark_alive(owner);
+    put_file(temporary_name(path), ""); // may be new
+    put_file(temporary_name(scratch / "b.raw"), "of another file");
+    ASSERT_EQ(scratch.files(), 5u);
+    OutputFile file(path, true);
+    file.write("new", 3);
+    file.commit();
+    EXPECT_EQ(get_file(path), "new");
+    EXPECT_EQ(scratch.files(), 4u);
+    EXPECT_EQ(get_file(living), "being written");
+    ::close(owner);
+}
+
 TEST(SlabSink, RefusesSlabsOutOfOrder) {
     Scratch const scratch;
     Header header;

@@ -1,0 +1,98 @@
+// Temporary files: names with a nonce, a table for signal handlers, locks that tell living owners from dead ones.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/temporaries.h"
+
+#include "libvkt/core/text.h"
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <random>
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vkt {
+
+namespace {
+
+constexpr int slots = 64;
+/// The names outlive every object, since a signal may come between any two instructions.
+std::array<std::atomic<char*>, slots> temporaries{};
+
+std::string file_of(std::string const& path) {
+    std::size_t const slash = path.rfind('/');
+    return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+/// What all temporary names for `path` begin with. A name may not be longer than file systems take.
+std::string prefix_of(std::string const& path) { return text(".", file_of(path).substr(0, 200), ".vkt-"); }
+
+/// True if the file is one of ours whose owner is gone.
+bool left_over(int descriptor) {
+    struct stat status {};
+    if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) return false;
+    // An empty file may have been made this moment, before its owner could mark it.
+    if (status.st_size == 0 && status.st_ctime + 60 > std::time(nullptr)) return false;
+    return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
+}
+
+} // namespace
+
+std::string directory_of(std::string const& path) {
+    std::size_t const slash = path.rfind('/');
+    if (slash == std::string::npos) return ".";
+    return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+std::string temporary_name(std::string const& path) {
+    std::random_device random;
+    std::array<char, 17> nonce{};
+    std::snprintf(nonce.data(), nonce.size(), "%08x%08x", random(), random());
+    return text(directory_of(path), "/", prefix_of(path), static_cast<std::int64_t>(::getpid()), "-", nonce.data());
+}
+
+int remember_temporary(std::string const& path) {
+    char* const copy = ::strdup(path.c_str());
+    if (!copy) return -1;
+    for (int i = 0; i < slots; ++i) {
+        char* expected = nullptr;
+        if (temporaries[static_cast<std::size_t>(i)].compare_exchange_strong(expected, copy)) return i;
+    }
+    std::free(copy);
+    return -1;
+}
+
+void forget_temporary(int slot) {
+    if (slot >= 0) std::free(temporaries[static_cast<std::size_t>(slot)].exchange(nullptr));
+}
+
+void remove_temporaries() noexcept {
+    for (auto& slot : temporaries)
+        if (char const* const path = slot.load()) ::unlink(path);
+}
+
+void mark_alive(int descriptor) { (void)::flock(descriptor, LOCK_EX | LOCK_NB); }
+
+void remove_leftovers(std::string const& path) {
+    std::string const directory = directory_of(path), prefix = prefix_of(path);
+    std::unique_ptr<DIR, int (*)(DIR*)> const folder(::opendir(directory.c_str()), ::closedir);
+    if (!folder) return;
+    while (dirent const* const entry = ::readdir(folder.get())) {
+        if (std::strncmp(entry->d_name, prefix.c_str(), prefix.size()) != 0) continue;
+        int const descriptor =
+            ::openat(::dirfd(folder.get()), entry->d_name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+        if (descriptor < 0) continue;
+        if (left_over(descriptor)) ::unlinkat(::dirfd(folder.get()), entry->d_name, 0);
+        ::close(descriptor);
+    }
+}
+
+} // namespace vkt

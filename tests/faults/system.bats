@@ -1,0 +1,110 @@
+# Calls of the operating system that fail or are interrupted: same bytes, or the right exit code and nothing left.
+load ../helper
+
+setup_more() {
+    command -v strace >/dev/null || skip "strace is absent"
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need no tracer"
+    export OMP_WAIT_POLICY=passive # or vkt starts itself once more, which the tracer would count
+    strace -f -qq -o /dev/null true 2>/dev/null || skip "processes cannot be traced here"
+    vkt make noise --seed 2 --dims 64 61 67 --dtype uint16 -o in.nrrd
+    vkt flip x in.nrrd | vkt write - --format raw >expected.raw
+}
+
+# with INJECTION COMMAND…: runs it while a system call misbehaves.
+with() {
+    local injection="$1"
+    shift
+    strace -f -qq -o trace -e "inject=$injection" "$@"
+}
+
+same() { vkt read "$1" | vkt write - --format raw | cmp - expected.raw; }
+no_leftovers() { [ -z "$(find . -name '.*vkt-*')" ] || { find . -name '.*vkt-*' >&2; return 1; }; }
+
+@test "interrupted calls are made again" {
+    for call in write writev pwrite64 poll vmsplice sendmsg sendto recvfrom recvmsg; do
+        for transport in pipe shm; do
+            with $call:error=EINTR:when=1+2 vkt flip x in.nrrd --transport $transport >out.vkt
+            same out.vkt
+            vkt read in.nrrd --transport $transport | with $call:error=EINTR:when=1+2 vkt flip x >out.vkt
+            same out.vkt
+            vkt read in.nrrd | with $call:error=EINTR:when=1+2 vkt flip x -o out.nrrd --force
+            same out.nrrd
+        done
+    done
+}
+
+@test "interrupted reads are made again" {
+    # Of this file only: the loader of programs does not expect it.
+    with read,pread64:error=EINTR:when=1+2 -P in.nrrd vkt flip x in.nrrd >out.vkt 2>/dev/null
+    grep -q INJECTED trace
+    same out.vkt
+    mkfifo pipe
+    vkt read in.nrrd >pipe &
+    with read,pread64,readv:error=EINTR:when=1+2 -P pipe vkt flip x pipe >out.vkt 2>/dev/null
+    grep -q INJECTED trace
+    same out.vkt
+}
+
+@test "shared memory that cannot be had is said once, voxels go through the pipe" {
+    for injection in memfd_create:error=ENOMEM fallocate:error=ENOSPC fallocate:error=ENOMEM; do
+        with $injection vkt flip x in.nrrd --transport shm 2>err | vkt write - --format raw | cmp - expected.raw
+        [ "$(grep -c 'voxels go through the pipe' err)" -eq 1 ]
+    done
+    with memfd_create:error=ENOMEM vkt flip x in.nrrd --transport shm 2>err | vkt stats >/dev/null
+    grep -q 'Cannot allocate memory' err
+}
+
+@test "a rename that fails keeps the old file and leaves nothing" {
+    cp in.nrrd old.nrrd
+    for injection in rename:error=EIO rename:error=EINTR linkat:error=EIO:when=2; do
+        status=0
+        with $injection vkt flip x in.nrrd -o old.nrrd --force 2>err || status=$?
+        [ "$status" -eq 4 ]
+        [ "$(grep -c '^vkt' err)" -le 2 ]
+        cmp in.nrrd old.nrrd
+        no_leftovers
+    done
+}
+
+@test "killed between naming and renaming: the old file stays, the next run cleans up" {
+    cp in.nrrd old.nrrd
+    run with rename:signal=KILL vkt flip x in.nrrd -o old.nrrd --force
+    [ "$status" -eq 137 ]
+    cmp in.nrrd old.nrrd
+    vkt flip x in.nrrd -o old.nrrd --force
+    same old.nrrd
+    no_leftovers
+}
+
+@test "a write that fails is exit 4 and leaves nothing" {
+    for reason in EIO ENOSPC EDQUOT; do
+        for file in out.raw out.nrrd out.nrrd.gz.vkt out.mhd; do
+            status=0
+            with write,pwrite64,writev:error=$reason:when=1 vkt flip x in.nrrd -o $file 2>err || status=$?
+            grep -q INJECTED trace
+            [ "$status" -eq 4 ]
+            [ ! -e $file ]
+            no_leftovers
+        done
+    done
+}
+
+@test "a read that fails is exit 4 here and 3 downstream, and makes no file" {
+    vkt read in.nrrd | vkt write in_64x61x67_uint16.raw
+    status=0
+    with read,pread64:error=EIO:when=1 -P in_64x61x67_uint16.raw vkt flip z in_64x61x67_uint16.raw \
+        >out.vkt 2>err || status=$?
+    grep -q INJECTED trace
+    [ "$status" -eq 4 ]
+    grep -q "cannot read 'in_64x61x67_uint16.raw'" err
+    fails_with 3 '' vkt read out.vkt -o x.nrrd
+    [ ! -e x.nrrd ]
+}
+
+@test "a file beyond the size limit is an error, not a signal" {
+    run bash -c 'ulimit -f 100; vkt flip x in.nrrd -o big.nrrd'
+    [ "$status" -eq 4 ]
+    [[ "$output" == *"big.nrrd"*"too large"* ]]
+    [ ! -e big.nrrd ]
+    no_leftovers
+}
