@@ -125,7 +125,8 @@ std::vector<double> Interpreter::numbers(std::initializer_list<char const*> name
     std::vector<double> values;
     for (auto const& word : words_of(*line)) {
         auto const value = number_in(word);
-        if (!value || !std::isfinite(*value)) fail(text(*names.begin(), " has '", word.substr(0, 40), "', which is no number"));
+        if (!value || !std::isfinite(*value))
+            fail(text(*names.begin(), " has '", word.substr(0, 40), "', which is no number"));
         values.push_back(*value);
     }
     if (values.size() < count)
