@@ -52,6 +52,7 @@ template <class T> VKT_HD void add_brick(T const* all, SampledBrick const& brick
         for (int k = 0; k < chunk; ++k) {
             float const h = x.weight[i][k] * y.weight[j][k] * z.weight[l][k];
             float const cell = static_cast<float>(cells[z.cell[l][k] * slice + y.cell[j][k] * row + x.cell[i][k]]);
+            // A cell without weight must not spread its NaN.
             sums.sum[k] += h > 0 ? h * cell : 0.0F;
             sums.weight[k] += h;
         }
@@ -115,22 +116,29 @@ template <class T> struct TreeField {
         Points p[6];
         Sums sums[6];
         double low[6][3], high[6][3];
-        double all_low[3], all_high[3];
+        double all_low[3], all_high[3], widest = 0;
+        for (int k = 0; k < chunk; ++k)
+            widest = static_cast<double>(width[k]) > widest ? static_cast<double>(width[k]) : widest;
         for (int s = 0; s < 6; ++s) {
             p[s] = middle;
             double* const moved = p[s].x[s / 2];
             for (int k = 0; k < chunk; ++k)
                 moved[k] += s % 2 != 0 ? static_cast<double>(width[k]) : -static_cast<double>(width[k]);
             for (int a = 0; a < 3; ++a) {
-                double least = upper[a], most_of = lower[a];
+                double* const x = p[s].x[a];
                 for (int k = 0; k < chunk; ++k) {
-                    double const above = p[s].x[a][k] > lower[a] ? p[s].x[a][k] : lower[a];
-                    double const x = above < upper[a] ? above : upper[a];
-                    p[s].x[a][k] = x;
-                    least = x < least ? x : least;
-                    most_of = x > most_of ? x : most_of;
+                    double const above = x[k] > lower[a] ? x[k] : lower[a];
+                    x[k] = above < upper[a] ? above : upper[a];
                 }
-                low[s][a] = least - tree.slack, high[s][a] = most_of + tree.slack;
+                // Points follow each other along a line, moved by no more than the greatest width.
+                double const one = middle.x[a][0], two = middle.x[a][chunk - 1];
+                double const back = a == s / 2 && s % 2 == 0 ? widest : 0,
+                             front = a == s / 2 && s % 2 != 0 ? widest : 0;
+                low[s][a] = (one < two ? one : two) - back - tree.slack;
+                high[s][a] = (one < two ? two : one) + front + tree.slack;
+                // What was moved into the picture lies on its border.
+                low[s][a] = low[s][a] < upper[a] ? low[s][a] : upper[a] - tree.slack;
+                high[s][a] = high[s][a] > lower[a] ? high[s][a] : lower[a] + tree.slack;
                 all_low[a] = s == 0 || low[s][a] < all_low[a] ? low[s][a] : all_low[a];
                 all_high[a] = s == 0 || high[s][a] > all_high[a] ? high[s][a] : all_high[a];
             }
