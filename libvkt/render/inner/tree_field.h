@@ -18,46 +18,70 @@ struct Sums {
 
 namespace detail {
 
-/// Taps of a chunk of points along one axis of a brick: weights and cells; cells that are not there weigh nothing.
+/// Taps of a chunk of points along one axis of a brick: weights and places of cells; those that are not
+/// there weigh nothing.
 struct Taps {
     alignas(64) float weight[2][chunk];
-    alignas(64) std::int32_t cell[2][chunk];
+    alignas(64) std::int32_t place[2][chunk];
 
-    VKT_HD Taps(double const* p, double lower, double inverse, std::int32_t dims) {
+    VKT_HD Taps(double const* p, double lower, double inverse, std::int32_t dims, std::int32_t stride) {
         double const end = static_cast<double>(dims);
         for (int k = 0; k < chunk; ++k) {
-            double const place = (p[k] - lower) * inverse - 0.5;
+            double const exact = (p[k] - lower) * inverse - 0.5;
             // Points out of reach weigh nothing at these limits.
-            double const above = place > -1.0 ? place : -1.0, q = above < end ? above : end;
+            double const above = exact > -1.0 ? exact : -1.0, q = above < end ? above : end;
             auto const whole = static_cast<std::int32_t>(q + 1.0) - 1; // floor, as q >= -1
             float const t = static_cast<float>(q - static_cast<double>(whole));
             bool const first = whole >= 0 && whole < dims, second = whole + 1 < dims;
             weight[0][k] = first ? 1.0F - t : 0.0F;
             weight[1][k] = second ? t : 0.0F;
-            cell[0][k] = first ? whole : 0;
-            cell[1][k] = second ? whole + 1 : 0;
+            place[0][k] = first ? whole * stride : 0;
+            place[1][k] = second ? (whole + 1) * stride : 0;
         }
     }
 };
 
 /// Adds what a brick contributes to a chunk of points; the same operations in the same order as sample().
-template <class T> VKT_HD void add_brick(T const* all, SampledBrick const& brick, Points const& p, Sums& sums) {
-    Taps const x(p.x[0], brick.lower[0], static_cast<double>(brick.inverse_width[0]), brick.dims[0]);
-    Taps const y(p.x[1], brick.lower[1], static_cast<double>(brick.inverse_width[1]), brick.dims[1]);
-    Taps const z(p.x[2], brick.lower[2], static_cast<double>(brick.inverse_width[2]), brick.dims[2]);
-    T const* const cells = all + brick.offset;
-    std::int32_t const row = brick.dims[0], slice = brick.dims[0] * brick.dims[1];
+template <class T> VKT_HD void add_cells(T const* cells, Taps const& x, Taps const& y, Taps const& z, Sums& sums) {
     for (int corner = 0; corner < 8; ++corner) {
         int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
         for (int k = 0; k < chunk; ++k) {
             float const h = x.weight[i][k] * y.weight[j][k] * z.weight[l][k];
-            float const cell = static_cast<float>(cells[z.cell[l][k] * slice + y.cell[j][k] * row + x.cell[i][k]]);
+            float const cell = static_cast<float>(cells[z.place[l][k] + y.place[j][k] + x.place[i][k]]);
             // A cell without weight must not spread its NaN.
             sums.sum[k] += h > 0 ? h * cell : 0.0F;
             sums.weight[k] += h;
         }
     }
 }
+
+VKT_HD Taps taps_along(SampledBrick const& brick, int a, double const* p) {
+    std::int32_t const stride = a == 0 ? 1 : a == 1 ? brick.dims[0] : brick.dims[0] * brick.dims[1];
+    return {p, brick.lower[a], static_cast<double>(brick.inverse_width[a]), brick.dims[a], stride};
+}
+
+/// Points between two ends.
+struct Line {
+    double from[3], inverse[3]; ///< one end; 1 / way to the other one
+    double low[3], high[3];     ///< box of the points
+    bool straight;              ///< false: they may be anywhere in the box
+
+    VKT_HD bool meets(BrickBox const& box, double slack) const {
+        double enter = 0, leave = 1;
+        bool all = true;
+        for (int a = 0; a < 3; ++a) {
+            double const lower = static_cast<double>(box.lower[a]) - slack;
+            double const upper = static_cast<double>(box.upper[a]) + slack;
+            all = all && high[a] > lower && low[a] < upper;
+            // Not a number, from a way of zero along the border, is no limit.
+            double const p = (lower - from[a]) * inverse[a], q = (upper - from[a]) * inverse[a];
+            double const first = p < q ? p : q, last = p < q ? q : p;
+            enter = first > enter ? first : enter;
+            leave = last < leave ? last : leave;
+        }
+        return all && (!straight || enter <= leave);
+    }
+};
 
 } // namespace detail
 
@@ -104,7 +128,12 @@ template <class T> struct TreeField {
             return;
         }
         Sums sums;
-        for (int i = 0; i < count; ++i) detail::add_brick(cells, tree.bricks[ids[i]], p, sums);
+        for (int i = 0; i < count; ++i) {
+            SampledBrick const& brick = tree.bricks[ids[i]];
+            detail::Taps const x = detail::taps_along(brick, 0, p.x[0]), y = detail::taps_along(brick, 1, p.x[1]),
+                               z = detail::taps_along(brick, 2, p.x[2]);
+            detail::add_cells(cells + brick.offset, x, y, z, sums);
+        }
         for (int k = 0; k < chunk; ++k) out[k] = sums.weight[k] > 0 ? sums.sum[k] / sums.weight[k] : nothing;
     }
 
@@ -113,43 +142,57 @@ template <class T> struct TreeField {
     /// the picture counts as what is on its border.
     VKT_HD void gradients(Double3 o, Double3 d, double const* t, float* gx, float* gy, float* gz) const {
         Points const middle = points(o, d, t);
-        Points p[6];
+        alignas(64) double moved[6][chunk]; // along axis s / 2, backwards and forwards
+        detail::Line lines[6];
         Sums sums[6];
-        double low[6][3], high[6][3];
-        double all_low[3], all_high[3], widest = 0;
-        for (int k = 0; k < chunk; ++k)
-            widest = static_cast<double>(width[k]) > widest ? static_cast<double>(width[k]) : widest;
+        float narrowest = width[0], widest = width[0];
+        for (int k = 1; k < chunk; ++k) {
+            narrowest = width[k] < narrowest ? width[k] : narrowest;
+            widest = width[k] > widest ? width[k] : widest;
+        }
+        double all_low[3], all_high[3];
         for (int s = 0; s < 6; ++s) {
-            p[s] = middle;
-            double* const moved = p[s].x[s / 2];
-            for (int k = 0; k < chunk; ++k)
-                moved[k] += s % 2 != 0 ? static_cast<double>(width[k]) : -static_cast<double>(width[k]);
+            detail::Line& line = lines[s];
+            int const along = s / 2;
+            double const sign = s % 2 != 0 ? 1 : -1;
+            double const low = lower[along], high = upper[along];
+            for (int k = 0; k < chunk; ++k) {
+                double const x = middle.x[along][k] + sign * static_cast<double>(width[k]);
+                double const above = x > low ? x : low;
+                moved[s][k] = above < high ? above : high;
+            }
+            line.straight = narrowest == widest;
             for (int a = 0; a < 3; ++a) {
-                double* const x = p[s].x[a];
-                for (int k = 0; k < chunk; ++k) {
-                    double const above = x[k] > lower[a] ? x[k] : lower[a];
-                    x[k] = above < upper[a] ? above : upper[a];
-                }
-                // Points follow each other along a line, moved by no more than the greatest width.
-                double const one = middle.x[a][0], two = middle.x[a][chunk - 1];
-                double const back = a == s / 2 && s % 2 == 0 ? widest : 0,
-                             front = a == s / 2 && s % 2 != 0 ? widest : 0;
-                low[s][a] = (one < two ? one : two) - back - tree.slack;
-                high[s][a] = (one < two ? two : one) + front + tree.slack;
-                // What was moved into the picture lies on its border.
-                low[s][a] = low[s][a] < upper[a] ? low[s][a] : upper[a] - tree.slack;
-                high[s][a] = high[s][a] > lower[a] ? high[s][a] : lower[a] + tree.slack;
-                all_low[a] = s == 0 || low[s][a] < all_low[a] ? low[s][a] : all_low[a];
-                all_high[a] = s == 0 || high[s][a] > all_high[a] ? high[s][a] : all_high[a];
+                double const shift = a == along ? sign * static_cast<double>(widest) : 0;
+                double const one = middle.x[a][0] + shift, two = middle.x[a][chunk - 1] + shift;
+                line.from[a] = one, line.inverse[a] = 1 / (two - one);
+                // Widths differ by what is between none and the widest; what left the picture lies on its border.
+                double const least = (one < two ? one : two) - (narrowest == widest || shift < 0 ? 0 : shift);
+                double const most_of = (one < two ? two : one) - (narrowest == widest || shift > 0 ? 0 : shift);
+                line.straight = line.straight && least >= lower[a] && most_of <= upper[a];
+                line.low[a] = least < upper[a] ? least : upper[a];
+                line.high[a] = most_of > lower[a] ? most_of : lower[a];
+                all_low[a] = s == 0 || line.low[a] < all_low[a] ? line.low[a] : all_low[a];
+                all_high[a] = s == 0 || line.high[a] > all_high[a] ? line.high[a] : all_high[a];
             }
         }
+        for (int a = 0; a < 3; ++a) all_low[a] -= tree.slack, all_high[a] += tree.slack;
         find_near(all_low, all_high);
         T const* const cells = static_cast<T const*>(tree.cells);
         for (int i = 0; i < near.size; ++i) {
             BrickBox const& box = tree.boxes[near.items[i].slot];
+            bool met[6], any = false;
+            for (int s = 0; s < 6; ++s) any = (met[s] = lines[s].meets(box, tree.slack)) || any;
+            if (!any) continue;
+            SampledBrick const& brick = tree.bricks[box.id];
+            detail::Taps const x = detail::taps_along(brick, 0, middle.x[0]),
+                               y = detail::taps_along(brick, 1, middle.x[1]),
+                               z = detail::taps_along(brick, 2, middle.x[2]);
             for (int s = 0; s < 6; ++s) {
-                if (meets(box.lower, box.upper, low[s], high[s]))
-                    detail::add_brick(cells, tree.bricks[box.id], p[s], sums[s]);
+                if (!met[s]) continue;
+                detail::Taps const there = detail::taps_along(brick, s / 2, moved[s]);
+                detail::add_cells(cells + brick.offset, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
+                                  s / 2 == 2 ? there : z, sums[s]);
             }
         }
         float* const out[3] = {gx, gy, gz};
