@@ -267,6 +267,18 @@ TEST(RenderTree, FarAwayIsAsPreciseAsNear) {
     EXPECT_LT(greatest_difference(drawn(64), drawn(std::int64_t{1} << 26)), 1e-4);
 }
 
+TEST(RenderTree, NamesOfAxesDoNotMatter) {
+    Volume volume = small_tree();
+    RenderSettings s;
+    s.width = 61, s.height = 47;
+    s.domain = "0:2";
+    s.opacity = "0,0.01,0.1";
+    s.shade = 0.8;
+    Image const image = render_one(volume, s).image;
+    for (auto const& axis : amr_test::permutations())
+        EXPECT_LT(greatest_difference(image, render_one(amr_test::permuted(volume, axis), s).image), 1e-4);
+}
+
 TEST(RenderTree, FlatTreesAreDrawn) {
     AmrRecipe recipe = amr_test::small_recipe();
     recipe.roots = {3, 2, 1}, recipe.block = {8, 4, 1};
