@@ -258,6 +258,9 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
     [ "$status" -eq 0 ] || { echo "$output" >&2; false; }
     [[ "$output" == *"whole volume"* && "$output" == *"region"* ]]
     [ -s whole.nrrd ] && [ -s zoom.nrrd ]
+    for picture in whole zoom whole-tree zoom-tree; do
+        [ "$(pixels $picture.png | head -n 1)" = "512 512 8 2" ]
+    done
     python_with numpy
     for file in whole zoom; do
         vkt info $file.nrrd --json >info.json

@@ -139,12 +139,13 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
     double const smallest = smallest_spacing(g);
     look.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
-        look.unit = diagonal(g, header_.dims) / 256;
+        look.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
     else if (!settings.unit.empty())
         look.unit = parse_double(settings.unit);
     if (!(look.unit > 0) || !std::isfinite(look.unit)) refuse("the unit distance must be positive");
 
-    double const voxels = tree_ ? tree_->covered() : static_cast<double>(header_.voxels());
+    double const voxels =
+        tree_ ? std::min(tree_->covered(), volume_of(tree_->region().dims())) : static_cast<double>(header_.voxels());
     double const extent = std::cbrt(voxel_size(g) * voxels);
     Automatic const automatic = choose_transfer(histogram(), look.domain, settings.colormap, extent, look.unit);
     bool chosen = false;

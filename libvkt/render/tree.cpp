@@ -55,6 +55,9 @@ float rounded_down(double v) {
 }
 float rounded_up(double v) { return -rounded_down(-v); }
 
+Double3 least(Double3 a, Double3 b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}; }
+Double3 greatest(Double3 a, Double3 b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
+
 } // namespace
 
 struct Tree::Survey {
@@ -237,6 +240,15 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
         if (at(nodes.last + 1) == at(nodes.first)) continue;
         ++result.visible_count;
         Box const bounds = intersect(bounds_of(bricks[b], sampler_.volume().header().dims), region_);
+        Box const domain = domain_of(bricks[b], sampler_.volume().header().dims);
+        auto const half = [](Index3 i) {
+            return Double3{0.5 * static_cast<double>(i.x), 0.5 * static_cast<double>(i.y),
+                           0.5 * static_cast<double>(i.z)};
+        };
+        Double3 const low = half(domain.lower), high = half(domain.upper);
+        bool const first = result.visible_count == 1;
+        result.lower = first ? low : least(result.lower, low);
+        result.upper = first ? high : greatest(result.upper, high);
         if (bounds.empty()) continue;
         for (int a = 0; a < 3; ++a) {
             result.content.lower[a] = some ? std::min(result.content.lower[a], bounds.lower[a]) : bounds.lower[a];
@@ -251,6 +263,8 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
 TreeView Tree::view(Visibility const& visibility) const {
     double extent = 0;
     for (int a = 0; a < 3; ++a) extent = std::max(extent, static_cast<double>(region_.upper[a]));
+    double const slack = 1e-6 + 1e-9 * extent;
+    Double3 const around{slack, slack, slack};
     return {sampler_.volume().buffer().read(Space::host),
             type_,
             sampler_.index().nodes().data(),
@@ -259,7 +273,9 @@ TreeView Tree::view(Visibility const& visibility) const {
             boxes_.data(),
             visibility.range.data(),
             visibility.visible_before.data(),
-            1e-6 + 1e-9 * extent};
+            slack,
+            visibility.lower - around,
+            visibility.upper + around};
 }
 
 } // namespace vkt::render

@@ -79,7 +79,7 @@ TEST(RenderTree, OneLevelLooksLikeTheStructuredVolume) {
                     Picture const lattice = render_one(volume, s), tree = render_one(cut<float>(volume, edge), s);
                     EXPECT_LT(greatest_difference(lattice.image, tree.image), shade > 0 ? 2e-5 : 5e-6)
                         << edge.x << " " << shade << " " << step;
-                    EXPECT_EQ(lattice.report.segments, tree.report.segments);
+                    EXPECT_GE(lattice.report.segments, tree.report.segments);
                 }
     // All that is chosen from the data is chosen alike.
     RenderSettings automatic;

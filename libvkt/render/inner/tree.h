@@ -33,6 +33,12 @@ struct TreeView {
     BrickNodes const* range;             ///< per brick
     std::uint32_t const* visible_before; ///< per table node: how many nodes before it show something
     double slack;                        ///< more than what rounding does to positions
+    Double3 lower, upper;                ///< box of all domains in which something can be seen; empty if none is
+};
+
+/// The part of a ray that is marched, in lengths from its entry.
+struct RayPart {
+    double begin, end;
 };
 
 /// An array that grows; its owner frees it. Plain, so that every instruction set has its own copy of the code.
@@ -95,11 +101,12 @@ struct TreeScratch {
 namespace detail {
 
 struct Slabs {
-    double origin[3], inverse[3], slack, length;
+    double origin[3], inverse[3], slack;
+    RayPart part;
 
     /// The part of the ray in a box.
     VKT_HD bool cross(float const* lower, float const* upper, double& enter, double& leave) const {
-        enter = 0, leave = length;
+        enter = part.begin, leave = part.end;
         for (int a = 0; a < 3; ++a) {
             double const p = (static_cast<double>(lower[a]) - slack - origin[a]) * inverse[a];
             double const q = (static_cast<double>(upper[a]) + slack - origin[a]) * inverse[a];
@@ -115,13 +122,13 @@ struct Slabs {
 
 /// Collects the bricks whose domains the ray crosses, by the place where it enters. Near children come first, so that
 /// new crossings belong near the end of the list.
-VKT_HD void cross_bricks(TreeView const& tree, Ray const& ray, TreeScratch& scratch) {
+VKT_HD void cross_bricks(TreeView const& tree, Ray const& ray, RayPart part, TreeScratch& scratch) {
     Growing<Crossing>& crossings = scratch.crossings;
     crossings.size = 0;
     detail::Slabs const slabs{{ray.entry.x, ray.entry.y, ray.entry.z},
                               {1 / ray.direction.x, 1 / ray.direction.y, 1 / ray.direction.z},
                               tree.slack,
-                              ray.length};
+                              part};
     std::int32_t stack[64];
     int depth = 0;
     double enter, leave;
@@ -151,14 +158,14 @@ VKT_HD void cross_bricks(TreeView const& tree, Ray const& ray, TreeScratch& scra
     }
 }
 
-/// Cuts the ray where it enters or leaves the domain of a brick. The last stretch ends where the ray does.
-VKT_HD void find_stretches(TreeView const& tree, double length, TreeScratch& scratch) {
+/// Cuts the ray where it enters or leaves the domain of a brick. The last stretch ends where the part does.
+VKT_HD void find_stretches(TreeView const& tree, RayPart part, TreeScratch& scratch) {
     Growing<std::int32_t>& active = scratch.active;
     Crossing const* const crossings = scratch.crossings.items;
     int const n = scratch.crossings.size;
     scratch.stretches.size = scratch.ids.size = active.size = 0;
     int next = 0;
-    for (double t = 0; t < length;) {
+    for (double t = part.begin; t < part.end;) {
         for (; next < n && crossings[next].enter <= t; ++next) {
             active.push(next);
             int at = active.size - 1;
@@ -166,7 +173,7 @@ VKT_HD void find_stretches(TreeView const& tree, double length, TreeScratch& scr
                 active.items[at] = active.items[at - 1];
             active.items[at] = next;
         }
-        Stretch stretch{length, scratch.ids.size, 0, no_level, false};
+        Stretch stretch{part.end, scratch.ids.size, 0, no_level, false};
         if (next < n) stretch.end = crossings[next].enter;
         BrickNodes range{1 << 30, -1};
         int kept = 0;

@@ -25,7 +25,7 @@ struct TreeComb {
     Stretch const* stretches;
     int count;
     double step, length;
-    std::int64_t last; ///< the number of the point that is the ray's end
+    std::int64_t last; ///< the number of the point at that length
 
     struct Segment {
         std::int64_t end; ///< number of the point
@@ -74,13 +74,22 @@ template <class T>
 VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray const& ray, TreeScratch& scratch,
                            Counters& counters) {
     ++counters.rays;
-    cross_bricks(tree, ray, scratch);
-    find_stretches(tree, ray.length, scratch);
-
+    // Outside of the box nothing can be seen. Points are counted from the entry all the same, as in a lattice.
+    double near = 0, far = ray.length;
+    if (!clip(ray.entry, ray.direction, tree.lower, tree.upper, near, far)) return {0, 0, 0, 1};
     double const step = static_cast<double>(scene.step);
-    auto const points_of = static_cast<std::int64_t>(std::ceil(ray.length / step));
-    TreeComb const comb{scratch.stretches.items, scratch.stretches.size, step, ray.length,
-                        points_of > 1 ? points_of : 1};
+    auto const last_point = [&](double length) __attribute__((always_inline)) {
+        auto const n = static_cast<std::int64_t>(std::ceil(length / step));
+        return n > 1 ? n : 1;
+    };
+    auto k = static_cast<std::int64_t>(near / step); // where the next segment begins
+    std::int64_t const last = last_point(far);
+    RayPart const part{static_cast<double>(k) * step,
+                       last < last_point(ray.length) ? static_cast<double>(last) * step : ray.length};
+    if (!(part.begin < part.end)) return {0, 0, 0, 1};
+    cross_bricks(tree, ray, part, scratch);
+    find_stretches(tree, part, scratch);
+    TreeComb const comb{scratch.stretches.items, scratch.stretches.size, step, part.end, last};
     TreeField<T> field{tree,
                        scratch.near,
                        {scene.lower.x, scene.lower.y, scene.lower.z},
@@ -95,7 +104,6 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     int size = 0;            // segments in the batch
     int included = -1;       // the last stretch whose bricks the batch knows
     std::int64_t known = -1; // the point whose value the march carries
-    std::int64_t k = 0;      // where the next segment begins
     std::int64_t begin = 0;  // where the batch does
     auto const flush = [&]() __attribute__((always_inline)) {
         if (size == 0) return;
