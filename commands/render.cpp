@@ -87,7 +87,9 @@ Command render_command() {
          "PNG file "
          "that holds its own recipe. Without -o, on a terminal, a window shows the volume instead: drag to turn it, "
          "drag with the right button or with shift to move it, wheel to zoom; keys r (reset), c (next colours), s "
-         "(save), n (next volume), q (quit).",
+         "(save), n (next volume), q (quit).\n\n"
+         "Hierarchical (AMR) volumes are marched as they are, with steps as long as their cells are large; the other "
+         "algorithms take what vkt resample makes of them.",
          {{"In a window, everything chosen from the data", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw"},
           {"The same as a picture", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw -o fuel.png"},
           {"From the right, own opacities over the value range",
@@ -95,6 +97,8 @@ Command render_command() {
            "fuel.png"},
           {"An iso-surface",
            "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --render-algo implicit-iso --iso 60 -o fuel.png"},
+          {"An AMR volume",
+           "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
           {"Multiple scattering, quickly", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o fuel.png"}}});
 }

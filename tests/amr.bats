@@ -186,11 +186,81 @@ assert abs(s['weighted_mean'] - g['mean']) <= 1e-5 * max(1, abs(g['mean'])), (s,
     fails_with 4 'directory' vkt info plain
 }
 
+# pixels PNG: what it shows, without the texts in it.
+pixels() { /usr/bin/python3 -c "
+import struct, sys, zlib
+b, at, data = open(sys.argv[1], 'rb').read(), 8, b''
+while at < len(b):
+    n, kind = struct.unpack('>I4s', b[at:at + 8])
+    if kind == b'IHDR': print(*struct.unpack('>IIBB', b[at + 8:at + 18]))
+    if kind == b'IDAT': data += b[at + 8:at + 8 + n]
+    at += 12 + n
+print(zlib.decompress(data).hex())" "$1"; }
+
+@test "render draws a tree, whatever the threads, skipping and transport" {
+    tree
+    look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"
+    vkt render t.vkt $look -o a.png
+    pixels a.png >a
+    [ "$(head -n 1 a)" = "90 70 8 2" ]
+    [ "$(tail -n 1 a | fold -w 6 | sort -u | wc -l)" -gt 100 ]
+    vkt render t.vkt $look --threads 1 -o b.png
+    vkt render t.vkt $look --threads 3 --no-skip -o c.png
+    vkt make amr --blocks 300 --levels 4 | vkt render $look -o d.png
+    vkt make amr --blocks 300 --levels 4 --transport shm | vkt render $look -o e.png
+    for other in b c d e; do pixels $other.png | cmp - a; done
+    vkt render t.vkt --size 40 -o chosen.png
+}
+
+@test "a tree of one level looks like its grid" {
+    python_with numpy
+    vkt make marschner-lobb --dims 20 28 24 --spacing 1,0.5,2 -o grid.vkt
+    vkt refine grid.vkt --tolerance 0 --levels 1 -o t.vkt
+    look="--size 60 --opacity 0,0.01,0.1 --domain 0:1 --colormap viridis --fit volume --shade gradient"
+    for volume in grid t; do
+        vkt render $volume.vkt $look -o $volume.png
+        pixels $volume.png >$volume
+    done
+    check "
+a, b = (np.frombuffer(bytes.fromhex(open(f).read().split('\n')[1]), np.uint8).astype(int) for f in ('grid', 't'))
+assert abs(a - b).max() <= 1, abs(a - b).max()"
+}
+
+@test "files that hold trees are drawn" {
+    needs_data amr/flash
+    needs_data vdb/smoke.vdb
+    for file in synth3d_noncubic_hdf5_chk_0000 synth3d_guard2_hdf5_chk_0000 blast2_hdf5_chk_0018; do
+        vkt read "$VKT_DATA/amr/flash/$file" --variable dens | vkt render --size 64 -o $file.png
+    done
+    vkt read "$VKT_DATA/amr/plt_eb_3d" --variable density | vkt render --size 64 -o amrex.png
+    vkt render "$VKT_DATA/vdb/smoke.vdb" --size 64 -o smoke.png
+    # Smoke in the middle, nothing in the corners.
+    pixels smoke.png | tail -n 1 >smoke
+    [ "$(fold -w 6 smoke | sort -u | wc -l)" -gt 100 ]
+}
+
+@test "what render cannot do with a tree it refuses in one line; nothing to see is no crash" {
+    tree
+    fails_with 2 'is for structured volumes' vkt render t.vkt --render-algo implicit-iso -o a.png
+    fails_with 2 'vkt resample' vkt render t.vkt --render-algo multi-scattering -o a.png
+    fails_with 2 '--exact is for structured' vkt render t.vkt --exact -o a.png
+    vkt arith mul t.vkt 0 | vkt arith div 0 -o nan.vkt
+    fails_with 3 'no finite voxel' vkt render nan.vkt -o a.png
+    vkt make sphere --dims 64 64 64 | vkt refine --tolerance 0.01 --background 0 -o holes.vkt
+    vkt render holes.vkt --size 40 -o holes.png
+    vkt crop holes.vkt --roi 0:32,:,: | vkt render --size 40 -o half.png
+    vkt arith mul t.vkt 0 | vkt render --size 20 -o zero.png
+    [ ! -e a.png ]
+}
+
 @test "the case study runs" {
     run sh "$VKT_ROOT/examples/amr-zoom.sh" 20k --blocks 400 --levels 5
     [ "$status" -eq 0 ] || { echo "$output" >&2; false; }
     [[ "$output" == *"whole volume"* && "$output" == *"region"* ]]
     [ -s whole.nrrd ] && [ -s zoom.nrrd ]
+    for picture in whole zoom whole-tree zoom-tree; do
+        [ "$(pixels $picture.png | head -n 1)" = "512 512 8 2" ]
+    done
     python_with numpy
     for file in whole zoom; do
         vkt info $file.nrrd --json >info.json

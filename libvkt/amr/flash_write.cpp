@@ -8,6 +8,8 @@
 
 #include <hdf5.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -163,6 +165,23 @@ private:
             limits.emplace_back(text(axes[a], "max"), options_.domain_upper[a]);
         }
         write_list<double>("real runtime parameters", H5T_NATIVE_DOUBLE, limits);
+        if (!options_.for_others) return;
+        write_list<int>(
+            "integer runtime parameters", H5T_NATIVE_INT,
+            {{"nblockx", static_cast<int>(roots_[0])},
+             {"nblocky", static_cast<int>(roots_[1])},
+             {"nblockz", static_cast<int>(roots_[2])},
+             {"lrefine_min", 1},
+             {"lrefine_max", std::max_element(entries_.begin(), entries_.end(), [](auto const& a, auto const& b) {
+                                 return a.refinement < b.refinement;
+                             })->refinement}});
+        std::array<char, 80> cartesian;
+        cartesian.fill(' ');
+        std::memcpy(cartesian.data(), "cartesian", 9);
+        hid_t const word = H5Tcopy(H5T_C_S1);
+        H5Tset_size(word, cartesian.size());
+        write_list<std::array<char, 80>>("string runtime parameters", word, {{"geometry", cartesian}});
+        H5Tclose(word);
     }
 
     void write_tables() {

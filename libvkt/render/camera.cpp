@@ -138,7 +138,7 @@ Matrix3 world_to_lattice(Geometry const& geometry) {
     return {column({1, 0, 0}), column({0, 1, 0}), column({0, 0, 1})};
 }
 
-RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int height) {
+RayFrame frame_of(Camera const& camera, Geometry const& geometry, double first, int width, int height) {
     Basis const b = basis_of(camera);
     Matrix3 const to_lattice = world_to_lattice(geometry);
     auto const mapped = [&](Vec3 v) { return to_lattice * Double3{v.x, v.y, v.z}; };
@@ -147,7 +147,7 @@ RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int
     double const half = perspective ? std::tan(radians(camera.fov) / 2) : camera.height / 2;
     double const aspect = static_cast<double>(width) / height;
     RayFrame frame{};
-    frame.eye = {eye.x + lattice_padding, eye.y + lattice_padding, eye.z + lattice_padding};
+    frame.eye = {eye.x + first, eye.y + first, eye.z + first};
     frame.forward = mapped(b.forward);
     frame.right = mapped(b.right * (half * aspect));
     frame.up = mapped(b.up * half);

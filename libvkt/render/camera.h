@@ -46,8 +46,8 @@ std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box);
 /// views, an eye on the target, or values out of range.
 Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corners, double aspect);
 
-/// The camera in the padded lattice of a volume.
-RayFrame frame_of(Camera const& camera, Geometry const& geometry, int width, int height);
+/// The camera in the lattice of a volume, in which the centre of the first cell is at (first, first, first).
+RayFrame frame_of(Camera const& camera, Geometry const& geometry, double first, int width, int height);
 
 /// Linear maps between world and lattice vectors: columns of direction * spacing, and the inverse.
 Matrix3 lattice_to_world(Geometry const& geometry);

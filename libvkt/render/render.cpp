@@ -123,29 +123,31 @@ void check(RenderSettings const& s) {
 }
 
 Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
-    if (header_.kind != Kind::structured)
-        throw Error(ErrorKind::data, "this volume is hierarchical; render takes structured ones",
-                    "vkt resample makes one of it");
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
-    lattice_ = make_lattice(volume.view(), header_.values, execution_);
+    if (header_.kind == Kind::hierarchical)
+        tree_.emplace(volume, execution_);
+    else
+        lattice_ = make_lattice(volume.view(), header_.values, execution_);
     prepare_seconds_ = seconds_since(start);
 }
 
 Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
     Look look;
     Geometry const& g = header_.geometry;
-    look.domain = resolve_domain(settings.domain, lattice_.histogram);
+    look.domain = resolve_domain(settings.domain, histogram());
     double const smallest = smallest_spacing(g);
     look.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
-        look.unit = diagonal(g, header_.dims) / 256;
+        look.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
     else if (!settings.unit.empty())
         look.unit = parse_double(settings.unit);
     if (!(look.unit > 0) || !std::isfinite(look.unit)) refuse("the unit distance must be positive");
 
-    double const extent = std::cbrt(voxel_size(g) * static_cast<double>(header_.voxels()));
-    Automatic const automatic = choose_transfer(lattice_.histogram, look.domain, settings.colormap, extent, look.unit);
+    double const voxels =
+        tree_ ? std::min(tree_->covered(), volume_of(tree_->region().dims())) : static_cast<double>(header_.voxels());
+    double const extent = std::cbrt(voxel_size(g) * voxels);
+    Automatic const automatic = choose_transfer(histogram(), look.domain, settings.colormap, extent, look.unit);
     bool chosen = false;
     if (settings.transfer) {
         look.transfer = *settings.transfer;
@@ -170,8 +172,8 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
     std::vector<Knot> const knots = knots_of(look.transfer, {}, 0, 1, 1);
     for (double const iso : isos) {
         Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), iso);
-        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - lattice_.offset),
-                             static_cast<float>(k.red), static_cast<float>(k.green), static_cast<float>(k.blue)});
+        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - offset()), static_cast<float>(k.red),
+                             static_cast<float>(k.green), static_cast<float>(k.blue)});
     }
     return look;
 }
@@ -179,11 +181,15 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
 SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const {
     SceneView scene{};
     Geometry const& g = header_.geometry;
-    scene.frame = frame_of(camera, g, settings.width, settings.height);
-    double const low = lattice_padding - 0.5;
-    scene.lower = {low, low, low};
-    scene.upper = {low + static_cast<double>(header_.dims.x), low + static_cast<double>(header_.dims.y),
-                   low + static_cast<double>(header_.dims.z)};
+    double const first = tree_ ? 0.5 : lattice_padding;
+    scene.frame = frame_of(camera, g, first, settings.width, settings.height);
+    Box const shown = tree_ ? tree_->region() : box_of(header_.dims);
+    auto const place = [&](Index3 i) {
+        double const low = first - 0.5;
+        return Double3{low + static_cast<double>(i.x), low + static_cast<double>(i.y), low + static_cast<double>(i.z)};
+    };
+    scene.lower = place(shown.lower);
+    scene.upper = place(shown.upper);
     scene.to_lattice = world_to_lattice(g);
 
     // |A^T g|^2 for a lattice gradient g, A mapping world to lattice vectors.
@@ -195,7 +201,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
         static_cast<float>(look.shade),
         0.25F,
         0.12F,
-        static_cast<float>(0.02 * stored_range / smallest_spacing(g)),
+        static_cast<float>(0.02 * stored_range / (smallest_spacing(g) * (tree_ ? tree_->typical_width() : 1))),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
     scene.iso_count = static_cast<int>(look.isos.size());
     std::copy(look.isos.begin(), look.isos.end(), scene.isos);
@@ -215,22 +221,32 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
 
 Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop) const {
     check(settings);
+    if (tree_ && (settings.algorithm != Algorithm::ray_marching || settings.exact))
+        refuse(text(settings.exact ? "--exact" : text("--render-algo ", enum_name(settings.algorithm)),
+                    " is for structured volumes, and this one is hierarchical"),
+               "vkt resample makes a structured volume of it");
     auto const start = Clock::now();
     Look const look = look_of(settings);
     std::vector<Knot> const knots =
-        knots_of(look.transfer, header_.values, lattice_.offset, look.unit, settings.opacity_scale);
+        knots_of(look.transfer, header_.values, offset(), look.unit, settings.opacity_scale);
     TransferTable const table(knots);
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
-    CellVisibility const cells =
-        surfaces ? classify_cells(lattice_.cells, look.isos) : classify_cells(lattice_.cells, table);
-    Box const content = settings.camera.fit == Fit::content ? visible_box(cells, header_.dims) : box_of(header_.dims);
+    CellVisibility cells;
+    Tree::Visibility bricks;
+    if (tree_)
+        bricks = tree_->classify(table);
+    else
+        cells = surfaces ? classify_cells(lattice_.cells, look.isos) : classify_cells(lattice_.cells, table);
+    Box content = tree_ ? tree_->region() : box_of(header_.dims);
+    if (settings.camera.fit == Fit::content) content = tree_ ? bricks.content : visible_box(cells, header_.dims);
     Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
                                       static_cast<double>(settings.width) / settings.height);
     SceneView scene = scene_of(settings, look, camera);
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
-    scene.cells = view_of(lattice_.cells, cells);
+    if (!tree_) scene.cells = view_of(lattice_.cells, cells);
+    TreeView const tree = tree_ ? tree_->view(bricks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
                                   : settings.exact                                    ? Integrator::exact
@@ -238,7 +254,13 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
 
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
-    TileFunction const run = tile_function(execution_.instructions);
+    auto const run = [&, of_lattice = tile_function(execution_.instructions),
+                      of_tree = tree_tile_function(execution_.instructions)](Tile tile, Counters& counters) {
+        if (tree_)
+            of_tree(scene, tree, tile, image.pixels.data(), image.width, counters);
+        else
+            of_lattice(scene, lattice_.view, integrator, tile, image.pixels.data(), image.width, counters);
+    };
     // Many paths make a tile long; a small one hears sooner that it is to stop.
     int const side = integrator == Integrator::scatter && settings.samples > 1024 ? tile_size / 8 : tile_size;
     int const across = (settings.width + side - 1) / side, down = (settings.height + side - 1) / side;
@@ -248,9 +270,7 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         if (stop.stop_requested()) continue;
         int const x = i % across * side, y = i / across * side;
         Counters counters;
-        run(scene, lattice_.view, integrator,
-            {x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, image.pixels.data(),
-            settings.width, counters);
+        run({x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, counters);
         rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
     }
     if (report != nullptr) {
@@ -259,14 +279,16 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->domain = look.domain;
         report->transfer = transfer_to_json(look.transfer);
         report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
-        report->skipped = 1 - static_cast<double>(cells.visible_count) / static_cast<double>(cells.distance.size());
-        report->missing = lattice_.histogram.missing, report->infinite = lattice_.histogram.infinite;
+        auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
+        report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
+        report->parts = tree_ ? "bricks" : "macrocells";
+        report->missing = histogram().missing, report->infinite = histogram().infinite;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
             : integrator == Integrator::scatter
                 ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
                 : text(settings.exact ? "exact (two-point Gauss per voxel), step " : "ray marching, step ",
-                       settings.step, " voxel, shading ", look.shade);
+                       settings.step, tree_ ? " of the finest cell" : " voxel", ", shading ", look.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }
@@ -283,6 +305,14 @@ TileFunction tile_function([[maybe_unused]] InstructionSet instructions) {
     if (instructions == InstructionSet::avx2) return avx2::tile_function();
 #endif
     return baseline::tile_function();
+}
+
+TreeTileFunction tree_tile_function([[maybe_unused]] InstructionSet instructions) {
+#ifdef VKT_X86_BACKENDS
+    if (instructions == InstructionSet::avx512) return avx512::tree_tile_function();
+    if (instructions == InstructionSet::avx2) return avx2::tree_tile_function();
+#endif
+    return baseline::tree_tile_function();
 }
 
 } // namespace vkt::render

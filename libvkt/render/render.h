@@ -9,6 +9,7 @@
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
 #include "libvkt/render/transfer.h"
+#include "libvkt/render/tree.h"
 
 #include <optional>
 #include <stop_token>
@@ -69,7 +70,8 @@ struct RenderReport {
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
     std::int64_t samples = 0;               ///< values that were looked up
     std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
-    double skipped = 0;                     ///< share of the macrocells that nothing can be seen in
+    double skipped = 0;                     ///< share of the macrocells or bricks that nothing can be seen in
+    char const* parts = "macrocells";       ///< or bricks
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     double prepare_seconds = 0, render_seconds = 0;
 };
@@ -77,13 +79,14 @@ struct RenderReport {
 /// A volume made ready once, for many pictures.
 class Renderer {
 public:
-    /// Throws Error{data} for hierarchical volumes and volumes without finite voxels.
+    /// Throws Error{data} for volumes without finite voxels.
     Renderer(Volume const& volume, Execution const& execution);
 
-    /// Throws Error{usage} for settings out of range. Asked to stop, it returns soon and the picture is incomplete.
+    /// Throws Error{usage} for settings out of range and for what a hierarchical volume cannot be asked: anything but
+    /// ray marching, and the exact reference. Asked to stop, it returns soon and the picture is incomplete.
     Image render(RenderSettings const& settings, RenderReport* report = nullptr,
                  std::stop_token const& stop = {}) const;
-    Histogram const& histogram() const { return lattice_.histogram; }
+    Histogram const& histogram() const { return tree_ ? tree_->histogram() : lattice_.histogram; }
 
 private:
     /// What the settings mean for this volume.
@@ -94,12 +97,14 @@ private:
         double shade = 0;
         std::vector<IsoView> isos; ///< in lattice values
     };
+    double offset() const { return tree_ ? tree_->offset() : lattice_.offset; }
     Look look_of(RenderSettings const& settings) const;
     SceneView scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const;
 
     Header header_;
     Execution execution_;
-    Lattice lattice_;
+    Lattice lattice_;          ///< of a structured volume
+    std::optional<Tree> tree_; ///< of a hierarchical one
     double prepare_seconds_ = 0;
 };
 

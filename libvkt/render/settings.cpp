@@ -195,8 +195,8 @@ std::string numbered(std::string const& pattern, std::int64_t number, bool sever
 
 std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
-    return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped),
-                "% of macrocells empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
+    return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,
+                " empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
                 rounded(1e3 * r.render_seconds), " ms");
 }
 

@@ -28,19 +28,28 @@ struct Tile {
 using TileFunction = void (*)(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile,
                               float* pixels, std::int64_t width, Counters& counters);
 
+/// The same for a hierarchical volume: rays are marched.
+struct TreeView;
+using TreeTileFunction = void (*)(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels,
+                                  std::int64_t width, Counters& counters);
+
 namespace baseline {
 TileFunction tile_function();
-}
+TreeTileFunction tree_tile_function();
+} // namespace baseline
 #ifdef VKT_X86_BACKENDS
 namespace avx2 {
 TileFunction tile_function();
-}
+TreeTileFunction tree_tile_function();
+} // namespace avx2
 namespace avx512 {
 TileFunction tile_function();
-}
+TreeTileFunction tree_tile_function();
+} // namespace avx512
 #endif
 
-/// The one for an instruction set; falls back to the best that was compiled.
+/// Those for an instruction set; they fall back to the best that was compiled.
 TileFunction tile_function(InstructionSet instructions);
+TreeTileFunction tree_tile_function(InstructionSet instructions);
 
 } // namespace vkt::render

@@ -177,18 +177,27 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
 
 float TransferTable::greatest_extinction(float lowest, float highest) const {
     if (!(lowest <= highest)) return 0;
-    TableView const table = view();
     // Interpolation between equal values is exact; otherwise it may pass the ends by a rounding error.
-    float const slack = lowest == highest ? 0.0F : 1.0F / 64;
-    float const from = table_position(table, lowest), to = table_position(table, highest);
-    auto const node = [&](float x) {
-        return static_cast<std::size_t>(std::clamp(x, 0.0F, static_cast<float>(count_ - 1)));
-    };
-    std::size_t const first = node(std::floor(std::min(from, to) - slack)),
-                      last = node(std::ceil(std::max(from, to) + slack));
+    Nodes const nodes = nodes_of(lowest, highest, lowest == highest ? 0.0F : 1.0F / 64);
+    auto const first = static_cast<std::size_t>(nodes.first), last = static_cast<std::size_t>(nodes.last);
     std::size_t level = 0;
     while ((std::size_t{2} << level) <= last - first + 1) ++level;
     return std::max(greatest_[level][first], greatest_[level][last + 1 - (std::size_t{1} << level)]);
+}
+
+TransferTable::Nodes TransferTable::nodes_of(float lowest, float highest, float slack) const {
+    TableView const table = view();
+    float const from = table_position(table, lowest), to = table_position(table, highest);
+    auto const node = [&](float x) {
+        return static_cast<std::int32_t>(std::clamp(x, 0.0F, static_cast<float>(count_ - 1)));
+    };
+    return {node(std::floor(std::min(from, to) - slack)), node(std::ceil(std::max(from, to) + slack))};
+}
+
+std::vector<std::uint32_t> TransferTable::visible_before() const {
+    std::vector<std::uint32_t> before{0};
+    for (float const extinction : greatest_[0]) before.push_back(before.back() + (extinction > 0 ? 1 : 0));
+    return before;
 }
 
 double Histogram::percentile(double p) const {

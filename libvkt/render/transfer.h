@@ -65,6 +65,15 @@ public:
     /// them; 0 only if nothing can be seen there.
     float greatest_extinction(float lowest, float highest) const;
 
+    /// Nodes that values in [lowest, highest] may touch; `slack` is a distance in nodes.
+    struct Nodes {
+        std::int32_t first, last;
+    };
+    Nodes nodes_of(float lowest, float highest, float slack) const;
+    int count() const { return count_; }
+    /// For every node, and the end, how many nodes before it have some extinction.
+    std::vector<std::uint32_t> visible_before() const;
+
 private:
     std::vector<Quad> nodes_;
     std::vector<std::vector<float>> greatest_; ///< level l: maxima over 2^l nodes

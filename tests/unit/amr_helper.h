@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -108,6 +109,36 @@ inline SampleGrid whole_grid(Volume const& volume, Index3 dims) {
     GridRequest request;
     request.dims = dims;
     return plan_grid(volume.header(), request);
+}
+
+/// The same tree in the same place of the world with other names for its axes: axis a was axis[a].
+inline Volume permuted(Volume const& volume, std::array<int, 3> axis) {
+    auto const turned = [&](auto v) { return decltype(v){v[axis[0]], v[axis[1]], v[axis[2]]}; };
+    Header header = volume.header();
+    header.dims = turned(header.dims);
+    header.geometry.spacing = turned(header.geometry.spacing);
+    for (std::size_t a = 0; a < 3; ++a)
+        header.geometry.direction[a] = volume.header().geometry.direction[static_cast<std::size_t>(axis[a])];
+    std::vector<Brick> bricks = volume.bricks();
+    for (Brick& brick : bricks) brick.lower = turned(brick.lower), brick.dims = turned(brick.dims);
+    Volume result(header, bricks);
+    for (std::size_t b = 0; b < bricks.size(); ++b) {
+        View<float const> const from = volume.brick_view(b).as<float>();
+        View<float> const to = result.mutable_brick_view(b).as<float>();
+        Index3 const n = bricks[b].dims;
+        Index3 was;
+        for (std::int64_t z = 0; z < n.z; ++z)
+            for (std::int64_t y = 0; y < n.y; ++y)
+                for (std::int64_t x = 0; x < n.x; ++x) {
+                    was[axis[0]] = x, was[axis[1]] = y, was[axis[2]] = z;
+                    to.data[x + y * to.row + z * to.slice] = from.data[was.x + was.y * from.row + was.z * from.slice];
+                }
+    }
+    return result;
+}
+
+inline std::vector<std::array<int, 3>> permutations() {
+    return {{0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
 }
 
 /// Basis reconstruction by its definition: a sum over all cells of the volume, in double.

@@ -235,6 +235,40 @@ TEST(AmrReconstruct, MirroredTreesGiveMirroredGrids) {
     }
 }
 
+// Test 8: other names for the axes give the same grid under other names.
+TEST(AmrReconstruct, PermutedTreesGivePermutedGrids) {
+    Volume const volume = make_amr(small_recipe(), execution());
+    Index3 const dims{50, 31, 27};
+    for (auto const& axis : permutations()) {
+        Volume const turned = permuted(volume, axis);
+        validate_tree(turned.header().dims, turned.bricks(), Coverage::complete);
+        TreeSampler const one(volume), two(turned);
+        for (Reconstruction const method : all_methods()) {
+            Volume const p = run(volume, dims, method);
+            Volume const q = run(turned, {dims[axis[0]], dims[axis[1]], dims[axis[2]]}, method);
+            View<float const> const straight = p.view().as<float>(), other = q.view().as<float>();
+            for (std::int64_t z = 0; z < dims.z; ++z)
+                for (std::int64_t y = 0; y < dims.y; ++y)
+                    for (std::int64_t x = 0; x < dims.x; ++x) {
+                        Index3 const at{x, y, z};
+                        float const expected = straight(x, y, z);
+                        ASSERT_NEAR(other(at[axis[0]], at[axis[1]], at[axis[2]]), expected, 2e-6f * std::abs(expected))
+                            << enum_name(method);
+                    }
+        }
+        for (int i = 0; i < 500; ++i) {
+            Vec3 const at{0.17 * i, 0.061 * i, 0.047 * i};
+            TreeGradientSample const a = one.sample_gradient(at);
+            TreeGradientSample const b = two.sample_gradient({at[axis[0]], at[axis[1]], at[axis[2]]});
+            ASSERT_NEAR(a.value, b.value, 2e-6f * std::abs(a.value));
+            float const steepness = std::abs(a.gradient[0]) + std::abs(a.gradient[1]) + std::abs(a.gradient[2]);
+            for (int k = 0; k < 3; ++k)
+                ASSERT_NEAR(a.gradient[axis[static_cast<std::size_t>(k)]], b.gradient[k],
+                            1e-4f * steepness + 1e-5f * std::abs(a.value));
+        }
+    }
+}
+
 // Test 9, and independence of regions, tiles and threads.
 TEST(AmrReconstruct, RegionsThreadsAndCropsGiveTheSameBits) {
     Volume const volume = make_amr(small_recipe(), execution());

@@ -118,7 +118,7 @@ TEST(RenderCamera, ShowsTheWholeVolume) {
             request.view = view;
             request.projection = projection;
             Camera const camera = make_camera(request, corners_of(g, box_of(dims)), 1.5);
-            RayFrame const frame = frame_of(camera, g, 150, 100);
+            RayFrame const frame = frame_of(camera, g, lattice_padding, 150, 100);
             double const low = lattice_padding - 0.5;
             Double3 const lower{low, low, low}, upper{low + 40, low + 11, low + 27};
             Ray ray;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/tiles.h"
 
+#include "libvkt/render/backend/pixels.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/scatter.h"
@@ -12,16 +13,6 @@ namespace {
 
 template <class T> LatticeSampler<T> sampler_of(LatticeView const& lattice) {
     return {static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
-}
-
-/// Calls body(x, y) for the pixels of a tile and stores what it returns.
-template <class Body> void for_pixels(Tile tile, float* pixels, std::int64_t width, Body body) {
-    for (int y = tile.y0; y < tile.y1; ++y)
-        for (int x = tile.x0; x < tile.x1; ++x) {
-            Radiance const r = body(x, y);
-            float* out = pixels + 4 * (y * width + x);
-            out[0] = r.red, out[1] = r.green, out[2] = r.blue, out[3] = r.transmittance;
-        }
 }
 
 template <class T>

@@ -32,13 +32,26 @@ VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, f
     return {1.0F + surface * (lit - 1.0F), surface * shade.specular * c16 * c16};
 }
 
-/// One ray on its way. Segments lie between the points k * step of the comb, the last one ends where the ray does.
-template <Sampler S> struct March {
+/// Where the segments of a ray lie in a lattice: between the points k * step, the last one ends where the ray does.
+struct EvenComb {
+    using Real = float;
+    using Vector = Float3;
+    float step, length;
+    int count; ///< segments of the whole ray
+
+    VKT_HD float point(int k) const { return k < count ? static_cast<float>(k) * step : length; }
+    /// False if segment k shows nothing whatever the values at its ends.
+    VKT_HD bool shows(int) const { return true; }
+};
+
+/// One ray on its way along a comb. Real is what positions along the ray are counted in.
+template <class S, class Comb> struct March {
+    using Real = typename Comb::Real;
     S const& sampler;
     SceneView const& scene;
-    Float3 origin, direction;
-    float length, world;
-    int count; ///< segments of the whole ray
+    Comb comb;
+    typename Comb::Vector origin, direction;
+    float world; ///< world length of one lattice unit
     Quad light{};
     double transmittance = 1; ///< in double, because the errors of many thin segments would add up
     int known = -1;           ///< the point that `last` belongs to
@@ -47,16 +60,15 @@ template <Sampler S> struct March {
     bool last_missing = false;
     std::int64_t samples = 0;
 
-    VKT_HD float point(int k) const { return k < count ? static_cast<float>(k) * scene.step : length; }
-
     /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
     VKT_HD int advance(int from, int to) {
         bool const carried = known == from;
         int const first = carried ? from + 1 : from;
         int const wanted = to + 1 - first;
         int const n = wanted < chunk ? wanted : chunk; // points to look up
-        alignas(64) float t[chunk], value[chunk], position[chunk];
-        for (int k = 0; k < chunk; ++k) t[k] = point(first + (k < n ? k : n - 1));
+        alignas(64) Real t[chunk];
+        alignas(64) float value[chunk], position[chunk];
+        for (int k = 0; k < chunk; ++k) t[k] = comb.point(first + (k < n ? k : n - 1));
         sampler.values(origin, direction, t, value);
         for (int k = 0; k < chunk; ++k) position[k] = table_position(scene.table, value[k]);
         samples += n;
@@ -72,9 +84,10 @@ template <Sampler S> struct March {
             if (carried || k > 0) {
                 Quad const m = segment_mean(last, here, position[k] - last_position);
                 int const j = segments++;
-                float const begin = point(from + j), end = t[k];
+                Real const begin = comb.point(from + j), end = t[k];
+                bool const empty = missing || last_missing || !comb.shows(from + j);
                 mean[j] = m;
-                depth[j] = missing || last_missing || !(m[0] > 0) ? 0.0F : m[0] * ((end - begin) * world);
+                depth[j] = empty || !(m[0] > 0) ? 0.0F : m[0] * (static_cast<float>(end - begin) * world);
                 seen = seen || depth[j] > 0;
             }
             last = here;
@@ -98,15 +111,17 @@ template <Sampler S> struct March {
         alignas(64) float diffuse[chunk], glint[chunk];
         bool const shaded = scene.shade.strength > 0;
         if (shaded) {
-            alignas(64) float t[chunk], gx[chunk], gy[chunk], gz[chunk];
+            alignas(64) Real t[chunk];
+            alignas(64) float gx[chunk], gy[chunk], gz[chunk];
             for (int j = 0; j < chunk; ++j) {
                 int const k = from + (j < segments ? j : segments - 1);
-                t[j] = 0.5F * (point(k) + point(k + 1));
+                t[j] = Real(0.5) * (comb.point(k) + comb.point(k + 1));
             }
             sampler.gradients(origin, direction, t, gx, gy, gz);
             float const per_world = 1.0F / world;
+            Float3 const toward = to_float(direction);
             for (int j = 0; j < chunk; ++j) {
-                float const along = (gx[j] * direction.x + gy[j] * direction.y + gz[j] * direction.z) * per_world;
+                float const along = (gx[j] * toward.x + gy[j] * toward.y + gz[j] * toward.z) * per_world;
                 Shading const s = headlight(scene.shade, gx[j], gy[j], gz[j], along);
                 diffuse[j] = s.diffuse;
                 glint[j] = s.glint;
@@ -135,55 +150,54 @@ template <Sampler S> struct March {
         }
         return true;
     }
-
-    /// Walks the macrocells and adds the segments that touch a visible one.
-    VKT_HD void walk() {
-        CellWalk<float> cells;
-        cells.start(origin, direction, length, macrocell_origin, static_cast<float>(macrocell_size), scene.cells.nx,
-                    scene.cells.ny, scene.cells.nz);
-        // Rounding of positions is far below this; segments near a cell's border count for both cells.
-        constexpr float slack = 4e-3F;
-        float const per_step = 1.0F / scene.step;
-        int from = 0, to = 0;
-        int distance = 0;
-        do {
-            distance = scene.cells.distance[scene.cells.index(cells.cell)];
-            if (distance > 0) continue;
-            int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
-            int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
-            int const last_segment = b < count ? b : count;
-            if (a > to) {
-                if (!add(from, to)) return;
-                from = a;
-            }
-            to = last_segment > to ? last_segment : to;
-            // Whole chunks are done at once, so that an opaque ray stops walking.
-            while (to - from >= chunk + 1) {
-                from = advance(from, to);
-                if (transmittance < least_transmittance) return;
-            }
-        } while (cells.leap(distance));
-        add(from, to);
-    }
 };
+
+/// Walks the macrocells and adds the segments that touch a visible one.
+template <Sampler S> VKT_HD void walk(March<S, EvenComb>& march, SceneView const& scene) {
+    CellWalk<float> cells;
+    cells.start(march.origin, march.direction, march.comb.length, macrocell_origin, static_cast<float>(macrocell_size),
+                scene.cells.nx, scene.cells.ny, scene.cells.nz);
+    // Rounding of positions is far below this; segments near a cell's border count for both cells.
+    constexpr float slack = 4e-3F;
+    float const per_step = 1.0F / scene.step;
+    int from = 0, to = 0;
+    int distance = 0;
+    do {
+        distance = scene.cells.distance[scene.cells.index(cells.cell)];
+        if (distance > 0) continue;
+        int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
+        int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
+        int const last_segment = b < march.comb.count ? b : march.comb.count;
+        if (a > to) {
+            if (!march.add(from, to)) return;
+            from = a;
+        }
+        to = last_segment > to ? last_segment : to;
+        // Whole chunks are done at once, so that an opaque ray stops walking.
+        while (to - from >= chunk + 1) {
+            from = march.advance(from, to);
+            if (march.transmittance < least_transmittance) return;
+        }
+    } while (cells.leap(distance));
+    march.add(from, to);
+}
 
 template <Sampler S>
 VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
-    March<S> march{sampler,
-                   scene,
-                   to_float(ray.entry),
-                   to_float(ray.direction),
-                   length,
-                   static_cast<float>(ray.world_per_lattice),
-                   count < 1 ? 1 : count};
+    March<S, EvenComb> march{sampler,
+                             scene,
+                             {scene.step, length, count < 1 ? 1 : count},
+                             to_float(ray.entry),
+                             to_float(ray.direction),
+                             static_cast<float>(ray.world_per_lattice)};
     if (scene.skip)
-        march.walk();
+        walk(march, scene);
     else
-        march.add(0, march.count);
+        march.add(0, march.comb.count);
     ++counters.rays;
-    counters.segments += march.count;
+    counters.segments += march.comb.count;
     counters.samples += march.samples;
     return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
 }

@@ -25,6 +25,8 @@ VKT_HD Float3 to_float(Double3 a) {
     return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};
 }
 
+VKT_HD Float3 to_float(Float3 a) { return a; }
+
 /// Linear map of three dimensions, by columns.
 struct Matrix3 {
     Double3 x, y, z;

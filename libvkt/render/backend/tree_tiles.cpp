@@ -1,0 +1,40 @@
+// Tiles of the image of a hierarchical volume, compiled once per instruction set into a namespace of its own.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/backend/pixels.h"
+#include "libvkt/render/inner/tree_march.h"
+
+namespace vkt::render::VKT_BACKEND {
+
+namespace {
+
+template <class T>
+void run(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels, std::int64_t width, Counters& total) {
+    struct Owner : TreeScratch {
+        ~Owner() { release(); }
+    } scratch;
+    for_pixels(tile, pixels, width, [&](int x, int y) {
+        Ray ray;
+        if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, 1};
+        return march_tree<T>(tree, scene, ray, scratch, total);
+    });
+}
+
+void render_tile(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels, std::int64_t width,
+                 Counters& counters) {
+    switch (tree.type) {
+    case LatticeType::uint8:
+        return run<std::uint8_t>(scene, tree, tile, pixels, width, counters);
+    case LatticeType::uint16:
+        return run<std::uint16_t>(scene, tree, tile, pixels, width, counters);
+    case LatticeType::int16:
+        return run<std::int16_t>(scene, tree, tile, pixels, width, counters);
+    case LatticeType::float32:
+        return run<float>(scene, tree, tile, pixels, width, counters);
+    }
+}
+
+} // namespace
+
+TreeTileFunction tree_tile_function() { return render_tile; }
+
+} // namespace vkt::render::VKT_BACKEND

@@ -1,0 +1,203 @@
+// A ray through a brick tree: which bricks it crosses, and the stretches along which the set of them stays the same.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/sampler.h"
+#include "libvkt/render/inner/scene.h"
+#include "libvkt/render/tiles.h"
+
+#include <cstdlib>
+#include <new>
+
+namespace vkt::render {
+
+/// The domain of a brick in finest cells, rounded outwards.
+struct BrickBox {
+    float lower[3], upper[3];
+    std::int32_t id, level;
+};
+
+/// Nodes of the transfer table that the values of a brick span; all of them if it has missing cells.
+struct BrickNodes {
+    std::int32_t first, last;
+};
+
+/// What rays need of a hierarchical volume. Positions are in finest cells; the first cell's centre is 0.5.
+struct TreeView {
+    void const* cells;
+    LatticeType type;
+    IndexNode const* nodes;
+    std::int32_t const* order;
+    SampledBrick const* bricks;
+    BrickBox const* boxes;               ///< in the order of `order`
+    BrickNodes const* range;             ///< per brick
+    std::uint32_t const* visible_before; ///< per table node: how many nodes before it show something
+    double slack;                        ///< more than what rounding does to positions
+    Double3 lower, upper;                ///< box of all domains in which something can be seen; empty if none is
+};
+
+/// The part of a ray that is marched, in lengths from its entry.
+struct RayPart {
+    double begin, end;
+};
+
+/// An array that grows; its owner frees it. Plain, so that every instruction set has its own copy of the code.
+template <class E> struct Growing {
+    E* items = nullptr;
+    int size = 0, capacity = 0;
+
+    VKT_HD void push(E const& e) {
+        if (size == capacity) {
+            capacity = capacity > 0 ? 2 * capacity : 256;
+            void* const grown = std::realloc(static_cast<void*>(items), static_cast<std::size_t>(capacity) * sizeof(E));
+            if (grown == nullptr) throw std::bad_alloc();
+            items = static_cast<E*>(grown);
+        }
+        items[size++] = e;
+    }
+};
+
+/// Part of a ray inside the domain of a brick.
+struct Crossing {
+    double enter, leave;
+    std::int32_t id, level;
+    BrickNodes range;
+};
+
+/// Part of a ray, up to `end`, that lies in the domains of one set of bricks: `count` ids from `first`, ascending.
+/// A sample there is a mean of their cells, so that their common range tells whether anything can be seen.
+struct Stretch {
+    double end;
+    int first, count;
+    int level; ///< of the finest brick; in a hole that of what comes next
+    bool visible;
+    bool hole() const { return count == 0; }
+};
+
+/// Coarser than all levels.
+inline constexpr int no_level = 62;
+
+struct NearBrick {
+    std::int32_t id, slot; ///< slot: place in TreeView::boxes
+};
+
+/// Lists of one thread, used again for every ray.
+struct TreeScratch {
+    Growing<Crossing> crossings;
+    Growing<Stretch> stretches;
+    Growing<std::int32_t> ids;    ///< of stretches
+    Growing<std::int32_t> active; ///< crossings at the present position, by ascending brick id
+    Growing<NearBrick> near;
+
+    VKT_HD void release() {
+        std::free(static_cast<void*>(crossings.items));
+        std::free(static_cast<void*>(stretches.items));
+        std::free(static_cast<void*>(ids.items));
+        std::free(static_cast<void*>(active.items));
+        std::free(static_cast<void*>(near.items));
+    }
+};
+
+namespace detail {
+
+struct Slabs {
+    double origin[3], inverse[3], slack;
+    RayPart part;
+
+    /// The part of the ray in a box.
+    VKT_HD bool cross(float const* lower, float const* upper, double& enter, double& leave) const {
+        enter = part.begin, leave = part.end;
+        for (int a = 0; a < 3; ++a) {
+            double const p = (static_cast<double>(lower[a]) - slack - origin[a]) * inverse[a];
+            double const q = (static_cast<double>(upper[a]) + slack - origin[a]) * inverse[a];
+            double const first = p < q ? p : q, last = p < q ? q : p;
+            enter = first > enter ? first : enter;
+            leave = last < leave ? last : leave;
+        }
+        return enter < leave;
+    }
+};
+
+} // namespace detail
+
+/// Collects the bricks whose domains the ray crosses, by the place where it enters. Near children come first, so that
+/// new crossings belong near the end of the list.
+VKT_HD void cross_bricks(TreeView const& tree, Ray const& ray, RayPart part, TreeScratch& scratch) {
+    Growing<Crossing>& crossings = scratch.crossings;
+    crossings.size = 0;
+    detail::Slabs const slabs{{ray.entry.x, ray.entry.y, ray.entry.z},
+                              {1 / ray.direction.x, 1 / ray.direction.y, 1 / ray.direction.z},
+                              tree.slack,
+                              part};
+    std::int32_t stack[64];
+    int depth = 0;
+    double enter, leave;
+    if (slabs.cross(tree.nodes[0].lower, tree.nodes[0].upper, enter, leave)) stack[depth++] = 0;
+    while (depth > 0) {
+        IndexNode const& node = tree.nodes[stack[--depth]];
+        if (node.count == 0) {
+            IndexNode const &one = tree.nodes[node.first], &two = tree.nodes[node.first + 1];
+            double other;
+            bool const first = slabs.cross(one.lower, one.upper, enter, leave);
+            bool const second = slabs.cross(two.lower, two.upper, other, leave);
+            bool const swap = first && second && other < enter;
+            if (second && !swap) stack[depth++] = node.first + 1;
+            if (first) stack[depth++] = node.first;
+            if (swap) stack[depth++] = node.first + 1;
+            continue;
+        }
+        for (std::int32_t k = node.first; k < node.first + node.count; ++k) {
+            BrickBox const& box = tree.boxes[k];
+            if (!slabs.cross(box.lower, box.upper, enter, leave)) continue;
+            Crossing const crossing{enter, leave, box.id, box.level, tree.range[box.id]};
+            crossings.push(crossing);
+            int at = crossings.size - 1;
+            for (; at > 0 && crossings.items[at - 1].enter > enter; --at) crossings.items[at] = crossings.items[at - 1];
+            crossings.items[at] = crossing;
+        }
+    }
+}
+
+/// Cuts the ray where it enters or leaves the domain of a brick. The last stretch ends where the part does.
+VKT_HD void find_stretches(TreeView const& tree, RayPart part, TreeScratch& scratch) {
+    Growing<std::int32_t>& active = scratch.active;
+    Crossing const* const crossings = scratch.crossings.items;
+    int const n = scratch.crossings.size;
+    scratch.stretches.size = scratch.ids.size = active.size = 0;
+    int next = 0;
+    for (double t = part.begin; t < part.end;) {
+        for (; next < n && crossings[next].enter <= t; ++next) {
+            active.push(next);
+            int at = active.size - 1;
+            for (; at > 0 && crossings[active.items[at - 1]].id > crossings[next].id; --at)
+                active.items[at] = active.items[at - 1];
+            active.items[at] = next;
+        }
+        Stretch stretch{part.end, scratch.ids.size, 0, no_level, false};
+        if (next < n) stretch.end = crossings[next].enter;
+        BrickNodes range{1 << 30, -1};
+        int kept = 0;
+        for (int i = 0; i < active.size; ++i) {
+            Crossing const& c = crossings[active.items[i]];
+            if (!(c.leave > t)) continue;
+            active.items[kept++] = active.items[i];
+            scratch.ids.push(c.id);
+            stretch.end = c.leave < stretch.end ? c.leave : stretch.end;
+            stretch.level = c.level < stretch.level ? c.level : stretch.level;
+            range.first = c.range.first < range.first ? c.range.first : range.first;
+            range.last = c.range.last > range.last ? c.range.last : range.last;
+        }
+        active.size = stretch.count = kept;
+        stretch.visible = kept > 0 && tree.visible_before[range.last + 1] > tree.visible_before[range.first];
+        scratch.stretches.push(stretch);
+        t = stretch.end;
+    }
+    int level = no_level;
+    for (int i = scratch.stretches.size - 1; i >= 0; --i) {
+        Stretch& s = scratch.stretches.items[i];
+        if (s.hole()) s.level = level;
+        level = s.level;
+    }
+}
+
+} // namespace vkt::render

@@ -1,0 +1,159 @@
+// Ray marching through a brick tree: long steps where cells are large, none where nothing can be seen.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/march.h"
+#include "libvkt/render/inner/tree_field.h"
+
+namespace vkt::render {
+
+/// A batch of segments, as many as one chunk of samples allows.
+struct BatchComb {
+    using Real = double;
+    using Vector = Double3;
+    double const* points;
+    bool const* empty;
+
+    VKT_HD double point(int k) const { return points[k]; }
+    VKT_HD bool shows(int k) const { return !empty[k]; }
+};
+
+/// The comb of a ray through a tree. Points are multiples of the step; where the finest brick near is of level l every
+/// 2^l-th of them counts, so that one level has the comb of a lattice. A segment depends on where it begins and on the
+/// stretches it meets, not on how the ray came there: leaving some out changes none of the others.
+struct TreeComb {
+    Stretch const* stretches;
+    int count;
+    double step, length;
+    std::int64_t last; ///< the number of the point at that length
+
+    struct Segment {
+        std::int64_t end; ///< number of the point
+        int stretches;    ///< that it meets
+        int level;
+        bool visible, hole;
+    };
+
+    VKT_HD double at(std::int64_t k) const { return k < last ? static_cast<double>(k) * step : length; }
+    VKT_HD std::int64_t after(std::int64_t k, int level) const {
+        std::int64_t const next = ((k >> level) + 1) << level;
+        return next < last ? next : last;
+    }
+
+    /// The segment that begins at point k, which lies in stretch `first`. It is as short as the finest stretch on its
+    /// way asks for.
+    VKT_HD Segment segment(std::int64_t k, int first) const {
+        int level = stretches[first].level;
+        std::int64_t end = after(k, level);
+        for (int i = first + 1; i < count && stretches[i - 1].end < at(end); ++i)
+            if (stretches[i].level < level) {
+                level = stretches[i].level;
+                end = after(k, level);
+            }
+        Segment segment{end, 1, level, stretches[first].visible, stretches[first].hole()};
+        for (int i = first + 1; i < count && stretches[i - 1].end < at(end); ++i) {
+            ++segment.stretches;
+            segment.visible = segment.visible || stretches[i].visible;
+            // Values on both sides of a hole have nothing to do with each other.
+            segment.hole = segment.hole || stretches[i].hole();
+        }
+        return segment;
+    }
+
+    /// How many whole segments from point k on lie within its stretch.
+    VKT_HD std::int64_t segments_inside(std::int64_t k, Stretch const& stretch) const {
+        std::int64_t const unit = std::int64_t{1} << stretch.level;
+        if ((k & (unit - 1)) != 0) return 0;
+        auto n = static_cast<std::int64_t>((stretch.end / step - static_cast<double>(k)) / static_cast<double>(unit));
+        while (n > 0 && (k + n * unit > last || at(k + n * unit) > stretch.end)) --n;
+        return n;
+    }
+};
+
+template <class T>
+VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray const& ray, TreeScratch& scratch,
+                           Counters& counters) {
+    ++counters.rays;
+    // Outside of the box nothing can be seen. Points are counted from the entry all the same, as in a lattice.
+    double near = 0, far = ray.length;
+    if (!clip(ray.entry, ray.direction, tree.lower, tree.upper, near, far)) return {0, 0, 0, 1};
+    double const step = static_cast<double>(scene.step);
+    auto const last_point = [&](double length) __attribute__((always_inline)) {
+        auto const n = static_cast<std::int64_t>(std::ceil(length / step));
+        return n > 1 ? n : 1;
+    };
+    auto k = static_cast<std::int64_t>(near / step); // where the next segment begins
+    std::int64_t const last = last_point(far);
+    RayPart const part{static_cast<double>(k) * step,
+                       last < last_point(ray.length) ? static_cast<double>(last) * step : ray.length};
+    if (!(part.begin < part.end)) return {0, 0, 0, 1};
+    cross_bricks(tree, ray, part, scratch);
+    find_stretches(tree, part, scratch);
+    TreeComb const comb{scratch.stretches.items, scratch.stretches.size, step, part.end, last};
+    TreeField<T> field{tree,
+                       scratch.near,
+                       {scene.lower.x, scene.lower.y, scene.lower.z},
+                       {scene.upper.x, scene.upper.y, scene.upper.z},
+                       {},
+                       0,
+                       {}};
+    double points[chunk + 1];
+    bool empty[chunk];
+    March<TreeField<T>, BatchComb> march{field,     scene,         {points, empty},
+                                         ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
+    int size = 0;            // segments in the batch
+    int included = -1;       // the last stretch whose bricks the batch knows
+    std::int64_t known = -1; // the point whose value the march carries
+    std::int64_t begin = 0;  // where the batch does
+    auto const flush = [&]() __attribute__((always_inline)) {
+        if (size == 0) return;
+        for (int j = size; j < chunk; ++j) field.width[j] = field.width[size - 1];
+        march.known = known == begin ? 0 : -1;
+        march.advance(0, size);
+        known = k;
+        size = 0;
+    };
+    int stretch = 0;
+    while (k < comb.last && !(march.transmittance < least_transmittance)) {
+        while (comb.stretches[stretch].end <= comb.at(k)) ++stretch;
+        Stretch const& here = comb.stretches[stretch];
+        if (scene.skip && !here.visible) {
+            std::int64_t const n = comb.segments_inside(k, here);
+            if (n > 0) {
+                flush();
+                counters.segments += n;
+                k += n << here.level;
+                continue;
+            }
+        }
+        TreeComb::Segment const segment = comb.segment(k, stretch);
+        ++counters.segments;
+        if (scene.skip && !segment.visible) {
+            flush();
+            k = segment.end;
+            continue;
+        }
+        if (size == 0) {
+            field.clear();
+            included = stretch - 1;
+            begin = k;
+            points[0] = comb.at(k);
+        }
+        for (int i = included + 1 > stretch ? included + 1 : stretch; i < stretch + segment.stretches; ++i) {
+            for (int j = 0; j < comb.stretches[i].count; ++j)
+                field.include(scratch.ids.items[comb.stretches[i].first + j]);
+            included = i;
+        }
+        points[size + 1] = comb.at(segment.end);
+        empty[size] = segment.hole;
+        field.width[size] = segment.hole ? 1.0F : static_cast<float>(std::int64_t{1} << segment.level);
+        ++size;
+        k = segment.end;
+        if (size == (known == begin ? chunk : chunk - 1)) flush();
+    }
+    flush();
+    counters.samples += march.samples;
+    return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
+}
+
+} // namespace vkt::render

@@ -1,0 +1,281 @@
+// A hierarchical volume made ready for rays: ranges, conversion, histogram, visibility.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/tree.h"
+
+#include "libvkt/amr/cells.h"
+#include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace vkt::render {
+
+namespace {
+
+constexpr int histogram_bins = 4096;
+
+/// What the cells of a brick hold.
+struct Range {
+    double least = std::numeric_limits<double>::infinity(), greatest = -std::numeric_limits<double>::infinity();
+    std::int64_t missing = 0, infinite = 0;
+
+    void add(Range const& other) {
+        least = std::min(least, other.least);
+        greatest = std::max(greatest, other.greatest);
+        missing += other.missing;
+        infinite += other.infinite;
+    }
+};
+
+template <class T> Range range_of(T const* cells, std::int64_t n) {
+    Range range;
+    for (std::int64_t i = 0; i < n; ++i) {
+        auto const value = static_cast<double>(cells[i]);
+        if (std::isfinite(value)) {
+            range.least = value < range.least ? value : range.least;
+            range.greatest = value > range.greatest ? value : range.greatest;
+        } else {
+            ++(std::isnan(value) ? range.missing : range.infinite);
+        }
+    }
+    return range;
+}
+
+/// Weights of cells per level that add up to less than 2^62: their volume in finest cells, or a power of two of it.
+std::int64_t weight_of(Index3 dims, int level, int shift) {
+    Index3 const w = cell_width(dims, level);
+    return static_cast<std::int64_t>(std::ldexp(volume_of(w), -shift));
+}
+
+float rounded_down(double v) {
+    auto const f = static_cast<float>(v);
+    return static_cast<double>(f) > v ? std::nextafter(f, -std::numeric_limits<float>::infinity()) : f;
+}
+float rounded_up(double v) { return -rounded_down(-v); }
+
+Double3 least(Double3 a, Double3 b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}; }
+Double3 greatest(Double3 a, Double3 b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
+
+} // namespace
+
+struct Tree::Survey {
+    std::vector<Range> bricks;
+    Range all;
+
+    Survey(Volume const& volume, Execution const& execution) {
+        Header const& header = volume.header();
+        if (volume.bricks().empty()) throw Error(ErrorKind::data, "the volume has no bricks", "a wider --roi has some");
+        auto const count = static_cast<std::int64_t>(volume.bricks().size());
+        bricks.resize(volume.bricks().size());
+        std::byte const* const data = volume.buffer().read(Space::host);
+        with_cell_type(header.dtype, [&]<class T>(T) {
+            auto const* const cells = reinterpret_cast<T const*>(data);
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+            for (std::int64_t i = 0; i < count; ++i) {
+                auto const b = static_cast<std::size_t>(i);
+                bricks[b] = range_of(cells + volume.brick_offset(b), volume.bricks()[b].cells());
+            }
+        });
+        for (std::size_t b = 0; b < bricks.size(); ++b) {
+            if (volume.bricks()[b].cells() > std::numeric_limits<std::int32_t>::max())
+                throw Error(ErrorKind::resources, "a brick of 2^31 cells and more cannot be rendered",
+                            "vkt resample makes a structured volume of it");
+            all.add(bricks[b]);
+        }
+        if (!(all.least <= all.greatest))
+            throw Error(ErrorKind::data, "the volume has no finite voxel", "vkt stats tells what it holds");
+    }
+
+    /// True if rays can sample the cells as they are.
+    bool usable(DataType type) const {
+        return type == DataType::uint8 || type == DataType::uint16 || type == DataType::int16 ||
+               (type == DataType::float32 && all.infinite == 0);
+    }
+    /// Floats keep their bits; wider types lose least when they are centred first.
+    double offset(DataType type) const {
+        bool const keep =
+            usable(type) || type == DataType::float32 || type == DataType::float16 || type == DataType::int8;
+        return keep ? 0.0 : all.least + 0.5 * (all.greatest - all.least);
+    }
+    Volume sampled(Volume const& volume, Execution const& execution) const {
+        if (usable(volume.header().dtype)) return volume;
+        Header header = volume.header();
+        header.dtype = DataType::float32;
+        Volume result(header, volume.bricks());
+        auto* const out = reinterpret_cast<float*>(result.buffer().write(Space::host));
+        std::byte const* const data = volume.buffer().read(Space::host);
+        double const away = offset(volume.header().dtype), least = all.least, greatest = all.greatest;
+        std::int64_t const n = volume.header().voxels();
+        with_cell_type(volume.header().dtype, [&]<class T>(T) {
+            auto const* const cells = reinterpret_cast<T const*>(data);
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+            for (std::int64_t i = 0; i < n; ++i) {
+                auto const value = static_cast<double>(cells[i]);
+                out[i] = static_cast<float>((value < least ? least : value > greatest ? greatest : value) - away);
+            }
+        });
+        return result;
+    }
+};
+
+Tree::Tree(Volume const& volume, Execution const& execution) : Tree(volume, Survey(volume, execution), execution) {}
+
+Tree::Tree(Volume const& volume, Survey const& survey, Execution const& execution)
+    : sampler_(survey.sampled(volume, execution)), offset_(survey.offset(volume.header().dtype)),
+      region_(region_of(volume.header())) {
+    Header const& header = volume.header();
+    std::vector<Brick> const& bricks = volume.bricks();
+    switch (sampler_.volume().header().dtype) {
+    case DataType::uint8:
+        type_ = LatticeType::uint8;
+        break;
+    case DataType::uint16:
+        type_ = LatticeType::uint16;
+        break;
+    case DataType::int16:
+        type_ = LatticeType::int16;
+        break;
+    default:
+        type_ = LatticeType::float32;
+        break;
+    }
+
+    std::int64_t cells = 0;
+    for (Brick const& brick : bricks) {
+        covered_ += volume_of(bounds_of(brick, header.dims).dims());
+        cells += brick.cells();
+    }
+    int axes = 0;
+    for (int a = 0; a < 3; ++a) axes += header.dims[a] > 1 ? 1 : 0;
+    typical_width_ = axes > 0 ? std::pow(covered_ / static_cast<double>(cells), 1.0 / axes) : 1;
+
+    lowest_.resize(bricks.size());
+    highest_.resize(bricks.size());
+    missing_.resize(bricks.size());
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    for (std::size_t b = 0; b < bricks.size(); ++b) {
+        Range const& range = survey.bricks[b];
+        missing_[b] = range.missing > 0 ? 1 : 0;
+        // Infinite cells were limited to the range of the whole volume.
+        bool const some = range.least <= range.greatest, limited = range.infinite > 0;
+        double const least = limited ? survey.all.least : range.least;
+        double const greatest = limited ? survey.all.greatest : range.greatest;
+        lowest_[b] = some || limited ? static_cast<float>(least - offset_) : infinity;
+        highest_[b] = some || limited ? static_cast<float>(greatest - offset_) : -infinity;
+    }
+    boxes_.reserve(bricks.size());
+    for (std::int32_t const id : sampler_.index().order()) {
+        Brick const& brick = bricks[static_cast<std::size_t>(id)];
+        Box const domain = domain_of(brick, header.dims);
+        BrickBox box{{}, {}, id, brick.level};
+        for (int a = 0; a < 3; ++a) {
+            box.lower[a] = rounded_down(0.5 * static_cast<double>(domain.lower[a]));
+            box.upper[a] = rounded_up(0.5 * static_cast<double>(domain.upper[a]));
+        }
+        boxes_.push_back(box);
+    }
+
+    Histogram& h = histogram_;
+    h.bins.resize(histogram_bins);
+    int exponent = 0;
+    std::frexp(covered_, &exponent);
+    int const shift = std::max(0, exponent - 62);
+    double const scale = survey.all.greatest > survey.all.least
+                             ? static_cast<double>(h.bins.size()) / (survey.all.greatest - survey.all.least)
+                             : 0;
+    auto const last = static_cast<double>(h.bins.size() - 1);
+    auto const count = static_cast<std::int64_t>(bricks.size());
+    std::byte const* const data = volume.buffer().read(Space::host);
+    with_cell_type(header.dtype, [&]<class T>(T) {
+        auto const* const all = reinterpret_cast<T const*>(data);
+#pragma omp parallel num_threads(execution.threads)
+        {
+            std::vector<std::int64_t> mine(h.bins.size());
+#pragma omp for schedule(static) nowait
+            for (std::int64_t i = 0; i < count; ++i) {
+                auto const b = static_cast<std::size_t>(i);
+                T const* const from = all + volume.brick_offset(b);
+                std::int64_t const n = bricks[b].cells(), weight = weight_of(header.dims, bricks[b].level, shift);
+                for (std::int64_t k = 0; k < n; ++k) {
+                    double const place = (static_cast<double>(from[k]) - survey.all.least) * scale;
+                    if (std::isfinite(place)) mine[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += weight;
+                }
+            }
+#pragma omp critical
+            for (std::size_t i = 0; i < mine.size(); ++i) h.bins[i] += mine[i];
+        }
+    });
+    for (std::int64_t const n : h.bins) h.total += n;
+    h.missing = survey.all.missing, h.infinite = survey.all.infinite;
+    h.total += h.missing + h.infinite; // percentiles are of the finite rest
+    h.least = header.values.physical(survey.all.least), h.greatest = header.values.physical(survey.all.greatest);
+    if (header.values.slope < 0) {
+        std::swap(h.least, h.greatest);
+        std::reverse(h.bins.begin(), h.bins.end());
+    }
+}
+
+Tree::Visibility Tree::classify(TransferTable const& table) const {
+    Visibility result;
+    result.visible_before = table.visible_before();
+    result.range.resize(lowest_.size());
+    double const per_value = static_cast<double>(table.view().scale);
+    bool some = false;
+    std::vector<Brick> const& bricks = sampler_.volume().bricks();
+    for (std::size_t b = 0; b < lowest_.size(); ++b) {
+        BrickNodes& nodes = result.range[b];
+        // Beyond missing data the value may jump between two samples, so that such bricks count as visible.
+        nodes = {0, table.count() - 1};
+        if (missing_[b] == 0) {
+            // A weighted mean passes its ends by a few roundings, even that of equal values unless they are zero.
+            double const largest = std::max(std::abs(lowest_[b]), std::abs(highest_[b]));
+            double const slack = largest > 0 ? 1.0 / 64 + 1e-6 * largest * std::abs(per_value) : 0;
+            auto const touched =
+                table.nodes_of(lowest_[b], highest_[b], static_cast<float>(std::min(slack, 4.0 * table.count())));
+            nodes = {touched.first, touched.last};
+        }
+        auto const at = [&](std::int32_t node) { return result.visible_before[static_cast<std::size_t>(node)]; };
+        if (at(nodes.last + 1) == at(nodes.first)) continue;
+        ++result.visible_count;
+        Box const bounds = intersect(bounds_of(bricks[b], sampler_.volume().header().dims), region_);
+        Box const domain = domain_of(bricks[b], sampler_.volume().header().dims);
+        auto const half = [](Index3 i) {
+            return Double3{0.5 * static_cast<double>(i.x), 0.5 * static_cast<double>(i.y),
+                           0.5 * static_cast<double>(i.z)};
+        };
+        Double3 const low = half(domain.lower), high = half(domain.upper);
+        bool const first = result.visible_count == 1;
+        result.lower = first ? low : least(result.lower, low);
+        result.upper = first ? high : greatest(result.upper, high);
+        if (bounds.empty()) continue;
+        for (int a = 0; a < 3; ++a) {
+            result.content.lower[a] = some ? std::min(result.content.lower[a], bounds.lower[a]) : bounds.lower[a];
+            result.content.upper[a] = some ? std::max(result.content.upper[a], bounds.upper[a]) : bounds.upper[a];
+        }
+        some = true;
+    }
+    if (!some) result.content = region_;
+    return result;
+}
+
+TreeView Tree::view(Visibility const& visibility) const {
+    double extent = 0;
+    for (int a = 0; a < 3; ++a) extent = std::max(extent, static_cast<double>(region_.upper[a]));
+    double const slack = 1e-6 + 1e-9 * extent;
+    Double3 const around{slack, slack, slack};
+    return {sampler_.volume().buffer().read(Space::host),
+            type_,
+            sampler_.index().nodes().data(),
+            sampler_.index().order().data(),
+            sampler_.bricks().data(),
+            boxes_.data(),
+            visibility.range.data(),
+            visibility.visible_before.data(),
+            slack,
+            visibility.lower - around,
+            visibility.upper + around};
+}
+
+} // namespace vkt::render

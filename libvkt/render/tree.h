@@ -1,0 +1,57 @@
+// A hierarchical volume made ready for rays: index, ranges of bricks, histogram; cells stay where they are.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/amr/sampler.h"
+#include "libvkt/render/inner/tree.h"
+#include "libvkt/render/transfer.h"
+
+#include <vector>
+
+namespace vkt::render {
+
+/// Cells of type uint8, uint16, int16 and finite float32 are used in place; others become float after subtracting
+/// `offset`. Infinite cells become the nearest finite value of the volume and are counted; NaN means no data.
+/// Memory besides cells: about 140 bytes a brick.
+class Tree {
+public:
+    /// Throws Error{data} for volumes without bricks or without any finite cell, Error{resources} for bricks of 2^31
+    /// cells and more.
+    Tree(Volume const& volume, Execution const& execution);
+
+    double offset() const { return offset_; }
+    /// Cells count by their volume, because that is what a picture shows.
+    Histogram const& histogram() const { return histogram_; }
+    /// Finest cells that are shown.
+    Box region() const { return region_; }
+    /// Finest cells that bricks cover, and the edge of a cell on average, both in finest cells.
+    double covered() const { return covered_; }
+    double typical_width() const { return typical_width_; }
+
+    /// What a transfer function makes of the bricks.
+    struct Visibility {
+        std::vector<BrickNodes> range;
+        std::vector<std::uint32_t> visible_before;
+        std::int64_t visible_count = 0;
+        Box content; ///< finest cells that visible bricks cover; the region if there is none
+        Double3 lower{0, 0, 0}, upper{-1, -1, -1}; ///< box of the domains of visible bricks, in finest cells
+    };
+    Visibility classify(TransferTable const& table) const;
+    TreeView view(Visibility const& visibility) const;
+    std::size_t brick_count() const { return sampler_.bricks().size(); }
+
+private:
+    struct Survey;
+    Tree(Volume const& volume, Survey const& survey, Execution const& execution);
+
+    TreeSampler sampler_;
+    LatticeType type_ = LatticeType::float32;
+    double offset_ = 0, covered_ = 0, typical_width_ = 1;
+    Histogram histogram_;
+    Box region_;
+    std::vector<BrickBox> boxes_;
+    std::vector<float> lowest_, highest_; ///< per brick, stored values less the offset; lowest > highest: no data
+    std::vector<std::uint8_t> missing_;
+};
+
+} // namespace vkt::render

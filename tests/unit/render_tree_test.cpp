@@ -1,0 +1,314 @@
+// Rendering of hierarchical volumes: against structured ones that hold the same, and against themselves.
+// SPDX-License-Identifier: MIT
+#include "amr_helper.h"
+#include "render_testing.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/render/inner/tree_field.h"
+
+#include <random>
+
+using namespace vkt;
+using namespace vkt::render;
+using namespace vkt::render::testing;
+
+namespace {
+
+/// Bricks of one level that tile a grid, `edge` cells each, less where the grid ends.
+std::vector<Brick> tiles_of(Index3 dims, Index3 edge) {
+    std::vector<Brick> bricks;
+    for (std::int64_t z = 0; z < dims.z; z += edge.z)
+        for (std::int64_t y = 0; y < dims.y; y += edge.y)
+            for (std::int64_t x = 0; x < dims.x; x += edge.x)
+                bricks.push_back(
+                    {{x, y, z},
+                     {std::min(edge.x, dims.x - x), std::min(edge.y, dims.y - y), std::min(edge.z, dims.z - z)},
+                     0});
+    return bricks;
+}
+
+template <class T> Volume cut(Volume const& volume, Index3 edge) {
+    Header header = volume.header();
+    header.kind = Kind::hierarchical;
+    Volume tree(header, tiles_of(header.dims, edge));
+    auto* cell = reinterpret_cast<T*>(tree.buffer().write(Space::host));
+    auto const v = volume.view().as<T>();
+    for (Brick const& b : tree.bricks())
+        for (std::int64_t z = 0; z < b.dims.z; ++z)
+            for (std::int64_t y = 0; y < b.dims.y; ++y)
+                for (std::int64_t x = 0; x < b.dims.x; ++x) *cell++ = v(b.lower.x + x, b.lower.y + y, b.lower.z + z);
+    return tree;
+}
+
+Volume with_geometry(Volume const& volume, Geometry const& geometry) {
+    Header header = volume.header();
+    header.geometry = geometry;
+    Volume result(header);
+    std::memcpy(result.buffer().write(Space::host), volume.buffer().read(Space::host),
+                static_cast<std::size_t>(header.bytes()));
+    return result;
+}
+
+/// Turned and stretched: 3-4-5 in the xy plane.
+Geometry skewed() {
+    Geometry g;
+    g.spacing = {0.7, 1.3, 2.1};
+    g.direction = {Vec3{0.6, 0.8, 0}, Vec3{-0.8, 0.6, 0}, Vec3{0, 0, 1}};
+    g.origin = {100, -20, 3};
+    return g;
+}
+
+RenderSettings colourful() {
+    RenderSettings s;
+    s.width = 61, s.height = 47;
+    s.camera.fit = Fit::volume; // what is visible is known by bricks here and by macrocells there
+    s.lut = {1, 0.5, 0.2, 0, 0.4, 0.6, 0.8, 0.02, 0.9, 0.9, 0.3, 0.2};
+    return s;
+}
+
+Volume small_tree() { return make_amr(amr_test::small_recipe(), amr_test::execution()); }
+
+TEST(RenderTree, OneLevelLooksLikeTheStructuredVolume) {
+    Volume const plain = blobs({37, 29, 45}, DataType::float32);
+    for (Volume const& volume : {plain, with_geometry(plain, skewed())})
+        for (Index3 const edge : {Index3{8, 8, 8}, Index3{37, 29, 45}, Index3{5, 11, 3}})
+            for (double const shade : {0.0, 0.8})
+                for (double const step : {0.5, 0.23}) {
+                    RenderSettings s = colourful();
+                    s.shade = shade, s.step = step;
+                    Picture const lattice = render_one(volume, s), tree = render_one(cut<float>(volume, edge), s);
+                    EXPECT_LT(greatest_difference(lattice.image, tree.image), shade > 0 ? 2e-5 : 5e-6)
+                        << edge.x << " " << shade << " " << step;
+                    EXPECT_GE(lattice.report.segments, tree.report.segments);
+                }
+    // All that is chosen from the data is chosen alike.
+    RenderSettings automatic;
+    automatic.width = automatic.height = 64;
+    automatic.camera.fit = Fit::volume;
+    Picture const lattice = render_one(plain, automatic), tree = render_one(cut<float>(plain, {8, 8, 8}), automatic);
+    EXPECT_EQ(lattice.report.transfer, tree.report.transfer);
+    EXPECT_LT(greatest_difference(lattice.image, tree.image), 2e-4);
+}
+
+TEST(RenderTree, EveryTypeLooksLikeTheStructuredVolume) {
+    RenderSettings s = colourful();
+    s.shade = 0;
+    auto const compare = [&]<class T>(T, DataType type) {
+        Volume const volume = blobs({21, 18, 25}, type);
+        EXPECT_LT(greatest_difference(render_one(volume, s).image, render_one(cut<T>(volume, {8, 8, 8}), s).image),
+                  5e-6)
+            << name_of(type);
+    };
+    compare(std::uint8_t{}, DataType::uint8);
+    compare(std::uint16_t{}, DataType::uint16);
+    compare(std::int16_t{}, DataType::int16);
+    compare(float{}, DataType::float32);
+    compare(double{}, DataType::float64);
+}
+
+/// A fine half at low x and a coarse one, with a linear field.
+Volume ramp_tree(Index3 dims, Vec3 slope) {
+    std::vector<Brick> bricks = tiles_of({dims.x / 2, dims.y, dims.z}, {8, 8, 8});
+    for (Brick const& b : tiles_of({dims.x / 4, dims.y / 2, dims.z / 2}, {8, 8, 8}))
+        bricks.push_back({{dims.x / 2 + 2 * b.lower.x, 2 * b.lower.y, 2 * b.lower.z}, b.dims, 1});
+    return amr_test::make_tree(dims, bricks, [=](Vec3 p) { return slope.x * p.x + slope.y * p.y + slope.z * p.z; });
+}
+
+// The reconstruction of a linear field is off by half a fine cell at most where levels meet and exact elsewhere; along
+// a ray that is a small part of the way. Borders of the volume are left out: half a cell there is constant.
+TEST(RenderTree, ALinearRampHasNoSeam) {
+    Index3 const dims{64, 48, 48};
+    for (Vec3 const slope : {Vec3{1, 0, 0}, Vec3{0.3, 1, 0.2}}) {
+        Volume const grid = volume_of(dims, {1, 1, 1}, [=](double x, double y, double z) {
+            return slope.x * (x + 0.5) + slope.y * (y + 0.5) + slope.z * (z + 0.5);
+        });
+        Volume const tree = ramp_tree(dims, slope);
+        for (char const* view : {"-y", "z", "oblique"})
+            for (double const shade : {0.0, 1.0}) {
+                RenderSettings s = orthographic(view, 80, 80);
+                s.shade = shade;
+                s.domain = "0:60";
+                s.lut = {1, 0.2, 0.1, 0.004, 0.2, 0.9, 1, 0.03};
+                Picture const a = render_one(grid, s), b = render_one(tree, s);
+                double worst = 0;
+                for (int y = 20; y < 60; ++y)
+                    for (int x = 20; x < 60; ++x)
+                        for (int c = 0; c < 4; ++c)
+                            worst = std::max(worst, std::abs(static_cast<double>(a.image.at(x, y)[c]) -
+                                                             static_cast<double>(b.image.at(x, y)[c])));
+                // Central differences are off by a quarter next to the boundary, which shading shows.
+                EXPECT_LT(worst, shade > 0 ? 0.05 : 0.01) << view << " " << slope.x;
+                EXPECT_LT(b.report.samples, a.report.samples); // long steps where cells are large
+            }
+    }
+}
+
+TEST(RenderTree, SkippingThreadsAndInstructionSetsChangeNoBit) {
+    Volume const whole = small_tree();
+    std::vector<Brick> some;
+    for (std::size_t i = 0; i < whole.bricks().size(); ++i)
+        if (i % 7 != 3) some.push_back(whole.bricks()[i]);
+    Volume const holes =
+        amr_test::make_tree(whole.header().dims, some, [](Vec3 p) { return std::sin(p.x / 5) + std::cos(p.y / 7); });
+    for (Volume const& volume : {whole, holes})
+        for (double const step : {0.23, 1.0, 3.7})
+            for (bool const banded : {false, true}) {
+                RenderSettings s;
+                s.width = 61, s.height = 47;
+                s.step = step;
+                s.shade = 0.7;
+                if (banded)
+                    s.lut = {1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.9, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 1, 1};
+                RenderReport with, without;
+                Execution one;
+                s.skip = false;
+                Image const all = render::render(volume, s, one, &without);
+                s.skip = true;
+                Image const skipped = render::render(volume, s, one, &with);
+                EXPECT_EQ(all.pixels, skipped.pixels) << step << " " << banded;
+                EXPECT_LE(with.samples, without.samples);
+                Execution best = default_execution();
+                best.threads = 3;
+                EXPECT_EQ(render::render(volume, s, best).pixels, skipped.pixels) << step << " " << banded;
+            }
+}
+
+TEST(RenderTree, BatchesAreTheSumsOfSingleSamples) {
+    Volume const volume = small_tree();
+    Tree const tree(volume, amr_test::execution());
+    TreeSampler const sampler(volume);
+    TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});
+    Tree::Visibility const visibility = tree.classify(table);
+    TreeView const view = tree.view(visibility);
+    TreeScratch scratch;
+    std::mt19937 random(3);
+    std::uniform_real_distribution<> share(0, 1);
+    Index3 const dims = volume.header().dims;
+    for (int ray = 0; ray < 300; ++ray) {
+        Double3 const o{share(random) * static_cast<double>(dims.x), share(random) * static_cast<double>(dims.y),
+                        share(random) * static_cast<double>(dims.z)};
+        Double3 const d{share(random) - 0.5, share(random) - 0.5, share(random) - 0.5};
+        TreeField<float> field{view, scratch.near, {}, {}, {}, 0, {}};
+        double t[chunk];
+        for (int k = 0; k < chunk; ++k) t[k] = 0.7 * k;
+        if (ray % 2 == 0) {
+            for (std::size_t b = 0; b < volume.bricks().size(); ++b) {
+                for (int k = 0; k < chunk; ++k) {
+                    Vec3 const p{o.x + d.x * t[k], o.y + d.y * t[k], o.z + d.z * t[k]};
+                    if (domain_meets(volume.bricks()[b], dims, p - Vec3{1, 1, 1}, p + Vec3{1, 1, 1}))
+                        field.include(static_cast<std::int32_t>(b));
+                }
+            }
+        } else {
+            field.count = TreeField<float>::most + 1; // too many to hold
+        }
+        float values[chunk];
+        field.values(o, d, t, values);
+        for (int k = 0; k < chunk; ++k) {
+            TreeSample const s = sampler.sample({o.x + d.x * t[k], o.y + d.y * t[k], o.z + d.z * t[k]});
+            if (s.weight > 0)
+                EXPECT_EQ(values[k], s.value);
+            else
+                EXPECT_TRUE(std::isnan(values[k]));
+        }
+    }
+    scratch.release();
+}
+
+TEST(RenderTree, HolesAreEmpty) {
+    Index3 const dims{32, 32, 32};
+    Volume const volume = amr_test::make_tree(dims, {{{0, 0, 0}, {32, 32, 8}, 0}, {{0, 0, 24}, {32, 32, 8}, 0}},
+                                              [](Vec3) { return 1.0; });
+    RenderSettings s = orthographic("z", 20, 20);
+    s.transfer = flat_transfer({1, 1, 1}, 0.05, 1);
+    s.step = 0.125;
+    Picture const picture = render_one(volume, s);
+    // Two layers of 8 cells; each reaches half a cell into the hole.
+    double const expected = std::exp(-extinction_of(0.05) * 17);
+    EXPECT_NEAR(picture.center()[3], expected, 0.02 * expected);
+    s.skip = false;
+    EXPECT_EQ(picture.image.pixels, render_one(volume, s).image.pixels);
+    for (float const p : picture.image.pixels) EXPECT_TRUE(std::isfinite(p));
+}
+
+TEST(RenderTree, MissingAndInfiniteCells) {
+    Volume volume = small_tree();
+    auto* cells = reinterpret_cast<float*>(volume.buffer().write(Space::host));
+    for (int i = 0; i < 3000; ++i) cells[i * 7] = std::numeric_limits<float>::quiet_NaN();
+    cells[5] = std::numeric_limits<float>::infinity();
+    cells[6000] = -std::numeric_limits<float>::infinity();
+    RenderSettings s;
+    s.width = s.height = 50;
+    Picture const picture = render_one(volume, s);
+    EXPECT_EQ(picture.report.missing, 3000);
+    EXPECT_EQ(picture.report.infinite, 2);
+    for (float const p : picture.image.pixels) EXPECT_TRUE(std::isfinite(p));
+    s.skip = false;
+    EXPECT_EQ(picture.image.pixels, render_one(volume, s).image.pixels);
+    for (std::int64_t i = 0; i < volume.header().voxels(); ++i) cells[i] = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_THROW(render_one(volume, s), Error);
+}
+
+TEST(RenderTree, FarAwayIsAsPreciseAsNear) {
+    auto const field = [](Vec3 p) { return std::sin(p.x / 3) * std::cos(p.y / 4) + p.z / 40; };
+    auto const drawn = [&](std::int64_t away) {
+        std::vector<Brick> bricks = tiles_of({32, 32, 32}, {8, 8, 8});
+        for (Brick& b : bricks) b.lower.z += away;
+        auto const shift = static_cast<double>(away);
+        Volume const volume = amr_test::make_tree({32, 32, away + 32}, bricks, [=](Vec3 p) {
+            return field(p - Vec3{0, 0, shift});
+        });
+        RenderSettings s = colourful();
+        s.camera.eye = Vec3{14, 19, shift - 50}, s.camera.target = Vec3{16, 16, shift + 16};
+        s.camera.up = Vec3{0, 1, 0};
+        s.shade = 0.8;
+        return render_one(volume, s).image;
+    };
+    EXPECT_LT(greatest_difference(drawn(64), drawn(std::int64_t{1} << 26)), 1e-4);
+}
+
+TEST(RenderTree, NamesOfAxesDoNotMatter) {
+    Volume volume = small_tree();
+    RenderSettings s;
+    s.width = 61, s.height = 47;
+    s.domain = "0:2";
+    s.opacity = "0,0.01,0.1";
+    s.shade = 0.8;
+    Image const image = render_one(volume, s).image;
+    for (auto const& axis : amr_test::permutations())
+        EXPECT_LT(greatest_difference(image, render_one(amr_test::permuted(volume, axis), s).image), 1e-4);
+}
+
+TEST(RenderTree, FlatTreesAreDrawn) {
+    AmrRecipe recipe = amr_test::small_recipe();
+    recipe.roots = {3, 2, 1}, recipe.block = {8, 4, 1};
+    Volume const volume = make_amr(recipe, amr_test::execution());
+    ASSERT_EQ(volume.header().dims.z, 1);
+    RenderSettings s = orthographic("z", 40, 40);
+    s.transfer = flat_transfer({1, 1, 1}, 0.5, 1);
+    Picture const picture = render_one(volume, s);
+    EXPECT_NEAR(picture.center()[3], 0.5, 1e-5);
+}
+
+TEST(RenderTree, OtherAlgorithmsNameTheWayOut) {
+    Volume const volume = small_tree();
+    RenderSettings s;
+    s.width = s.height = 8;
+    auto const refused = [&] {
+        try {
+            render_one(volume, s);
+        } catch (Error const& error) {
+            return error.hint().find("vkt resample") != std::string::npos;
+        }
+        return false;
+    };
+    for (Algorithm const algorithm : {Algorithm::implicit_iso, Algorithm::multi_scattering}) {
+        s.algorithm = algorithm;
+        EXPECT_TRUE(refused());
+    }
+    s.algorithm = Algorithm::ray_marching;
+    s.exact = true;
+    EXPECT_TRUE(refused());
+}
+
+} // namespace
