@@ -77,7 +77,8 @@ void expect_refused(std::string const& stream, std::string const& what) {
         ADD_FAILURE() << "accepted: " << what;
     } catch (Error const& e) {
         // A size that could be is refused for want of memory.
-        EXPECT_EQ(e.kind(), what == "[1099511627776,1,1]" ? ErrorKind::resources : ErrorKind::data) << what << ": " << e.what();
+        EXPECT_EQ(e.kind(), what == "[1099511627776,1,1]" ? ErrorKind::resources : ErrorKind::data)
+            << what << ": " << e.what();
     }
 }
 
