@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <memory>
 #include <sys/mman.h>
+#include <sys/uio.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -73,25 +74,29 @@ void touch(int advice, char const* name) {
            }));
 }
 
-/// One process writes from a buffer in cache, this one reads into another, through a pipe of this capacity.
-void pipe_with(int capacity, std::size_t chunk, char const* name) {
+/// One process writes from a buffer in cache, or maps its pages into the pipe, this one reads into another buffer,
+/// through a pipe of this capacity.
+void pipe_with(int capacity, std::size_t chunk, bool map_pages, char const* name) {
     std::size_t const bytes = 2048 * mebibyte;
     report(name, static_cast<double>(bytes), best_of(3, [&] {
                int ends[2];
                if (pipe2(ends, O_CLOEXEC) != 0) std::exit(4);
                if (capacity > 0) fcntl(ends[1], F_SETPIPE_SZ, capacity);
-               std::vector<char> buffer(chunk, 1);
+               Pages const pages = map(chunk, MADV_HUGEPAGE);
+               std::memset(pages.get(), 1, chunk);
                pid_t const child = fork();
                if (child == 0) {
                    for (std::size_t sent = 0; sent < bytes;) {
-                       ssize_t const n = write(ends[1], buffer.data(), std::min(chunk, bytes - sent));
+                       iovec part{pages.get(), std::min(chunk, bytes - sent)};
+                       ssize_t const n =
+                           map_pages ? vmsplice(ends[1], &part, 1, 0) : write(ends[1], part.iov_base, part.iov_len);
                        if (n <= 0) _exit(1);
                        sent += static_cast<std::size_t>(n);
                    }
                    _exit(0);
                }
                close(ends[1]);
-               while (read(ends[0], buffer.data(), chunk) > 0) {
+               while (read(ends[0], pages.get(), chunk) > 0) {
                }
                close(ends[0]);
                waitpid(child, nullptr, 0);
@@ -105,6 +110,7 @@ int main() {
     copy_with(std::max(1U, std::thread::hardware_concurrency()), "memcpy, all threads");
     touch(MADV_NOHUGEPAGE, "fresh pages, 4 KiB");
     touch(MADV_HUGEPAGE, "fresh pages, huge");
-    pipe_with(0, 64 << 10, "pipe, 64 KiB");
-    pipe_with(1 << 20, 1 << 20, "pipe, 1 MiB");
+    pipe_with(0, 64 << 10, false, "pipe, 64 KiB");
+    pipe_with(1 << 20, 1 << 20, false, "pipe, 1 MiB");
+    pipe_with(1 << 20, 1 << 20, true, "pipe, 1 MiB, mapped pages");
 }
