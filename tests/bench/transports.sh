@@ -27,7 +27,7 @@ limit() { sed -n "s/^$1 *\([0-9.]*\) GB.*/\1/p" limits.txt; }
 memcpy=$(limit 'memcpy, 1 thread')
 plain=$(limit 'pipe, 1 MiB')
 mapped=$(limit 'pipe, 1 MiB, mapped pages')
-best=$(awk -v a="$plain" -v b="$mapped" 'BEGIN { print a > b ? a : b }')
+best=$(awk -v a="$plain" -v b="$mapped" 'BEGIN { print (a > b) ? a : b }')
 
 file=hop_256x256x${slices}_float32.raw
 [ -e "$file" ] || vkt make noise --dims 256 256 "$slices" --dtype float32 --seed 1 -o "$file"
