@@ -69,7 +69,7 @@ ModuleExport const* load(std::string const& name, std::string& reason) {
 #endif
 
 /// Whether this build made the module.
-bool built(std::string_view name) {
+bool built([[maybe_unused]] std::string_view name) {
 #ifdef VKT_HAVE_HDF5
     if (name == "hdf5") return true;
 #endif
