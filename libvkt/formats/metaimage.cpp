@@ -3,17 +3,14 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
-#include "libvkt/formats/encode.h"
+#include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
-
-#include <unistd.h>
 
 namespace vkt {
 
@@ -108,7 +105,8 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
         result += text("VktSpace = ", one_line(space->second), "\n");
     if (!header.units.empty()) result += text("VktUnits = ", one_line(header.units), "\n");
     for (auto const& [key, value] : header.attributes)
-        if (key != "space" && is_writable_key(key)) result += text(key, " = ", one_line(value), "\n");
+        if (key != "space" && key != "Comment" && is_writable_key(key))
+            result += text(key, " = ", one_line(value), "\n");
     if (header.history) result += text("VktHistory = ", history_text(*header.history), "\n");
     return result + text("ElementType = ", metaimage_type_name(header.dtype), "\n");
 }
@@ -116,111 +114,26 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
 /// Room for what an attached header learns only at the end: the compressed size and a fourth dimension.
 constexpr std::size_t reserve = 96;
 
-class MetaImageWriter : public VolumeWriter {
-public:
-    MetaImageWriter(std::string const& path, WriteOptions const& options)
-        : compress_(options.compress), force_(options.force) {
-        if (lower_case(path).ends_with(".mhd")) {
-            std::string const data = path.substr(0, path.size() - 4) + (compress_ ? ".zraw" : ".raw");
-            header_file_.emplace(path, options.force);
-            data_file_.emplace(data, options.force);
-            data_name_ = data.substr(data.rfind('/') == std::string::npos ? 0 : data.rfind('/') + 1);
-        } else {
-            data_file_.emplace(path, options.force);
-            if (compress_ && data_file_->in_place())
-                throw Error(ErrorKind::usage, "compressed MetaImage cannot go to a pipe, since its size comes first",
-                            "write a file, or NRRD");
-        }
-    }
-
-    void begin(Header const& header) override;
-    void write(std::byte const* voxels, std::size_t n) override {
-        if (deflate_)
-            deflate_->write(voxels, n);
-        else
-            data_file_->write(voxels, n);
-    }
-    void close() override;
-
-private:
-    void check_volume(Header const& header) const;
-    std::string attached_header(std::int64_t compressed, std::size_t length) const;
-
-    bool compress_, force_;
-    std::optional<OutputFile> header_file_, data_file_;
-    std::string data_name_; ///< empty if attached
-    std::optional<DeflateWriter> deflate_;
-    Header first_;
-    std::int64_t volumes_ = 0;
-    std::size_t header_length_ = 0;
-};
-
-void MetaImageWriter::check_volume(Header const& header) const {
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "MetaImage cannot hold bricks", "make a grid of them first: vkt resample");
-    if (metaimage_type_name(header.dtype).empty())
-        throw Error(ErrorKind::usage, text("MetaImage cannot hold ", header.dtype),
-                    "convert first: vkt convert --dtype float32");
-    if (volumes_ == 0) return;
-    if (!same_lattice(first_, header))
-        throw Error(ErrorKind::usage, "one MetaImage file cannot hold volumes of different dims, types or geometry",
-                    "write one file each: name it like out_%04d.mha");
-    if (!header_file_ && data_file_->in_place())
-        throw Error(ErrorKind::usage, "MetaImage on a pipe cannot hold several volumes, since their number comes first",
-                    "write a file, or one file each: name it like out_%04d.mha");
-}
-
-/// A header of the given length, filled up with a comment; of its natural length and some reserve if that is 0.
-std::string MetaImageWriter::attached_header(std::int64_t compressed, std::size_t length) const {
-    std::string const fields = metaimage_fields(first_, volumes_, compressed), last = "ElementDataFile = LOCAL\n";
+/// Filled up with a comment to the given length, or to its natural length and the reserve.
+std::string attached_header(HeaderText const& h) {
+    std::string const fields = metaimage_fields(h.first, h.volumes, h.compressed), last = "ElementDataFile = LOCAL\n";
+    if (h.last_word) return fields + last;
     constexpr std::string_view comment = "Comment = ";
     std::size_t const used = fields.size() + last.size() + comment.size() + 1;
-    if (length == 0) length = used + reserve;
+    std::size_t const length = h.length == 0 ? used + reserve : h.length;
     if (used > length) throw Error(ErrorKind::failure, "no room in the MetaImage header");
     return text(comment, std::string(length - used, '.'), "\n", fields, last);
 }
 
-void MetaImageWriter::begin(Header const& header) {
-    check_volume(header);
-    if (volumes_++ > 0) return;
-    first_ = header;
-    first_.attributes.erase("Comment");
-    if (!header_file_) {
-        bool const final = data_file_->in_place();
-        std::string const head = final ? metaimage_fields(first_, 1, -1) + "ElementDataFile = LOCAL\n"
-                                       : attached_header(compress_ ? 0 : -1, 0);
-        header_length_ = head.size();
-        data_file_->write(head.data(), head.size());
-    }
-    if (compress_) deflate_.emplace(*data_file_, DeflateWriter::Wrapper::zlib);
-}
-
-void MetaImageWriter::close() {
-    if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
-    if (deflate_) deflate_->finish();
-    std::int64_t const compressed = deflate_ ? deflate_->bytes_written() : -1;
-    if (header_file_) {
-        std::string const head =
-            metaimage_fields(first_, volumes_, compressed) + text("ElementDataFile = ", data_name_, "\n");
-        header_file_->write(head.data(), head.size());
-    } else if (volumes_ > 1 || deflate_) {
-        std::string const head = attached_header(compressed, header_length_);
-        data_file_->write_at(0, head.data(), head.size());
-    }
-    // A header must not be seen without its data.
-    data_file_->commit();
-    if (!header_file_) return;
-    try {
-        header_file_->commit();
-    } catch (...) {
-        // Nor should data stay without its header, unless it has replaced other data anyway.
-        if (!force_) ::unlink(data_file_->path().c_str());
-        throw;
-    }
+std::string metaimage_text(HeaderText const& h) {
+    if (h.data.empty()) return attached_header(h);
+    return metaimage_fields(h.first, h.volumes, h.compressed) + text("ElementDataFile = ", h.data, "\n");
 }
 
 std::unique_ptr<Sink> create_metaimage(std::string const& path, WriteOptions const& options) {
-    return slab_sink(std::make_unique<MetaImageWriter>(path, options));
+    HeaderFormat format{"MetaImage",         ".mha",        ".mhd", ".raw", ".zraw", DeflateWriter::Wrapper::zlib, true,
+                        metaimage_type_name, metaimage_text};
+    return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
 }
 
 } // namespace

@@ -3,17 +3,14 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
-#include "libvkt/formats/encode.h"
+#include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <algorithm>
 #include <cstring>
-#include <optional>
 #include <utility>
-
-#include <unistd.h>
 
 namespace vkt {
 
@@ -119,91 +116,14 @@ std::string whole_header(Header const& header, std::int64_t volumes, bool gzip, 
     return text(magic, "#", std::string(length - used - 2, '.'), "\n", body);
 }
 
-class NrrdWriter : public VolumeWriter {
-public:
-    NrrdWriter(std::string const& path, WriteOptions const& options) : gzip_(options.compress), force_(options.force) {
-        if (lower_case(path).ends_with(".nhdr")) {
-            std::string const data = path.substr(0, path.size() - 5) + (gzip_ ? ".raw.gz" : ".raw");
-            header_file_.emplace(path, options.force);
-            data_file_.emplace(data, options.force);
-            data_name_ = data.substr(data.rfind('/') == std::string::npos ? 0 : data.rfind('/') + 1);
-        } else {
-            data_file_.emplace(path, options.force);
-        }
-    }
-
-    void begin(Header const& header) override;
-    void write(std::byte const* voxels, std::size_t n) override {
-        if (deflate_)
-            deflate_->write(voxels, n);
-        else
-            data_file_->write(voxels, n);
-    }
-    void close() override;
-
-private:
-    void check_volume(Header const& header) const;
-
-    bool gzip_, force_;
-    std::optional<OutputFile> header_file_, data_file_;
-    std::string data_name_; ///< empty if attached
-    std::optional<DeflateWriter> deflate_;
-    Header first_;
-    std::int64_t volumes_ = 0;
-    std::size_t header_length_ = 0;
-};
-
-void NrrdWriter::check_volume(Header const& header) const {
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "NRRD cannot hold bricks", "make a grid of them first: vkt resample");
-    if (nrrd_type_name(header.dtype).empty())
-        throw Error(ErrorKind::usage, text("NRRD cannot hold ", header.dtype),
-                    "convert first: vkt convert --dtype float32");
-    if (volumes_ == 0) return;
-    if (!same_lattice(first_, header))
-        throw Error(ErrorKind::usage, "one NRRD file cannot hold volumes of different dims, types or geometry",
-                    "write one file each: name it like out_%04d.nrrd");
-    if (!header_file_ && data_file_->in_place())
-        throw Error(ErrorKind::usage, "NRRD on a pipe cannot hold several volumes, since their number comes first",
-                    "write a file, or one file each: name it like out_%04d.nrrd");
-}
-
-void NrrdWriter::begin(Header const& header) {
-    check_volume(header);
-    if (volumes_++ > 0) return;
-    first_ = header;
-    if (!header_file_) {
-        std::string const head = whole_header(first_, 1, gzip_, "", 0);
-        header_length_ = head.size();
-        data_file_->write(head.data(), head.size());
-    }
-    if (gzip_) deflate_.emplace(*data_file_, DeflateWriter::Wrapper::gzip);
-}
-
-void NrrdWriter::close() {
-    if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
-    if (deflate_) deflate_->finish();
-    if (header_file_) {
-        std::string const head = whole_header(first_, volumes_, gzip_, data_name_, 0);
-        header_file_->write(head.data(), head.size());
-    } else if (volumes_ > 1) {
-        std::string const head = whole_header(first_, volumes_, gzip_, "", header_length_);
-        data_file_->write_at(0, head.data(), head.size());
-    }
-    // A header must not be seen without its data.
-    data_file_->commit();
-    if (!header_file_) return;
-    try {
-        header_file_->commit();
-    } catch (...) {
-        // Nor should data stay without its header, unless it has replaced other data anyway.
-        if (!force_) ::unlink(data_file_->path().c_str());
-        throw;
-    }
+std::string nrrd_text(HeaderText const& h) {
+    return whole_header(h.first, h.volumes, h.compressed >= 0, h.data, h.length);
 }
 
 std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& options) {
-    return slab_sink(std::make_unique<NrrdWriter>(path, options));
+    HeaderFormat format{"NRRD", ".nrrd",        ".nhdr",  ".raw", ".raw.gz", DeflateWriter::Wrapper::gzip,
+                        false,  nrrd_type_name, nrrd_text};
+    return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
 }
 
 } // namespace

@@ -3,6 +3,9 @@
 load ../helper
 
 rounds() {
+    # A folder of their own: other programs' temporary files are not what is looked for.
+    mkdir tmp
+    export TMPDIR="$PWD/tmp"
     vkt make noise --dims 96 80 64 --dtype float32 --seed 3 -o in.nrrd
     python3 "$VKT_ROOT/tests/faults/kill.py" "${VKT_FAULT_ROUNDS:-25}" "$1" "$2" >&3
 }

@@ -1,0 +1,97 @@
+// A text header and voxels, in one file or in two.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/header_and_voxels.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
+
+#include <unistd.h>
+#include <utility>
+
+namespace vkt {
+
+HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
+    : format_(std::move(format)), compress_(options.compress), force_(options.force) {
+    if (lower_case(path).ends_with(format_.detached)) {
+        std::string const data = path.substr(0, path.size() - format_.detached.size()) +
+                                 (compress_ ? format_.compressed_data : format_.data);
+        header_file_.emplace(path, force_);
+        data_file_.emplace(data, force_);
+        data_name_ = data.substr(data.rfind('/') == std::string::npos ? 0 : data.rfind('/') + 1);
+        return;
+    }
+    data_file_.emplace(path, force_);
+    if (compress_ && format_.states_compressed_size && data_file_->in_place())
+        throw Error(ErrorKind::usage,
+                    text("compressed ", format_.name, " cannot go to a pipe, since its size comes first"),
+                    "write a file, or NRRD");
+}
+
+void HeaderAndVoxelsWriter::write(std::byte const* voxels, std::size_t n) {
+    if (deflate_)
+        deflate_->write(voxels, n);
+    else
+        data_file_->write(voxels, n);
+}
+
+void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
+    std::string const each = text("name it like out_%04d", format_.attached);
+    if (header.kind != Kind::structured)
+        throw Error(ErrorKind::usage, text(format_.name, " cannot hold bricks"),
+                    "make a grid of them first: vkt resample");
+    if (format_.type_name(header.dtype).empty())
+        throw Error(ErrorKind::usage, text(format_.name, " cannot hold ", header.dtype),
+                    "convert first: vkt convert --dtype float32");
+    if (volumes_ == 0) return;
+    if (!same_lattice(first_, header))
+        throw Error(ErrorKind::usage,
+                    text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
+                    "write one file each: " + each);
+    if (!header_file_ && data_file_->in_place())
+        throw Error(ErrorKind::usage,
+                    text(format_.name, " on a pipe cannot hold several volumes, since their number comes first"),
+                    "write a file, or one file each: " + each);
+}
+
+std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
+    std::int64_t const compressed = !compress_ ? -1 : deflate_ ? deflate_->bytes_written() : 0;
+    bool const last_word = !header_file_ && data_file_->in_place();
+    return format_.text({first_, volumes_, compressed, data_name_, length, last_word});
+}
+
+void HeaderAndVoxelsWriter::begin(Header const& header) {
+    check_volume(header);
+    if (volumes_++ > 0) return;
+    first_ = header;
+    if (!header_file_) {
+        std::string const head = header_text(0);
+        header_length_ = head.size();
+        data_file_->write(head.data(), head.size());
+    }
+    if (compress_) deflate_.emplace(*data_file_, format_.wrapper);
+}
+
+void HeaderAndVoxelsWriter::close() {
+    if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    if (deflate_) deflate_->finish();
+    if (header_file_) {
+        std::string const head = header_text(0);
+        header_file_->write(head.data(), head.size());
+    } else if (volumes_ > 1 || (deflate_ && format_.states_compressed_size)) {
+        std::string const head = header_text(header_length_);
+        data_file_->write_at(0, head.data(), head.size());
+    }
+    // A header must not be seen without its data.
+    data_file_->commit();
+    if (!header_file_) return;
+    try {
+        header_file_->commit();
+    } catch (...) {
+        // Nor should data stay without its header, unless it has replaced other data anyway.
+        if (!force_) ::unlink(data_file_->path().c_str());
+        throw;
+    }
+}
+
+} // namespace vkt

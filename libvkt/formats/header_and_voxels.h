@@ -1,0 +1,59 @@
+// Writing formats that are a text header and voxels, in one file or in two (NRRD, MetaImage).
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/formats/encode.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/formats/slab_sink.h"
+
+#include <optional>
+#include <string>
+
+namespace vkt {
+
+/// What a header is made of.
+struct HeaderText {
+    Header const& first;     ///< of the first volume; the others have the same lattice
+    std::int64_t volumes;    ///< so far
+    std::int64_t compressed; ///< bytes of compressed voxels; below 0: they are not compressed
+    std::string const& data; ///< name of the file with the voxels; empty if they follow
+    std::size_t length;      ///< that an attached header must have; 0: as it comes, with room for what close() adds
+    bool last_word;          ///< the file cannot be written to again, so no room is needed
+};
+
+/// How one format differs from the others.
+struct HeaderFormat {
+    std::string name;                  ///< for messages
+    std::string attached, detached;    ///< extensions: one file, header with the voxels in another
+    std::string data, compressed_data; ///< extensions of that other file
+    DeflateWriter::Wrapper wrapper;
+    bool states_compressed_size;
+    std::string (*type_name)(DataType); ///< empty for types that the format does not have
+    std::string (*text)(HeaderText const&);
+};
+
+/// Volumes of one lattice become one file; the header is completed when their number is known.
+class HeaderAndVoxelsWriter : public VolumeWriter {
+public:
+    /// Throws Error{usage} for compression to a pipe where the size comes first, Error{io}.
+    HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options);
+
+    void begin(Header const& header) override;
+    void write(std::byte const* voxels, std::size_t n) override;
+    void close() override;
+
+private:
+    void check_volume(Header const& header) const;
+    std::string header_text(std::size_t length) const;
+
+    HeaderFormat format_;
+    bool compress_, force_;
+    std::optional<OutputFile> header_file_, data_file_;
+    std::string data_name_; ///< empty if attached
+    std::optional<DeflateWriter> deflate_;
+    Header first_;
+    std::int64_t volumes_ = 0;
+    std::size_t header_length_ = 0;
+};
+
+} // namespace vkt
