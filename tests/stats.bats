@@ -81,3 +81,26 @@ assert r["count"] == 12 and r["mean"] == 3 and r["argmin"] == [2, 0, 1], r'
     vkt make ramp --dims 4 3 2 | vkt stats >table
     grep -qx 'mean *1.5' table
 }
+
+@test "of a region no more is read than that" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need no tracer"
+    command -v strace >/dev/null || skip "strace is not installed"
+    truncate -s 512M big_512x1024x512_uint16.raw
+    strace -f -y -e trace=read,pread64,preadv -o trace vkt stats big_512x1024x512_uint16.raw --roi :,10:20,7:9 --json >s.json
+    grep -q '"count": 10240,' s.json
+    grep -q '"argmin": \[0, 10, 7\]' s.json
+    grep big_512 trace | sed -n 's/.*= \([0-9]*\)$/\1/p' | python3 -c '
+import sys
+total = sum(map(int, sys.stdin))
+assert 20480 <= total < 20480 + 65536, total'
+}
+
+@test "a region gives the same through every path and slab" {
+    vkt make noise --dims 37 29 23 --dtype float32 --seed 4 -o n.nrrd
+    expected=$(vkt crop n.nrrd --roi 3:30,4:20,5:21 | vkt stats --json | grep -v arg)
+    for slab in 1 3 7 64; do
+        [ "$(vkt stats n.nrrd --roi 3:30,4:20,5:21 --slab $slab --json | grep -v arg)" = "$expected" ]
+        [ "$(vkt read n.nrrd --slab $slab | vkt stats --roi 3:30,4:20,5:21 --json | grep -v arg)" = "$expected" ]
+        [ "$(vkt read n.nrrd --slab $slab --transport shm | vkt stats --roi 3:30,4:20,5:21 --json | grep -v arg)" = "$expected" ]
+    done
+}

@@ -75,7 +75,9 @@ public:
     /// operation that keeps input slices from the run before may leave them out of the next region's footprint.
     virtual Box footprint(Box const& output, int /*input*/) const { return output; }
 
-    /// First pass, if the plan asks for it: sees every slab of the input once, in z order, full rows and slices.
+    /// The part of the input that scan() wants to see; no more of it is read than that.
+    virtual Box scanned(Box const& whole) const { return whole; }
+    /// First pass, if the plan asks for it: sees every slab of that part once, in z order, all its rows and columns.
     virtual void scan(ConstView /*slab*/, Execution const&) {}
     virtual void scan_end() {}
     /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose

@@ -72,9 +72,11 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
     Execution host = execution;
     host.device = Device::cpu; // scans read where the data arrives
     Buffer buffer;
-    source.expect(box_of(header.dims));
-    for (std::int64_t z = 0; z < header.dims.z; z += height) {
-        Box const box{{0, 0, z}, {header.dims.x, header.dims.y, std::min(z + height, header.dims.z)}};
+    Box const part = operation.scanned(box_of(header.dims));
+    source.expect(part);
+    for (std::int64_t z = part.lower.z, end = 0; z < part.upper.z; z = end) {
+        end = std::min((z / height + 1) * height, part.upper.z); // as slabs of the whole volume would lie
+        Box const box{{part.lower.x, part.lower.y, z}, {part.upper.x, part.upper.y, end}};
         auto const begin = std::chrono::steady_clock::now();
         std::optional<ConstView> view;
         if (source.space() == Space::host) view = source.borrow(box);

@@ -88,6 +88,7 @@ public:
     void parameters(Parameters& p) override;
     Plan plan(std::span<Header const> inputs) override;
     void enter_level(Index3 cell_width) override;
+    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}

@@ -1,5 +1,7 @@
 // Tiles of the image of a hierarchical volume, compiled once per instruction set into a namespace of its own.
 // SPDX-License-Identifier: MIT
+#ifndef VKT_BACKEND_cuda // rays hold lists that grow: a GPU needs another loop around the same march
+
 #include "libvkt/render/backend/pixels.h"
 #include "libvkt/render/inner/tree_march.h"
 
@@ -38,3 +40,5 @@ void render_tile(SceneView const& scene, TreeView const& tree, Tile tile, float*
 TreeTileFunction tree_tile_function() { return render_tile; }
 
 } // namespace vkt::render::VKT_BACKEND
+
+#endif
