@@ -94,6 +94,9 @@ if has unit || has bats; then
     fi
 fi
 
+# Or vkt starts itself once more each time, which takes long under a sanitizer; the tests of the release build do.
+if has asan || has tsan; then export OMP_WAIT_POLICY=passive; fi
+
 if has asan && build asan; then
     export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
     export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
