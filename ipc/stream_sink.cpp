@@ -40,7 +40,6 @@ struct Slab {
     Buffer voxels;
     std::size_t bytes = 0;
     std::optional<std::uint32_t> slot; ///< in shared memory, by name
-    bool in_segment = false;           ///< at its own place there
     std::uint64_t spliced_at = 0;      ///< bytes written when its pages had gone into the pipe
 };
 
@@ -182,7 +181,6 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
         current_.box = box;
         if (segment_) {
             current_.slot = slot_name(channel_->generation(), 0);
-            current_.in_segment = true;
             auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
             return dense_view(channel_->ring()->slot(0) + static_cast<std::size_t>(box.lower.z) * slice, header_.dtype,
                               box);
@@ -273,11 +271,8 @@ void StreamSink::Writer::recycle(Slab slab) {
 }
 
 void StreamSink::Writer::write_slab(Slab& slab) {
-    SlabHeader const head{slab.box.lower.z, slab.box.upper.z,
-                          !slab.slot        ? Place::here
-                          : slab.in_segment ? Place::segment
-                                            : Place::shared,
-                          slab.slot.value_or(0), slab.bytes};
+    Place const place = !slab.slot ? Place::here : segment_ ? Place::segment : Place::shared;
+    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, place, slab.slot.value_or(0), slab.bytes};
     FrameHeader frame{FrameType::slab, flag_required, sizeof head + (slab.slot ? 0 : slab.bytes), 0, 0};
     if (options_.checksum &&
         !slab.slot) { // shared voxels never leave memory: there is no way on which they could be damaged

@@ -2,9 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "shell/invocation.h"
 
-#include "libvkt/core/error.h"
-
 #include "libvkt/core/collect.h"
+#include "libvkt/core/error.h"
 #include "shell/options.h"
 
 #include <algorithm>

@@ -404,10 +404,6 @@ int Runner::run() {
     return drain(std::move(source));
 }
 
-} // namespace
-
-namespace {
-
 /// Whether words that could not be parsed name an output file: standard output is somebody else's then.
 bool names_output(std::vector<std::string> const& words) {
     return std::any_of(words.begin(), words.end(), [](std::string const& word) {

@@ -26,6 +26,12 @@ needs_data() {
     [ -e "$VKT_DATA/$1" ] || skip "sample volume $1 is absent (set VKT_DATA)"
 }
 
+# install_and_move: one installation for all tests of a file, moved away from where it was installed.
+install_and_move() {
+    cmake --install "$VKT_BUILD" --prefix "$BATS_FILE_TMPDIR/first" >"$BATS_FILE_TMPDIR/log"
+    mv "$BATS_FILE_TMPDIR/first" "$BATS_FILE_TMPDIR/moved here"
+}
+
 # python_with MODULE…: the system's python has these modules, or the test is skipped with the reason.
 python_with() {
     local module

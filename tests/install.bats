@@ -1,11 +1,9 @@
 # Installation: found from where it lies, by find_package and pkg-config, after the tree was moved.
 load helper
 
-# One installation for all tests of this file, moved away from where it was installed.
 setup_file() {
     [ -n "${VKT_BUILD:-}" ] || return 0
-    cmake --install "$VKT_BUILD" --prefix "$BATS_FILE_TMPDIR/first" >"$BATS_FILE_TMPDIR/log"
-    mv "$BATS_FILE_TMPDIR/first" "$BATS_FILE_TMPDIR/moved here"
+    install_and_move
 }
 
 setup_more() {

@@ -3,8 +3,7 @@ load helper
 
 setup_file() {
     [ -e "${VKT_BUILD:-}/python/vkt/_vkt.so" ] || return 0
-    cmake --install "$VKT_BUILD" --prefix "$BATS_FILE_TMPDIR/first" >"$BATS_FILE_TMPDIR/log"
-    mv "$BATS_FILE_TMPDIR/first" "$BATS_FILE_TMPDIR/moved here"
+    install_and_move
 }
 
 setup_more() {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/registry.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
 #include "libvkt/core/text.h"
@@ -28,8 +29,7 @@ std::size_t words_of_name(std::vector<std::string> const& words) {
 
 std::unique_ptr<Operation> make_operation(std::string_view name) {
     if (auto const* const entry = find_operation(name)) return entry->make();
-    std::vector<std::string> names;
-    for (auto const& entry : operations()) names.emplace_back(entry.name);
+    auto const names = collect(operations(), [](RegisteredOperation const& entry) { return std::string(entry.name); });
     std::string const near = nearest_name(name, names);
     throw Error(ErrorKind::usage, text("'", name, "' is not an operation"),
                 near.empty() ? text("known are ", join(names, ", ")) : text("did you mean '", near, "'?"));
@@ -86,9 +86,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
     info.input_names.assign(inputs.size(), "-");
     info.words = history_words(name, own, info.input_names, inputs_are_parameters);
     info.listener = listener;
-    std::vector<std::unique_ptr<Source>> sources;
-    sources.reserve(inputs.size());
-    for (auto const& input : inputs) sources.push_back(volume_source({input}));
+    auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
     Execution const execution = options.execution();
     auto const result = attach(std::move(sources), *operation, execution, std::move(info));
     result->next_volume();

@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 
+#include <filesystem>
 #include <unistd.h>
 #include <utility>
 
@@ -18,7 +19,7 @@ HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string co
                                  (compress_ ? format_.compressed_data : format_.data);
         header_file_.emplace(path, force_);
         data_file_.emplace(data, force_);
-        data_name_ = data.substr(data.rfind('/') == std::string::npos ? 0 : data.rfind('/') + 1);
+        data_name_ = std::filesystem::path(data).filename().string();
         return;
     }
     data_file_.emplace(path, force_);

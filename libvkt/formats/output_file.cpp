@@ -68,13 +68,13 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
 
 void OutputFile::open_temporary() {
     std::string const directory = directory_of(path_);
-    if (force_) remove_leftovers(path_); // only what displaces another file is ever named besides
-    if (::access("/proc/self/fd", X_OK) == 0) {
+    if (::access("/proc/self/fd", X_OK) == 0)
         descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
-        if (descriptor_ >= 0) return;
-    }
+    bool const unnamed = descriptor_ >= 0;
+    // Of unnamed files only those that displace another are ever named besides.
+    if (force_ || !unnamed) remove_leftovers(path_);
+    if (unnamed) return mark_alive(descriptor_);
     // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
-    remove_leftovers(path_);
     temporary_ = temporary_name(path_);
     descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
     if (descriptor_ < 0) {
@@ -127,7 +127,6 @@ void OutputFile::commit() {
         return;
     }
     bool const unnamed = temporary_.empty();
-    mark_alive(descriptor_);
     if (!unnamed) {
         // Network file systems tell about a full disk only here, so before the name is given away. The copy keeps the
         // mark.

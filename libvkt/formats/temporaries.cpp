@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
+#include <filesystem>
 #include <memory>
 #include <random>
 
@@ -27,13 +28,10 @@ constexpr int slots = 64;
 /// The names outlive every object, since a signal may come between any two instructions.
 std::array<std::atomic<char*>, slots> temporaries{};
 
-std::string file_of(std::string const& path) {
-    std::size_t const slash = path.rfind('/');
-    return slash == std::string::npos ? path : path.substr(slash + 1);
-}
-
 /// What all temporary names for `path` begin with. A name may not be longer than file systems take.
-std::string prefix_of(std::string const& path) { return text(".", file_of(path).substr(0, 200), ".vkt-"); }
+std::string prefix_of(std::string const& path) {
+    return text(".", std::filesystem::path(path).filename().string().substr(0, 200), ".vkt-");
+}
 
 /// True if the file is one of ours whose owner is gone.
 bool left_over(int descriptor) {

@@ -6,24 +6,11 @@
 #
 # VKT_BENCH_DIR: where volumes are generated (default: a new folder in /tmp); VKT_BENCH_N: extent (512).
 set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-build=${1:-$here/../../build}
-PATH=$(cd "$build" && pwd):$PATH
+# shellcheck source=tests/bench/begin.sh disable=SC1091
+. "$(dirname "$0")/begin.sh"
 n=${VKT_BENCH_N:-512}
-if [ -n "${VKT_BENCH_DIR:-}" ]; then
-    dir=$VKT_BENCH_DIR
-    mkdir -p "$dir"
-else
-    dir=$(mktemp -d /tmp/vkt-bench.XXXXXX)
-    trap 'rm -rf "$dir"' EXIT
-fi
-cd "$dir"
 missed=0
-
-echo "# limits of this machine ($(nproc) processors)"
-c++ -std=c++20 -O3 -pthread "$here/limits.cpp" -o limits
-./limits | tee limits.txt
-memcpy=$(sed -n 's/^memcpy, all threads *\([0-9.]*\).*/\1/p' limits.txt)
+memcpy=$(limit 'memcpy, all threads')
 
 big=big_${n}x${n}x${n}_float32.raw
 [ -e "$big" ] || vkt make noise --dims "$n" "$n" "$n" --dtype float32 --seed 1 -o "$big"

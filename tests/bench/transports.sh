@@ -6,24 +6,10 @@
 #
 # VKT_BENCH_DIR: where volumes are generated (default: a new folder in /tmp); VKT_BENCH_SLICES: 4096 (1 GiB of float32).
 set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-build=${1:-$here/../../build}
-PATH=$(cd "$build" && pwd):$PATH
+# shellcheck source=tests/bench/begin.sh disable=SC1091
+. "$(dirname "$0")/begin.sh"
 slices=${VKT_BENCH_SLICES:-4096}
-if [ -n "${VKT_BENCH_DIR:-}" ]; then
-    dir=$VKT_BENCH_DIR
-    mkdir -p "$dir"
-else
-    dir=$(mktemp -d /tmp/vkt-bench.XXXXXX)
-    trap 'rm -rf "$dir"' EXIT
-fi
-cd "$dir"
 missed=0
-
-echo "# limits of this machine ($(nproc) processors)"
-c++ -std=c++20 -O3 -pthread "$here/limits.cpp" -o limits
-./limits | tee limits.txt
-limit() { sed -n "s/^$1 *\([0-9.]*\) GB.*/\1/p" limits.txt; }
 memcpy=$(limit 'memcpy, 1 thread')
 plain=$(limit 'pipe, 1 MiB')
 mapped=$(limit 'pipe, 1 MiB, mapped pages')

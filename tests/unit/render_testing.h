@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <gtest/gtest.h>
 #include <string>
 #include <vector>
 
@@ -111,6 +112,25 @@ inline double greatest_difference(Image const& a, Image const& b) {
     for (std::size_t i = 0; i < a.pixels.size(); ++i)
         greatest = std::max(greatest, static_cast<double>(std::abs(a.pixels[i] - b.pixels[i])));
     return greatest;
+}
+
+struct Skipping {
+    RenderReport with, without;
+};
+
+/// Draws with and without skipping, and with the best instructions on three threads: the same bits.
+inline Skipping expect_no_bit_changes(Volume const& volume, RenderSettings s, std::string const& what) {
+    Skipping reports;
+    Execution const one;
+    s.skip = false;
+    Image const all = render::render(volume, s, one, &reports.without);
+    s.skip = true;
+    Image const skipped = render::render(volume, s, one, &reports.with);
+    EXPECT_EQ(all.pixels, skipped.pixels) << what;
+    Execution best = default_execution();
+    best.threads = 3;
+    EXPECT_EQ(render::render(volume, s, best).pixels, skipped.pixels) << what;
+    return reports;
 }
 
 } // namespace vkt::render::testing
