@@ -233,6 +233,7 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
         vkt read "$VKT_DATA/amr/flash/$file" --variable dens | vkt render --size 64 -o $file.png
     done
     vkt read "$VKT_DATA/amr/plt_eb_3d" --variable density | vkt render --size 64 -o amrex.png
+    vkt write --formats | grep -q OpenVDB || return 0
     vkt render "$VKT_DATA/vdb/smoke.vdb" --size 64 -o smoke.png
     # Smoke in the middle, nothing in the corners.
     pixels smoke.png | tail -n 1 >smoke
