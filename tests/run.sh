@@ -32,7 +32,7 @@ fail() {
 build() {
     preset=$1
     say "build: $preset"
-    if cmake --preset "$preset" "$configure" ${VKT_OPENVDB:+"-DVKT_OPENVDB=$VKT_OPENVDB"} >"$scratch/build.log" 2>&1 &&
+    if cmake --preset "$preset" -DVKT_TESTS=ON ${VKT_OPENVDB:+"-DVKT_OPENVDB=$VKT_OPENVDB"} >"$scratch/build.log" 2>&1 &&
         cmake --build --preset "$preset" >>"$scratch/build.log" 2>&1; then
         grep '^-- vkt:' "$scratch/build.log" || true
         return 0
@@ -86,7 +86,6 @@ fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH
 
-configure='-DVKT_TESTS=ON'
 if has unit || has bats; then
     if build release; then
         if has unit; then check build unit -L unit; fi
@@ -112,18 +111,18 @@ if has tsan && build tsan; then
     unset TSAN_OPTIONS OMP_TOOL
 fi
 
-configure='-DVKT_TESTS=OFF'
-if has fuzz && build fuzz; then
-    for target in build-fuzz/fuzz/*_fuzz; do
+# The targets are part of the asan build.
+if has fuzz && { has asan || build asan; }; then
+    for target in build-asan/fuzz/*_fuzz; do
         name=$(basename "$target")
         say "fuzz: $name"
         # What was found before, then the inputs that come with the project.
-        mkdir -p "build-fuzz/corpus/$name"
-        set -- "build-fuzz/corpus/$name"
+        mkdir -p "build-asan/corpus/$name"
+        set -- "build-asan/corpus/$name"
         if [ -d "tests/fuzz/corpus/${name%_fuzz}" ]; then set -- "$@" "tests/fuzz/corpus/${name%_fuzz}"; fi
         if "$target" -max_total_time="${VKT_FUZZ_SECONDS:-20}" -timeout=10 -rss_limit_mb=1024 \
             -malloc_limit_mb=512 -max_len=8192 \
-            -artifact_prefix="build-fuzz/$name-" "$@" >"$scratch/fuzz.log" 2>&1; then
+            -artifact_prefix="build-asan/$name-" "$@" >"$scratch/fuzz.log" 2>&1; then
             tail -n 1 "$scratch/fuzz.log"
             pass
         else

@@ -1,10 +1,14 @@
-// Fuzzes every file format behind one door: the content decides which reader gets the bytes.
+// Fuzzes every file format that vkt parses itself behind one door: the content decides which reader gets the bytes.
 // SPDX-License-Identifier: MIT
+#include <cstring>
+
 #include "tests/fuzz/volume_input.h"
 
 // The first byte says how the rest arrives: as a file or through a pipe, and whether dims are given as for raw files.
 extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size) {
     if (size == 0) return 0;
+    // What follows is up to libhdf5, whose crashes are not ours to find.
+    if (size > 4 && std::memcmp(data + 1, "\x89HDF", 4) == 0) return 0;
     vkt::ReadOptions options;
     if (data[0] & 2) {
         options.dims = vkt::Index3{3 + (data[0] >> 4), 5, 7};
