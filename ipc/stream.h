@@ -53,7 +53,7 @@ public:
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
     void finish() override;
-    Volume load_hierarchical() override;
+    BrickSequence take_bricks() override;
     std::optional<Volume> take_whole() override;
 
     /// Up to date after finish() and when the source is gone.
@@ -77,7 +77,7 @@ public:
     void end() override;
     void close() override;
     void fail(std::string const& stage, std::string const& message) override;
-    void put_hierarchical(Volume const& volume) override;
+    void put_bricks(BrickSequence bricks) override;
 
     Traffic traffic() const;
     /// Timing rows to send with the next END.

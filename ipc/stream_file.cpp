@@ -19,7 +19,7 @@ public:
     AnyView acquire(Box const& slab) override { return sink_.acquire(slab); }
     void commit() override { sink_.commit(); }
     void end() override { sink_.end(); }
-    void put_hierarchical(Volume const& volume) override { sink_.put_hierarchical(volume); }
+    void put_bricks(BrickSequence bricks) override { sink_.put_bricks(std::move(bricks)); }
     void close() override {
         sink_.close();
         file_.commit();

@@ -34,6 +34,8 @@ constexpr std::chrono::milliseconds patience{250}; ///< for the next stage to ta
 constexpr std::size_t splice_bytes = std::size_t{512} << 10;
 constexpr std::size_t mapped_bytes = std::size_t{2} << 20;
 constexpr std::size_t bricks_per_frame = 4096;
+/// A frame of several bricks holds no more than this: its cells stay in the caches from the file to the pipe.
+constexpr std::size_t brick_frame_bytes = std::size_t{4} << 20;
 
 struct Slab {
     Box box;
@@ -63,7 +65,7 @@ public:
     void end();
     void close() { stop(false); }
     void fail(std::string const& stage, std::string const& message);
-    void put_hierarchical(Volume const& volume);
+    void put_bricks(BrickSequence& sequence);
     Traffic traffic() const { return {wait_, written_}; }
 
     std::function<std::vector<StageReport>()> reports;
@@ -299,16 +301,16 @@ void StreamSink::Writer::write_voxels(FrameHeader const& frame, SlabHeader const
     slab.spliced_at = written_;
 }
 
-void StreamSink::Writer::put_hierarchical(Volume const& volume) {
-    auto const& bricks = volume.bricks();
-    std::size_t const size = size_of(volume.header().dtype);
-    std::byte const* const cells = volume.buffer().read(Space::host);
+void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
+    auto const& bricks = sequence.bricks();
+    std::size_t const size = size_of(sequence.header().dtype);
     std::vector<BrickRecord> records;
     for (std::size_t first = 0; first < bricks.size(); first += records.size()) {
         records.clear();
         std::int64_t count = 0;
         for (std::size_t i = first; i < bricks.size() && records.size() < bricks_per_frame; ++i) {
             Brick const& b = bricks[i];
+            if (i > first && static_cast<std::size_t>(count + b.cells()) * size > brick_frame_bytes) break;
             records.push_back({{b.lower.x, b.lower.y, b.lower.z},
                                {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y),
                                 static_cast<std::int32_t>(b.dims.z)},
@@ -317,7 +319,7 @@ void StreamSink::Writer::put_hierarchical(Volume const& volume) {
         }
         BricksHeader const group{first, records.size()};
         auto const record_bytes = records.size() * sizeof(BrickRecord);
-        std::byte const* const data = cells + static_cast<std::size_t>(volume.brick_offset(first)) * size;
+        std::byte const* const data = sequence.cells(first, records.size());
         std::size_t const bytes = static_cast<std::size_t>(count) * size;
         FrameHeader frame{FrameType::bricks, flag_required, sizeof group + record_bytes + bytes, 0, 0};
         if (options_.checksum) {
@@ -380,7 +382,7 @@ void StreamSink::commit() { writer_->commit(); }
 void StreamSink::end() { writer_->end(); }
 void StreamSink::close() { writer_->close(); }
 void StreamSink::fail(std::string const& stage, std::string const& message) { writer_->fail(stage, message); }
-void StreamSink::put_hierarchical(Volume const& volume) { writer_->put_hierarchical(volume); }
+void StreamSink::put_bricks(BrickSequence bricks) { writer_->put_bricks(bricks); }
 Traffic StreamSink::traffic() const { return writer_->traffic(); }
 void StreamSink::report_stages(std::function<std::vector<StageReport>()> reports) {
     writer_->reports = std::move(reports);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "ipc/channel.h"
 #include "ipc/descriptor.h"
+#include "ipc/input.h"
 #include "ipc/stream.h"
 
 #include "libvkt/core/buffer.h"
@@ -9,17 +10,13 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <cstring>
 #include <deque>
 #include <exception>
 #include <mutex>
-#include <poll.h>
-#include <sys/eventfd.h>
 #include <thread>
-#include <unistd.h>
 #include <vector>
 
 namespace vkt::ipc {
@@ -31,85 +28,6 @@ constexpr std::size_t ring_slabs = 2;
 /// Slabs beyond this are handed out in pieces, so that no frame decides how much memory a reader needs.
 constexpr std::size_t piece_bytes = std::size_t{2} << 20;
 constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
-
-struct Cancelled {};
-
-/// Descriptor plus the bytes that format detection already took from it.
-class Input {
-public:
-    explicit Input(std::unique_ptr<ByteSource> bytes)
-        : bytes_(std::move(bytes)), ahead_(bytes_->take_lookahead()), pipe_(is_pipe(bytes_->descriptor())) {
-        enlarge_pipe(bytes_->descriptor());
-        cancel_ = ::eventfd(0, EFD_CLOEXEC);
-        if (cancel_ < 0) throw Error(ErrorKind::resources, text("cannot create an event: ", std::strerror(errno)));
-    }
-    ~Input() { ::close(cancel_); }
-    Input(Input const&) = delete;
-    Input& operator=(Input const&) = delete;
-
-    std::string const& name() const { return bytes_->name(); }
-    int descriptor() const { return bytes_->descriptor(); }
-    std::uint64_t taken() const { return taken_; }
-    /// Makes a read that waits in another thread, and every later one, throw Cancelled.
-    void cancel() const {
-        std::uint64_t const one = 1;
-        [[maybe_unused]] ssize_t const n = ::write(cancel_, &one, sizeof one);
-    }
-
-    /// Reads up to n bytes until the end of the stream; returns how many.
-    std::size_t read(void* to, std::size_t n) {
-        auto* target = static_cast<std::byte*>(to);
-        std::size_t done = std::min(n, ahead_.size() - ahead_used_);
-        if (done > 0) std::memcpy(target, ahead_.data() + ahead_used_, done);
-        ahead_used_ += done;
-        while (done < n) {
-            wait();
-            ssize_t const got = ::read(bytes_->descriptor(), target + done, n - done);
-            if (got < 0 && errno == EINTR) continue;
-            if (got < 0) throw Error(ErrorKind::io, text("cannot read ", name(), ": ", std::strerror(errno)));
-            if (got == 0) break;
-            done += static_cast<std::size_t>(got);
-        }
-        taken_ += done;
-        return done;
-    }
-
-    /// Drops n bytes; returns how many there were.
-    std::size_t discard(std::size_t n) {
-        std::size_t done = std::min(n, ahead_.size() - ahead_used_);
-        ahead_used_ += done;
-        taken_ += done;
-        if (pipe_ && done < n) {
-            std::size_t const moved = discard_from_pipe(bytes_->descriptor(), n - done, [this] { wait(); });
-            done += moved;
-            taken_ += moved;
-        }
-        std::vector<std::byte> scratch(std::min<std::size_t>(n - done, std::size_t{1} << 18));
-        while (done < n) {
-            std::size_t const step = read(scratch.data(), std::min(scratch.size(), n - done));
-            if (step == 0) break;
-            done += step;
-        }
-        return done;
-    }
-
-private:
-    /// Blocks until there is something to read (or the end), or until cancelled.
-    void wait() const {
-        if (!pipe_) return;
-        std::array<pollfd, 2> entries{{{bytes_->descriptor(), POLLIN, 0}, {cancel_, POLLIN, 0}}};
-        while (::poll(entries.data(), entries.size(), -1) < 0 && errno == EINTR) {
-        }
-        if (entries[1].revents != 0) throw Cancelled{};
-    }
-
-    std::unique_ptr<ByteSource> bytes_;
-    int cancel_ = -1;
-    std::vector<std::byte> ahead_;
-    std::size_t ahead_used_ = 0;
-    std::uint64_t taken_ = 0;
-    bool pipe_;
-};
 
 struct Piece {
     std::int64_t z_begin = 0, z_end = 0;
@@ -481,6 +399,7 @@ void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const&
 
 /// The piece that holds slice z, waiting for it; releases those below.
 Piece* StreamSource::Reader::piece_with(std::int64_t z) {
+    if (header_.dry_run) throw PlannedOnly();
     start();
     std::unique_lock lock(mutex_);
     while (true) {
@@ -567,6 +486,7 @@ std::vector<BrickRecord> StreamSource::Reader::read_records(std::uint64_t count)
 }
 
 Volume StreamSource::Reader::load_hierarchical() {
+    if (header_.dry_run) throw PlannedOnly();
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
         throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
     std::vector<Brick> bricks;
@@ -638,7 +558,7 @@ std::optional<ConstView> StreamSource::borrow(Box const& region) { return reader
 void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
 void StreamSource::finish() { reader_->finish(); }
-Volume StreamSource::load_hierarchical() { return reader_->load_hierarchical(); }
+BrickSequence StreamSource::take_bricks() { return reader_->load_hierarchical(); }
 std::optional<Volume> StreamSource::take_whole() { return reader_->take_whole(); }
 std::shared_ptr<StreamRecord const> StreamSource::record() const { return reader_->record(); }
 

@@ -14,7 +14,9 @@ namespace {
 
 std::string shape_text(Header const& h) {
     std::string result = text(h.dims.x, "x", h.dims.y, "x", h.dims.z, " ", h.dtype);
-    if (h.kind == Kind::hierarchical) result += text(" in ", h.brick_count, " bricks on ", h.level_count, " levels");
+    if (h.kind == Kind::hierarchical)
+        result += h.brick_count == 0 ? ", hierarchical"
+                                     : text(" in ", h.brick_count, " bricks on ", h.level_count, " levels");
     return result;
 }
 
@@ -24,19 +26,28 @@ std::string scientific(double value) {
     return buffer.data();
 }
 
-/// Slabs in flight at input and output, the window of a halo, a spooled volume, and state: what a stage holds at most.
+bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
+
+/// Trees are held whole; of grids slabs in flight at input and output, the window of a halo, a spooled volume, and state: what a stage holds at most.
 double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Header> const& inputs,
                   Execution const& execution, bool reduction) {
     constexpr double ring = 3;
     auto bytes = static_cast<double>(plan.state_bytes);
     std::int64_t height = 0;
-    if (!reduction) {
+    if (!reduction && is_tree(plan.output)) {
+        bytes += static_cast<double>(plan.output.bytes());
+    } else if (!reduction) {
         height = slab_height(plan.output, plan.slab_hint, execution);
         bytes += ring * static_cast<double>(plan.output.bytes()) * static_cast<double>(height) /
                  static_cast<double>(plan.output.dims.z);
     }
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         Header const& in = inputs[i];
+        if (is_tree(in)) {
+            bytes += static_cast<double>(in.bytes());
+            continue;
+        }
+        if (is_tree(plan.output)) continue; // the plan's own state says it
         auto const slice = static_cast<double>(in.bytes()) / static_cast<double>(in.dims.z);
         bytes += ring * slice * static_cast<double>(slab_height(in, 0, execution));
         if (!reduction && !plan.shift) {
@@ -57,17 +68,21 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
     std::string line = stage + ": ";
     if (!inputs.empty()) line += shape_text(inputs.front());
     if (!reduction)
-        line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output), ", ",
-                     bytes_text(static_cast<double>(plan.output.bytes())));
-    if (operation != nullptr && plan.output.kind == Kind::structured)
+        line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
+                     plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
+    if (operation != nullptr)
         line += text(", peak memory about ", bytes_text(peak_bytes(*operation, plan, inputs, execution, reduction)));
     bool const spools = plan.access == Access::random || (plan.scans && !reduction);
-    line += spools ? ", needs the whole input (re-reads a file, spools a pipe)" : ", streaming";
+    bool const whole = is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
+    line += whole    ? ", holds the whole volume"
+            : spools ? ", needs the whole input (re-reads a file, spools a pipe)"
+                     : ", streaming";
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
     std::string const error = plan.exact ? "exact"
                                          : text(plan.error_is_estimate ? "error about " : "error at most ",
-                                                scientific(plan.error_bound), " of the value range");
+                                                scientific(plan.error_bound),
+                                                plan.error_is_physical ? "" : " of the value range");
     line += text(stage, ":   ", error, ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }

@@ -46,7 +46,10 @@ private:
 class PlanOnly : public Relabelled {
 public:
     using Relabelled::Relabelled;
-    void read(AnyView) override { throw Error(ErrorKind::failure, "a dry run has no voxels"); }
+    void read(AnyView) override { throw PlannedOnly(); }
+    std::optional<ConstView> borrow(Box const&) override { throw PlannedOnly(); }
+    BrickSequence take_bricks() override { throw PlannedOnly(); }
+    std::optional<Volume> take_whole() override { throw PlannedOnly(); }
     void finish() override {
         if (inner().header().dry_run) inner().finish();
     }

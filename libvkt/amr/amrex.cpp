@@ -44,15 +44,22 @@ void subtract(Box const& whole, Box const& hole, std::vector<Box>& rest) {
 
 std::int64_t floor_divide(std::int64_t a, std::int64_t b) { return a >= 0 ? a / b : -((-a + b - 1) / b); }
 
-class Plotfile {
+/// The record of a box that was read last: the pieces of a box follow one another.
+struct Record {
+    amrex::BoxData const* box = nullptr;
+    amrex::FabHeader fab;
+    std::vector<std::byte> bytes; ///< of one variable
+};
+
+class Plotfile : public AmrFile, public std::enable_shared_from_this<Plotfile> {
 public:
     explicit Plotfile(std::string const& path) : path_(path), header_(amrex::read_headers(path)) {
         find_pieces();
         describe();
     }
 
-    AmrListing take_listing() { return std::move(listing_); }
-    Volume read(AmrReadOptions const& options, Execution const& execution);
+    AmrListing const& listing() const override { return listing_; }
+    BrickSequence read(AmrReadOptions const& options, Execution const& execution) override;
 
 private:
     [[noreturn]] void refuse(std::string const& why) const { throw Error(ErrorKind::data, text(path_, ": ", why)); }
@@ -60,9 +67,7 @@ private:
     void find_pieces();
     void describe();
     std::vector<Box> coarsened(std::size_t level) const;
-    Volume read_pieces(Header const& header, std::vector<std::size_t> const& kept, std::size_t component);
-    template <class T, class Stored>
-    void copy_piece(std::vector<std::byte> const& bytes, amrex::FabHeader const& fab, Box const& cells, T* to) const;
+    void read_record(amrex::BoxData const& box, std::size_t component, Record& record) const;
 
     std::string path_;
     amrex::PlotHeader header_;
@@ -182,84 +187,63 @@ void Plotfile::describe() {
     header.dtype = dtype;
 }
 
-template <class T, class Stored>
-void Plotfile::copy_piece(std::vector<std::byte> const& bytes, amrex::FabHeader const& fab, Box const& cells,
-                          T* to) const {
+template <class T, class Stored> std::byte* copy_cells(Record const& record, Box const& cells, std::byte* to) {
     using Word = std::conditional_t<sizeof(Stored) == 8, std::uint64_t, std::uint32_t>;
+    amrex::FabHeader const& fab = record.fab;
     Index3 const n = fab.box.dims();
     bool const swap = fab.big_endian != (std::endian::native == std::endian::big);
     for (std::int64_t z = cells.lower.z; z < cells.upper.z; ++z)
         for (std::int64_t y = cells.lower.y; y < cells.upper.y; ++y) {
             std::int64_t const row =
                 ((z - fab.box.lower.z) * n.y + y - fab.box.lower.y) * n.x + cells.lower.x - fab.box.lower.x;
-            std::byte const* from = bytes.data() + static_cast<std::size_t>(row) * sizeof(Word);
-            for (std::int64_t x = cells.lower.x; x < cells.upper.x; ++x, from += sizeof(Word)) {
+            std::byte const* from = record.bytes.data() + static_cast<std::size_t>(row) * sizeof(Word);
+            for (std::int64_t x = cells.lower.x; x < cells.upper.x; ++x, from += sizeof(Word), to += sizeof(T)) {
                 Word word;
                 std::memcpy(&word, from, sizeof word);
                 if (swap)
                     word = sizeof(Word) == 8 ? static_cast<Word>(__builtin_bswap64(word))
                                              : static_cast<Word>(__builtin_bswap32(static_cast<std::uint32_t>(word)));
-                *to++ = static_cast<T>(std::bit_cast<Stored>(word));
+                T const value = static_cast<T>(std::bit_cast<Stored>(word));
+                std::memcpy(to, &value, sizeof value);
             }
         }
+    return to;
 }
 
-Volume Plotfile::read_pieces(Header const& header, std::vector<std::size_t> const& kept, std::size_t component) {
-    Volume volume(header, collect(kept, [&](std::size_t k) { return listing_.bricks[k]; }));
-    std::byte* const to = volume.buffer().write(Space::host);
-    std::ifstream file;
-    std::string open_name;
-    std::vector<std::byte> bytes;
-    amrex::FabHeader fab;
-    amrex::BoxData const* held = nullptr;
-    for (std::size_t i = 0; i < kept.size(); ++i) {
-        Piece const& piece = pieces_[kept[i]];
-        amrex::BoxData const& data = header_.levels[piece.level].boxes[piece.box];
-        if (held != &data) {
-            if (open_name != data.file) {
-                file.close();
-                file.clear();
-                file.open(path_ + "/" + data.file, std::ios::binary);
-                if (!file) throw Error(ErrorKind::io, text("cannot read ", path_, "/", data.file));
-                open_name = data.file;
-            }
-            std::string line;
-            file.clear();
-            file.seekg(data.offset);
-            if (!std::getline(file, line) || line.size() > 4096) refuse(text(data.file, " ended early"));
-            fab = amrex::parse_fab(line, data.file, header_.dimensions);
-            if (!fab.box.contains(data.box) || fab.components < static_cast<int>(header_.names.size()))
-                refuse(text("a record of ", data.file, " holds another box than the header says"));
-            auto const begin = static_cast<std::int64_t>(file.tellg());
-            // Before memory is taken the file must be long enough to fill it.
-            double const size = volume_of(fab.box.dims()) * fab.bytes;
-            std::error_code error;
-            auto const length = static_cast<double>(std::filesystem::file_size(path_ + "/" + data.file, error));
-            if (error || static_cast<double>(begin) + size * static_cast<double>(component + 1) > length)
-                refuse(text(data.file, " ended early"));
-            bytes.resize(static_cast<std::size_t>(fab.box.voxels()) * static_cast<std::size_t>(fab.bytes));
-            file.seekg(begin + static_cast<std::int64_t>(bytes.size()) * static_cast<std::int64_t>(component));
-            if (!file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size())))
-                refuse(text(data.file, " ended early"));
-            held = &data;
-        }
-        std::byte* const at = to + static_cast<std::size_t>(volume.brick_offset(i)) * size_of(header.dtype);
-        if (header.dtype == DataType::float32) {
-            if (fab.bytes == 4)
-                copy_piece<float, float>(bytes, fab, piece.cells, reinterpret_cast<float*>(at));
-            else
-                copy_piece<float, double>(bytes, fab, piece.cells, reinterpret_cast<float*>(at));
-        } else {
-            if (fab.bytes == 4)
-                copy_piece<double, float>(bytes, fab, piece.cells, reinterpret_cast<double*>(at));
-            else
-                copy_piece<double, double>(bytes, fab, piece.cells, reinterpret_cast<double*>(at));
-        }
-    }
-    return volume;
+/// Writes the cells of a record as `dtype` and returns where the next ones go.
+std::byte* copy_cells(Record const& record, DataType dtype, Box const& cells, std::byte* to) {
+    bool const single = record.fab.bytes == 4;
+    if (dtype == DataType::float32)
+        return single ? copy_cells<float, float>(record, cells, to) : copy_cells<float, double>(record, cells, to);
+    return single ? copy_cells<double, float>(record, cells, to) : copy_cells<double, double>(record, cells, to);
 }
 
-Volume Plotfile::read(AmrReadOptions const& options, Execution const&) {
+void Plotfile::read_record(amrex::BoxData const& box, std::size_t component, Record& record) const {
+    std::ifstream file(path_ + "/" + box.file, std::ios::binary);
+    if (!file) throw Error(ErrorKind::io, text("cannot read ", path_, "/", box.file));
+    std::string line;
+    file.seekg(box.offset);
+    if (!std::getline(file, line) || line.size() > 4096) refuse(text(box.file, " ended early"));
+    record.box = nullptr;
+    record.fab = amrex::parse_fab(line, box.file, header_.dimensions);
+    amrex::FabHeader const& fab = record.fab;
+    if (!fab.box.contains(box.box) || fab.components < static_cast<int>(header_.names.size()))
+        refuse(text("a record of ", box.file, " holds another box than the header says"));
+    auto const begin = static_cast<std::int64_t>(file.tellg());
+    // Before memory is taken the file must be long enough to fill it.
+    double const size = volume_of(fab.box.dims()) * fab.bytes;
+    std::error_code error;
+    auto const length = static_cast<double>(std::filesystem::file_size(path_ + "/" + box.file, error));
+    if (error || static_cast<double>(begin) + size * static_cast<double>(component + 1) > length)
+        refuse(text(box.file, " ended early"));
+    record.bytes.resize(static_cast<std::size_t>(fab.box.voxels()) * static_cast<std::size_t>(fab.bytes));
+    file.seekg(begin + static_cast<std::int64_t>(record.bytes.size()) * static_cast<std::int64_t>(component));
+    if (!file.read(reinterpret_cast<char*>(record.bytes.data()), static_cast<std::streamsize>(record.bytes.size())))
+        refuse(text(box.file, " ended early"));
+    record.box = &box;
+}
+
+BrickSequence Plotfile::read(AmrReadOptions const& options, Execution const&) {
     std::size_t const v = choose_variable(listing_.variables, options.variable, path_);
     Header header = listing_.header;
     header.dtype = options.dtype.value_or(listing_.variables[v].dtype);
@@ -269,15 +253,20 @@ Volume Plotfile::read(AmrReadOptions const& options, Execution const&) {
                     "convert afterwards: vkt convert");
     header.attributes["variable"] = listing_.variables[v].name;
     std::optional<Box> const region = wanted_box(options, header);
-    std::vector<std::size_t> kept;
-    auto const point = [](Index3 p) {
-        return Vec3{static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
-    };
-    for (std::size_t i = 0; i < listing_.bricks.size(); ++i)
-        if (!region || domain_meets(listing_.bricks[i], header.dims, point(region->lower), point(region->upper)))
-            kept.push_back(i);
     if (region) header.attributes["roi"] = to_text(*region);
-    return read_pieces(header, kept, v);
+    std::vector<std::size_t> kept = bricks_within(region, listing_.bricks, header.dims);
+    std::vector<Brick> bricks = collect(kept, [&](std::size_t k) { return listing_.bricks[k]; });
+    DataType const dtype = header.dtype;
+    return {std::move(header), std::move(bricks),
+            [file = shared_from_this(), kept = std::move(kept), v, dtype,
+             record = Record{}](std::size_t first, std::size_t count, std::byte* to) mutable {
+                for (std::size_t i = first; i < first + count; ++i) {
+                    Piece const& piece = file->pieces_[kept[i]];
+                    amrex::BoxData const& box = file->header_.levels[piece.level].boxes[piece.box];
+                    if (record.box != &box) file->read_record(box, v, record);
+                    to = copy_cells(record, dtype, piece.cells, to);
+                }
+            }};
 }
 
 } // namespace
@@ -287,10 +276,12 @@ bool is_amrex(std::string const& path) {
     return std::filesystem::is_directory(path, error) && std::filesystem::is_regular_file(path + "/Header", error);
 }
 
-AmrListing list_amrex(std::string const& path) { return Plotfile(path).take_listing(); }
+std::shared_ptr<AmrFile> open_amrex(std::string const& path) { return std::make_shared<Plotfile>(path); }
+
+AmrListing list_amrex(std::string const& path) { return open_amrex(path)->listing(); }
 
 Volume read_amrex(std::string const& path, AmrReadOptions const& options, Execution const& execution) {
-    return Plotfile(path).read(options, execution);
+    return open_amrex(path)->read(options, execution).whole();
 }
 
 } // namespace vkt

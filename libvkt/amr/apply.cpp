@@ -108,10 +108,11 @@ Header tree_header(Operation const& operation, Plan const& plan, Header const& i
 }
 
 Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                       std::vector<Remark>* remarks) {
+                       TreeRun* told) {
     require_equal_trees(operation, inputs);
     std::vector<Header> const headers = headers_of(inputs);
     Plan const plan = operation.plan(headers);
+    if (told != nullptr) told->plan = plan;
     Header header = tree_header(operation, plan, inputs[0].header());
     if (plan.scans) {
         scan_cells(operation, inputs[0], execution);
@@ -150,7 +151,7 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
             operation.run(views, dense_view(at, header.dtype, box), execution_for(box, execution));
         }
     }
-    if (remarks != nullptr) *remarks = operation.remarks();
+    if (told != nullptr) told->remarks = operation.remarks();
     return result;
 }
 
@@ -172,7 +173,7 @@ public:
           sources_(tile_sources(input)),
           filler_(input_, index_, sources_, options.ghosts, options.background, execution.instructions) {}
 
-    Volume run(std::vector<Remark>* remarks) {
+    Volume run(TreeRun* told) {
         std::map<int, std::vector<std::size_t>> levels;
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels[input_.bricks()[b].level].push_back(b);
         Volume result;
@@ -184,10 +185,13 @@ public:
             if (plan.access == Access::random || !(plan.output.dims == lattice.dims))
                 refuse(operation_, "it needs more than a neighbourhood");
             operation_.enter_level(lattice.width);
-            if (result.bricks().empty()) result = Volume(output_header(plan.output), input_.bricks());
+            if (result.bricks().empty()) {
+                result = Volume(output_header(plan.output), input_.bricks());
+                if (told != nullptr) told->plan = plan;
+            }
             for (std::size_t const b : bricks) run_brick(lattice, plan, b, result);
-            if (remarks != nullptr)
-                for (Remark const& remark : operation_.remarks()) remarks->push_back(remark);
+            if (told != nullptr)
+                for (Remark const& remark : operation_.remarks()) told->remarks.push_back(remark);
         }
         return result;
     }
@@ -231,24 +235,24 @@ private:
 } // namespace
 
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                          TreeOptions const& options, std::vector<Remark>* remarks) {
+                          TreeOptions const& options, TreeRun* told) {
     Execution on_host = execution;
     on_host.device = Device::cpu;
     if (inputs.empty()) refuse(operation, "it has no input");
     if (inputs[0].header().kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
     switch (operation.shape()) {
     case Shape::pointwise:
-        return apply_pointwise(operation, inputs, on_host, remarks);
+        return apply_pointwise(operation, inputs, on_host, told);
     case Shape::neighbourhood:
         if (inputs.size() != 1) refuse(operation, "it takes several inputs");
-        return NeighbourhoodRun(operation, inputs[0], on_host, options).run(remarks);
+        return NeighbourhoodRun(operation, inputs[0], on_host, options).run(told);
     case Shape::geometric: {
+        if (inputs.size() != 1) break;
+        Plan const plan = operation.plan(headers_of(inputs));
         Volume output;
-        if (inputs.size() == 1 && operation.run_tree(inputs[0], output, on_host)) {
-            if (remarks != nullptr) *remarks = operation.remarks();
-            return output;
-        }
-        break;
+        if (!operation.run_tree(inputs[0], output, on_host)) break;
+        if (told != nullptr) *told = {plan, operation.remarks()};
+        return output;
     }
     case Shape::source:
     case Shape::reduction:

@@ -15,6 +15,12 @@ struct TreeOptions {
     double background = 0;                             ///< where there is no brick at all
 };
 
+/// What an operation decided and had to say: of several levels the plan of the first, and all remarks.
+struct TreeRun {
+    Plan plan;
+    std::vector<Remark> remarks;
+};
+
 /// Runs an operation on hierarchical volumes:
 /// - pointwise: planned once; all inputs must be the same tree on the same grid. Runs brick by brick with positions on
 ///   the level's lattice, or on long rows of cells if the operation uses no positions.
@@ -23,10 +29,9 @@ struct TreeOptions {
 ///   is run with ghost cells: cells of the same level as they are, others reconstructed, the plan's boundary rule
 ///   outside.
 /// - geometric: by the operation's own run_tree().
-/// Everything else throws Error{usage} that names `vkt resample`. `remarks`, if given, receives what the operation has
-/// to say, level by level. A tree of one level gives what the structured volume gives, bit for bit.
+/// Everything else throws Error{usage} that names `vkt resample`. `told`, if given, receives plan and remarks. A tree of one level gives what the structured volume gives, bit for bit.
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                          TreeOptions const& options = {}, std::vector<Remark>* remarks = nullptr);
+                          TreeOptions const& options = {}, TreeRun* told = nullptr);
 
 /// Feeds all cells to a reduction: plan, then enter_level and scan for runs of bricks of one level, then scan_end.
 void reduce_hierarchical(Operation& reduction, Volume const& volume, Execution const& execution);

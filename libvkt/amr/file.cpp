@@ -16,6 +16,17 @@ std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& heade
     return std::nullopt;
 }
 
+std::vector<std::size_t> bricks_within(std::optional<Box> const& region, std::span<Brick const> bricks, Index3 dims) {
+    auto const point = [](Index3 p) {
+        return Vec3{static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
+    };
+    std::vector<std::size_t> kept;
+    kept.reserve(bricks.size());
+    for (std::size_t i = 0; i < bricks.size(); ++i)
+        if (!region || domain_meets(bricks[i], dims, point(region->lower), point(region->upper))) kept.push_back(i);
+    return kept;
+}
+
 std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,
                             std::string const& file) {
     std::vector<std::string> const names = collect(variables, [](AmrVariable const& v) { return v.name; });

@@ -3,10 +3,13 @@
 #pragma once
 
 #include "libvkt/amr/tree.h"
+#include "libvkt/core/brick_sequence.h"
+#include "libvkt/core/execution.h"
 #include "libvkt/core/roi.h"
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -35,8 +38,21 @@ struct AmrListing {
     std::int64_t blocks_in_file = 0; ///< with parents or covered boxes
 };
 
+/// An open file of hierarchical volumes: its tables are read once, cells when they are asked for.
+class AmrFile {
+public:
+    virtual ~AmrFile() = default;
+    virtual AmrListing const& listing() const = 0;
+    /// One variable, or the bricks of it whose domain meets the region: the header's attributes "variable" and "roi"
+    /// name them. Throws Error{usage} for variables and types the file does not have. The sequence keeps the file open.
+    virtual BrickSequence read(AmrReadOptions const& options, Execution const& execution) = 0;
+};
+
 /// The region the options ask for in finest cells, and whether they ask for one. Throws Error{usage}.
 std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& header);
+
+/// Positions of the bricks whose domain meets the region; all of them without one.
+std::vector<std::size_t> bricks_within(std::optional<Box> const& region, std::span<Brick const> bricks, Index3 dims);
 
 /// The position of the wanted variable. Throws Error{usage} naming those there are, with the nearest one as a hint.
 std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,

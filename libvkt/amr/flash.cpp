@@ -1,8 +1,10 @@
 // The FLASH reader; part of the module hdf5.
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/flash_module.h"
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/format.h"
 
 #include <hdf5.h>
 
@@ -10,8 +12,8 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fcntl.h>
-#include <limits>
+#include <exception>
+#include <memory>
 #include <mutex>
 #include <unistd.h>
 #include <utility>
@@ -81,7 +83,20 @@ struct Run {
     std::int64_t block, brick, count;
 };
 
-class FlashFile {
+std::vector<Run> runs_of(std::span<std::int64_t const> blocks) {
+    std::vector<Run> list;
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+        if (!list.empty() && list.back().block + list.back().count == blocks[i])
+            ++list.back().count;
+        else
+            list.push_back({blocks[i], static_cast<std::int64_t>(i), 1});
+    }
+    return list;
+}
+
+hid_t native_type(DataType dtype) { return dtype == DataType::float32 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE; }
+
+class FlashFile : public AmrFile, public std::enable_shared_from_this<FlashFile> {
 public:
     explicit FlashFile(std::string const& path) : path_(path), file_(open(path)) {
         read_sizes();
@@ -89,9 +104,15 @@ public:
         read_blocks();
         place_blocks();
     }
+    ~FlashFile() override {
+        LibraryGuard const guard;
+        data_.reset();
+        file_.reset();
+    }
+    FlashFile(FlashFile const&) = delete;
 
-    AmrListing take_listing() { return std::move(listing_); }
-    Volume read(AmrReadOptions const& options, Execution const& execution);
+    AmrListing const& listing() const override { return listing_; }
+    BrickSequence read(AmrReadOptions const& options, Execution const& execution) override;
 
 private:
     [[noreturn]] void refuse(std::string const& why, std::string hint = {}) const {
@@ -106,10 +127,10 @@ private:
         return file;
     }
 
-    bool has(char const* name) const { return H5Lexists(file_, name, H5P_DEFAULT) > 0; }
+    bool has(char const* name) const { return H5Lexists(*file_, name, H5P_DEFAULT) > 0; }
 
     Handle dataset(std::string const& name) const {
-        return {has(name.c_str()) ? H5Dopen2(file_, name.c_str(), H5P_DEFAULT) : -1, H5Dclose};
+        return {has(name.c_str()) ? H5Dopen2(*file_, name.c_str(), H5P_DEFAULT) : -1, H5Dclose};
     }
 
     std::vector<std::int64_t> extents(hid_t dataset_id) const {
@@ -200,15 +221,15 @@ private:
     void read_blocks();
     void place_blocks();
     Index3 roots() const;
-    std::vector<std::int64_t> cells_with_guards(hid_t data, std::string const& name, Index3& guards) const;
-    std::vector<Run> runs(std::vector<std::size_t> const& kept) const;
-    void read_in_place(haddr_t offset, std::size_t cell_bytes, std::vector<Run> const& list, Volume& volume,
-                       Execution const& execution) const;
-    void read_by_library(hid_t data, std::vector<std::int64_t> const& dims, Index3 guards, std::vector<Run> const& list,
-                         Volume& volume) const;
+    Index3 guard_cells(hid_t data, std::string const& name) const;
+    std::size_t block_cells() const { return static_cast<std::size_t>(cells_.x * cells_.y * cells_.z); }
+    void read_in_place(ByteSource const& bytes, haddr_t offset, DataType dtype, std::span<std::int64_t const> blocks,
+                       std::byte* to, Execution const& execution) const;
+    void read_by_library(Index3 guards, DataType dtype, std::span<std::int64_t const> blocks, std::byte* to) const;
 
     std::string path_;
-    Handle file_;
+    std::optional<Handle> file_;
+    std::optional<Handle> data_; ///< the variable that is read
     int version_ = 9;
     std::int64_t blocks_in_file_ = 0;
     Index3 cells_{1, 1, 1}; ///< of a block
@@ -407,8 +428,9 @@ void FlashFile::place_blocks() {
 }
 
 /// Checks the shape of a variable: blocks, then z, y, x with x fastest, guard cells on both sides.
-std::vector<std::int64_t> FlashFile::cells_with_guards(hid_t data, std::string const& name, Index3& guards) const {
-    std::vector<std::int64_t> dims = extents(data);
+Index3 FlashFile::guard_cells(hid_t data, std::string const& name) const {
+    Index3 guards;
+    std::vector<std::int64_t> const dims = extents(data);
     if (dims.size() != 4 || dims[0] != blocks_in_file_)
         refuse(text("variable '", name, "' is not one block of cells for each block of the tree"));
     for (int a = 0; a < 3; ++a) {
@@ -422,123 +444,95 @@ std::vector<std::int64_t> FlashFile::cells_with_guards(hid_t data, std::string c
     double const stored = static_cast<double>(H5Dget_storage_size(data)) * 1032.0;
     double const stated = static_cast<double>(dims[0]) * static_cast<double>(dims[1] * dims[2] * dims[3]) * 4.0;
     if (stored < stated) refuse(text("variable '", name, "' states more cells than the file holds"));
-    return dims;
+    return guards;
 }
 
-std::vector<Run> FlashFile::runs(std::vector<std::size_t> const& kept) const {
-    std::vector<Run> list;
-    for (std::size_t i = 0; i < kept.size(); ++i) {
-        std::int64_t const block = leaf_of_[kept[i]];
-        if (!list.empty() && list.back().block + list.back().count == block)
-            ++list.back().count;
-        else
-            list.push_back({block, static_cast<std::int64_t>(i), 1});
-    }
-    return list;
-}
-
-void FlashFile::read_in_place(haddr_t offset, std::size_t cell_bytes, std::vector<Run> const& list, Volume& volume,
-                              Execution const& execution) const {
-    int const descriptor = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor < 0) throw Error(ErrorKind::io, text("cannot read ", path_, ": ", std::strerror(errno)));
-    std::byte* const to = volume.buffer().write(Space::host);
-    std::size_t const block_bytes = static_cast<std::size_t>(cells_.x * cells_.y * cells_.z) * cell_bytes;
-    int failure = 0;
+void FlashFile::read_in_place(ByteSource const& bytes, haddr_t offset, DataType dtype,
+                              std::span<std::int64_t const> blocks, std::byte* to, Execution const& execution) const {
+    std::size_t const block_bytes = block_cells() * size_of(dtype);
+    std::vector<Run> const list = runs_of(blocks);
+    std::exception_ptr failure;
     auto const count = static_cast<std::int64_t>(list.size());
-#pragma omp parallel for num_threads(execution.threads) schedule(dynamic, 16) reduction(max : failure)
+#pragma omp parallel for num_threads(execution.threads) schedule(dynamic, 16)
     for (std::int64_t r = 0; r < count; ++r) {
         Run const& run = list[static_cast<std::size_t>(r)];
-        std::size_t left = static_cast<std::size_t>(run.count) * block_bytes;
-        std::byte* at = to + static_cast<std::size_t>(run.brick) * block_bytes;
-        auto from = static_cast<off_t>(offset + static_cast<haddr_t>(run.block) * block_bytes);
-        while (left > 0) {
-            ssize_t const got = ::pread(descriptor, at, left, from);
-            if (got < 0 && errno == EINTR) continue;
-            if (got <= 0) {
-                failure = std::max(failure, got == 0 ? std::numeric_limits<int>::max() : errno);
-                break;
-            }
-            at += got;
-            from += got;
-            left -= static_cast<std::size_t>(got);
+        try {
+            bytes.read_at(static_cast<std::int64_t>(offset + static_cast<haddr_t>(run.block) * block_bytes),
+                          to + static_cast<std::size_t>(run.brick) * block_bytes,
+                          static_cast<std::size_t>(run.count) * block_bytes);
+        } catch (...) {
+#pragma omp critical(vkt_flash)
+            failure = std::current_exception();
         }
     }
-    ::close(descriptor);
-    if (failure == std::numeric_limits<int>::max()) refuse("ended early: the file is shorter than its tables say");
-    if (failure != 0) throw Error(ErrorKind::io, text("cannot read ", path_, ": ", std::strerror(failure)));
+    if (failure) std::rethrow_exception(failure);
 }
 
-void FlashFile::read_by_library(hid_t data, std::vector<std::int64_t> const& dims, Index3 guards,
-                                std::vector<Run> const& list, Volume& volume) const {
-    DataType const dtype = volume.header().dtype;
-    hid_t const type = dtype == DataType::float32 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
-    std::int64_t const block_cells = cells_.x * cells_.y * cells_.z;
-    std::size_t const block_bytes = static_cast<std::size_t>(block_cells) * size_of(dtype);
-    std::byte* const to = volume.buffer().write(Space::host);
-    Handle const space(H5Dget_space(data), H5Sclose);
+void FlashFile::read_by_library(Index3 guards, DataType dtype, std::span<std::int64_t const> blocks,
+                                std::byte* to) const {
+    LibraryGuard const guard;
+    hid_t const type = native_type(dtype);
+    std::size_t const block_bytes = block_cells() * size_of(dtype);
+    Handle const space(H5Dget_space(*data_), H5Sclose);
     // The selection leaves guard cells out; pieces keep the library's own conversion buffers small.
     std::int64_t const piece =
         std::max<std::int64_t>(1, (std::int64_t{16} << 20) / static_cast<std::int64_t>(block_bytes));
-    for (Run const& run : list)
+    for (Run const& run : runs_of(blocks))
         for (std::int64_t done = 0; done < run.count; done += piece) {
             std::int64_t const n = std::min(piece, run.count - done);
             auto const size = [](std::int64_t v) { return static_cast<hsize_t>(v); };
             hsize_t const start[4] = {size(run.block + done), size(guards.z), size(guards.y), size(guards.x)};
             hsize_t const count[4] = {size(n), size(cells_.z), size(cells_.y), size(cells_.x)};
-            hsize_t const cells = size(n * block_cells);
+            hsize_t const cells = size(n) * block_cells();
             Handle const memory(H5Screate_simple(1, &cells, nullptr), H5Sclose);
             if (H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr) < 0 ||
-                H5Dread(data, type, memory, space, H5P_DEFAULT,
+                H5Dread(*data_, type, memory, space, H5P_DEFAULT,
                         to + static_cast<std::size_t>(run.brick + done) * block_bytes) < 0)
-                refuse(text("the cells of blocks ", run.block + done, "…", run.block + done + n - 1, " of ", dims[0],
-                            " cannot be read"));
+                refuse(text("the cells of blocks ", run.block + done, "…", run.block + done + n - 1, " of ",
+                            blocks_in_file_, " cannot be read"));
         }
 }
 
-Volume FlashFile::read(AmrReadOptions const& options, Execution const& execution) {
+BrickSequence FlashFile::read(AmrReadOptions const& options, Execution const& execution) {
+    LibraryGuard const guard;
     std::size_t const v = choose_variable(listing_.variables, options.variable, path_);
     AmrVariable const& variable = listing_.variables[v];
     DataType const dtype = options.dtype.value_or(variable.dtype);
     if (dtype != DataType::float32 && dtype != DataType::float64)
         throw Error(ErrorKind::usage, text(path_, ": FLASH variables are read as float32 or float64, not ", dtype),
                     "convert afterwards: vkt convert");
-    Handle const data = dataset(dataset_names_[v]);
-    Index3 guards;
-    std::vector<std::int64_t> const dims = cells_with_guards(data, variable.name, guards);
+    data_.emplace(dataset(dataset_names_[v]));
+    Index3 const guards = guard_cells(*data_, variable.name);
 
     Header header = listing_.header;
     header.dtype = dtype;
     header.attributes["variable"] = variable.name;
     std::optional<Box> const region = wanted_box(options, header);
-    std::vector<std::size_t> kept;
-    std::vector<Brick> bricks;
-    auto const point = [](Index3 p) {
-        return Vec3{static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
-    };
-    for (std::size_t i = 0; i < listing_.bricks.size(); ++i) {
-        if (region && !domain_meets(listing_.bricks[i], header.dims, point(region->lower), point(region->upper)))
-            continue;
-        kept.push_back(i);
-        bricks.push_back(listing_.bricks[i]);
-    }
     if (region) header.attributes["roi"] = to_text(*region);
-    listing_.bricks = {};
+    std::vector<std::size_t> const kept = bricks_within(region, listing_.bricks, header.dims);
+    std::vector<Brick> bricks = collect(kept, [&](std::size_t i) { return listing_.bricks[i]; });
+    std::vector<std::int64_t> blocks = collect(kept, [&](std::size_t i) { return leaf_of_[i]; });
 
-    Volume volume(header, std::move(bricks));
-    Handle const type(H5Dget_type(data), H5Tclose), creation(H5Dget_create_plist(data), H5Pclose),
-        file_creation(H5Fget_create_plist(file_), H5Pclose);
+    Handle const type(H5Dget_type(*data_), H5Tclose), creation(H5Dget_create_plist(*data_), H5Pclose),
+        file_creation(H5Fget_create_plist(*file_), H5Pclose);
     hsize_t user_block = 0;
     H5Pget_userblock(file_creation, &user_block);
-    hid_t const native = dtype == DataType::float32 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
-    haddr_t const offset = H5Dget_offset(data);
+    haddr_t const offset = H5Dget_offset(*data_);
     bool const in_place = H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
-                          H5Tequal(type, native) > 0 && offset != HADDR_UNDEF && user_block == 0 &&
+                          H5Tequal(type, native_type(dtype)) > 0 && offset != HADDR_UNDEF && user_block == 0 &&
                           guards == Index3{0, 0, 0};
-    if (in_place)
-        read_in_place(offset, size_of(dtype), runs(kept), volume, execution);
-    else
-        read_by_library(data, dims, guards, runs(kept), volume);
-    return volume;
+    if (!in_place)
+        return {std::move(header), std::move(bricks),
+                [file = shared_from_this(), blocks = std::move(blocks), guards,
+                 dtype](std::size_t first, std::size_t count, std::byte* to) {
+                    file->read_by_library(guards, dtype, std::span(blocks).subspan(first, count), to);
+                }};
+    return {std::move(header), std::move(bricks),
+            [file = shared_from_this(), blocks = std::move(blocks),
+             bytes = std::shared_ptr<ByteSource const>(open_bytes(path_)), offset, dtype,
+             execution](std::size_t first, std::size_t count, std::byte* to) {
+                file->read_in_place(*bytes, offset, dtype, std::span(blocks).subspan(first, count), to, execution);
+            }};
 }
 
 } // namespace
@@ -553,14 +547,9 @@ bool recognises(std::string const& path) {
            H5Lexists(file, "refine level", H5P_DEFAULT) > 0;
 }
 
-AmrListing list(std::string const& path) {
+std::shared_ptr<AmrFile> open(std::string const& path) {
     LibraryGuard const guard;
-    return FlashFile(path).take_listing();
-}
-
-Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution) {
-    LibraryGuard const guard;
-    return FlashFile(path).read(options, execution);
+    return std::make_shared<FlashFile>(path);
 }
 
 } // namespace flash

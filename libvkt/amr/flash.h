@@ -6,6 +6,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
 
+#include <memory>
 #include <string>
 
 namespace vkt {
@@ -20,11 +21,15 @@ bool is_flash(std::string const& path);
 /// Throws Error{data} for files that are no FLASH files or contradict themselves, Error{io} if it cannot be opened.
 AmrListing list_flash(std::string const& path);
 
-/// Reads one variable: leaves only, guard cells stripped, blocks placed on the block lattice of the domain. The tree
+/// The same file, open. Reading: leaves only, guard cells stripped, blocks placed on the block lattice of the domain. The tree
 /// must cover the domain once; with a region only blocks whose domain meets it are read, and the header's attribute
-/// "roi" names it. Memory: the cells read, and about 100 bytes a block. Data that lies contiguous in the machine's own
+/// "roi" names it. Memory: about 100 bytes a block, and the cells asked for. Data that lies contiguous in the machine's own
 /// number format is read straight into place by all threads, everything else by HDF5, a run of leaves at a time.
 /// Format: FLASH User's Guide 4, chapter "IO unit", and files.
+/// Throws what list_flash throws.
+std::shared_ptr<AmrFile> open_flash(std::string const& path);
+
+/// All cells of one variable: open_flash(path)->read(…) as a whole.
 Volume read_flash(std::string const& path, AmrReadOptions const& options, Execution const& execution);
 
 struct FlashWriteOptions {

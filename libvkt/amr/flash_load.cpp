@@ -22,10 +22,12 @@ bool built_with_hdf5() {
 
 bool is_flash(std::string const& path) { return built_with_hdf5() && hdf5(path).recognises(path); }
 
-AmrListing list_flash(std::string const& path) { return hdf5(path).list(path); }
+std::shared_ptr<AmrFile> open_flash(std::string const& path) { return hdf5(path).open(path); }
+
+AmrListing list_flash(std::string const& path) { return open_flash(path)->listing(); }
 
 Volume read_flash(std::string const& path, AmrReadOptions const& options, Execution const& execution) {
-    return hdf5(path).read(path, options, execution);
+    return open_flash(path)->read(options, execution).whole();
 }
 
 void write_flash(Volume const& volume, std::string const& path, std::string const& variable,

@@ -9,15 +9,13 @@ namespace vkt {
 
 struct FlashFunctions {
     decltype(is_flash)* recognises;
-    decltype(list_flash)* list;
-    decltype(read_flash)* read;
+    decltype(open_flash)* open;
     decltype(write_flash)* write;
 };
 
 namespace flash {
 bool recognises(std::string const& path);
-AmrListing list(std::string const& path);
-Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+std::shared_ptr<AmrFile> open(std::string const& path);
 void write(Volume const& volume, std::string const& path, std::string const& variable,
            FlashWriteOptions const& options);
 } // namespace flash

@@ -289,7 +289,7 @@ void write(Volume const& volume, std::string const& path, std::string const& var
 } // namespace flash
 
 namespace {
-FlashFunctions const functions{flash::recognises, flash::list, flash::read, flash::write};
+FlashFunctions const functions{flash::recognises, flash::open, flash::write};
 } // namespace
 
 } // namespace vkt

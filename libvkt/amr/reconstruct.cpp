@@ -56,10 +56,6 @@ Reconstructor::Reconstructor(Volume volume, SampleGrid const& grid, Reconstructi
     }
 }
 
-std::size_t Reconstructor::state_bytes() const {
-    return sources_.size() * (sizeof(tile::Source) + 2 * sizeof(std::int64_t));
-}
-
 /// Lists for every tile the bricks that may matter to it, ascending: counts first, then fills.
 void Reconstructor::bin(Box const& region, Index3 const& tiles, Index3 const& first_tile,
                         std::vector<std::int64_t>& starts, std::vector<std::int32_t>& ids) const {

@@ -71,7 +71,9 @@ public:
     void run(AnyView out, Execution const& execution) const { run(out, AnyView{}, execution); }
 
     Header header() const { return gridded_header(volume_.header(), grid_); }
-    std::size_t state_bytes() const;
+    /// Memory besides the cells.
+    static constexpr std::size_t bytes_per_brick = sizeof(tile::Source) + 2 * sizeof(std::int64_t);
+    std::size_t state_bytes() const { return sources_.size() * bytes_per_brick; }
 
 private:
     void bin(Box const& region, Index3 const& tiles, Index3 const& first_tile, std::vector<std::int64_t>& starts,

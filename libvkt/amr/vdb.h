@@ -6,6 +6,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -25,6 +26,9 @@ AmrListing list_vdb(std::string const& path);
 /// voxels, "class" the grid's class (fog, level set). Throws Error{usage} for unknown names, Error{data} for vectors,
 /// points, strings and transforms that are not linear.
 Volume read_vdb(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+
+/// The same file, open; grids are read as a whole.
+std::shared_ptr<AmrFile> open_vdb(std::string const& path);
 
 struct VdbWriteOptions {
     std::string name = "density"; ///< of the grid

@@ -22,18 +22,27 @@ Volume::Volume(Header header, Buffer voxels)
     buffer_ = std::make_shared<Buffer>(std::move(voxels));
 }
 
-Volume::Volume(Header header, std::vector<Brick> bricks) : header_(std::move(header)), bricks_(std::move(bricks)) {
-    header_.kind = Kind::hierarchical;
-    header_.brick_count = static_cast<std::int64_t>(bricks_.size());
-    header_.cell_count = 0;
-    header_.level_count = 1;
-    offsets_.reserve(bricks_.size());
-    for (auto const& brick : bricks_) {
-        offsets_.push_back(header_.cell_count);
-        header_.cell_count += brick.cells();
-        header_.level_count = std::max(header_.level_count, brick.level + 1);
+Header with_counts(Header header, std::span<Brick const> bricks) {
+    header.kind = Kind::hierarchical;
+    header.brick_count = static_cast<std::int64_t>(bricks.size());
+    header.cell_count = 0;
+    header.level_count = 1;
+    for (auto const& brick : bricks) {
+        header.cell_count += brick.cells();
+        header.level_count = std::max(header.level_count, brick.level + 1);
     }
-    check(header_);
+    check(header);
+    return header;
+}
+
+Volume::Volume(Header header, std::vector<Brick> bricks)
+    : header_(with_counts(std::move(header), bricks)), bricks_(std::move(bricks)) {
+    offsets_.reserve(bricks_.size());
+    std::int64_t offset = 0;
+    for (auto const& brick : bricks_) {
+        offsets_.push_back(offset);
+        offset += brick.cells();
+    }
     buffer_ = std::make_shared<Buffer>(header_.bytes());
 }
 

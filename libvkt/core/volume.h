@@ -6,9 +6,14 @@
 #include "libvkt/core/header.h"
 
 #include <memory>
+#include <span>
 #include <vector>
 
 namespace vkt {
+
+/// The header of a hierarchical volume of these bricks: kind and counts of bricks, cells and levels filled in.
+/// Throws Error{data} for headers that check() refuses.
+Header with_counts(Header header, std::span<Brick const> bricks);
 
 /// Voxels of all bricks follow one another in one buffer, in the order of `bricks`, each brick dense with x fastest.
 /// Structured volumes have exactly one brick of level 0 that covers the dims. Copies share the voxels.

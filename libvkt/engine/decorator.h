@@ -19,7 +19,7 @@ public:
     void read(AnyView out) override { source_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return source_->borrow(region); }
     bool narrow(Roi const& roi, WorldRoi const& world_roi) override { return source_->narrow(roi, world_roi); }
-    Volume load_hierarchical() override { return source_->load_hierarchical(); }
+    BrickSequence take_bricks() override { return source_->take_bricks(); }
     std::optional<Volume> take_whole() override { return source_->take_whole(); }
     void expect(Box const& region) override { source_->expect(region); }
     std::int64_t natural_slab() const override { return source_->natural_slab(); }

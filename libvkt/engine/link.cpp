@@ -3,6 +3,7 @@
 #include "libvkt/engine/link.h"
 
 #include "libvkt/amr/apply.h"
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
@@ -129,6 +130,8 @@ void Link::plan_volume() {
     std::vector<Header> headers;
     for (auto const& input : inputs_) headers.push_back(input->header());
     tree_.reset();
+    tree_remarks_.clear();
+    inputs_used_up_ = false;
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
@@ -141,6 +144,7 @@ void Link::plan_volume() {
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     if (plan_.output.dry_run) return;
+    if (plan_.output.kind == Kind::hierarchical) return make_tree();
 
     execution_ = resolve_device(requested_, operation_, plan_);
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -153,29 +157,55 @@ void Link::plan_volume() {
 
 /// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
 void Link::plan_tree(std::vector<Header> const& headers) {
-    std::vector<Volume> volumes;
-    for (std::size_t i = 0; i < inputs_.size(); ++i) {
-        if (headers[i].kind == Kind::hierarchical)
-            volumes.push_back(inputs_[i]->load_hierarchical());
-        else
-            volumes.push_back(load(*inputs_[i], requested_));
-    }
     execution_ = requested_;
     execution_.device = Device::cpu;
-    tree_remarks_.clear();
-    Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-    tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &tree_remarks_);
-    plan_ = {};
-    plan_.output = tree_->header();
+    std::vector<Volume> volumes = collect(inputs_, [&](auto const& input) { return load(*input, requested_); });
+    inputs_used_up_ = true;
+    TreeRun told;
+    {
+        Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+        if (volumes.size() == 1 && operation_.shape() == Shape::geometric) {
+            told.plan = operation_.plan(headers);
+            if (told.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
+        }
+        if (told.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {
+            tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &told);
+            told.plan.output = tree_->header();
+            if (info_.times) info_.times->voxels += tree_->header().voxels();
+        }
+    }
+    plan_ = std::move(told.plan);
+    tree_remarks_ = std::move(told.remarks);
+    check(plan_.output);
     plan_.output.timing = headers.front().timing;
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
-    tree_->header().history = plan_.output.history;
-    if (info_.times) info_.times->voxels += plan_.output.voxels();
+    if (tree_) tree_->header() = plan_.output;
     if (info_.on_plan) info_.on_plan(plan_, headers);
 }
 
-Volume Link::load_hierarchical() {
-    if (!tree_) return Source::load_hierarchical();
+/// The plan's output is hierarchical, its input is not.
+void Link::make_tree() {
+    execution_ = requested_;
+    execution_.device = Device::cpu;
+    Volume const whole = load(*inputs_.front(), requested_);
+    inputs_used_up_ = true;
+    Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+    Volume result;
+    if (!operation_.run_tree(whole, result, execution_))
+        throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
+    tree_remarks_ = operation_.remarks();
+    std::optional<History> const history = plan_.output.history;
+    bool const timing = plan_.output.timing;
+    plan_.output = result.header();
+    plan_.output.history = history;
+    plan_.output.timing = timing;
+    result.header() = plan_.output;
+    if (info_.times) info_.times->voxels += result.header().voxels();
+    tree_ = std::move(result);
+}
+
+BrickSequence Link::take_bricks() {
+    if (!tree_) return Source::take_bricks();
     return std::move(*tree_);
 }
 
@@ -187,22 +217,21 @@ void Link::scan() {
 }
 
 Access Link::access() const {
-    if (tree_) return Access::random;
+    if (inputs_used_up_) return Access::random;
     bool const random =
         std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
 }
 
 std::int64_t Link::natural_slab() const {
-    if (tree_) return 0;
     if (plan_.slab_hint > 0) return plan_.slab_hint;
     bool const in_step = operation_.shape() == Shape::pointwise || (plan_.shift && plan_.shift->z == 0);
-    if (!inputs_.empty() && in_step && plan_.access == Access::forward) return inputs_.front()->natural_slab();
+    if (!inputs_.empty() && !inputs_used_up_ && in_step && plan_.access == Access::forward) return inputs_.front()->natural_slab();
     return 0;
 }
 
 void Link::expect(Box const& region) {
-    if (tree_ || region.empty() || plan_.access == Access::random) return; // jumps cannot be read ahead
+    if (inputs_used_up_ || region.empty() || plan_.access == Access::random) return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = plan_.shift ? moved(region) : operation_.footprint(region, static_cast<int>(i));
         inputs_[i]->expect(intersect(footprint, box_of(inputs_[i]->header().dims)));
@@ -210,7 +239,6 @@ void Link::expect(Box const& region) {
 }
 
 std::optional<ConstView> Link::borrow(Box const& region) {
-    if (tree_) return tree_->view().part(region);
     if (!plan_.shift) return std::nullopt;
     auto lent = inputs_.front()->borrow(moved(region));
     if (!lent || lent->space != space()) return std::nullopt;
@@ -226,7 +254,6 @@ ConstView Link::fetch(std::size_t i, Box const& footprint) {
 }
 
 void Link::read(AnyView out) {
-    if (tree_) return copy_region(tree_->view().part(out.box), out, execution_);
     if (plan_.shift) {
         AnyView const to = out.moved_to(out.box.lower + *plan_.shift);
         if (auto const lent = inputs_.front()->borrow(to.box))
@@ -272,7 +299,7 @@ void Link::run(AnyView out) {
 }
 
 void Link::finish() {
-    if (!tree_)
+    if (!inputs_used_up_)
         for (auto& input : inputs_) input->finish();
     if (!info_.listener) return;
     for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks())

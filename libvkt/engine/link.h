@@ -17,7 +17,7 @@ public:
     Access access() const override;
     void read(AnyView out) override;
     std::optional<ConstView> borrow(Box const& region) override;
-    Volume load_hierarchical() override;
+    BrickSequence take_bricks() override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
     /// What is handed through lies where the input lies.
@@ -39,7 +39,7 @@ private:
         void expect(Box const& region) override;
         std::int64_t natural_slab() const override { return source_->natural_slab(); }
         Space space() const override { return spool_ ? Space::host : source_->space(); }
-        Volume load_hierarchical() override { return source_->load_hierarchical(); }
+        BrickSequence take_bricks() override { return source_->take_bricks(); }
         void finish() override;
         void spool(Execution const& execution, StageInfo const& info);
 
@@ -52,6 +52,7 @@ private:
 
     void plan_volume();
     void plan_tree(std::vector<Header> const& headers);
+    void make_tree();
     void scan();
     void run(AnyView out);
     ConstView fetch(std::size_t i, Box const& footprint);
@@ -62,8 +63,9 @@ private:
     Execution requested_, execution_;
     StageInfo info_;
     Plan plan_;
-    std::optional<Volume> tree_; ///< the result, if an input is hierarchical: computed at once
+    std::optional<Volume> tree_; ///< the result, if it is hierarchical: computed at once
     std::vector<Remark> tree_remarks_;
+    bool inputs_used_up_ = false; ///< they were read as a whole, and finished
     Buffer staging_;
     bool generated_ = false; ///< a source operation yields exactly one volume
 };

@@ -42,6 +42,7 @@ struct Plan {
     bool exact = true;          ///< permutation, integer or correctly rounded result
     double error_bound = 0;     ///< if not exact: bound (or estimate) of |error| as a share of the value range
     bool error_is_estimate = false;
+    bool error_is_physical = false; ///< the bound is in physical values, not a share of the range
     double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
     std::size_t state_bytes = 0; ///< memory held besides slabs
 };
@@ -93,8 +94,12 @@ public:
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.
     virtual bool uses_position() const { return true; }
-    /// Geometric operations that have a form of their own for hierarchical volumes compute it here and say true.
+    /// Geometric operations that yield hierarchical volumes (of such, or of structured ones if the plan says so)
+    /// compute them here, after plan(), and say true.
     virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
+    /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
+    /// run() then computes region by region from it: the footprint of such an input is empty.
+    virtual void take_tree(Volume /*input*/) {}
 
     /// True if run() works on device memory.
     virtual bool runs_on_gpu() const { return false; }

@@ -28,7 +28,7 @@ public:
     Access access() const override { return Access::random; }
     void read(AnyView out) override { copy_region(current().view().part(out.box), out, {}); }
     std::optional<ConstView> borrow(Box const& region) override { return current().view().part(region); }
-    Volume load_hierarchical() override { return current(); }
+    BrickSequence take_bricks() override { return current(); }
     void finish() override {}
 
 private:
@@ -45,9 +45,9 @@ void tell_remarks(Operation const& operation, StageInfo const& info) {
 
 } // namespace
 
-Volume Source::load_hierarchical() { throw Error(ErrorKind::failure, "the source yields no hierarchical volumes"); }
+BrickSequence Source::take_bricks() { throw Error(ErrorKind::failure, "the source yields no hierarchical volumes"); }
 
-void Sink::put_hierarchical(Volume const&) {
+void Sink::put_bricks(BrickSequence) {
     throw Error(ErrorKind::usage, "this output cannot hold a hierarchical volume",
                 "make a grid of it with 'vkt resample', or write a .vkt or .vdb file");
 }
@@ -99,13 +99,13 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
 
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
-    if (headers.front().kind == Kind::hierarchical && !headers.front().dry_run) {
-        reduce_hierarchical(reduction, source.load_hierarchical(), execution);
-        return tell_remarks(reduction, info);
-    }
     Plan const plan = reduction.plan(headers);
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
+    if (headers.front().kind == Kind::hierarchical) {
+        reduce_hierarchical(reduction, load(source, execution), execution);
+        return tell_remarks(reduction, info);
+    }
     scan_volume(source, reduction, execution, info.times.get());
     source.finish();
     tell_remarks(reduction, info);
@@ -115,7 +115,7 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
     Header const header = source.header();
     sink.begin(header);
     if (header.kind == Kind::hierarchical && !header.dry_run) {
-        sink.put_hierarchical(source.load_hierarchical());
+        sink.put_bricks(source.take_bricks());
     } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
         if (hint == 0) hint = sink.natural_slab();
@@ -138,13 +138,17 @@ void drain(Source& source, Sink& sink, Execution const& execution) {
 
 Volume load(Source& source, Execution const& execution) {
     Header header = source.header();
-    if (header.kind == Kind::hierarchical) return source.load_hierarchical();
     std::size_t const bytes = header.bytes();
     if (bytes > execution.memory)
         throw Error(ErrorKind::resources,
                     text("the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
                          bytes_text(static_cast<double>(execution.memory))),
                     "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+    if (header.kind == Kind::hierarchical) {
+        Volume tree = source.take_bricks().whole();
+        source.finish();
+        return tree;
+    }
     if (auto whole = source.take_whole()) return std::move(*whole);
     Volume volume(header);
     source.expect(box_of(header.dims));

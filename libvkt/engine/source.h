@@ -2,6 +2,7 @@
 // shape. SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/brick_sequence.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/header.h"
 #include "libvkt/core/roi.h"
@@ -17,6 +18,9 @@ namespace vkt {
 /// Whether regions may be asked for in any order, or only with z moving forward (skipping is allowed, going back is
 /// not).
 enum class Access : std::uint8_t { forward, random };
+
+/// Thrown by who is asked for the voxels of a volume that is only planned (a dry run).
+struct PlannedOnly {};
 
 /// A sequence of volumes, each read region by region. Call order: next_volume, header, read…, finish, next_volume, …
 class Source {
@@ -43,8 +47,8 @@ public:
     /// cells or world units). False if the source cannot: it then yields them whole. Structured volumes are not
     /// affected.
     virtual bool narrow(Roi const& /*roi*/, WorldRoi const& /*world_roi*/) { return false; }
-    /// The whole current volume of kind hierarchical, finished; such volumes are not read region by region.
-    virtual Volume load_hierarchical();
+    /// The current volume of kind hierarchical, which is not read region by region. Once per volume.
+    virtual BrickSequence take_bricks();
 
     /// The whole current volume, finished, if it lies in memory in one piece that may be had without a copy. Only
     /// before anything else was asked of it.
@@ -69,9 +73,9 @@ public:
     virtual void end() = 0;
     /// The sequence is complete: outputs appear under their final names.
     virtual void close() = 0;
-    /// A whole volume of kind hierarchical, between begin and end, instead of slabs. Throws Error{usage} where the
-    /// format cannot hold one.
-    virtual void put_hierarchical(Volume const& volume);
+    /// A volume of kind hierarchical, between begin and end, instead of slabs. Throws Error{usage} where the format
+    /// cannot hold one.
+    virtual void put_bricks(BrickSequence bricks);
     /// Slab height that the sink prefers; 0 if it has no preference.
     virtual std::int64_t natural_slab() const { return 0; }
     virtual Space space() const { return Space::host; }

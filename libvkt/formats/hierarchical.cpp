@@ -15,12 +15,6 @@ namespace vkt {
 
 namespace {
 
-/// What readers of these formats have in common.
-struct TreeReader {
-    AmrListing (*list)(std::string const& path) = nullptr;
-    Volume (*read)(std::string const& path, AmrReadOptions const& options, Execution const& execution) = nullptr;
-};
-
 /// What a file holds, as attributes: every variable with type and stated range, every level, the share of holes.
 void describe(AmrListing const& listing, Header& header) {
     std::vector<std::string> names;
@@ -41,12 +35,13 @@ void describe(AmrListing const& listing, Header& header) {
     header.attributes["format"] = listing.format;
 }
 
-/// One volume of a file that is read as a whole, or as the bricks that a region needs; the header comes from the file's
-/// tables as long as nobody asks for cells.
+/// One volume of a file, or the bricks of it that a region needs. Cells are read when somebody asks for them.
 class TreeSource : public Source {
 public:
-    TreeSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options, TreeReader const& reader)
-        : bytes_(std::move(bytes)), reader_(reader) {
+    using Open = std::shared_ptr<AmrFile> (*)(std::string const& path);
+
+    TreeSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options, Open open)
+        : bytes_(std::move(bytes)), open_(open) {
         wanted_.variable = options.variable;
         // Libraries open files by name; a descriptor has one where the system lends it.
         path_ = bytes_->name() == "standard input" ? text("/dev/fd/", bytes_->descriptor()) : bytes_->name();
@@ -59,19 +54,21 @@ public:
     }
 
     bool next_volume() override {
-        if (started_) return false;
-        started_ = true;
-        if (lists_only()) return true;
-        if (reader_.read == read_vdb || !wanted_.roi.empty() || !wanted_.world_roi.empty()) {
-            volume_ = reader_.read(path_, wanted_, default_execution());
-            header_ = volume_->header();
+        if (file_) return false;
+        file_ = open_(path_);
+        AmrListing const& listing = file_->listing();
+        // Nobody said which of several variables: the header describes all of them, which is enough for who asks for no
+        // cells (info); the others are told to choose.
+        bool const open_choice = wanted_.variable.empty() && wanted_.roi.empty() && wanted_.world_roi.empty();
+        if (open_choice && listing.variables.size() > 1) {
+            header_ = listing.header;
+            header_.kind = Kind::hierarchical;
+            header_.dtype = listing.variables.front().dtype;
+            describe(listing, header_);
             return true;
         }
-        AmrListing const listing = reader_.list(path_);
-        AmrVariable const& variable = listing.variables[choose_variable(listing.variables, wanted_.variable, path_)];
-        header_ = listing.header;
-        header_.dtype = variable.dtype;
-        header_.attributes["variable"] = variable.name;
+        bricks_ = file_->read(wanted_, default_execution());
+        header_ = bricks_->header();
         return true;
     }
 
@@ -83,36 +80,23 @@ public:
                     "make it a grid first: vkt resample --cells 50M");
     }
 
-    Volume load_hierarchical() override {
-        if (!volume_) volume_ = reader_.read(path_, wanted_, default_execution());
-        Volume result = std::move(*volume_);
-        volume_.reset();
+    BrickSequence take_bricks() override {
+        if (!bricks_) return file_->read(wanted_, default_execution());
+        BrickSequence result = std::move(*bricks_);
+        bricks_.reset();
         return result;
     }
 
-    void finish() override {} // readers prove that all is there before they hand anything out
+    void finish() override {} // bricks come whole or not at all
 
 private:
     std::unique_ptr<ByteSource> bytes_;
-    /// True if nobody said which of several variables: the header then describes all of them, which is enough for
-    /// whoever asks for no cells (info); the others are told to choose.
-    bool lists_only() {
-        if (!wanted_.variable.empty() || !wanted_.roi.empty() || !wanted_.world_roi.empty()) return false;
-        AmrListing const listing = reader_.list(path_);
-        if (listing.variables.size() < 2) return false;
-        header_ = listing.header;
-        header_.kind = Kind::hierarchical;
-        header_.dtype = listing.variables.front().dtype;
-        describe(listing, header_);
-        return true;
-    }
-
-    TreeReader reader_;
+    Open open_;
     AmrReadOptions wanted_;
     std::string path_;
     Header header_;
-    std::optional<Volume> volume_;
-    bool started_ = false;
+    std::shared_ptr<AmrFile> file_;
+    std::optional<BrickSequence> bricks_;
 };
 
 void require_seekable(ByteSource const& bytes, char const* what) {
@@ -121,18 +105,18 @@ void require_seekable(ByteSource const& bytes, char const* what) {
                     "save it to a file first");
 }
 
-std::unique_ptr<Source> open_flash(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+std::unique_ptr<Source> flash_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     require_seekable(*bytes, "HDF5 files");
-    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_flash, read_flash});
+    return std::make_unique<TreeSource>(std::move(bytes), options, open_flash);
 }
 
-std::unique_ptr<Source> open_vdb(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+std::unique_ptr<Source> vdb_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     require_seekable(*bytes, "OpenVDB files");
-    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_vdb, read_vdb});
+    return std::make_unique<TreeSource>(std::move(bytes), options, open_vdb);
 }
 
-std::unique_ptr<Source> open_amrex(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    return std::make_unique<TreeSource>(std::move(bytes), options, TreeReader{list_amrex, read_amrex});
+std::unique_ptr<Source> amrex_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    return std::make_unique<TreeSource>(std::move(bytes), options, open_amrex);
 }
 
 bool begins_with(std::span<std::byte const> head, std::string_view magic) {
@@ -159,7 +143,7 @@ public:
     }
     AnyView acquire(Box const& slab) override { return volume_->mutable_view().part(slab); }
     void commit() override {}
-    void put_hierarchical(Volume const& volume) override { volume_ = volume; }
+    void put_bricks(BrickSequence bricks) override { volume_ = std::move(bricks).whole(); }
 
     void end() override {
         auto const attribute = [&](char const* name, std::string const& otherwise) {
@@ -191,7 +175,7 @@ std::unique_ptr<Sink> create_vdb(std::string const& path, WriteOptions const& op
 Format flash_format() {
     return {"flash",    "FLASH plot files and checkpoints (HDF5): adaptive mesh refinement",
             {".flash"}, [](std::span<std::byte const> head) { return begins_with(head, "\x89HDF\r\n\x1a\n"); },
-            open_flash, nullptr};
+            flash_source, nullptr};
 }
 
 Format vdb_format() {
@@ -199,12 +183,12 @@ Format vdb_format() {
             "OpenVDB grids",
             {".vdb"},
             [](std::span<std::byte const> head) { return begins_with(head, std::string_view(" BDV\0\0\0\0", 8)); },
-            open_vdb,
+            vdb_source,
             create_vdb};
 }
 
 Format amrex_format() {
-    return {"amrex", "AMReX plotfiles (directories): adaptive mesh refinement", {}, nullptr, open_amrex, nullptr};
+    return {"amrex", "AMReX plotfiles (directories): adaptive mesh refinement", {}, nullptr, amrex_source, nullptr};
 }
 
 } // namespace vkt

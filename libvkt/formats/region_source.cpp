@@ -28,7 +28,9 @@ public:
         return view;
     }
     void expect(Box const& region) override { inner().expect(in_whole(region)); }
-    Volume load_hierarchical() override { return tree_ ? std::move(*tree_) : inner().load_hierarchical(); }
+    BrickSequence take_bricks() override {
+        return tree_ ? BrickSequence(std::move(*tree_)) : inner().take_bricks();
+    }
     void finish() override {
         if (!tree_) inner().finish(); // the tree was loaded, and thereby finished, to be cropped
     }
@@ -52,7 +54,7 @@ bool RegionSource::next_volume() {
     box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
     if (header_.kind == Kind::hierarchical) {
         if (header_.dry_run) return true;
-        tree_ = crop_tree(inner().load_hierarchical(), box_, default_execution());
+        tree_ = crop_tree(inner().take_bricks().whole(), box_, default_execution());
         header_ = tree_->header();
         return true;
     }

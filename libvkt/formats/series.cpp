@@ -59,7 +59,7 @@ public:
     Access access() const override { return current_->access(); }
     void read(AnyView out) override { current_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return current_->borrow(region); }
-    Volume load_hierarchical() override { return current_->load_hierarchical(); }
+    BrickSequence take_bricks() override { return current_->take_bricks(); }
     void expect(Box const& region) override { current_->expect(region); }
     std::int64_t natural_slab() const override { return current_->natural_slab(); }
     Space space() const override { return current_ ? current_->space() : Space::host; }
@@ -83,7 +83,7 @@ public:
     }
     AnyView acquire(Box const& slab) override { return current_->acquire(slab); }
     void commit() override { current_->commit(); }
-    void put_hierarchical(Volume const& volume) override { current_->put_hierarchical(volume); }
+    void put_bricks(BrickSequence bricks) override { current_->put_bricks(std::move(bricks)); }
     void end() override {
         current_->end();
         current_->close();

@@ -42,39 +42,46 @@ VKT_CPU_KERNEL(arithmetic_integers,
 namespace VKT_BACKEND {
 namespace {
 
+/// True if the stored voxels are what is computed with, as they lie.
+template <class C> bool is_direct(DataType type, ValueMap const& map) {
+    return type == (std::is_same_v<C, float> ? DataType::float32 : DataType::float64) && map == ValueMap{};
+}
+
+/// A piece of a row to compute with: the voxels themselves where they can be taken as they lie, else loaded into
+/// `buffer`, which holds the number already if the operand is one.
 template <class C>
-void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n,
-                  C* to) {
-    if (operand.view == nullptr) {
-        std::fill_n(to, n, static_cast<C>(operand.number));
-        return;
-    }
-    load_row(operand.view->type, operand.view->at(x, y, z), to, n);
-    if (operand.map == ValueMap{}) return;
+C const* operand_row(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n,
+                     C* buffer) {
+    if (operand.view == nullptr) return buffer;
+    std::byte const* const from = operand.view->at(x, y, z);
+    if (is_direct<C>(operand.view->type, operand.map)) return reinterpret_cast<C const*>(from);
+    load_row(operand.view->type, from, buffer, n);
+    if (operand.map == ValueMap{}) return buffer;
     C const slope = static_cast<C>(operand.map.slope), intercept = static_cast<C>(operand.map.intercept);
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) to[i] = slope * to[i] + intercept;
+    for (std::int64_t i = 0; i < n; ++i) buffer[i] = slope * buffer[i] + intercept;
+    return buffer;
 }
 
-template <class C, class F> void combine_with(C* a, C const* b, std::int64_t n, F const f) {
+template <class C, class F> void combine_with(C const* a, C const* b, C* out, std::int64_t n, F const f) {
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) a[i] = f(a[i], b[i]);
+    for (std::int64_t i = 0; i < n; ++i) out[i] = f(a[i], b[i]);
 }
 
-template <class C> void combine(ArithmeticOp op, C* a, C const* b, std::int64_t n) {
+template <class C> void combine(ArithmeticOp op, C const* a, C const* b, C* out, std::int64_t n) {
     switch (op) {
     case ArithmeticOp::add:
-        return combine_with(a, b, n, [](C u, C v) { return u + v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u + v; });
     case ArithmeticOp::sub:
-        return combine_with(a, b, n, [](C u, C v) { return u - v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u - v; });
     case ArithmeticOp::mul:
-        return combine_with(a, b, n, [](C u, C v) { return u * v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u * v; });
     case ArithmeticOp::div:
-        return combine_with(a, b, n, [](C u, C v) { return u / v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u / v; });
     case ArithmeticOp::min:
-        return combine_with(a, b, n, [](C u, C v) { return u < v || u != u ? u : v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u < v || u != u ? u : v; });
     case ArithmeticOp::max:
-        return combine_with(a, b, n, [](C u, C v) { return u > v || u != u ? u : v; });
+        return combine_with(a, b, out, n, [](C u, C v) { return u > v || u != u ? u : v; });
     }
 }
 
@@ -101,20 +108,31 @@ template <class C>
 void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
     C const slope = static_cast<C>(task.result.slope), intercept = static_cast<C>(task.result.intercept);
     bool const same_values = task.result == ValueMap{};
-    for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+    bool const direct = is_direct<C>(out.type, task.result);
+    auto const dense = [&](ArithmeticOperand const& o) { return o.view == nullptr || driver::dense(out.box, *o.view); };
+    bool const one_row = driver::dense(out.box, out) && dense(task.a) && dense(task.b);
+    for_each_segment(execution, one_row ? driver::as_one_row(out.box) : out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) C a[row_piece], b[row_piece];
+        if (task.a.view == nullptr) std::fill_n(a, std::min(row_piece, n), static_cast<C>(task.a.number));
+        if (task.b.view == nullptr) std::fill_n(b, std::min(row_piece, n), static_cast<C>(task.b.number));
         for (std::int64_t begin = 0; begin < n; begin += row_piece) {
             std::int64_t const m = std::min(row_piece, n - begin);
-            load_operand(task.a, x + begin, y, z, m, a);
-            load_operand(task.b, x + begin, y, z, m, b);
+            C const* const u = operand_row(task.a, x + begin, y, z, m, a);
+            C const* const v = operand_row(task.b, x + begin, y, z, m, b);
+            std::byte* const to = out.at(x + begin, y, z);
+            if (direct) { // nothing to clip and nothing to count
+                combine(task.op, u, v, reinterpret_cast<C*>(to), m);
+                continue;
+            }
             ArithmeticCounts mine;
-            if (task.count_zeros) count_zero_divisors(a, b, m, mine);
-            combine(task.op, a, b, m);
+            if (task.count_zeros) count_zero_divisors(u, v, m, mine);
+            alignas(64) C result[row_piece];
+            combine(task.op, u, v, result, m);
             if (!same_values) {
 #pragma omp simd
-                for (std::int64_t i = 0; i < m; ++i) a[i] = (a[i] - intercept) / slope;
+                for (std::int64_t i = 0; i < m; ++i) result[i] = (result[i] - intercept) / slope;
             }
-            Tally const tally = store_row(out.type, static_cast<C const*>(a), out.at(x + begin, y, z), m);
+            Tally const tally = store_row(out.type, static_cast<C const*>(result), to, m);
             mine.clipped += tally.clipped;
             mine.nan += tally.nan;
             add(counts, mine);

@@ -91,6 +91,12 @@ Plan Crop::plan(std::span<Header const> inputs) {
     box_ = wanted(in);
     Plan plan;
     plan.output = in;
+    plan.method = "copy";
+    plan.cost = 0;
+    if (in.kind == Kind::hierarchical) { // bricks are kept whole, the grid stays
+        plan.output.attributes["roi"] = to_text(box_);
+        return plan;
+    }
     plan.output.dims = box_.dims();
     plan.output.geometry = cropped(in.geometry, box_.lower);
     // Still the same place in the whole; what a halo was is not known after the cut.
@@ -99,15 +105,13 @@ Plan Crop::plan(std::span<Header const> inputs) {
         if (!(box_ == box_of(in.dims))) part->halo = {};
     }
     plan.shift = box_.lower;
-    plan.method = "copy";
-    plan.cost = 0;
     return plan;
 }
 
 Box Crop::footprint(Box const& output, int) const { return {output.lower + box_.lower, output.upper + box_.lower}; }
 
 bool Crop::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    output = crop_tree(input, wanted(input.header()), execution);
+    output = crop_tree(input, box_, execution);
     return true;
 }
 

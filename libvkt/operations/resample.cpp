@@ -37,6 +37,7 @@ void Resample::parameters(Parameters& p) {
     p.option("roi", roi, "REGION", "hierarchical volumes: only this region, in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
     p.option("background", background, "VALUE", "hierarchical volumes: value where there is no cell (0)");
+    p.flag("mask", mask, "hierarchical volumes: 1 where there are cells and 0 in holes, as uint8, instead of values");
     p.option("boundary", boundary, "RULE",
              "how the volume continues outside, for linear and cubic: mirror, clamp (default), wrap or border[:VALUE]");
     p.option("dtype", dtype, "TYPE", "data type of the result, values kept").alias("data-format");
@@ -55,6 +56,8 @@ void Resample::check() const {
     if (given > 1)
         throw Error(ErrorKind::usage,
                     "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
+    if (mask && changes_values())
+        throw Error(ErrorKind::usage, "--mask is 0 or 1 in uint8: options that change values do not apply");
     if (!roi.empty() && !world_roi.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
     if (scale)
         for (int axis = 0; axis < 3; ++axis)
@@ -77,6 +80,15 @@ void Resample::check() const {
 }
 
 namespace {
+
+/// What was asked for is too large: not the data's fault.
+void checked(Header const& output) {
+    try {
+        check(output);
+    } catch (Error const& error) {
+        throw Error(ErrorKind::usage, error.what(), error.hint());
+    }
+}
 
 std::int64_t rounded_extent(double voxels) {
     double const n = std::floor(voxels + 0.5);
@@ -136,9 +148,12 @@ Index3 Resample::target_dims(Header const& input) const {
     }
     if (!size.empty()) return dims_of_size(size, input.dims);
     if (!like.empty()) {
-        auto const source = open_volume(open_bytes(like), {});
-        if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like, " holds no volume"));
-        return source->header().dims;
+        if (!like_dims_) { // once: it may be a pipe
+            auto const source = open_volume(open_bytes(like), {});
+            if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like, " holds no volume"));
+            like_dims_ = source->header().dims;
+        }
+        return *like_dims_;
     }
     Index3 result = input.dims;
     for (int axis = 0; axis < 3; ++axis) {
@@ -190,7 +205,9 @@ void Resample::choose_header(Header const& input, Header& output) {
 
 Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
-    if (input.kind == Kind::hierarchical) return plan_tree(input);
+    reconstructor_.reset();
+    from_tree_ = input.kind == Kind::hierarchical;
+    if (from_tree_) return plan_tree(input);
     refuse_tree_options();
     if (!scale && !dims && size.empty() && !spacing && like.empty() && !cells && !changes_values())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
@@ -199,7 +216,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     to_ = target_dims(input);
     counts_ = {};
     choose_header(input, plan.output);
-    vkt::check(plan.output);
+    checked(plan.output);
     out_type_ = plan.output.dtype;
 
     BoundaryRule const rule = boundary.value_or(BoundaryRule{});
@@ -241,10 +258,11 @@ void Resample::refuse_tree_options() const {
                     text("--method ", enum_name(*method), " is for hierarchical volumes, and this one is structured"),
                     method == ResampleMethod::average ? "--method area averages voxels" : "use --method linear");
     bool const region = !roi.empty() || !world_roi.empty();
-    if (region || background)
+    if (region || background || mask)
         throw Error(ErrorKind::usage,
                     text(!roi.empty() ? "--roi"
                          : region     ? "--roi-world"
+                         : mask       ? "--mask"
                                       : "--background",
                          " is for hierarchical volumes, and this one is structured"),
                     region ? "use vkt crop before" : "");
@@ -284,44 +302,55 @@ SampleGrid Resample::tree_grid(Header const& input) const {
     return plan_grid(input, request);
 }
 
-Plan Resample::plan_tree(Header const& input) const {
+Plan Resample::plan_tree(Header const& input) {
     if (boundary)
         throw Error(ErrorKind::usage, "--boundary is for structured volumes, and this one is hierarchical",
                     "say with --background what stands where there is no cell");
     Plan plan;
-    plan.output = gridded_header(input, tree_grid(input));
+    grid_ = tree_grid(input);
+    plan.output = gridded_header(input, grid_);
     plan.method = enum_name(reconstruction());
-    plan.exact = reconstruction() == Reconstruction::nearest;
+    plan.exact = mask || reconstruction() == Reconstruction::nearest;
     plan.error_bound = plan.exact ? 0 : is_integer(input.dtype) || input.dtype == DataType::float64 ? 1e-15 : 1e-6;
     plan.error_is_estimate = !plan.exact;
     plan.cost = 16;
-    vkt::check(plan.output);
+    plan.slab_hint = tile::extent_z;
+    plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
+    double empty = background.value_or(0);
+    if (auto const known = input.attributes.find("background"); !background && known != input.attributes.end())
+        empty = parse_double(known->second);
+    stored_background_ = input.values.stored(empty);
+    values_.reset();
+    if (mask) {
+        plan.output.dtype = DataType::uint8;
+        plan.output.values = {};
+        plan.output.units.clear();
+    } else if (changes_values()) { // the grid stays, the values change
+        values_ = std::make_unique<Resample>();
+        values_->dtype = dtype;
+        values_->bytes_per_voxel = bytes_per_voxel;
+        values_->dist = dist;
+        values_->voxel_mapping = voxel_mapping;
+        Header const grid_header = plan.output;
+        plan.output = values_->plan({&grid_header, 1}).output;
+    }
+    checked(plan.output);
     return plan;
 }
 
-bool Resample::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    Header const& header = input.header();
-    plan_tree(header);
-    counts_ = {};
-    double empty = background.value_or(0);
-    if (auto const known = header.attributes.find("background"); !background && known != header.attributes.end())
-        empty = parse_double(known->second);
-    output = reconstruct(input, tree_grid(header), reconstruction(), header.values.stored(empty), execution);
-    if (!changes_values()) return true;
-    Resample rest; // the grid stays, the values change
-    rest.dtype = dtype;
-    rest.bytes_per_voxel = bytes_per_voxel;
-    rest.dist = dist;
-    rest.voxel_mapping = voxel_mapping;
-    Volume const grid = output;
-    Header const grid_header = grid.header();
-    output = Volume(rest.plan({&grid_header, 1}).output);
-    ConstView const from = grid.view();
-    rest.run({&from, 1}, output.mutable_view(), execution);
-    to_ = rest.to_;
-    out_type_ = rest.out_type_;
-    counts_ = rest.counts_;
-    return true;
+void Resample::take_tree(Volume input) {
+    reconstructor_.emplace(std::move(input), grid_, reconstruction(), stored_background_);
+}
+
+void Resample::run_tree(AnyView out, Execution const& execution) {
+    if (!mask && !values_) return reconstructor_->run(out, execution);
+    DataType const type = reconstructor_->header().dtype;
+    samples_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(type));
+    AnyView const samples = dense_view(samples_.write(Space::host), type, out.box);
+    if (mask) return reconstructor_->run(samples, out, execution);
+    reconstructor_->run(samples, execution);
+    ConstView const from = samples;
+    values_->run({&from, 1}, out, execution);
 }
 
 std::string Resample::describe() const {
@@ -336,6 +365,7 @@ std::string Resample::describe() const {
 }
 
 Box Resample::footprint(Box const& output, int) const {
+    if (from_tree_) return {};
     Box result;
     for (int axis = 0; axis < 3; ++axis) {
         auto const range = tables_[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
@@ -346,8 +376,9 @@ Box Resample::footprint(Box const& output, int) const {
 }
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    ConstView const in = inputs.front();
     if (out.box.empty()) return;
+    if (from_tree_) return run_tree(out, execution);
+    ConstView const in = inputs.front();
     if (way_ == Way::copy) return copy_region(in.part(out.box), out, execution);
     if (way_ == Way::halving) {
         Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
@@ -368,7 +399,10 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     counts_.nan += tally.nan;
 }
 
-std::vector<Remark> Resample::remarks() const { return store_remarks(counts_, to_.x * to_.y * to_.z, out_type_); }
+std::vector<Remark> Resample::remarks() const {
+    if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
+    return store_remarks(counts_, to_.x * to_.y * to_.z, out_type_);
+}
 
 } // namespace vkt
 #endif

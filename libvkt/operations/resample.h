@@ -10,6 +10,7 @@
 #include "libvkt/operations/volkit_header.h"
 
 #include <array>
+#include <memory>
 
 namespace vkt {
 
@@ -51,6 +52,7 @@ public:
     Roi roi;                              ///< hierarchical volumes: the region in finest cells
     WorldRoi world_roi;                   ///< the same in world units
     std::optional<double> background;     ///< hierarchical volumes: physical value where there is no cell
+    bool mask = false;                    ///< hierarchical volumes: 1 where there are cells, 0 in holes, as uint8
     std::optional<BoundaryRule> boundary;
     std::optional<DataType> dtype;
     std::optional<int> bytes_per_voxel;
@@ -63,7 +65,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
+    void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
@@ -73,7 +75,8 @@ private:
     SampleGrid tree_grid(Header const& input) const;
     Reconstruction reconstruction() const;
     void refuse_tree_options() const;
-    Plan plan_tree(Header const& input) const;
+    Plan plan_tree(Header const& input);
+    void run_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, Header& output);
@@ -82,12 +85,20 @@ private:
     enum class Way : std::uint8_t { copy, nearest, halving, weighted };
 
     Index3 from_, to_;
+    mutable std::optional<Index3> like_dims_;
     std::array<WeightTable, 3> tables_;
     Way way_ = Way::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
     StoreCounts counts_;
     DataType out_type_ = DataType::uint8;
     Buffer scratch_; ///< device: sums in double before they change type
+
+    bool from_tree_ = false; ///< planned for a hierarchical volume
+    SampleGrid grid_;
+    double stored_background_ = 0;
+    std::optional<Reconstructor> reconstructor_;
+    std::unique_ptr<Resample> values_; ///< what changes after reconstruction: type and value map
+    Buffer samples_;                   ///< a region before its values change
 };
 
 } // namespace vkt

@@ -89,7 +89,7 @@ void load_all(vkt::ipc::StreamSource& source) {
     execution.memory = std::size_t{16} << 20;
     for (int i = 0; i < 4 && source.next_volume(); ++i) {
         if (source.header().kind == vkt::Kind::hierarchical)
-            source.load_hierarchical();
+            source.take_bricks();
         else
             vkt::load(source, execution);
     }

@@ -65,7 +65,7 @@ void read_all(std::string const& stream) {
     ipc::StreamSource source(std::make_unique<ByteSource>(file, "stream"), {});
     while (source.next_volume()) {
         if (source.header().kind == Kind::hierarchical)
-            source.load_hierarchical();
+            source.take_bricks();
         else
             load(source, {});
     }

@@ -209,12 +209,12 @@ TEST(Stream, HierarchicalVolumesRoundTrip) {
     MemoryFile file;
     ipc::StreamSink sink(file.descriptor(), {});
     sink.begin(volume.header());
-    sink.put_hierarchical(volume);
+    sink.put_bricks(volume);
     sink.end();
     sink.close();
     auto const source = source_of(file.contents());
     ASSERT_TRUE(source->next_volume());
-    Volume const read = source->load_hierarchical();
+    Volume const read = source->take_bricks().whole();
     EXPECT_EQ(read.bricks(), volume.bricks());
     EXPECT_EQ(std::memcmp(read.buffer().read(Space::host), cells, volume.header().bytes()), 0);
     std::string const whole = file.contents();
@@ -222,7 +222,7 @@ TEST(Stream, HierarchicalVolumesRoundTrip) {
         EXPECT_THROW(
             {
                 auto const cut = source_of(whole.substr(0, n));
-                if (cut->next_volume()) cut->load_hierarchical();
+                if (cut->next_volume()) cut->take_bricks();
             },
             Error);
     }
