@@ -1,13 +1,21 @@
 // vkt info: what the header of a volume says.
 // SPDX-License-Identifier: MIT
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/text.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
 namespace {
 
+/// What there is to say about a volume; the summary is of trees whose bricks are known.
+struct Description {
+    Header header;
+    std::optional<TreeSummary> tree{};
+};
+
 /// Two columns; absent values are left out.
-std::string described(Header const& header) {
+std::string described(Description const& description) {
+    Header const& header = description.header;
     std::string lines;
     auto const line = [&](std::string const& key, std::string const& value) {
         if (!value.empty()) lines += key + std::string(key.size() < 11 ? 11 - key.size() : 1, ' ') + value + "\n";
@@ -19,6 +27,12 @@ std::string described(Header const& header) {
     if (hierarchical)
         line("bricks",
              text(header.brick_count, " of ", header.level_count, " levels with ", header.cell_count, " cells"));
+    if (description.tree) {
+        for (LevelSummary const& level : description.tree->levels)
+            line(text("level ", level.level), text(level.bricks, " bricks, ", level.cells, " cells ",
+                                                   cell_width(header.dims, level.level), " finest cells wide"));
+        line("holes", text(100 * description.tree->hole_share(), " %"));
+    }
     line("dtype", to_text(header.dtype));
     line("bytes",
          text(static_cast<std::int64_t>(header.bytes()), " (", bytes_text(static_cast<double>(header.bytes())), ")"));
@@ -34,6 +48,21 @@ std::string described(Header const& header) {
     return lines;
 }
 
+std::string json_of(Description const& description) {
+    std::string json = to_json(description.header);
+    if (!description.tree) return json;
+    json.resize(json.size() - 2); // the object goes on: without its "\n}"
+    json += text(",\n \"holes\": ", description.tree->hole_share(), ",\n \"level_list\": [");
+    char const* separator = "";
+    for (LevelSummary const& level : description.tree->levels) {
+        Index3 const width = cell_width(description.header.dims, level.level);
+        json += text(separator, "\n  {\"level\": ", level.level, ", \"bricks\": ", level.bricks,
+                     ", \"cells\": ", level.cells, ", \"cell_width\": [", width.x, ",", width.y, ",", width.z, "]}");
+        separator = ",";
+    }
+    return json + "\n ]\n}";
+}
+
 class Info : public Consumer {
 public:
     void parameters(Parameters& p) override {
@@ -43,32 +72,36 @@ public:
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         Source& source = *inputs.front();
-        std::vector<Header> headers;
+        std::vector<Description> volumes;
         while (source.next_volume()) {
-            headers.push_back(source.header());
-            headers.back().timing = false;
-            if (headers.back().dry_run) source.finish();
+            Header& header = volumes.emplace_back(Description{source.header()}).header;
+            header.timing = false;
+            if (header.dry_run) source.finish();
             if (first_) break;
+            // A file of several variables says this for all of them among its attributes.
+            bool const has_bricks = header.kind == Kind::hierarchical && !header.dry_run;
+            if (has_bricks && header.attributes.count("variables") == 0)
+                volumes.back().tree = summarise(header.dims, source.take_bricks().bricks());
         }
-        context.print(context.json() ? as_json(headers) : as_text(headers));
+        context.print(context.json() ? as_json(volumes) : as_text(volumes));
         return 0;
     }
 
 private:
     /// One object, or an array of them if there are several volumes.
-    static std::string as_json(std::vector<Header> const& headers) {
-        if (headers.size() == 1) return to_json(headers.front()) + "\n";
+    static std::string as_json(std::vector<Description> const& volumes) {
+        if (volumes.size() == 1) return json_of(volumes.front()) + "\n";
         std::string result = "[";
-        for (std::size_t i = 0; i < headers.size(); ++i) result += text(i > 0 ? ",\n" : "\n", to_json(headers[i]));
+        for (std::size_t i = 0; i < volumes.size(); ++i) result += text(i > 0 ? ",\n" : "\n", json_of(volumes[i]));
         return result + "\n]\n";
     }
 
-    static std::string as_text(std::vector<Header> const& headers) {
-        if (headers.size() == 1) return described(headers.front());
+    static std::string as_text(std::vector<Description> const& volumes) {
+        if (volumes.size() == 1) return described(volumes.front());
         std::string result;
-        for (std::size_t i = 0; i < headers.size(); ++i)
+        for (std::size_t i = 0; i < volumes.size(); ++i)
             result += text(i > 0 ? "\n" : "", "volume     ", static_cast<std::int64_t>(i + 1), " of ",
-                           std::ssize(headers), "\n", described(headers[i]));
+                           std::ssize(volumes), "\n", described(volumes[i]));
         return result;
     }
 

@@ -42,6 +42,7 @@ public:
         while (source.next_volume()) {
             if (source.header().dry_run) {
                 planned_only = true;
+                context.plan(source.header(), out());
                 source.finish();
             } else {
                 drain_volume(source, *sink, context.execution());

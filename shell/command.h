@@ -45,6 +45,8 @@ public:
     virtual void print(std::string const& report) = 0;
     /// One line on standard error, prefixed with the stage, unless --quiet.
     virtual void note(std::string const& message) = 0;
+    /// Tells of a volume that is only planned (a dry run) and where it would go.
+    virtual void plan(Header const& header, std::string const& output) = 0;
     /// Opens an input: any format, "-", FIFO or stream.
     virtual std::unique_ptr<Source> open(std::string const& path) = 0;
 };
@@ -64,7 +66,9 @@ public:
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.
     virtual bool needs_whole() const { return false; }
-    /// Returns the exit code. Must finish() each volume that it reads; framework moves no volume itself.
+    /// Returns the exit code. Asked for voxels of volumes that are only planned, sources throw PlannedOnly, which may
+    /// pass: the framework then tells of the plan. Must finish() each volume that it reads; framework moves no volume
+    /// itself.
     virtual int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) = 0;
 };
 

@@ -70,6 +70,7 @@ void Dump::print(Source& source, Context& context) const {
     if (header.kind != Kind::structured)
         throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
     Box const box = region(header.dims);
+    if (header.dry_run) throw PlannedOnly();
     context.print(head(header));
     source.expect(box);
     Buffer buffer(static_cast<std::size_t>(box.dims().x * box.dims().y) * size_of(header.dtype));

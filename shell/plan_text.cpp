@@ -28,10 +28,17 @@ std::string scientific(double value) {
 
 bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
 
-/// Trees are held whole; of grids slabs in flight at input and output, the window of a halo, a spooled volume, and state: what a stage holds at most.
-double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Header> const& inputs,
+constexpr double ring = 3; ///< slabs in flight at an input or an output
+
+double in_flight(Header const& h, Execution const& execution) {
+    return ring * static_cast<double>(h.bytes()) * static_cast<double>(slab_height(h, 0, execution)) /
+           static_cast<double>(h.dims.z);
+}
+
+/// Trees are held whole; of grids slabs in flight at input and output, the window of a halo, a spooled volume, and
+/// state: what a stage holds at most.
+double peak_bytes(Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
                   Execution const& execution, bool reduction) {
-    constexpr double ring = 3;
     auto bytes = static_cast<double>(plan.state_bytes);
     std::int64_t height = 0;
     if (!reduction && is_tree(plan.output)) {
@@ -48,11 +55,10 @@ double peak_bytes(Operation const& operation, Plan const& plan, std::vector<Head
             continue;
         }
         if (is_tree(plan.output)) continue; // the plan's own state says it
-        auto const slice = static_cast<double>(in.bytes()) / static_cast<double>(in.dims.z);
-        bytes += ring * slice * static_cast<double>(slab_height(in, 0, execution));
+        bytes += in_flight(in, execution);
         if (!reduction && !plan.shift) {
             Box const slab{{0, 0, 0}, {plan.output.dims.x, plan.output.dims.y, height}};
-            bytes += static_cast<double>(operation.footprint(slab, static_cast<int>(i)).voxels()) *
+            bytes += static_cast<double>(operation->footprint(slab, static_cast<int>(i)).voxels()) *
                      static_cast<double>(size_of(in.dtype));
         }
         bool const whole = plan.scans || plan.access == Access::random;
@@ -70,8 +76,8 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
     if (!reduction)
         line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
                      plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
-    if (operation != nullptr)
-        line += text(", peak memory about ", bytes_text(peak_bytes(*operation, plan, inputs, execution, reduction)));
+    if (operation != nullptr || reduction)
+        line += text(", peak memory about ", bytes_text(peak_bytes(operation, plan, inputs, execution, reduction)));
     bool const spools = plan.access == Access::random || (plan.scans && !reduction);
     bool const whole = is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += whole    ? ", holds the whole volume"
@@ -79,17 +85,28 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
                      : ", streaming";
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
-    std::string const error = plan.exact ? "exact"
-                                         : text(plan.error_is_estimate ? "error about " : "error at most ",
-                                                scientific(plan.error_bound),
-                                                plan.error_is_physical ? "" : " of the value range");
+    std::string const error =
+        plan.exact ? "exact"
+                   : text(plan.error_is_estimate ? "error about " : "error at most ", scientific(plan.error_bound),
+                          plan.error_is_physical ? "" : " of the value range");
     line += text(stage, ":   ", error, ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }
 
-std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output) {
-    return text(stage, ": ", shape_text(input), ", ", bytes_text(static_cast<double>(input.bytes())), " -> ",
-                output == "-" ? "standard output" : output, "\n");
+std::string opener_plan_text(std::string const& stage, Header const& output, Execution const& execution) {
+    auto const bytes = static_cast<double>(output.bytes());
+    return text(stage, ": -> ", shape_text(output), ", ", bytes_text(bytes), ", peak memory about ",
+                bytes_text(is_tree(output) ? bytes : in_flight(output, execution)), ", streaming\n");
+}
+
+std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output, bool whole,
+                               Execution const& execution) {
+    auto const bytes = static_cast<double>(input.bytes());
+    bool const holds = whole || is_tree(input);
+    return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
+                output == "-" ? "standard output" : output, ", peak memory about ",
+                bytes_text(holds ? bytes : in_flight(input, execution)),
+                holds ? ", holds the whole volume\n" : ", streaming\n");
 }
 
 } // namespace vkt::shell

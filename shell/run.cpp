@@ -58,6 +58,21 @@ private:
     void relabel(Header& header) const override { header.dry_run = true; }
 };
 
+/// Tells of each volume that a file yields, for --dry-run and --explain.
+class Announced : public SourceDecorator {
+public:
+    Announced(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
+        : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        tell_(inner().header());
+        return true;
+    }
+
+private:
+    std::function<void(Header const&)> tell_;
+};
+
 /// Asks the stages downstream for their times.
 class Timed : public Relabelled {
 public:
@@ -111,6 +126,7 @@ public:
     bool window() const override;
     void print(std::string const& report) override;
     void note(std::string const& message) override;
+    void plan(Header const& header, std::string const& output) override;
     std::unique_ptr<Source> open(std::string const& path) override;
 
 private:
@@ -164,6 +180,11 @@ StageInfo StageContext::stage_info() const { return runner_.stage_info(invocatio
 void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
 std::unique_ptr<Source> StageContext::open(std::string const& path) { return runner_.open(invocation_, path); }
 
+void StageContext::plan(Header const& header, std::string const& output) {
+    bool const whole = invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole();
+    std::fputs(consumer_plan_text(invocation_.stage(), header, output, whole, execution_).c_str(), stderr);
+}
+
 void StageContext::print(std::string const& report) {
     OutputFile file(output(), force());
     file.write(report.data(), report.size());
@@ -192,7 +213,7 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const planned_only = dry_run_ || plan.output.dry_run || (!inputs.empty() && inputs.front().dry_run);
     bool const explain = stage.common().explain || last_.common().explain;
     if (!planned_only && !explain) return;
-    bool const reduction = stage.operation() != nullptr && stage.operation()->shape() == Shape::reduction;
+    bool const reduction = stage.operation() == nullptr; // a consumer's own
     std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(),
                stderr);
 }
@@ -251,6 +272,10 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (!stage.common().no_history)
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+        if (dry_run_ || stage.common().explain || last_.common().explain)
+            source = std::make_unique<Announced>(std::move(source), [name = stage.stage(), execution](Header const& h) {
+                std::fputs(opener_plan_text(name, h, execution).c_str(), stderr);
+            });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         source = attach(std::move(inputs), *stage.operation(), execution, stage_info(stage));
@@ -312,11 +337,11 @@ std::unique_ptr<Sink> Runner::make_sink() {
 }
 
 ipc::StageReport Runner::own_report() const {
-    ipc::Traffic const in = stream_in_ != nullptr ? stream_in_->traffic : ipc::Traffic{};
     ipc::Traffic const out = stream_out_ != nullptr ? stream_out_->traffic() : ipc::Traffic{};
     std::string name = stages_.front().verb().name;
     for (std::size_t i = 1; i < stages_.size(); ++i) name += " | " + stages_[i].verb().name;
-    return meter_.report(name, in, out);
+    return meter_.report(name, stream_in_ != nullptr ? &stream_in_->traffic : nullptr,
+                         stream_out_ != nullptr ? &out : nullptr);
 }
 
 std::vector<ipc::StageReport> Runner::reports() const {
@@ -373,19 +398,22 @@ int Runner::drain(std::unique_ptr<Source> source) {
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     auto inputs = open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
-    if (dry_run_) {
-        for (auto& input : inputs)
-            while (input->next_volume()) {
-                std::fputs(consumer_plan_text(stage.stage(), input->header(), stage.common().output).c_str(), stderr);
-                input->finish();
-            }
-        return 0;
-    }
     if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
         inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
-    int const code = stage.consumer()->consume(inputs, context);
+    int code = 0;
+    try {
+        code = stage.consumer()->consume(inputs, context);
+    } catch (PlannedOnly const&) {
+        std::string const target = stage.consumer()->writes() ? context.output() : "";
+        Source& source = *inputs.front();
+        do {
+            context.plan(source.header(), target);
+            source.finish();
+        } while (source.next_volume());
+    }
     refuse_lossy();
-    bool timing = stage.common().wants_timing();
+    bool timing =
+        std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });
     if (stream_in_ != nullptr) timing = timing || !stream_in_->stages.empty();
     if (timing) std::fputs(timing_table(reports()).c_str(), stderr);
     return code;
