@@ -63,6 +63,7 @@ Buffer::Buffer(Buffer&& other) noexcept { *this = std::move(other); }
 Buffer& Buffer::operator=(Buffer&& other) noexcept {
     std::swap(host_, other.host_);
     std::swap(device_, other.device_);
+    std::swap(device_index_, other.device_index_);
     std::swap(owner_, other.owner_);
     std::swap(bytes_, other.bytes_);
     std::swap(host_valid_, other.host_valid_);
@@ -98,7 +99,10 @@ std::byte* Buffer::memory(Space space) {
         if (host_ == nullptr) host_ = allocate_host(bytes_);
         return host_;
     }
-    if (device_ == nullptr) device_ = device_allocate(bytes_ == 0 ? 1 : bytes_);
+    if (device_ == nullptr) {
+        device_ = device_allocate(bytes_ == 0 ? 1 : bytes_);
+        device_index_ = device_current();
+    }
     return device_;
 }
 
@@ -111,8 +115,11 @@ std::byte* Buffer::write(Space space) {
 
 std::byte const* Buffer::read(Space space) {
     std::byte* const data = memory(space);
-    if (space == Space::device && !device_valid_ && host_valid_) copy_to_device(device_, host_, bytes_);
-    if (space == Space::host && !host_valid_ && device_valid_) copy_to_host(host_, device_, bytes_);
+    bool const to_device = space == Space::device && !device_valid_ && host_valid_;
+    bool const to_host = space == Space::host && !host_valid_ && device_valid_;
+    if (to_device || to_host) device_select(device_index_);
+    if (to_device) copy_to_device(device_, host_, bytes_);
+    if (to_host) copy_to_host(host_, device_, bytes_);
     // Written only when it changes: several threads may read what is there already.
     bool& valid = space == Space::host ? host_valid_ : device_valid_;
     if (!valid) valid = true;

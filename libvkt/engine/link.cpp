@@ -7,6 +7,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/device.h"
 
 #include <algorithm>
 #include <chrono>
@@ -147,6 +148,7 @@ void Link::plan_volume() {
     if (plan_.output.kind == Kind::hierarchical) return make_tree();
 
     execution_ = resolve_device(requested_, operation_, plan_);
+    if (execution_.device == Device::gpu) device_select(execution_.gpu);
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         inputs_[i]->window.reset({headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value});
         bool const again = plan_.scans || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
@@ -278,6 +280,7 @@ void Link::read(AnyView out) {
 
 void Link::run(AnyView out) {
     if (out.box.empty()) return;
+    if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
     std::vector<ConstView> views;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = operation_.footprint(out.box, static_cast<int>(i));

@@ -37,6 +37,11 @@ int device_count() {
 }
 
 void device_select(int device) { must(cudaSetDevice(device), "cannot be selected"); }
+int device_current() {
+    int device = 0;
+    must(cudaGetDevice(&device), "which one is in use is not known");
+    return device;
+}
 
 std::byte* device_allocate(std::size_t bytes) {
     void* data = nullptr;
@@ -84,6 +89,7 @@ void check_launch(char const* kernel) {
 
 int device_count() { return 0; }
 void device_select(int) { throw_without_cuda(); }
+int device_current() { throw_without_cuda(); }
 std::byte* device_allocate(std::size_t) { throw_without_cuda(); }
 void device_free(std::byte*) noexcept {}
 std::byte* pinned_allocate(std::size_t) { throw_without_cuda(); }

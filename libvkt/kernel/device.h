@@ -10,6 +10,7 @@ namespace vkt {
 int device_count();
 /// Makes a device the current one of this thread. Throws Error{resources}.
 void device_select(int device);
+int device_current();
 
 /// Device memory, 256-byte aligned; its size is rounded up to 256 bytes, so that whole words at its end may be read.
 /// Throws Error{resources}.

@@ -13,13 +13,17 @@ if ! reason=$("$vkt" flip x tiny.nrrd --device gpu -o out.nrrd 2>&1); then
 fi
 failed=0 checked=0
 
-# same TOLERANCE PIPELINE…: with VKT_DEVICE=gpu as with cpu, largest difference at most TOLERANCE of the range.
+last=$(($(nvidia-smi -L 2>/dev/null | grep -c '^GPU' || true) - 1))
+[ "$last" -ge 0 ] || last=0
+gpu=gpu
+
+# same TOLERANCE PIPELINE…: on $gpu as on the CPU, largest difference at most TOLERANCE of the range.
 same() {
     tolerance=$1
     shift
     checked=$((checked + 1))
-    for device in cpu gpu; do
-        VKT_DEVICE=$device sh -c "$*" >$device.vkt || {
+    for device in cpu "$gpu"; do
+        VKT_DEVICE=$device sh -c "$*" >"${device%:*}.vkt" || {
             echo "FAILED on $device: $*"
             failed=$((failed + 1))
             return 0
@@ -46,5 +50,28 @@ for type in uint8 uint16 int16 float32 float64; do
     same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
 done
+
+# The last GPU, which is another than the first where there are several, does it as well; one that is not there is said.
+gpu=gpu:$last
+used() { nvidia-smi -i "$last" --query-gpu=memory.used --format=csv,noheader,nounits; }
+"$vkt" make noise --dims 700 700 500 --dtype float32 --seed 3 -o big.nrrd
+before=$(used)
+"$vkt" filter gaussian big.nrrd --sigma 9 --device "$gpu" -o out.nrrd --force &
+most=$before
+while kill -0 $! 2>/dev/null; do
+    now=$(used)
+    [ "$now" -le "$most" ] || most=$now
+done
+wait $!
+echo "$gpu: $((most - before)) MiB more in use while it works"
+[ "$most" -gt "$before" ] || { echo "FAILED: nothing happens on GPU $last"; failed=$((failed + 1)); }
+for command in 'flip z' 'resample --scale 0.7 --method cubic' 'filter gaussian --sigma 2'; do
+    same 1e-5 "$vkt $command in_float32.nrrd"
+    same 1e-5 "$vkt pipe 'read in_float32.nrrd | $command | flip x'"
+done
+if "$vkt" flip x tiny.nrrd --device gpu:99 -o out.nrrd --force 2>reason || ! grep -q 'no GPU 99' reason; then
+    echo "FAILED: gpu:99: $(cat reason)"
+    failed=$((failed + 1))
+fi
 echo "$checked commands, $failed failed"
 [ "$failed" -eq 0 ]

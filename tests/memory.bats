@@ -1,0 +1,69 @@
+# What streams holds slabs, not volumes; what needs a whole volume re-reads files and spools pipes; stages overlap.
+load helper
+
+setup_more() {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers keep memory of their own"
+    export OMP_WAIT_POLICY=passive
+}
+
+# peak COMMAND…: its largest resident set in MiB.
+peak() {
+    /usr/bin/python3 -c '
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
+}
+
+@test "eight times the volume takes no more memory" {
+    vkt make noise --dims 256 256 48 --dtype float32 -o small.nrrd
+    vkt make noise --dims 256 256 384 --dtype float32 -o large.nrrd # 96 MiB
+    for command in 'flip x' 'flip z' 'convert --dtype uint8 --range 0:1' 'convert --dtype uint8 --range minmax' \
+        'filter gaussian --sigma 1' 'resample --scale 0.5' 'arith add' 'crop --roi :,:,2:-2' stats; do
+        number=
+        [ "$command" != 'arith add' ] || number=1
+        output=(-o out.nrrd --force)
+        [ "$command" != stats ] || output=()
+        # shellcheck disable=SC2086
+        small=$(peak vkt $command small.nrrd $number "${output[@]}")
+        # shellcheck disable=SC2086
+        large=$(peak vkt $command large.nrrd $number "${output[@]}")
+        [ "$large" -le $((small + 12)) ] || { echo "$command: $small MiB, then $large MiB" >&2; false; }
+    done
+}
+
+@test "a file is read again where a pipe is spooled" {
+    vkt make noise --dims 64 64 64 -o in.nrrd
+    mkdir spool
+    export TMPDIR=$PWD/spool
+    vkt flip z in.nrrd --memory 100k -o file.nrrd 2>err
+    [ ! -s err ]
+    vkt read in.nrrd | vkt flip z --memory 100k -o pipe.nrrd 2>err
+    grep -q spool err
+    [ "$(wc -l <err)" -eq 1 ]
+    vkt diff file.nrrd pipe.nrrd
+    [ -z "$(ls -A spool)" ]
+}
+
+@test "stages overlap: the first slabs leave before the last have come" {
+    vkt make noise --dims 64 64 512 --dtype float32 -o in.nrrd # 8 MiB
+    vkt read in.nrrd --slab 16 >whole.vkt
+    size=$(stat -c %s whole.vkt)
+    mkfifo pipe
+    for stage in 'flip x' 'filter gaussian --sigma 1' 'resample --scale 0.5' 'convert --dtype uint8 --range 0:1'; do
+        # shellcheck disable=SC2086
+        timeout 60 vkt $stage pipe --slab 16 >out.vkt 3>&- &
+        exec 9>pipe
+        head -c $((size / 2)) whole.vkt >&9
+        arrived=no
+        for _ in $(seq 200); do
+            [ "$(stat -c %s out.vkt)" -gt 100000 ] && arrived=yes && break
+            sleep 0.05
+        done
+        tail -c +$((size / 2 + 1)) whole.vkt >&9
+        exec 9>&-
+        wait
+        [ $arrived = yes ] || { echo "$stage waits for all of its input" >&2; false; }
+        # shellcheck disable=SC2086
+        vkt $stage in.nrrd | vkt diff - out.vkt
+    done
+}
