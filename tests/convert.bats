@@ -89,6 +89,12 @@ for f in types:
         assert abs(s["min"] - lo) < tol and abs(s["max"] - hi) < tol, (name, r, s, lo, hi)'
 }
 
+@test "percentiles of values beyond what float32 holds" {
+    vkt make noise --dims 32 32 8 --dtype float64 --high 1e51 -o wide.vkt
+    vkt convert wide.vkt --dtype float64 --range p25:p75 -q | vkt stats --json >s
+    check 's = json.load(open("s")); assert abs(s["min"] / 1e51 - .25) < .02 and abs(s["max"] / 1e51 - .75) < .02, s'
+}
+
 @test "slabs and threads do not matter" {
     vkt make noise --dims 33 15 21 --low -5 --high 300 | vkt write n.nrrd
     for args in "--dtype uint8" "--dtype uint8 --range p2:p98" "--dtype int16 --range minmax" "--dtype float16"; do

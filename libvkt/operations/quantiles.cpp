@@ -15,12 +15,15 @@ namespace {
 
 constexpr std::size_t most_counters = std::size_t{1} << 21;
 
-/// Patterns that ascend with the value.
-std::uint32_t key_of(float value) {
-    auto const bits = std::bit_cast<std::uint32_t>(value);
+/// The upper halves of float64 patterns, rounded, arranged to ascend with the value.
+std::uint32_t key_of(double value) {
+    auto const bits = static_cast<std::uint32_t>((std::bit_cast<std::uint64_t>(value) + 0x80000000u) >> 32);
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
-float value_of(std::uint32_t key) { return std::bit_cast<float>((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key); }
+double value_of(std::uint32_t key) {
+    std::uint32_t const bits = (key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key;
+    return std::bit_cast<double>(std::uint64_t{bits} << 32);
+}
 
 template <class T> void count_small(ConstView slab, std::uint64_t* counters, int threads) {
     View<T const> const in = slab.as<T>();
@@ -85,11 +88,12 @@ void Quantiles::add_value(double value) {
     if (!std::isfinite(value)) return;
     if (!shifted_) {
         shifted_ = true;
-        shift_ = low_ = high_ = value;
+        low_ = high_ = value;
+        half_shift_ = value / 2;
     }
     low_ = std::min(low_, value);
     high_ = std::max(high_, value);
-    std::uint32_t const key = key_of(static_cast<float>(value - shift_));
+    std::uint32_t const key = key_of(value / 2 - half_shift_); // halved, no difference of doubles overflows
     std::int32_t& leaf = leaves_[key >> 16];
     if (leaf < 0) leaf = new_leaf();
     ++counters_[(static_cast<std::size_t>(leaf) << leaf_bits_) + ((key & 0xffffu) >> (16 - leaf_bits_))];
@@ -143,10 +147,11 @@ double Quantiles::value_in_leaf(std::uint32_t prefix, std::int64_t rank) const {
             continue;
         }
         std::uint32_t const key = (prefix << 16) + (j << lost);
-        auto const from = static_cast<double>(value_of(key));
-        if (lost == 0) return shift_ + from;
-        auto const to = static_cast<double>(value_of(key + (1u << lost) - 1));
-        return shift_ + from + (to - from) * (static_cast<double>(rank - before) + 0.5) / static_cast<double>(here);
+        double const from = value_of(key);
+        if (lost == 0) return 2 * (half_shift_ + from);
+        double const to = value_of(key + (1u << lost) - 1);
+        double const share = (static_cast<double>(rank - before) + 0.5) / static_cast<double>(here);
+        return 2 * (half_shift_ + from + (to - from) * share);
     }
     return high_;
 }
@@ -158,7 +163,7 @@ double Quantiles::percentile(double percent) const {
     double const below = value_at_rank(rank);
     double const share = position - static_cast<double>(rank);
     if (share == 0 || rank + 1 >= count_) return below;
-    return below + share * (value_at_rank(rank + 1) - below);
+    return std::lerp(below, value_at_rank(rank + 1), share);
 }
 
 } // namespace vkt

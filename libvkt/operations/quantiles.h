@@ -10,9 +10,10 @@
 namespace vkt {
 
 /// Counts finite voxels. Integers of up to 16 bits are counted value by value and their percentiles are exact. Other
-/// types are counted by the float32 pattern of their difference to the first finite voxel, in at most 2^21 counters:
-/// exact for up to 32 different leading halves of that pattern, and coarser by halves as data spread over more of them,
-/// down to 2^-12 of the difference in the worst case. Within a counter values are taken as evenly spread.
+/// types are counted by the first 32 bits of the float64 pattern of their difference to the first finite voxel, in at
+/// most 2^21 counters: to 2^-21 of the difference for up to 32 different leading halves of those bits, and coarser by
+/// halves as data spread over more of them, down to 2^-12 over all of float32's range and 2^-9 over all of float64's.
+/// Within a counter values are taken as evenly spread.
 class Quantiles {
 public:
     explicit Quantiles(DataType type);
@@ -39,7 +40,7 @@ private:
     int leaf_bits_ = 16;               ///< how many of the lower 16 bits are told apart
     std::int32_t leaf_count_ = 0;
     bool shifted_ = false;
-    double shift_ = 0, low_ = 0, high_ = 0;
+    double half_shift_ = 0, low_ = 0, high_ = 0;
 };
 
 } // namespace vkt

@@ -60,6 +60,27 @@ TEST(Quantiles, WildlySpreadValuesStayWithinAShare) {
     }
 }
 
+TEST(Quantiles, ValuesBeyondFloat32AreToldApart) {
+    std::mt19937 random(4);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    for (double const scale : {1e-300, 1e-60, 1e51, 1.7e308}) {
+        std::vector<double> values(50000);
+        for (auto& v : values) v = scale * uniform(random);
+        Quantiles const q = counted(values, DataType::float64);
+        for (double const p : {0.0, 1.0, 25.0, 75.0, 99.0, 100.0})
+            EXPECT_NEAR(q.percentile(p) / scale, sorted_percentile(values, p) / scale, 1e-3) << scale << " " << p;
+    }
+}
+
+TEST(Quantiles, FewWholeNumbersAreExact) {
+    std::mt19937 random(5);
+    std::vector<float> values(20000);
+    for (auto& v : values) v = static_cast<float>(static_cast<int>(random() % 11) - 5);
+    Quantiles const q = counted(values, DataType::float32);
+    for (double const p : {0.0, 1.0, 37.5, 50.0, 99.0, 100.0})
+        EXPECT_NEAR(q.percentile(p), sorted_percentile(values, p), 1e-9) << p;
+}
+
 TEST(Quantiles, NotANumberDoesNotCount) {
     std::vector<float> values(20, 3.0f);
     values[4] = std::nanf("");
