@@ -1,15 +1,12 @@
 // Border fill and region copies in host memory; device memory goes to the CUDA side.
 // SPDX-License-Identifier: MIT
+#define VKT_BACKEND baseline // for its arithmetic
 #include "libvkt/kernel/border.h"
 
 #include "libvkt/core/error.h"
-#include "libvkt/core/half.h"
+#include "libvkt/kernel/numeric.h"
 
-#include <array>
-#include <cmath>
 #include <cstring>
-#include <limits>
-#include <vector>
 
 namespace vkt {
 
@@ -20,66 +17,8 @@ void copy_region_on_device(ConstView from, AnyView to);
 
 namespace {
 
-template <class T> void store(std::array<std::byte, 8>& voxel, double value) {
-    auto const low = static_cast<double>(std::numeric_limits<T>::lowest());
-    auto const high = static_cast<double>(std::numeric_limits<T>::max());
-    T stored{};
-    if constexpr (std::numeric_limits<T>::is_integer) {
-        double const rounded = std::nearbyint(value);
-        stored = rounded <= low    ? std::numeric_limits<T>::lowest()
-                 : rounded >= high ? std::numeric_limits<T>::max()
-                                   : static_cast<T>(rounded);
-    } else {
-        stored = static_cast<T>(value);
-    }
-    std::memcpy(voxel.data(), &stored, sizeof stored);
-}
-
-/// The bytes of a border value: integers round half to even and saturate.
-std::array<std::byte, 8> voxel_bytes(DataType type, double value) {
-    std::array<std::byte, 8> voxel{};
-    switch (type) {
-    case DataType::uint8:
-        store<std::uint8_t>(voxel, value);
-        break;
-    case DataType::int8:
-        store<std::int8_t>(voxel, value);
-        break;
-    case DataType::uint16:
-        store<std::uint16_t>(voxel, value);
-        break;
-    case DataType::int16:
-        store<std::int16_t>(voxel, value);
-        break;
-    case DataType::uint32:
-        store<std::uint32_t>(voxel, value);
-        break;
-    case DataType::int32:
-        store<std::int32_t>(voxel, value);
-        break;
-    case DataType::uint64:
-        store<std::uint64_t>(voxel, value);
-        break;
-    case DataType::int64:
-        store<std::int64_t>(voxel, value);
-        break;
-    case DataType::float16: {
-        Half const half(static_cast<float>(value));
-        std::memcpy(voxel.data(), &half, sizeof half);
-        break;
-    }
-    case DataType::float32:
-        store<float>(voxel, value);
-        break;
-    case DataType::float64:
-        store<double>(voxel, value);
-        break;
-    }
-    return voxel;
-}
-
 /// One row from x0 to x1 of constant voxels.
-void fill_row(std::byte* row, std::int64_t count, std::array<std::byte, 8> const& voxel, std::size_t size) {
+void fill_row(std::byte* row, std::int64_t count, VoxelBytes const& voxel, std::size_t size) {
     for (std::int64_t i = 0; i < count; ++i) std::memcpy(row + static_cast<std::size_t>(i) * size, voxel.data(), size);
 }
 
@@ -88,7 +27,7 @@ struct HostFill {
     Box inside;
     Index3 dims;
     Boundary boundary;
-    std::array<std::byte, 8> voxel;
+    VoxelBytes voxel;
     std::size_t size;
 
     void columns(std::int64_t y, std::int64_t z, std::int64_t x0, std::int64_t x1) const {
@@ -144,7 +83,7 @@ void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary
         return fill_border_on_device(window, inside, volume_dims, boundary, border_value);
 #endif
     HostFill const fill{
-        window, inside, volume_dims, boundary, voxel_bytes(window.type, border_value), size_of(window.type)};
+        window, inside, volume_dims, boundary, baseline::voxel_bytes(window.type, border_value), size_of(window.type)};
     fill.run();
 }
 

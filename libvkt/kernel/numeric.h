@@ -6,7 +6,9 @@
 #include "libvkt/core/types.h"
 #include "libvkt/kernel/backend.h"
 
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <type_traits>
 
@@ -28,6 +30,9 @@ struct Tally {
         return *this;
     }
 };
+
+/// One voxel of any type, from the first byte on.
+using VoxelBytes = std::array<std::byte, 8>;
 
 namespace VKT_BACKEND {
 
@@ -168,6 +173,16 @@ template <class T, class C> VKT_HD bool is_lost_nan(C v) {
         return !(v == v);
     else
         return false;
+}
+
+/// The voxel that stores a value as round_to does.
+inline VoxelBytes voxel_bytes(DataType type, double value) {
+    VoxelBytes voxel{};
+    for_each_type(type, [&]<class T>(T) {
+        T const stored = round_to<T>(value);
+        std::memcpy(voxel.data(), &stored, sizeof stored);
+    });
+    return voxel;
 }
 
 } // namespace VKT_BACKEND

@@ -1,6 +1,7 @@
 // Rounding, half precision and the drivers, against definitions and against the compiler's own binary16.
 // SPDX-License-Identifier: MIT
 #define VKT_BACKEND baseline
+#include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <gtest/gtest.h>
@@ -121,6 +122,25 @@ TEST(RoundTo, HalvesToEvenSaturatesAndHasNoNan) {
     EXPECT_EQ(round_to<std::int16_t>(static_cast<double>(nan)), 0);
     EXPECT_EQ(round_to<std::uint8_t>(-3), 0);
     EXPECT_EQ(round_to<std::int8_t>(std::uint64_t{1} << 60), 127);
+}
+
+template <class T> void expect_border(DataType type, double value, T stored) {
+    std::vector<T> voxels(12, T(1));
+    AnyView const window = dense_view(reinterpret_cast<std::byte*>(voxels.data()), type, {{-2, 0, 0}, {10, 1, 1}});
+    fill_border(window, {{0, 0, 0}, {8, 1, 1}}, {8, 1, 1}, Boundary::border, value, Execution{});
+    for (std::size_t i = 0; i < voxels.size(); ++i)
+        EXPECT_EQ(voxels[i], i < 2 || i >= 10 ? stored : T(1)) << name_of(type) << " " << value << " " << i;
+}
+
+TEST(FillBorder, ValuesRoundAndSaturateAsElsewhere) {
+    expect_border<std::uint8_t>(DataType::uint8, 2.5, 2);
+    expect_border<std::uint8_t>(DataType::uint8, 300, 255);
+    expect_border<std::int16_t>(DataType::int16, std::nan(""), 0);
+    expect_border<std::int64_t>(DataType::int64, 1e30, std::numeric_limits<std::int64_t>::max());
+    expect_border<std::uint64_t>(DataType::uint64, -1, 0);
+    expect_border<float>(DataType::float32, -2.5, -2.5f);
+    // A double just above the tie between two halves: rounding to float first would lose it.
+    expect_border<std::uint16_t>(DataType::float16, 1 + 0x1p-11 + 0x1p-40, 0x3c01);
 }
 
 TEST(RoundTo, AgreesWithNearbyintOnAllQuarters) {
