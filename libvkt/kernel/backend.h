@@ -111,4 +111,16 @@ namespace vkt {
 /// Throws Error{resources}: this build has no CUDA.
 [[noreturn]] void throw_without_cuda();
 
+namespace VKT_BACKEND {
+
+/// Bytes of a vector register of the instruction set.
+#if defined(__AVX512F__)
+inline constexpr std::size_t register_bytes = 64;
+#elif defined(__AVX2__)
+inline constexpr std::size_t register_bytes = 32;
+#else
+inline constexpr std::size_t register_bytes = 16;
+#endif
+
+} // namespace VKT_BACKEND
 } // namespace vkt

@@ -12,21 +12,13 @@
 
 namespace vkt::VKT_BACKEND {
 
-#if defined(__AVX512F__)
-inline constexpr std::size_t lane_bytes = 64;
-#elif defined(__AVX2__)
-inline constexpr std::size_t lane_bytes = 32;
-#else
-inline constexpr std::size_t lane_bytes = 16;
-#endif
-
 /// Lanes<C>: as many C as a register holds, with + - * per lane.
 template <class C> struct LanesOf;
-template <> struct LanesOf<float> { typedef float type __attribute__((vector_size(lane_bytes))); };
-template <> struct LanesOf<double> { typedef double type __attribute__((vector_size(lane_bytes))); };
+template <> struct LanesOf<float> { typedef float type __attribute__((vector_size(register_bytes))); };
+template <> struct LanesOf<double> { typedef double type __attribute__((vector_size(register_bytes))); };
 template <class C> using Lanes = typename LanesOf<C>::type;
 
-template <class C> inline constexpr std::int64_t lane_count = static_cast<std::int64_t>(lane_bytes / sizeof(C));
+template <class C> inline constexpr std::int64_t lane_count = static_cast<std::int64_t>(register_bytes / sizeof(C));
 
 template <class C> VKT_HD Lanes<C> load_lanes(C const* from) {
     Lanes<C> lanes;

@@ -46,13 +46,6 @@ inline void stream_bytes(std::byte* to, std::byte const* from, std::size_t n) {
 }
 
 /// A register of U, as wide as the instruction set has them.
-#if defined(__AVX512F__)
-inline constexpr std::size_t register_bytes = 64;
-#elif defined(__AVX2__)
-inline constexpr std::size_t register_bytes = 32;
-#else
-inline constexpr std::size_t register_bytes = 16;
-#endif
 template <class U> struct Register {
     typedef U type __attribute__((vector_size(register_bytes)));
     static constexpr std::int64_t lanes = static_cast<std::int64_t>(register_bytes / sizeof(U));

@@ -13,15 +13,8 @@ namespace VKT_BACKEND {
 namespace {
 
 // The register width is the back end's, the number of lanes is not: lane j sums voxels j, j + 16, … on every machine.
-#if defined(__AVX512F__)
-constexpr int register_bytes = 64;
-#elif defined(__AVX2__)
-constexpr int register_bytes = 32;
-#else
-constexpr int register_bytes = 16;
-#endif
 constexpr int lanes = 16;
-constexpr int doubles = register_bytes / 8;
+constexpr int doubles = static_cast<int>(register_bytes / 8);
 constexpr int registers = lanes / doubles;
 constexpr std::int64_t chunk = 2048; // stays in the first cache between the two loops; a multiple of the lanes
 
@@ -91,7 +84,7 @@ private:
     std::int64_t extremes(T const* p, std::int64_t n) {
         using Full = typename Loads<T>::full;
         using Unaligned = typename Loads<T>::unaligned;
-        constexpr int width = register_bytes / static_cast<int>(sizeof(T));
+        constexpr int width = static_cast<int>(register_bytes / sizeof(T));
         constexpr T infinity = std::numeric_limits<T>::infinity();
         Full low0 = Full{} + infinity, high0 = Full{} - infinity, odd0 = Full{};
         Full low1 = low0, high1 = high0, odd1 = odd0;
