@@ -24,6 +24,14 @@ value() { vkt stats --json | sed -n 's/.*"max": \(.*\),/\1/p'; }
     [ "$(one int64 -7 | vkt arith div - 2 | value)" = -4 ]
 }
 
+@test "64-bit integers and whole numbers are combined exactly" {
+    one int64 0 | vkt fill --value 9007199254740993 -o odd.vkt
+    [ "$(vkt arith add odd.vkt 9007199254740993 | value)" = 18014398509481986 ]
+    [ "$(vkt arith sub odd.vkt 9007199254740992 | value)" = 1 ]
+    [ "$(vkt arith sub 18446744073709551615 odd.vkt --dtype uint64 --strict | value)" = 18437736874454810622 ]
+    [ "$(vkt arith min odd.vkt 1e20 --strict | value)" = 9007199254740993 ]
+}
+
 @test "division by zero" {
     one uint8 5 | vkt arith div - 0 2>remark >out
     [ "$(value <out)" = 255 ]

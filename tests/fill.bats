@@ -39,6 +39,16 @@ assert (a == np.fromfile('out.raw', np.uint8).reshape(5, 7, 9)).all()"
     [ ! -e out.nrrd ]
 }
 
+@test "64-bit integers take every value they hold, exactly" {
+    for pair in uint64:18446744073709551615 int64:9223372036854775807 int64:-9223372036854775808 int64:9007199254740993; do
+        vkt make constant --dims 2 1 1 --dtype ${pair%:*} | vkt fill --value ${pair#*:} --strict -o full.vkt --force
+        vkt stats full.vkt --json | grep -q "\"max\": ${pair#*:},"
+    done
+    vkt make constant --dims 2 1 1 --dtype uint64 -o zero.vkt
+    fails_with 3 'does not fit' vkt fill zero.vkt --value 18446744073709551616 --strict -o out.vkt
+    fails_with 3 'does not fit' vkt fill zero.vkt --value -1 --strict -o out.vkt
+}
+
 @test "every type takes a value" {
     for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
         vkt make ramp --dims 9 7 5 --dtype $type | vkt fill --value 100 | vkt stats --json >stats.json

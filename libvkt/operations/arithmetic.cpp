@@ -13,6 +13,7 @@ namespace vkt {
 struct ArithmeticOperand {
     ConstView const* view = nullptr;
     double number = 0;
+    Int128 whole = 0; ///< the number, if all is computed in integers
     ValueMap map;
 };
 
@@ -111,33 +112,36 @@ void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts
     bool const direct = is_direct<C>(out.type, task.result);
     auto const dense = [&](ArithmeticOperand const& o) { return o.view == nullptr || driver::dense(out.box, *o.view); };
     bool const one_row = driver::dense(out.box, out) && dense(task.a) && dense(task.b);
-    for_each_segment(execution, one_row ? driver::as_one_row(out.box) : out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        alignas(64) C a[row_piece], b[row_piece];
-        if (task.a.view == nullptr) std::fill_n(a, std::min(row_piece, n), static_cast<C>(task.a.number));
-        if (task.b.view == nullptr) std::fill_n(b, std::min(row_piece, n), static_cast<C>(task.b.number));
-        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
-            std::int64_t const m = std::min(row_piece, n - begin);
-            C const* const u = operand_row(task.a, x + begin, y, z, m, a);
-            C const* const v = operand_row(task.b, x + begin, y, z, m, b);
-            std::byte* const to = out.at(x + begin, y, z);
-            if (direct) { // nothing to clip and nothing to count
-                combine(task.op, u, v, reinterpret_cast<C*>(to), m);
-                continue;
-            }
-            ArithmeticCounts mine;
-            if (task.count_zeros) count_zero_divisors(u, v, m, mine);
-            alignas(64) C result[row_piece];
-            combine(task.op, u, v, result, m);
-            if (!same_values) {
+    for_each_segment(execution, one_row ? driver::as_one_row(out.box) : out.box,
+                     [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+                         alignas(64) C a[row_piece], b[row_piece];
+                         if (task.a.view == nullptr)
+                             std::fill_n(a, std::min(row_piece, n), static_cast<C>(task.a.number));
+                         if (task.b.view == nullptr)
+                             std::fill_n(b, std::min(row_piece, n), static_cast<C>(task.b.number));
+                         for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+                             std::int64_t const m = std::min(row_piece, n - begin);
+                             C const* const u = operand_row(task.a, x + begin, y, z, m, a);
+                             C const* const v = operand_row(task.b, x + begin, y, z, m, b);
+                             std::byte* const to = out.at(x + begin, y, z);
+                             if (direct) { // nothing to clip and nothing to count
+                                 combine(task.op, u, v, reinterpret_cast<C*>(to), m);
+                                 continue;
+                             }
+                             ArithmeticCounts mine;
+                             if (task.count_zeros) count_zero_divisors(u, v, m, mine);
+                             alignas(64) C result[row_piece];
+                             combine(task.op, u, v, result, m);
+                             if (!same_values) {
 #pragma omp simd
-                for (std::int64_t i = 0; i < m; ++i) result[i] = (result[i] - intercept) / slope;
-            }
-            Tally const tally = store_row(out.type, static_cast<C const*>(result), to, m);
-            mine.clipped += tally.clipped;
-            mine.nan += tally.nan;
-            add(counts, mine);
-        }
-    });
+                                 for (std::int64_t i = 0; i < m; ++i) result[i] = (result[i] - intercept) / slope;
+                             }
+                             Tally const tally = store_row(out.type, static_cast<C const*>(result), to, m);
+                             mine.clipped += tally.clipped;
+                             mine.nan += tally.nan;
+                             add(counts, mine);
+                         }
+                     });
 }
 
 template <class T> void load_integers(std::byte const* from, Int128* to, std::int64_t n) {
@@ -148,7 +152,7 @@ template <class T> void load_integers(std::byte const* from, Int128* to, std::in
 void load_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n,
                   Int128* to) {
     if (operand.view == nullptr) {
-        std::fill_n(to, n, static_cast<Int128>(operand.number));
+        std::fill_n(to, n, operand.whole);
         return;
     }
     for_each_type(operand.view->type, [&]<class T>(T) {
@@ -237,10 +241,10 @@ void arithmetic_integers(ArithmeticTask const& task, AnyView out, ArithmeticCoun
 
 namespace {
 
-std::optional<double> as_number(std::string const& word) {
+std::optional<Number> as_number(std::string const& word) {
     if (word.empty() || word == "-") return std::nullopt;
     try {
-        return parse_double(word);
+        return Number::parse(word);
     } catch (Error const&) {
         return std::nullopt;
     }
@@ -316,18 +320,16 @@ void Arithmetic::choose_values(Header const& first, Header const* second, Header
     type_ = output.dtype;
 
     bool const stored = map_a_ == ValueMap{} && map_b_ == ValueMap{};
-    auto const fits_float = [](std::optional<double> const& v) {
-        return !v || static_cast<double>(static_cast<float>(*v)) == *v;
+    auto const fits_float = [](std::optional<Number> const& v) {
+        return !v || static_cast<double>(static_cast<float>(v->value)) == v->value;
     };
     auto const small_type = [](DataType t) { return size_of(t) <= 2 || t == DataType::float32; };
-    bool const whole =
-        (!number_a_ || *number_a_ == std::rint(*number_a_)) && (!number_b_ || *number_b_ == std::rint(*number_b_));
+    bool const whole = (!number_a_ || number_a_->whole) && (!number_b_ || number_b_->whole);
     bool const integers = is_integer(first.dtype) && (second == nullptr || is_integer(second->dtype));
     bool const wide = is_wide(first.dtype) || (second != nullptr && is_wide(second->dtype)) || is_wide(type_);
     integers_ = integers && is_integer(type_);
     way_ = Way::in_double;
-    if (stored && integers_ && wide && whole && std::abs(number_a_.value_or(0)) < 0x1p63 &&
-        std::abs(number_b_.value_or(0)) < 0x1p63)
+    if (stored && integers_ && wide && whole)
         way_ = Way::in_integers;
     else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) &&
              small_type(type_) && fits_float(number_a_) && fits_float(number_b_))
@@ -366,14 +368,16 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     ArithmeticTask task;
     task.op = op;
     std::size_t next = 0;
-    if (number_a_)
-        task.a.number = *number_a_;
-    else
-        task.a.view = &inputs[next++];
-    if (number_b_)
-        task.b.number = *number_b_;
-    else
-        task.b.view = &inputs[next];
+    auto const take = [&](std::optional<Number> const& number, ArithmeticOperand& operand) {
+        if (number) {
+            operand.number = number->value;
+            operand.whole = number->whole.value_or(0);
+        } else {
+            operand.view = &inputs[next++];
+        }
+    };
+    take(number_a_, task.a);
+    take(number_b_, task.b);
     task.a.map = map_a_;
     task.b.map = map_b_;
     task.result = map_out_;

@@ -4,7 +4,9 @@
 
 #include "libvkt/engine/operation.h"
 
+#include "libvkt/operations/number.h"
 #include "libvkt/operations/remarks.h"
+
 #include <array>
 
 namespace vkt {
@@ -47,7 +49,7 @@ private:
     void choose_values(Header const& first, Header const* second, Header& output);
 
     Way way_ = Way::in_double;
-    std::optional<double> number_a_, number_b_;
+    std::optional<Number> number_a_, number_b_;
     ValueMap map_a_, map_b_, map_out_; ///< from stored operands to what is computed with, and back
     bool integers_ = false;
     std::int64_t voxels_ = 0, zero_divisors_ = 0;

@@ -6,14 +6,20 @@
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
+#include <cmath>
+
 namespace vkt {
 
-VKT_KERNEL(fill_box, (AnyView out, double value, Execution const& execution), (out, value, execution))
+VKT_KERNEL(fill_box, (AnyView out, VoxelBytes const& voxel, Execution const& execution), (out, voxel, execution))
 
 namespace VKT_BACKEND {
 
-void fill_box(AnyView out, double value, Execution const& execution) {
-    for_each_type(out.type, [&]<class T>(T) { fill(execution, out.box, out.as<T>(), round_to<T>(value)); });
+void fill_box(AnyView out, VoxelBytes const& voxel, Execution const& execution) {
+    for_each_size(size_of(out.type), [&]<class U>(U) {
+        U bits;
+        std::memcpy(&bits, voxel.data(), sizeof bits);
+        fill(execution, out.box, out.as<U>(), bits);
+    });
 }
 
 } // namespace VKT_BACKEND
@@ -49,7 +55,7 @@ Plan Fill::plan(std::span<Header const> inputs) {
     box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
     finest_ = box_;
     whole_ = region_.empty();
-    stored_ = inputs[0].values.stored(value_);
+    stored_ = inputs[0].values == ValueMap{} ? value_ : Number(inputs[0].values.stored(value_.value));
     type_ = inputs[0].dtype;
     plan.method = "constant";
     plan.cost = 0;
@@ -61,19 +67,15 @@ void Fill::enter_level(Index3 cell_width) { box_ = cells_centred_in(finest_, cel
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = whole_ ? out.box : intersect(out.box, box_);
     if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
-    if (!inside.empty()) fill_box(out.part(inside), stored_, execution);
+    if (!inside.empty()) fill_box(out.part(inside), voxel_bytes(type_, stored_), execution);
 }
 
 std::vector<Remark> Fill::remarks() const {
-    bool clipped = false, nan = false;
-    baseline::for_each_type(type_, [&]<class T>(T) {
-        clipped = baseline::is_clipped<T>(stored_);
-        nan = baseline::is_lost_nan<T>(stored_);
-    });
     std::string const count = text(finest_.voxels(), " voxels");
-    if (nan) return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
-    if (!clipped) return {};
-    double const held = stored_ < 0 ? lowest_of(type_) : highest_of(type_);
+    if (is_integer(type_) && std::isnan(stored_.value))
+        return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
+    if (fits(type_, stored_)) return {};
+    double const held = stored_.value < 0 ? lowest_of(type_) : highest_of(type_);
     return {{text("the value ", value_, " does not fit ", type_, ": stored as ", held, " in ", count), true}};
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/number.h"
 
 namespace vkt {
 
@@ -12,7 +13,7 @@ namespace vkt {
 class Fill : public Operation {
 public:
     Fill() = default;
-    explicit Fill(double value, Roi region = {}) : region_(std::move(region)), value_(value) {}
+    explicit Fill(Number value, Roi region = {}) : region_(std::move(region)), value_(value) {}
 
     std::string_view name() const override { return "fill"; }
     Shape shape() const override { return Shape::pointwise; }
@@ -33,11 +34,11 @@ protected:
     std::optional<Index3> first_, last_; ///< volkit's way to name the region
 
 private:
-    double value_ = 0;
+    Number value_;
     Box box_;           ///< the region in voxels, or in cells of the level
     Box finest_;        ///< the region as given
     bool whole_ = true; ///< no region: everything is filled
-    double stored_ = 0; ///< the value before rounding
+    Number stored_;     ///< the value before rounding
     DataType type_ = DataType::uint8;
 };
 
