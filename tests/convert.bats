@@ -70,6 +70,15 @@ for f in types:
     [ "$(vkt convert r.vkt --dtype uint8 --range 0:10 --to 100:200 -q | raw | od -An -tu1 -N11 | tr -s ' ')" = ' 100 110 120 130 140 150 160 170 180 190 200' ]
 }
 
+@test "a range spread over 64-bit integers counts only what was outside, once" {
+    vkt make ramp --dims 8 1 1 -o r.vkt
+    for dtype in int64 uint64; do
+        vkt convert r.vkt --dtype $dtype --range minmax --strict -o all.vkt --force
+        vkt convert r.vkt --dtype $dtype --range 0:3 -o some.vkt --force 2>remark
+        grep -q '4 of 8 voxels (50.00 %) clipped' remark
+    done
+}
+
 @test "minmax and percentiles agree with numpy, from a pipe and from a file" {
     vkt make noise --dims 30 31 32 --dtype uint16 --seed 1 | vkt write u16.nrrd
     vkt make noise --dims 30 31 32 --low 1000 --high 1001 --dtype float32 --seed 2 | vkt write f32.nrrd

@@ -100,8 +100,10 @@ void convert_range(ConstView in, AnyView out, LinearMap const& map, Tally& tally
     for_each_row_piece<double>(
         execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
             load_row(in.type, in.at(x, y, z), scratch, n);
-            driver::add(tally, limit_and_map(scratch, n, map));
-            driver::add(tally, store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n));
+            Tally counts = limit_and_map(scratch, n, map);
+            // What lies in the range fits; the ends of 64-bit types, which double rounds up, only seem not to.
+            counts.nan = store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n).nan;
+            driver::add(tally, counts);
         });
 }
 
