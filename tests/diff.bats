@@ -57,6 +57,25 @@ w = np.full(24, 2**62, "i8"); w.tofile("i_4x3x2_int64.raw"); w[23] += 1; w.tofil
     [[ "$output" == *'"max_abs": 1,'* && "$output" == *'"first": [3, 2, 1]'* ]]
 }
 
+@test "64-bit integers against other types, exactly" {
+    python_with numpy
+    /usr/bin/python3 -c '
+import numpy as np
+w = np.full(8, 2**53 + 1, "i8"); w.tofile("i_2x2x2_int64.raw"); w.astype("u8").tofile("u_2x2x2_uint64.raw")
+w.astype("f8").tofile("f_2x2x2_float64.raw")
+v = np.array([0, -3, 2**62, 5, 6, 7, 8, 9]); v.tofile("k_2x2x2_int64.raw")
+x = v.astype("f8"); x[:6] = [.25, -3, 2.**70, np.inf, np.nan, 7.5]; x.tofile("x_2x2x2_float64.raw")'
+    vkt diff i_2x2x2_int64.raw u_2x2x2_uint64.raw
+    for pair in "i_2x2x2_int64 f_2x2x2_float64" "f_2x2x2_float64 i_2x2x2_int64" "f_2x2x2_float64 u_2x2x2_uint64"; do
+        run -1 vkt diff ${pair% *}.raw ${pair#* }.raw --json
+        [[ "$output" == *'"max_abs": 1,'* && "$output" == *'"differing": 8,'* ]]
+    done
+    run -1 vkt diff k_2x2x2_int64.raw x_2x2x2_float64.raw --json
+    [[ "$output" == *'"differing": 5,'* ]]
+    run -1 vkt diff <(vkt set k_2x2x2_int64.raw --slope -2) <(vkt set x_2x2x2_float64.raw --slope -2) --json
+    [[ "$output" == *'"differing": 5,'* ]]
+}
+
 @test "a truncated input is an error, not a difference" {
     vkt make noise --dims 40 40 40 | head -c 100000 >cut.vkt
     run vkt diff cut.vkt cut.vkt

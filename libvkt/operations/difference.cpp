@@ -47,12 +47,27 @@ void absolute_differences(double const* a, double const* b, double* to, std::int
     }
 }
 
-/// The same for 64-bit integers, whose differences double would not see.
-template <class T>
-void integer_differences(std::byte const* a, std::byte const* b, double* to, std::int64_t n, double slope) {
-    auto const *const u = reinterpret_cast<T const*>(a), *const v = reinterpret_cast<T const*>(b);
+double distance(Int128 a, Int128 b) { return static_cast<double>(a < b ? b - a : a - b); }
+double distance(Int128 a, double b) {
+    if (b != b) return infinity;
+    if (!(std::abs(b) < 0x1p100)) return std::abs(b - static_cast<double>(a));
+    Int128 const whole = static_cast<Int128>(b);
+    return std::abs(static_cast<double>(a - whole) - (b - static_cast<double>(whole)));
+}
+
+/// The same for 64-bit integers, whose differences from one another and from doubles double would not see.
+template <class T, class U> void exact_differences(T const* a, U const* b, double* to, std::int64_t n, double slope) {
+    using B = std::conditional_t<std::is_integral_v<U>, Int128, double>;
     for (std::int64_t i = 0; i < n; ++i)
-        to[i] = std::abs(slope * static_cast<double>(static_cast<Int128>(u[i]) - static_cast<Int128>(v[i])));
+        to[i] = std::abs(slope) * distance(static_cast<Int128>(a[i]), static_cast<B>(b[i]));
+}
+
+bool is_wide(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
+
+/// Calls f with the row of 64-bit integers that begins at `from`.
+template <class F> void with_wide(DataType type, std::byte const* from, F&& f) {
+    if (type == DataType::int64) return f(reinterpret_cast<std::int64_t const*>(from));
+    f(reinterpret_cast<std::uint64_t const*>(from));
 }
 
 void map_values(double* v, std::int64_t n, ValueMap const& map) {
@@ -92,18 +107,24 @@ RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) 
     std::fill_n(sums.low, lanes, infinity);
     std::fill_n(sums.high, lanes, -infinity);
     RowDifference row;
-    bool const wide = pair.a.type == pair.b.type && pair.map_a == pair.map_b &&
-                      (pair.a.type == DataType::int64 || pair.a.type == DataType::uint64);
+    double const slope = pair.map_a.slope;
+    bool const same_map = pair.map_a == pair.map_b; // its intercept takes no part
+    bool const wide_a = same_map && is_wide(pair.a.type), wide_b = same_map && is_wide(pair.b.type);
     for (std::int64_t x = box.lower.x; x < box.upper.x; x += row_piece) {
         std::int64_t const n = std::min(row_piece, box.upper.x - x);
-        load_row(pair.a.type, pair.a.at(x, y, z), a, n);
+        std::byte const *const from_a = pair.a.at(x, y, z), *const from_b = pair.b.at(x, y, z);
+        load_row(pair.a.type, from_a, a, n);
+        load_row(pair.b.type, from_b, b, n);
+        if (wide_a && wide_b)
+            with_wide(pair.a.type, from_a, [&](auto const* u) {
+                with_wide(pair.b.type, from_b, [&](auto const* v) { exact_differences(u, v, d, n, slope); });
+            });
+        else if (wide_a)
+            with_wide(pair.a.type, from_a, [&](auto const* u) { exact_differences(u, b, d, n, slope); });
+        else if (wide_b)
+            with_wide(pair.b.type, from_b, [&](auto const* v) { exact_differences(v, a, d, n, slope); });
         map_values(a, n, pair.map_a);
-        if (wide && pair.a.type == DataType::int64) {
-            integer_differences<std::int64_t>(pair.a.at(x, y, z), pair.b.at(x, y, z), d, n, pair.map_a.slope);
-        } else if (wide) {
-            integer_differences<std::uint64_t>(pair.a.at(x, y, z), pair.b.at(x, y, z), d, n, pair.map_a.slope);
-        } else {
-            load_row(pair.b.type, pair.b.at(x, y, z), b, n);
+        if (!wide_a && !wide_b) {
             map_values(b, n, pair.map_b);
             absolute_differences(a, b, d, n);
         }
