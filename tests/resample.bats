@@ -46,6 +46,18 @@ for name, dims in (("up", (29, 40, 31)), ("down", (29, 9, 13))):
     assert abs(raw(name, "f4", dims) - want).max() < 1e-6, name'
 }
 
+@test "a change of the type alone is exact, and plans say what is not" {
+    vkt make constant --dims 4 4 2 --dtype int64 | vkt fill --value 9007199254740993 -o wide.vkt
+    vkt resample wide.vkt --dtype uint64 | vkt stats --json | grep -q '"min": 9007199254740993,'
+    fails_with 3 'clipped to' vkt resample wide.vkt --dtype int32 --strict -o less.vkt
+    vkt make ramp --dims 64 40 20 --dtype uint8 -o bytes.vkt
+    vkt resample bytes.vkt --scale 1.3 --explain -o out.vkt 2>&1 | grep -q ' exact,'
+    vkt resample wide.vkt --dtype uint64 --explain -o out.vkt --force 2>&1 | grep -q ' exact,'
+    vkt resample wide.vkt --scale 0.5 --explain -o out.vkt --force 2>&1 | grep -q ' exact,'
+    vkt resample wide.vkt --scale 0.7 --explain -o out.vkt --force 2>&1 | grep -q 'error at most 1e-15'
+    vkt resample bytes.vkt --voxel-mapping 0 3 --explain -o out.vkt --force 2>&1 | grep -q 'error at most 1e-15'
+}
+
 @test "borders: wrap and a constant agree with scipy" {
     vkt resample noise.vkt --dims 46 34 22 --boundary wrap | raw >wrap
     vkt resample noise.vkt --dims 46 34 22 --boundary border:2 | raw >two

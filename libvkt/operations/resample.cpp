@@ -12,6 +12,8 @@
 
 namespace vkt {
 
+VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
+               (in, out, tally, execution))
 VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
            (in, out, sum, execution))
 VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution),
@@ -233,23 +235,35 @@ Plan Resample::plan(std::span<Header const> inputs) {
         all_nearest = all_nearest && (table.kernel() == Kernel::nearest || table.kernel() == Kernel::identity);
         plan.state_bytes += table.bytes();
     }
-    bool const same_values = out_type_ == input.dtype && scale_value_ == 1 && offset_value_ == 0;
+    bool const same_map = scale_value_ == 1 && offset_value_ == 0, same_values = same_map && out_type_ == input.dtype;
     way_ = Way::weighted;
     if (same_values && from_ == to_)
         way_ = Way::copy;
+    else if (same_map && from_ == to_)
+        way_ = Way::convert;
     else if (same_values && all_nearest)
         way_ = Way::nearest;
     else if (same_values && halving.x * halving.y * halving.z > 1)
         way_ = Way::halving;
     if (way_ == Way::copy) plan.shift = Index3{};
     plan.method = describe();
-    // Of the arithmetic only: how well an interpolant represents what was sampled depends on the data. Integers come
-    // out as exact arithmetic, rounded once; floats are summed in double, halved in their own type by three additions.
-    bool const floats = !is_integer(input.dtype) || method == ResampleMethod::cubic;
-    plan.exact = way_ == Way::copy || way_ == Way::nearest || !floats;
+    // Of the arithmetic only: how well an interpolant represents what was sampled depends on the data. Floats are
+    // summed in double, halved in their own type by three additions.
+    bool const halves_integers = way_ == Way::halving && is_integer(input.dtype);
+    bool const moves = way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest;
+    plan.exact = moves || halves_integers || (way_ == Way::weighted && same_map && sums_exactly(input.dtype));
     plan.error_bound = plan.exact ? 0 : way_ == Way::halving && input.dtype != DataType::float64 ? 3 * 0x1p-24 : 1e-15;
-    plan.cost = way_ == Way::copy || way_ == Way::nearest ? 0 : taps;
+    plan.cost = moves ? 0 : taps;
     return plan;
+}
+
+/// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
+/// distance of a quotient from a tie, is beyond double.
+bool Resample::sums_exactly(DataType input) const {
+    if (!is_integer(input) || method == ResampleMethod::cubic) return false;
+    double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
+    bool const rounds_once = is_integer(out_type_) || out_type_ == DataType::float64;
+    return rounds_once && std::exp2(8 * static_cast<double>(size_of(input))) * divisor <= 0x1p52;
 }
 
 void Resample::refuse_tree_options() const {
@@ -361,6 +375,7 @@ std::string Resample::describe() const {
         result += axis == 0 ? name : ", " + name;
     }
     if (way_ == Way::copy) return "copy";
+    if (way_ == Way::convert) return "rounded half to even, saturated";
     return way_ == Way::halving ? result + " (halving)" : result;
 }
 
@@ -384,6 +399,15 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
         return resample_halved(in, out, factors, execution);
     }
+    Tally tally;
+    auto const count = [&] {
+        counts_.clipped += tally.clipped;
+        counts_.nan += tally.nan;
+    };
+    if (way_ == Way::convert) {
+        convert_values(in.part(out.box), out, tally, execution);
+        return count();
+    }
     WeightedSum sum;
     sum.x = tables_[0].taps(execution.space());
     sum.y = tables_[1].taps(execution.space());
@@ -393,10 +417,8 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     sum.scale = scale_value_;
     sum.offset = offset_value_;
     sum.x_identity = tables_[0].kernel() == Kernel::identity;
-    Tally tally;
     resample_weighted(in, out, sum, scratch_, tally, execution);
-    counts_.clipped += tally.clipped;
-    counts_.nan += tally.nan;
+    count();
 }
 
 std::vector<Remark> Resample::remarks() const {

@@ -67,7 +67,7 @@ public:
     Box footprint(Box const& output, int input) const override;
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return true; }
+    bool runs_on_gpu() const override { return way_ != Way::convert; }
     std::vector<Remark> remarks() const override;
 
 private:
@@ -81,8 +81,9 @@ private:
     Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, Header& output);
     std::string describe() const;
+    bool sums_exactly(DataType input) const;
 
-    enum class Way : std::uint8_t { copy, nearest, halving, weighted };
+    enum class Way : std::uint8_t { copy, convert, nearest, halving, weighted };
 
     Index3 from_, to_;
     mutable std::optional<Index3> like_dims_;
