@@ -107,6 +107,13 @@ assert error <= $7, f'error {error} > $7'"
     [[ "$stderr" == *"float64"* ]]
 }
 
+@test "sigma 0 is the identity, for 64-bit integers too" {
+    vkt make constant --dims 3 2 2 --dtype int64 | vkt fill --value 9007199254740993 -o wide.vkt
+    vkt filter gaussian wide.vkt --sigma 0 | vkt diff wide.vkt
+    vkt make noise --dims 9 8 7 --dtype float64 --low -1 -o f.vkt
+    vkt filter gaussian f.vkt --sigma 0 --slab 2 | vkt diff f.vkt
+}
+
 @test "what makes no sense is refused" {
     for sigma in -1 nan inf 1,-2,1 abc; do
         refused '' vkt filter gaussian f_45x31x20_float32.raw --sigma="$sigma" -o out.nrrd

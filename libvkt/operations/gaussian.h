@@ -25,9 +25,10 @@ template <> struct EnumNames<LengthUnit> {
 /// bounded a priori: half the L1 distance of the kernels, summed over the axes, plus rounding (see GaussianTaps).
 ///
 /// The type is kept, integers round half to even. Intermediates are float32, float64 for 32- and 64-bit integers,
-/// float64, and tolerances that float32 cannot meet. Constants are reproduced bit for bit, results stay within the
-/// range of the input, a NaN or infinity spreads over the kernel's box around it and no further.
-/// Cost: 2 (rx + ry + rz) + 3 multiply-adds per voxel, radius r about 3.5 to 5 sigma; one read and one write of memory.
+/// float64, and tolerances that float32 cannot meet. Constants are reproduced bit for bit and results stay within the
+/// range of the input, 64-bit integers in the 53 bits of float64; a NaN or infinity spreads over the kernel's box
+/// around it and no further. Cost: 2 (rx + ry + rz) + 3 multiply-adds per voxel, radius r about 3.5 to 5 sigma; one
+/// read and one write of memory.
 class Gaussian : public Operation {
 public:
     Gaussian() = default;
@@ -52,6 +53,7 @@ private:
     BoundaryRule boundary_{Boundary::mirror, 0};
     std::optional<double> tolerance_;
 
+    bool copies_ = false; ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
 };
