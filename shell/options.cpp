@@ -24,28 +24,47 @@ Parameter* find(std::vector<Parameters*> const& lists, std::string const& name) 
     return nullptr;
 }
 
-/// Volkit's "-dims" becomes "--dims"; "--dims 1,2,3" becomes three words; negative numbers are hidden from CLI11.
+/// A flag put behind lists of numbers: CLI11 would let them take all words that follow.
+constexpr char end_of_list[] = "--_end-of-list";
+
+void hide_minus(std::string& word) {
+    if (is_negative_number(word)) word[0] = minus;
+}
+
+/// Volkit's "-dims" becomes "--dims"; "--dims 1,2,3" and "--dims=1,2,3" become four words, as CLI11 counts words;
+/// negative numbers are hidden from it.
 std::vector<std::string> prepared(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
     std::vector<std::string> result;
-    Parameter const* last = nullptr;
+    Parameter const* last = nullptr; // the option that the word before names
+    bool in_numbers = false;
     for (std::string word : words) {
-        if (is_negative_number(word)) {
-            word[0] = minus;
-        } else if (word.size() > 2 && word[0] == '-') {
+        if (!is_negative_number(word) && word.size() > 2 && word[0] == '-') {
             std::size_t const dashes = word[1] == '-' ? 2 : 1;
             last = find(lists, word.substr(dashes, word.find('=') - dashes));
             if (dashes == 1 && last != nullptr) word.insert(0, 1, '-');
-            result.push_back(std::move(word));
-            continue;
+            std::size_t const equals = word.find('=');
+            in_numbers = last != nullptr && last->numbers && equals != std::string::npos;
+            if (last == nullptr || !last->is_tuple() || equals == std::string::npos) {
+                if (equals != std::string::npos) last = nullptr; // has its value
+                result.push_back(std::move(word));
+                continue;
+            }
+            result.push_back(word.substr(0, equals));
+            word.erase(0, equals + 1);
         }
-        if (last != nullptr && last->min_values == 3 && last->max_values == 3 && word.find(',') != std::string::npos) {
-            for (auto& part : split(word, ','))
-                result.push_back(is_negative_number(part) ? minus + part.substr(1) : part);
-            last = nullptr;
-            continue;
+        bool const number = is_negative_number(word) || is_number(word);
+        if (in_numbers && !number) result.emplace_back(end_of_list);
+        in_numbers = number && (in_numbers || (last != nullptr && last->numbers));
+        if (last != nullptr && last->is_tuple() && word.find(',') != std::string::npos) {
+            for (auto& part : split(word, ',')) {
+                hide_minus(part);
+                result.push_back(std::move(part));
+            }
+        } else {
+            hide_minus(word);
+            result.push_back(std::move(word));
         }
         last = nullptr;
-        result.push_back(std::move(word));
     }
     return result;
 }
@@ -87,6 +106,7 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
     CLI::App app;
     app.set_help_flag("");
     app.allow_extras();
+    app.add_flag(end_of_list);
     std::map<Parameter*, CLI::Option*> options;
     std::map<Parameter*, std::vector<std::string>> values;
     for (Parameters* list : lists) {
@@ -99,7 +119,7 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
             // A vector would swallow all words that follow: those of later positionals, the names of inputs.
-            option->allow_extra_args(p.max_values < 0 || p.max_values > 1);
+            option->allow_extra_args(p.max_values < 0 || (p.max_values > 1 && !p.is_tuple()));
             options[&p] = option;
         }
     }

@@ -39,13 +39,18 @@ Parameter& find_option(std::string const& spelling, std::vector<Parameters*> con
                 near.empty() ? "" : text("did you mean '--", near, "'?"));
 }
 
-/// Words that a parameter takes from `next` on: three numbers may be one word, "X,Y,Z".
+/// Whether a word that follows values of a parameter can be one, too.
+bool continues(Parameter const& p, std::string const& word) {
+    return !is_option(word) && (!p.numbers || is_number(word));
+}
+
+/// Words that a parameter takes from `next` on: those of a tuple may be one word, "X,Y,Z".
 std::size_t words_taken(Parameter const& p, std::vector<std::string> const& words, std::size_t next) {
     auto const least = static_cast<std::size_t>(p.min_values);
-    if (least == 3 && next < words.size() && words[next].find(',') != std::string::npos) return 1;
+    if (p.is_tuple() && next < words.size() && words[next].find(',') != std::string::npos) return 1;
     std::size_t n = 0;
     while (next + n < words.size() && (p.max_values < 0 || n < static_cast<std::size_t>(p.max_values)) &&
-           !is_option(words[next + n]))
+           (n == 0 ? !is_option(words[next]) : continues(p, words[next + n])))
         ++n;
     if (n < least)
         throw Error(ErrorKind::usage,
@@ -171,6 +176,12 @@ std::vector<std::string> read_words(std::vector<std::string> const& words, std::
         if (equals != std::string::npos) {
             if (p.flag) throw Error(ErrorKind::usage, text("--", p.name, " takes no value"));
             given.push_back(words[i++].substr(equals + 1));
+            bool const complete = p.max_values == 1 || (p.is_tuple() && given.back().find(',') != std::string::npos);
+            if (complete) continue;
+            // The other words of a tuple or list follow.
+            while (i < words.size() && (p.max_values < 0 || given.size() < static_cast<std::size_t>(p.max_values)) &&
+                   continues(p, words[i]))
+                given.push_back(words[i++]);
             continue;
         }
         std::size_t const n = p.flag ? 0 : words_taken(p, words, ++i);

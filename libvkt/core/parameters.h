@@ -29,8 +29,12 @@ struct Parameter {
     bool required = false;
     bool in_history = true;             ///< part of the provenance: it decides the voxels
     int min_values = 1, max_values = 1; ///< words it takes; max_values -1 takes all that follow
+    bool numbers = false;               ///< takes any number of numbers: the first other word ends the list
     std::vector<std::string> choices;
     bool given = false;
+
+    /// Takes exactly so many words, or one with commas between: "X Y Z", "X,Y,Z".
+    bool is_tuple() const { return min_values == max_values && min_values > 1; }
 
     std::function<void(std::vector<std::string> const&)> set; ///< throws Error{usage}
     std::function<std::vector<std::string>()> get;            ///< words that set() would take
@@ -98,6 +102,9 @@ template <> struct EnumNames<Axis> {
 /// Reads a value from its words and writes it back. Specialised for every type that parameters may have.
 template <class T, class Enable = void> struct ValueText;
 
+template <class T> constexpr bool is_list_of_numbers = false;
+template <class T> constexpr bool is_list_of_numbers<std::vector<T>> = std::is_arithmetic_v<T>;
+
 /// The declared parameters of an operation or command. References returned stay valid while the list lives.
 class Parameters {
 public:
@@ -136,6 +143,7 @@ private:
         p.help = std::move(help);
         p.min_values = ValueText<T>::min_words;
         p.max_values = ValueText<T>::max_words;
+        p.numbers = is_list_of_numbers<T>;
         p.choices = ValueText<T>::choices();
         p.set = [&target, name](std::vector<std::string> const& words) { target = ValueText<T>::read(words, name); };
         p.get = [&target] { return ValueText<T>::write(target); };
@@ -186,7 +194,7 @@ template <> struct ValueText<WorldRoi> : OneWord {
     static WorldRoi read(std::vector<std::string> const& w, std::string_view) { return {w.front()}; }
     static std::vector<std::string> write(WorldRoi const& v) { return {v.text}; }
 };
-/// Three words "X Y Z" or one "X,Y,Z" (the shell splits the latter before it gets here).
+/// Three words "X Y Z" or one "X,Y,Z".
 template <> struct ValueText<Index3> {
     static constexpr int min_words = 3, max_words = 3;
     static std::vector<std::string> choices() { return {}; }

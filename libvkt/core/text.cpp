@@ -164,6 +164,15 @@ std::string nearest_name(std::string_view word, std::vector<std::string> const& 
     return best;
 }
 
+bool is_number(std::string_view word) {
+    try {
+        (void)parse_double(word);
+        return true;
+    } catch (Error const&) {
+        return false;
+    }
+}
+
 double parse_double(std::string_view word) {
     double const value = parse_whole<double>(word, "a number");
     if (std::isnan(value)) throw Error(ErrorKind::usage, text("'", word, "' is not a number"));

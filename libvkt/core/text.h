@@ -44,6 +44,7 @@ std::string nearest_name(std::string_view word, std::vector<std::string> const& 
 
 /// Numbers must be consumed whole; throw Error{usage} naming the text. parse_size reads "512", "64KiB", "1.5G".
 double parse_double(std::string_view text);
+bool is_number(std::string_view text); ///< what parse_double takes
 std::int64_t parse_integer(std::string_view text);
 std::uint64_t parse_size(std::string_view text);
 

@@ -1,0 +1,31 @@
+# How words of the command line become values, whatever the command.
+load helper
+
+setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
+
+@test "an option of three values takes three words and leaves the file name" {
+    for form in '--dims 8 8 8' '--dims 8,8,8' '--dims=8,8,8' '--dims=8 8 8' '-dims 8,8,8'; do
+        # shellcheck disable=SC2086
+        [ "$(vkt resample $form v.nrrd | vkt info --json | tr -d ' \n' | grep -o '"dims":[^]]*')" = '"dims":[8,8,8' ]
+    done
+    for form in '--dist 1 2 3' '--dist 1,2,3' '--dist=1,2,3'; do
+        # shellcheck disable=SC2086
+        vkt set $form v.nrrd | vkt info | grep -q 'spacing *1 2 3$'
+    done
+    vkt fill-range --value 1 --first 0 0 0 --last 2 2 2 v.nrrd -o a.nrrd
+    vkt fill-range --value 1 v.nrrd --first 0 0 0 --last 2 2 2 | vkt diff - a.nrrd
+    vkt make constant --dims 4 4 4 --dtype uint8 --value 3 -o c.nrrd
+    vkt set --voxel-mapping -1 1 c.nrrd -o mapped.nrrd
+    vkt set --voxel-mapping=-1,1 c.nrrd | vkt diff - mapped.nrrd
+    fails_with 2 "not an integer" vkt resample --dims 8 8 v.nrrd
+    fails_with 2 "too many" vkt resample --dims 8 8 8 --dims 8 8 8 v.nrrd
+}
+
+@test "a list of numbers ends at the first other word" {
+    vkt render v.nrrd --size 16 --lut 1 0 0 0 0 1 0 1 -o a.png
+    vkt render --size 16 --lut 1 0 0 0 0 1 0 1 v.nrrd -o b.png
+    vkt render --size 16 --lut=1 0 0 0 0 1 0 1 v.nrrd -o c.png
+    cmp a.png b.png
+    cmp a.png c.png
+    fails_with 2 "'abc' is not a number" vkt render --lut abc v.nrrd -o d.png
+}
