@@ -1,6 +1,7 @@
 // vkt pipe: a whole pipeline in one process.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "shell/options.h"
 #include "shell/run.h"
 
 #include <algorithm>
@@ -8,46 +9,62 @@
 namespace vkt::shell {
 namespace {
 
-/// Splits the words of a pipeline at "|"; a bar inside quotes belongs to its word and was unquoted with a mark.
 std::vector<std::vector<std::string>> stages_of(std::string const& line) {
-    std::vector<std::vector<std::string>> stages;
-    std::string current;
-    char quote = 0;
-    auto const close = [&] {
-        stages.push_back(shell_words(current));
-        if (stages.back().empty()) throw Error(ErrorKind::usage, text("an empty stage in '", line, "'"));
-        if (stages.back().front() == "vkt") stages.back().erase(stages.back().begin());
-        current.clear();
-    };
-    for (char const c : line) {
-        if (quote == 0 && (c == '\'' || c == '"')) {
-            quote = c;
-        } else if (quote == c) {
-            quote = 0;
-        } else if (quote == 0 && c == '|') {
-            close();
-            continue;
-        }
-        current += c;
+    auto stages = shell_stages(line);
+    for (auto& stage : stages) {
+        if (stage.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", line, "'"));
+        if (stage.front() == "vkt") stage.erase(stage.begin());
+        if (stage.empty()) throw Error(ErrorKind::usage, "'vkt' alone is no stage");
     }
-    close();
     return stages;
+}
+
+bool is_about_output(std::string const& option) {
+    auto const names = {"output", "force", "format", "compress", "no-checksum"};
+    return std::find(names.begin(), names.end(), option) != names.end();
+}
+
+/// Options given to the pipeline go to the stages that have them, those about the output to the last one.
+void share(Parameters const& shared, std::vector<Verb>& stages) {
+    for (auto const& p : shared.all()) {
+        if (!p.given || p.positional) continue;
+        bool const output = is_about_output(p.name);
+        bool taken = false;
+        for (Verb& stage : stages) {
+            bool const last = &stage == &stages.back();
+            if (output && !last) continue;
+            Invocation known(stage);
+            bool const own = output && known.own_parameters().find(p.name) != nullptr; // those of write
+            if (!own && known.common_parameters().find(p.name) == nullptr) continue;
+            taken = true;
+            stage.words.push_back("--" + p.name);
+            for (auto& word : p.get()) stage.words.push_back(std::move(word));
+        }
+        if (!taken)
+            throw Error(ErrorKind::usage, output ? text("the last stage, '", stages.back().name, "', has no --", p.name)
+                                                 : text("no stage of the pipeline has an option --", p.name));
+    }
 }
 
 int pipe(std::vector<std::string> const& words) {
     if (words.empty())
         throw Error(ErrorKind::usage, "missing pipeline", "e.g. vkt pipe 'read a.nrrd | flip x | write b.nrrd'");
-    // The pipeline is the last word; options before it are given to every stage.
-    std::vector<std::string> const shared(words.begin(), words.end() - 1);
-    std::deque<Invocation> stages;
-    for (auto& stage : stages_of(words.back())) {
-        if (stage.empty()) throw Error(ErrorKind::usage, "'vkt' alone is no stage");
-        Verb verb = find_verb(stage);
-        if (verb.command->body) throw Error(ErrorKind::usage, text("'", verb.name, "' cannot be part of a pipeline"));
-        verb.words.insert(verb.words.end(), shared.begin(), shared.end());
-        stages.emplace_back(std::move(verb));
+    std::string line;
+    Common common;
+    Parameters shared;
+    shared.positional("pipeline", line, "the stages, quoted as one word");
+    common.declare(shared, {true, true, true});
+    parse_words(words, {&shared});
+    std::vector<Verb> verbs;
+    for (auto& words_of_stage : stages_of(line)) {
+        verbs.push_back(find_verb(words_of_stage));
+        if (verbs.back().command->body)
+            throw Error(ErrorKind::usage, text("'", verbs.back().name, "' cannot be part of a pipeline"));
     }
-    for (auto& stage : stages) {
+    share(shared, verbs);
+    std::deque<Invocation> stages;
+    for (auto& verb : verbs) {
+        Invocation& stage = stages.emplace_back(std::move(verb));
         stage.parse();
         if (stage.common().help || stage.common().examples)
             throw Error(ErrorKind::usage, "--help has no meaning within a pipeline", "see 'vkt help'");
@@ -66,8 +83,8 @@ Command pipe_command() {
     Command command;
     command.texts = {
         "Run a pipeline in one process: same result, no voxels through pipes.",
-        "vkt pipe [options] 'STAGE | STAGE | …'\nOptions before the pipeline are given to all its stages (--threads, "
-        "--memory, --dry-run, …).",
+        "vkt pipe [options] 'STAGE | STAGE | …'\nOptions beside the pipeline are given to all stages that have them "
+        "(--threads, --memory, --dry-run, …), those about the output (-o, --force, --format, …) to the last.",
         {{"Read, crop and write without copying through pipes",
           "vkt pipe 'read volume.nrrd | crop --roi :,:,10:20 | write part.nrrd'"},
          {"What would happen", "vkt pipe --dry-run 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};

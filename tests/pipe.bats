@@ -21,6 +21,9 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     cp noise.nrrd 'a noise.nrrd'
     vkt pipe 'read "a noise.nrrd" | set --attribute "who=a b"' | vkt info --json | grep -q '"who":"a b"'
     fails_with 2 '' vkt pipe 'read "noise.nrrd | stats'
+    cp noise.nrrd "it's|x.nrrd"
+    vkt pipe "read 'it'\\''s|x.nrrd' | flip x|flip x" | vkt diff - noise.nrrd
+    vkt pipe 'read it\'"'"'s\|x.nrrd | flip x' | vkt diff - <(vkt flip x noise.nrrd)
 }
 
 @test "options before the pipeline reach all stages" {
@@ -29,6 +32,23 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     [ ! -e out.nrrd ]
     [ "$(vkt pipe --slab 1 --threads 1 'read noise.nrrd | filter gaussian --sigma 1 | stats')" = \
         "$(vkt pipe 'read noise.nrrd | filter gaussian --sigma 1 | stats')" ]
+}
+
+@test "options beside the pipeline reach the stages that have them" {
+    [ "$(vkt pipe --json 'read noise.nrrd | stats')" = "$(vkt stats --json noise.nrrd)" ]
+    [ "$(vkt pipe 'read noise.nrrd | stats' --json)" = "$(vkt stats --json noise.nrrd)" ]
+    fails_with 2 "no stage of the pipeline has an option --json" vkt pipe --json 'read noise.nrrd | flip x' -o out.vkt
+    [ ! -e out.vkt ]
+}
+
+@test "options about the output reach the last stage" {
+    vkt flip x noise.nrrd -o flipped.nrrd
+    vkt pipe 'read noise.nrrd | flip x' -o out.vkt
+    vkt diff out.vkt flipped.nrrd
+    fails_with 4 "exists" vkt pipe 'read noise.nrrd | write out.vkt'
+    vkt pipe --force 'read noise.nrrd | write out.vkt'
+    vkt diff out.vkt noise.nrrd
+    fails_with 2 "the last stage, 'stats', has no --output" vkt pipe 'read noise.nrrd | stats' -o out.txt
 }
 
 @test "a stage that fails fails the pipeline" {

@@ -50,6 +50,44 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     return last.back();
 }
 
+/// Splits like a shell does; with `bars` a bar outside quotes begins the words of the next stage.
+std::vector<std::vector<std::string>> words_of(std::string_view line, bool bars) {
+    std::vector<std::vector<std::string>> stages(1);
+    std::string word;
+    bool in_word = false;
+    char quote = 0;
+    auto const close_word = [&] {
+        if (in_word) stages.back().push_back(word);
+        word.clear();
+        in_word = false;
+    };
+    for (std::size_t i = 0; i < line.size(); ++i) {
+        char const c = line[i];
+        if (quote != 0) {
+            if (c == quote)
+                quote = 0;
+            else if (quote == '"' && c == '\\' && i + 1 < line.size())
+                word += line[++i];
+            else
+                word += c;
+        } else if (c == ' ' || c == '\t' || c == '\n') {
+            close_word();
+        } else if (bars && c == '|') {
+            close_word();
+            stages.emplace_back();
+        } else {
+            in_word = true;
+            if (c == '\'' || c == '"')
+                quote = c;
+            else
+                word += c == '\\' && i + 1 < line.size() ? line[++i] : c;
+        }
+    }
+    if (quote != 0) throw Error(ErrorKind::usage, text("missing closing ", std::string(1, quote), " in: ", line));
+    close_word();
+    return stages;
+}
+
 } // namespace
 
 std::string to_text(double value) { return chars(value); }
@@ -117,39 +155,8 @@ std::string shell_quoted(std::string_view word) {
     return quoted + "'";
 }
 
-std::vector<std::string> shell_words(std::string_view line) {
-    std::vector<std::string> words;
-    std::string word;
-    bool in_word = false;
-    char quote = 0;
-    for (std::size_t i = 0; i < line.size(); ++i) {
-        char const c = line[i];
-        if (quote != 0) {
-            if (c == quote)
-                quote = 0;
-            else if (quote == '"' && c == '\\' && i + 1 < line.size())
-                word += line[++i];
-            else
-                word += c;
-        } else if (c == '\'' || c == '"') {
-            quote = c;
-            in_word = true;
-        } else if (c == '\\' && i + 1 < line.size()) {
-            word += line[++i];
-            in_word = true;
-        } else if (c == ' ' || c == '\t' || c == '\n') {
-            if (in_word) words.push_back(std::move(word));
-            word.clear();
-            in_word = false;
-        } else {
-            word += c;
-            in_word = true;
-        }
-    }
-    if (quote != 0) throw Error(ErrorKind::usage, text("missing closing ", std::string(1, quote), " in: ", line));
-    if (in_word) words.push_back(std::move(word));
-    return words;
-}
+std::vector<std::string> shell_words(std::string_view line) { return words_of(line, false).front(); }
+std::vector<std::vector<std::string>> shell_stages(std::string_view line) { return words_of(line, true); }
 
 std::string nearest_name(std::string_view word, std::vector<std::string> const& candidates) {
     std::string best;

@@ -38,6 +38,8 @@ std::string join(std::vector<std::string> const& parts, std::string_view separat
 std::string shell_quoted(std::string_view word);
 /// Splits like a POSIX shell does for words: quotes, backslashes, blanks. Throws Error{usage} on an open quote.
 std::vector<std::string> shell_words(std::string_view line);
+/// The words of each stage of a pipeline: the same, parted at bars outside quotes. A stage may be empty.
+std::vector<std::vector<std::string>> shell_stages(std::string_view line);
 
 /// The candidate nearest to a word (edit distance at most a third of its length, at least 1), or empty.
 std::string nearest_name(std::string_view word, std::vector<std::string> const& candidates);
