@@ -7,6 +7,39 @@ load helper
     bash -c "$(cat line)" | vkt diff d.vkt
 }
 
+# again FILE: what its history prints makes it again.
+again() {
+    vkt history "$1" --as-shell >line
+    bash -c "$(cat line)" | vkt diff "$1" - || { cat line >&2; false; }
+}
+
+@test "an input stands before options that take all words" {
+    vkt make noise --dims 8 8 8 --dtype uint8 | vkt write - --format raw >r_8x8x8_uint8.raw
+    vkt set r_8x8x8_uint8.raw --attribute a=1 b=2 -o set.vkt
+    again set.vkt
+    vkt flip x r_8x8x8_uint8.raw --roi 0:4,:,: -o flipped.vkt
+    again flipped.vkt
+}
+
+@test "both operands are recorded, also an unsaid one" {
+    vkt make ramp --dims 4 4 4 | vkt arith sub <(vkt make noise --dims 4 4 4) -o d.vkt
+    again d.vkt
+    vkt make ramp --dims 4 4 4 | vkt arith add 5 | vkt arith sub 7 - -o n.vkt
+    again n.vkt
+}
+
+@test "operands are recorded by their position, whatever they are called" {
+    vkt make ramp --dims 4 4 4 -o r.vkt
+    vkt make ramp --dims 4 4 4 --no-history --format vkt -o add
+    vkt arith add add 5 -o sum.vkt
+    again sum.vkt
+    vkt arith sub add add -o zero.vkt
+    again zero.vkt
+    cp r.vkt mul
+    vkt arith mul mul 2 -o product.vkt
+    again product.vkt
+}
+
 @test "as a tree and as JSON" {
     vkt make ramp --dims 4 4 4 | vkt resample --scale 2 >r.vkt
     [ "$(vkt history r.vkt | wc -l)" = 2 ]

@@ -37,17 +37,30 @@ std::unique_ptr<Operation> make_operation(std::string_view name) {
 
 std::vector<std::string> history_words(std::string_view name, Parameters const& own,
                                        std::vector<std::string> const& inputs, bool inputs_are_parameters) {
-    std::vector<std::string> words = shell_words(std::string(name));
-    std::vector<std::string> arguments = own.words();
-    if (inputs_are_parameters) {
-        // Each input's word becomes a placeholder, which the engine replaces once it knows the input's own history.
-        std::size_t next = 0;
-        for (auto& word : arguments)
-            if (next < inputs.size() && word == inputs[next]) word = input_placeholder(next++, true);
-    } else {
-        for (std::size_t i = 0; i < inputs.size(); ++i) arguments.push_back(input_placeholder(i, false));
+    // What belongs to an input becomes a placeholder, which the engine replaces once it knows the input's own history.
+    std::vector<std::string> words = shell_words(std::string(name)), operands, options = own.words();
+    std::ptrdiff_t positionals = 0;
+    for (auto const& p : own.all()) {
+        if (!p.given || !p.in_history || !p.positional) continue;
+        std::vector<std::string> const said = p.get();
+        positionals += std::ssize(said);
+        // What has choices names no file.
+        std::vector<std::string>& to = inputs_are_parameters && p.choices.empty() ? operands : words;
+        to.insert(to.end(), said.begin(), said.end());
     }
-    words.insert(words.end(), arguments.begin(), arguments.end());
+    options.erase(options.begin(), options.begin() + positionals);
+    std::size_t left = inputs.size();
+    if (inputs_are_parameters) {
+        // From the last one back: the first operand may have been left unsaid.
+        for (std::size_t i = operands.size(); i-- > 0;)
+            if (left > 0 && operands[i] == inputs[left - 1]) operands[i] = input_placeholder(--left, true);
+        while (left > 0) operands.insert(operands.begin(), input_placeholder(--left, true));
+    } else {
+        for (std::size_t i = 0; i < left; ++i) operands.push_back(input_placeholder(i, false));
+    }
+    // Options come last: one that takes all words that follow must not take an input's name.
+    words.insert(words.end(), operands.begin(), operands.end());
+    words.insert(words.end(), options.begin(), options.end());
     return words;
 }
 
