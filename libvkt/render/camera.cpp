@@ -24,18 +24,22 @@ double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 struct Basis {
     Vec3 forward, right, up;
 };
-Basis basis_of(Camera const& camera) {
-    Vec3 const way = camera.target - camera.eye;
+Basis basis_of(Vec3 way, Vec3 up) {
     if (!(dot(way, way) > 0))
         throw Error(ErrorKind::usage, "the camera's eye lies on its target", "move --eye or --target");
     Basis b{unit(way), {}, {}};
-    Vec3 side = cross(b.forward, camera.up);
+    Vec3 side = cross(b.forward, up);
     // Looking along the up direction: any other axis serves.
-    if (!(dot(side, side) > 1e-12 * dot(camera.up, camera.up)))
+    if (!(dot(side, side) > 1e-12 * dot(up, up)))
         side = cross(b.forward, std::abs(b.forward.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
     b.right = unit(side);
     b.up = cross(b.right, b.forward);
     return b;
+}
+
+void check_finite(std::optional<Vec3> const& v, char const* what) {
+    if (v && !(std::isfinite(v->x) && std::isfinite(v->y) && std::isfinite(v->z)))
+        throw Error(ErrorKind::usage, text("the camera's ", what, " is not finite"));
 }
 
 /// Direction from the target to the eye.
@@ -65,7 +69,9 @@ Vec3 side_of_view(CameraRequest const& request) {
     if (!(std::abs(elevation) <= 90)) throw Error(ErrorKind::usage, "the elevation must be between -90 and 90 degrees");
     double const a = radians(azimuth), e = radians(elevation);
     if (std::abs(elevation) == 90) return {0, 0, elevation > 0 ? 1.0 : -1.0};
-    return {std::sin(a) * std::cos(e), -std::cos(a) * std::cos(e), std::sin(e)};
+    // Sines of multiples of pi are not quite zero, but rays along an axis are to be exactly so.
+    auto const clean = [](double v) { return std::abs(v) < 1e-15 ? 0.0 : v; };
+    return {clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))};
 }
 
 } // namespace
@@ -87,6 +93,9 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
     if (request.span && (!(*request.span > 0) || !std::isfinite(*request.span)))
         throw Error(ErrorKind::usage, "the span must be positive");
+    check_finite(request.eye, "eye");
+    check_finite(request.target, "target");
+    check_finite(request.up, "up direction");
     Vec3 centre{0, 0, 0};
     for (Vec3 const& c : corners) centre = centre + c * 0.125;
 
@@ -99,11 +108,10 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     Vec3 const side = side_of_view(request);
     bool const from_above = std::abs(side.z) == 1;
     camera.up = request.up.value_or(from_above ? Vec3{0, 1, 0} : Vec3{0, 0, 1});
-    camera.eye = request.eye.value_or(camera.target + side);
     if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
 
     // Far enough that every corner is in the picture: for each corner the least distance of the eye along the axis.
-    Basis const b = basis_of(camera);
+    Basis const b = basis_of(request.eye ? camera.target - *request.eye : side * -1.0, camera.up);
     double const base = std::tan(radians(request.fov) / 2);
     double distance = 0, half_height = 0, radius = 0;
     for (Vec3 const& corner : corners) {
@@ -113,9 +121,10 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
         half_height = std::max(half_height, std::max(x, y) * margin);
         radius = std::max(radius, std::sqrt(dot(c, c)));
     }
-    if (!request.eye)
-        camera.eye = camera.target -
-                     b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance);
+    // A target far in front of the volume must not put the eye behind itself.
+    distance = std::max(distance, 1e-3 * radius);
+    camera.eye = request.eye.value_or(
+        camera.target - b.forward * (request.projection == Projection::perspective ? distance : 2 * radius + distance));
     camera.height = request.span.value_or(2 * half_height) / request.zoom;
     return camera;
 }
@@ -139,7 +148,7 @@ Matrix3 world_to_lattice(Geometry const& geometry) {
 }
 
 RayFrame frame_of(Camera const& camera, Geometry const& geometry, double first, int width, int height) {
-    Basis const b = basis_of(camera);
+    Basis const b = basis_of(camera.target - camera.eye, camera.up);
     Matrix3 const to_lattice = world_to_lattice(geometry);
     auto const mapped = [&](Vec3 v) { return to_lattice * Double3{v.x, v.y, v.z}; };
     Vec3 const eye = world_to_index(geometry, camera.eye);

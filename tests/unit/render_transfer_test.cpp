@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 using namespace vkt;
@@ -129,6 +130,44 @@ TEST(RenderCamera, ShowsTheWholeVolume) {
                     touched = touched || make_ray(frame, 150 * t, 100 * edge, lower, upper, ray) ||
                               make_ray(frame, 150 * edge, 100 * t, lower, upper, ray);
             EXPECT_FALSE(touched) << view << " leaves the picture";
+        }
+}
+
+// The direction of a view must not be lost to the size of the world's units.
+TEST(RenderCamera, ViewsDoNotDependOnWorldUnits) {
+    for (char const* view : {"oblique", "x", "-y", "z"})
+        for (double const spacing : {1e-20, 1e14, 1e15, 1e20}) {
+            Geometry g;
+            CameraRequest request;
+            request.view = view;
+            Index3 const dims{24, 20, 28};
+            Camera const one = make_camera(request, corners_of(g, box_of(dims)), 1.5);
+            g.spacing = {spacing, spacing, spacing};
+            Camera const scaled = make_camera(request, corners_of(g, box_of(dims)), 1.5);
+            for (auto const part : {&Vec3::x, &Vec3::y, &Vec3::z})
+                EXPECT_NEAR(scaled.eye.*part / spacing, one.eye.*part, 1e-9) << view << " at spacing " << spacing;
+        }
+}
+
+TEST(RenderCamera, StandsOnTheSideOfTheViewWhereverTheTargetIs) {
+    for (Projection const projection : {Projection::perspective, Projection::orthographic}) {
+        CameraRequest request;
+        request.view = "-y";
+        request.projection = projection;
+        request.target = Vec3{32, -1000, 32};
+        Camera const camera = make_camera(request, corners_of({}, box_of({64, 64, 64})), 1);
+        EXPECT_LT(camera.eye.y, -1000);
+    }
+}
+
+TEST(RenderCamera, TakesFinitePositionsOnly) {
+    auto const corners = corners_of({}, box_of({8, 8, 8}));
+    double const infinity = std::numeric_limits<double>::infinity();
+    for (auto const member : {&CameraRequest::eye, &CameraRequest::target, &CameraRequest::up})
+        for (Vec3 const bad : {Vec3{infinity, 0, 0}, Vec3{0, 0, -infinity}, Vec3{0, std::nan(""), 1}}) {
+            CameraRequest request;
+            request.*member = bad;
+            EXPECT_THROW(make_camera(request, corners, 1), Error);
         }
 }
 
