@@ -42,8 +42,11 @@ void check_finite(std::optional<Vec3> const& v, char const* what) {
         throw Error(ErrorKind::usage, text("the camera's ", what, " is not finite"));
 }
 
-/// Direction from the target to the eye.
-Vec3 side_of_view(CameraRequest const& request) {
+/// Direction from the target to the eye, and what is upwards unless the user says so.
+struct View {
+    Vec3 side, up;
+};
+View view_of(CameraRequest const& request) {
     double azimuth = 32, elevation = 22;
     static constexpr std::array<std::pair<char const*, std::array<double, 2>>, 7> views{{
         {"oblique", {32, 22}},
@@ -63,15 +66,18 @@ Vec3 side_of_view(CameraRequest const& request) {
         known = true;
     }
     if (!known) throw Error(ErrorKind::usage, text("view '", request.view, "' is not one of ", join(names, ", ")));
-    azimuth = request.azimuth.value_or(azimuth);
     elevation = request.elevation.value_or(elevation);
+    bool const upright = std::abs(elevation) == 90;
+    azimuth = request.azimuth.value_or(upright ? 0 : azimuth);
     if (!std::isfinite(azimuth)) throw Error(ErrorKind::usage, "the azimuth is not finite");
     if (!(std::abs(elevation) <= 90)) throw Error(ErrorKind::usage, "the elevation must be between -90 and 90 degrees");
     double const a = radians(azimuth), e = radians(elevation);
-    if (std::abs(elevation) == 90) return {0, 0, elevation > 0 ? 1.0 : -1.0};
     // Sines of multiples of pi are not quite zero, but rays along an axis are to be exactly so.
     auto const clean = [](double v) { return std::abs(v) < 1e-15 ? 0.0 : v; };
-    return {clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))};
+    Vec3 const ahead{clean(-std::sin(a)), clean(std::cos(a)), 0}; // what a camera of that azimuth looks along
+    // From above and below, the picture is turned as it is just before: that is where the z axis pointed.
+    if (upright) return elevation > 0 ? View{{0, 0, 1}, ahead} : View{{0, 0, -1}, Vec3{0, 0, 0} - ahead};
+    return {{clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))}, {0, 0, 1}};
 }
 
 } // namespace
@@ -105,13 +111,12 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
         std::tan(radians(request.fov) / 2) / (request.projection == Projection::perspective ? request.zoom : 1);
     camera.fov = 2 * std::atan(tangent) * 180 / std::numbers::pi;
     camera.target = request.target.value_or(centre);
-    Vec3 const side = side_of_view(request);
-    bool const from_above = std::abs(side.z) == 1;
-    camera.up = request.up.value_or(from_above ? Vec3{0, 1, 0} : Vec3{0, 0, 1});
+    View const view = view_of(request);
+    camera.up = request.up.value_or(view.up);
     if (!(dot(camera.up, camera.up) > 0)) throw Error(ErrorKind::usage, "the camera's up direction has no length");
 
     // Far enough that every corner is in the picture: for each corner the least distance of the eye along the axis.
-    Basis const b = basis_of(request.eye ? camera.target - *request.eye : side * -1.0, camera.up);
+    Basis const b = basis_of(request.eye ? camera.target - *request.eye : view.side * -1.0, camera.up);
     double const base = std::tan(radians(request.fov) / 2);
     double distance = 0, half_height = 0, radius = 0;
     for (Vec3 const& corner : corners) {

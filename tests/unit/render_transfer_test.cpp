@@ -160,6 +160,22 @@ TEST(RenderCamera, StandsOnTheSideOfTheViewWhereverTheTargetIs) {
     }
 }
 
+// At 90 degrees the azimuth turns the picture as it does just before.
+TEST(RenderCamera, AzimuthTurnsViewsFromAboveAndBelow) {
+    Geometry const g;
+    Index3 const dims{8, 8, 8};
+    auto const up = [&](double azimuth, double elevation) {
+        CameraRequest request;
+        request.azimuth = azimuth, request.elevation = elevation;
+        return frame_of(make_camera(request, corners_of(g, box_of(dims)), 1), g, lattice_padding, 9, 9).up;
+    };
+    for (double const elevation : {90.0, -90.0})
+        for (double const azimuth : {0.0, 40.0, 90.0, 215.0}) {
+            Double3 const difference = up(azimuth, elevation) - up(azimuth, elevation * 0.9999);
+            EXPECT_LT(dot(difference, difference), 1e-6) << azimuth << ", " << elevation;
+        }
+}
+
 TEST(RenderCamera, TakesFinitePositionsOnly) {
     auto const corners = corners_of({}, box_of({8, 8, 8}));
     double const infinity = std::numeric_limits<double>::infinity();
