@@ -2,137 +2,39 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/lattice.h"
 
+#include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
+#include "libvkt/render/survey.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <limits>
+#include <numeric>
 
 namespace vkt::render {
 
 namespace {
 
-constexpr int histogram_bins = 4096;
-
-/// IEEE half to float; all halves are floats.
-float float_of_half(std::uint16_t half) {
-    std::uint32_t const sign = static_cast<std::uint32_t>(half & 0x8000U) << 16, exponent = (half >> 10) & 31U,
-                        mantissa = half & 1023U;
-    if (exponent == 31) return std::bit_cast<float>(sign | 0x7F800000U | (mantissa << 13));
-    if (exponent == 0) {
-        float const small = static_cast<float>(mantissa) * 0x1p-24F;
-        return sign != 0 ? -small : small;
-    }
-    return std::bit_cast<float>(sign | ((exponent + 112) << 23) | (mantissa << 13));
-}
-
-struct Half {
-    std::uint16_t bits;
-};
-template <class T> double number(T value) {
-    if constexpr (std::is_same_v<T, Half>)
-        return static_cast<double>(float_of_half(value.bits));
-    else
-        return static_cast<double>(value);
-}
-
-/// Calls body with a null pointer of the element type.
-template <class Body> void with_type(DataType type, Body&& body) {
-    switch (type) {
-    case DataType::uint8:
-        return body(static_cast<std::uint8_t const*>(nullptr));
-    case DataType::int8:
-        return body(static_cast<std::int8_t const*>(nullptr));
-    case DataType::uint16:
-        return body(static_cast<std::uint16_t const*>(nullptr));
-    case DataType::int16:
-        return body(static_cast<std::int16_t const*>(nullptr));
-    case DataType::uint32:
-        return body(static_cast<std::uint32_t const*>(nullptr));
-    case DataType::int32:
-        return body(static_cast<std::int32_t const*>(nullptr));
-    case DataType::uint64:
-        return body(static_cast<std::uint64_t const*>(nullptr));
-    case DataType::int64:
-        return body(static_cast<std::int64_t const*>(nullptr));
-    case DataType::float16:
-        return body(static_cast<Half const*>(nullptr));
-    case DataType::float32:
-        return body(static_cast<float const*>(nullptr));
-    case DataType::float64:
-        return body(static_cast<double const*>(nullptr));
-    }
-}
-
-struct Extremes {
-    double least = std::numeric_limits<double>::infinity(), greatest = -std::numeric_limits<double>::infinity();
-    std::int64_t missing = 0, infinite = 0;
-};
-
-template <class T> Extremes extremes_of(View<T const> v, Index3 dims, int threads) {
-    Extremes all;
+/// Calls body with an empty `part` of the result and a row, for every stride-th row; adds up the parts.
+template <class T, class Part, class Body>
+Part over_rows(View<T const> v, Index3 dims, std::int64_t stride, int threads, Part const& empty, Body body) {
+    Part all = empty;
 #pragma omp parallel num_threads(threads)
     {
-        Extremes mine;
+        Part mine = empty;
 #pragma omp for schedule(static) nowait
-        for (std::int64_t z = 0; z < dims.z; ++z)
-            for (std::int64_t y = 0; y < dims.y; ++y) {
-                T const* row = v.data + y * v.row + z * v.slice;
-                if constexpr (std::is_integral_v<T>) {
-                    T low = row[0], high = row[0];
-                    for (std::int64_t x = 0; x < dims.x; ++x) {
-                        low = row[x] < low ? row[x] : low;
-                        high = row[x] > high ? row[x] : high;
-                    }
-                    mine.least = std::min(mine.least, number(low));
-                    mine.greatest = std::max(mine.greatest, number(high));
-                } else {
-                    for (std::int64_t x = 0; x < dims.x; ++x) {
-                        double const a = number(row[x]);
-                        if (std::isfinite(a)) {
-                            mine.least = a < mine.least ? a : mine.least;
-                            mine.greatest = a > mine.greatest ? a : mine.greatest;
-                        } else {
-                            ++(std::isnan(a) ? mine.missing : mine.infinite);
-                        }
-                    }
-                }
-            }
+        for (std::int64_t row = 0; row < dims.y * dims.z; row += stride)
+            body(mine, v.data + row % dims.y * v.row + row / dims.y * v.slice);
 #pragma omp critical
-        {
-            all.least = std::min(all.least, mine.least);
-            all.greatest = std::max(all.greatest, mine.greatest);
-            all.missing += mine.missing;
-            all.infinite += mine.infinite;
-        }
+        all.add(mine);
     }
     return all;
 }
 
-/// Adds counts per bin of the stored values; integers (all sums) do not depend on the number of threads.
-template <class T>
-void count_bins(View<T const> v, Index3 dims, double least, double greatest, std::vector<std::int64_t>& bins,
-                int threads) {
-    auto const last = static_cast<double>(bins.size() - 1);
-    double const scale = greatest > least ? static_cast<double>(bins.size()) / (greatest - least) : 0;
-    std::int64_t const n = dims.x * dims.y * dims.z;
-    std::int64_t const stride = std::max<std::int64_t>(1, n / (std::int64_t{1} << 25)); // every slice up to 32 M voxels
-#pragma omp parallel num_threads(threads)
-    {
-        std::vector<std::int64_t> mine(bins.size());
-#pragma omp for schedule(static) nowait
-        for (std::int64_t z = 0; z < dims.z; z += stride)
-            for (std::int64_t y = 0; y < dims.y; ++y) {
-                T const* row = v.data + y * v.row + z * v.slice;
-                for (std::int64_t x = 0; x < dims.x; ++x) {
-                    double const place = (number(row[x]) - least) * scale;
-                    if (std::isfinite(place)) ++mine[static_cast<std::size_t>(std::clamp(place, 0.0, last))];
-                }
-            }
-#pragma omp critical
-        for (std::size_t i = 0; i < bins.size(); ++i) bins[i] += mine[i];
-    }
+/// Every row of up to 32 M voxels is counted. Strides that share no factor with the rows of a slice meet all of these.
+std::int64_t counting_stride(Index3 dims) {
+    std::int64_t stride = std::max<std::int64_t>(1, dims.x * dims.y * dims.z / (std::int64_t{1} << 25));
+    while (std::gcd(stride, dims.y) > 1) ++stride;
+    return stride;
 }
 
 /// Copies rows with clamped padding, converting each voxel.
@@ -160,7 +62,7 @@ void fill(View<T const> v, Index3 dims, Lattice& lattice, int threads, Convert c
     lattice.view.compact = static_cast<double>(lattice.view.slice) * sizeof(U) * (16 * 4 + 4) < 2147483647.0;
 }
 
-template <class T> void convert(ConstView voxels, Extremes const& extremes, Lattice& lattice, int threads) {
+template <class T> void convert(ConstView voxels, Range const& range, Lattice& lattice, int threads) {
     View<T const> const v = voxels.as<T>();
     Index3 const dims = voxels.dims();
     if constexpr (std::is_same_v<T, std::uint8_t> || std::is_same_v<T, std::uint16_t> ||
@@ -175,12 +77,12 @@ template <class T> void convert(ConstView voxels, Extremes const& extremes, Latt
     } else {
         // Floats keep their bits; wider types lose least when they are centred first.
         bool const keep = std::is_same_v<T, float> || std::is_same_v<T, Half>;
-        double const offset = keep ? 0.0 : extremes.least + 0.5 * (extremes.greatest - extremes.least);
+        double const offset = keep ? 0.0 : range.least + 0.5 * (range.greatest - range.least);
         lattice.offset = offset;
         lattice.view.type = LatticeType::float32;
-        double const least = extremes.least, greatest = extremes.greatest;
+        double const least = range.least, greatest = range.greatest;
         fill<T, float>(v, dims, lattice, threads, [=](T a) {
-            double const value = number(a);
+            auto const value = static_cast<double>(a);
             return static_cast<float>((value < least ? least : value > greatest ? greatest : value) - offset);
         });
     }
@@ -191,24 +93,19 @@ template <class T> void convert(ConstView voxels, Extremes const& extremes, Latt
 Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution) {
     Lattice lattice;
     lattice.dims = voxels.dims();
-    Histogram& h = lattice.histogram;
-    h.bins.resize(histogram_bins);
-    h.total = voxels.box.voxels();
-    with_type(voxels.type, [&](auto* type) {
-        using T = std::remove_cvref_t<decltype(*type)>;
-        Extremes const e = extremes_of<T>(voxels.as<T>(), voxels.dims(), execution.threads);
-        if (!(e.least <= e.greatest))
+    Index3 const dims = voxels.dims();
+    with_cell_type(voxels.type, [&]<class T>(T) {
+        View<T const> const v = voxels.as<T>();
+        Range const range = over_rows(v, dims, 1, execution.threads, Range{},
+                                      [&](Range& part, T const* row) { part.add(range_of(row, dims.x)); });
+        if (range.empty())
             throw Error(ErrorKind::data, "the volume has no finite voxel", "vkt stats tells what it holds");
-        count_bins<T>(voxels.as<T>(), voxels.dims(), e.least, e.greatest, h.bins, execution.threads);
-        h.least = values.physical(e.least), h.greatest = values.physical(e.greatest);
-        h.missing = e.missing, h.infinite = e.infinite;
-        lattice.missing = e.missing > 0;
-        convert<T>(voxels, e, lattice, execution.threads);
+        Bins const bins = over_rows(v, dims, counting_stride(dims), execution.threads, Bins(range),
+                                    [&](Bins& part, T const* row) { part.count(row, dims.x); });
+        lattice.histogram = histogram_of(range, bins, values);
+        lattice.missing = range.missing > 0;
+        convert<T>(voxels, range, lattice, execution.threads);
     });
-    if (values.slope < 0) {
-        std::swap(h.least, h.greatest);
-        std::reverse(h.bins.begin(), h.bins.end());
-    }
     lattice.cells = make_cell_grid(lattice.view, lattice.dims, execution.threads);
     return lattice;
 }

@@ -5,6 +5,7 @@
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
+#include "libvkt/render/survey.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,35 +14,6 @@
 namespace vkt::render {
 
 namespace {
-
-constexpr int histogram_bins = 4096;
-
-/// What the cells of a brick hold.
-struct Range {
-    double least = std::numeric_limits<double>::infinity(), greatest = -std::numeric_limits<double>::infinity();
-    std::int64_t missing = 0, infinite = 0;
-
-    void add(Range const& other) {
-        least = std::min(least, other.least);
-        greatest = std::max(greatest, other.greatest);
-        missing += other.missing;
-        infinite += other.infinite;
-    }
-};
-
-template <class T> Range range_of(T const* cells, std::int64_t n) {
-    Range range;
-    for (std::int64_t i = 0; i < n; ++i) {
-        auto const value = static_cast<double>(cells[i]);
-        if (std::isfinite(value)) {
-            range.least = value < range.least ? value : range.least;
-            range.greatest = value > range.greatest ? value : range.greatest;
-        } else {
-            ++(std::isnan(value) ? range.missing : range.infinite);
-        }
-    }
-    return range;
-}
 
 /// Weights of cells per level that add up to less than 2^62: their volume in finest cells, or a power of two of it.
 std::int64_t weight_of(Index3 dims, int level, int shift) {
@@ -84,7 +56,7 @@ struct Tree::Survey {
                             "vkt resample makes a structured volume of it");
             all.add(bricks[b]);
         }
-        if (!(all.least <= all.greatest))
+        if (all.empty())
             throw Error(ErrorKind::data, "the volume has no finite voxel", "vkt stats tells what it holds");
     }
 
@@ -177,44 +149,28 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
         boxes_.push_back(box);
     }
 
-    Histogram& h = histogram_;
-    h.bins.resize(histogram_bins);
     int exponent = 0;
     std::frexp(covered_, &exponent);
     int const shift = std::max(0, exponent - 62);
-    double const scale = survey.all.greatest > survey.all.least
-                             ? static_cast<double>(h.bins.size()) / (survey.all.greatest - survey.all.least)
-                             : 0;
-    auto const last = static_cast<double>(h.bins.size() - 1);
     auto const count = static_cast<std::int64_t>(bricks.size());
     std::byte const* const data = volume.buffer().read(Space::host);
+    Bins bins(survey.all);
     with_cell_type(header.dtype, [&]<class T>(T) {
         auto const* const all = reinterpret_cast<T const*>(data);
 #pragma omp parallel num_threads(execution.threads)
         {
-            std::vector<std::int64_t> mine(h.bins.size());
+            Bins mine(survey.all);
 #pragma omp for schedule(static) nowait
             for (std::int64_t i = 0; i < count; ++i) {
                 auto const b = static_cast<std::size_t>(i);
-                T const* const from = all + volume.brick_offset(b);
-                std::int64_t const n = bricks[b].cells(), weight = weight_of(header.dims, bricks[b].level, shift);
-                for (std::int64_t k = 0; k < n; ++k) {
-                    double const place = (static_cast<double>(from[k]) - survey.all.least) * scale;
-                    if (std::isfinite(place)) mine[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += weight;
-                }
+                mine.count(all + volume.brick_offset(b), bricks[b].cells(),
+                           weight_of(header.dims, bricks[b].level, shift));
             }
 #pragma omp critical
-            for (std::size_t i = 0; i < mine.size(); ++i) h.bins[i] += mine[i];
+            bins.add(mine);
         }
     });
-    for (std::int64_t const n : h.bins) h.total += n;
-    h.missing = survey.all.missing, h.infinite = survey.all.infinite;
-    h.total += h.missing + h.infinite; // percentiles are of the finite rest
-    h.least = header.values.physical(survey.all.least), h.greatest = header.values.physical(survey.all.greatest);
-    if (header.values.slope < 0) {
-        std::swap(h.least, h.greatest);
-        std::reverse(h.bins.begin(), h.bins.end());
-    }
+    histogram_ = histogram_of(survey.all, bins, header.values);
 }
 
 Tree::Visibility Tree::classify(TransferTable const& table) const {

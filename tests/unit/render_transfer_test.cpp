@@ -96,6 +96,22 @@ TEST(RenderTransfer, Domains) {
         EXPECT_THROW(resolve_domain(bad, h), Error) << bad;
 }
 
+// Of large volumes some rows are counted, in all slices: here a ramp along x in the even ones and zeros in the others.
+TEST(RenderTransfer, PercentilesOfLargeVolumes) {
+    Header header;
+    header.dims = {4096, 4096, 4};
+    header.dtype = DataType::uint8;
+    Volume volume(header);
+    auto const v = volume.mutable_view().as<std::uint8_t>();
+    for (std::int64_t z = 0; z < 4; ++z)
+        for (std::int64_t y = 0; y < 4096; ++y)
+            for (std::int64_t x = 0; x < 4096; ++x) v(x, y, z) = static_cast<std::uint8_t>(z % 2 == 0 ? x / 16 : 0);
+    Histogram const h = make_lattice(volume.view(), {}, default_execution()).histogram;
+    EXPECT_NEAR(h.percentile(0.4), 0, 0.1);
+    EXPECT_NEAR(h.percentile(0.75), 127, 1);
+    EXPECT_NEAR(h.percentile(0.95), 229, 1);
+}
+
 TEST(RenderTransfer, ColourMaps) {
     for (std::string const& name : colormap_names())
         for (double x = 0; x <= 1; x += 0.01) {
