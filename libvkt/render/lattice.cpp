@@ -75,16 +75,13 @@ template <class T> void convert(ConstView voxels, Range const& range, Lattice& l
         lattice.view.type = LatticeType::int16;
         fill<T, std::int16_t>(v, dims, lattice, threads, [](T a) { return std::int16_t{a}; });
     } else {
-        // Floats keep their bits; wider types lose least when they are centred first.
-        bool const keep = std::is_same_v<T, float> || std::is_same_v<T, Half>;
-        double const offset = keep ? 0.0 : range.least + 0.5 * (range.greatest - range.least);
-        lattice.offset = offset;
-        lattice.view.type = LatticeType::float32;
-        double const least = range.least, greatest = range.greatest;
-        fill<T, float>(v, dims, lattice, threads, [=](T a) {
-            auto const value = static_cast<double>(a);
-            return static_cast<float>((value < least ? least : value > greatest ? greatest : value) - offset);
+        Narrowing const narrow = narrowing_of(voxels.type, range, dims.x * dims.y * dims.z, [&](std::int64_t i) {
+            std::int64_t const row = i / dims.x;
+            return static_cast<double>(v.data[i % dims.x + row % dims.y * v.row + row / dims.y * v.slice]);
         });
+        lattice.offset = narrow.offset;
+        lattice.view.type = LatticeType::float32;
+        fill<T, float>(v, dims, lattice, threads, [=](T a) { return narrow(static_cast<double>(a)); });
     }
 }
 

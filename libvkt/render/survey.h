@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/amr/cells.h"
 #include "libvkt/render/transfer.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <type_traits>
 #include <vector>
@@ -73,6 +75,43 @@ private:
     std::vector<std::int64_t> counts_;
     double least_, scale_;
 };
+
+/// How cells become floats: less an offset. Infinite ones become the nearest finite value.
+struct Narrowing {
+    double offset = 0, lower = 0, upper = 0; ///< limits of what is left after the offset
+
+    float operator()(double value) const {
+        double const v = value - offset;
+        return static_cast<float>(v < lower ? lower : v > upper ? upper : v);
+    }
+};
+
+/// Floats and what fits into them keep their values. Where wider types lie further from zero than they are spread,
+/// their median is subtracted, so that floats keep the differences; a few outliers do not matter for it.
+/// `cell(i)` for i in [0, n): some of them are looked at.
+template <class Cell> Narrowing narrowing_of(DataType type, Range const& range, std::int64_t n, Cell cell) {
+    if (!computes_in_double(type)) return {0, range.least, range.greatest};
+    constexpr std::int64_t most = std::int64_t{1} << 16;
+    std::vector<double> some;
+    for (std::int64_t k = 0; k < std::min(n, most); ++k) {
+        // Multiples of the golden ratio, modulo 1, are spread evenly, whatever the extent of a row.
+        double const turns = 0.61803398874989485 * static_cast<double>(k), place = turns - std::floor(turns);
+        double const value = cell(n <= most ? k : static_cast<std::int64_t>(place * static_cast<double>(n)));
+        if (std::isfinite(value)) some.push_back(value);
+    }
+    auto const quantile = [&](double share) {
+        auto const at = some.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(some.size() - 1));
+        std::nth_element(some.begin(), at, some.end());
+        return *at;
+    };
+    double offset = 0;
+    if (!some.empty()) {
+        double const median = quantile(0.5), spread = quantile(0.95) - quantile(0.05);
+        offset = std::abs(median) > spread ? median : 0;
+    }
+    constexpr double limit = std::numeric_limits<float>::max() / 4.0; // differences are floats too
+    return {offset, std::max(range.least - offset, -limit), std::min(range.greatest - offset, limit)};
+}
 
 /// In physical values. The total is what was counted, which may be a part of the volume.
 Histogram histogram_of(Range const& range, Bins const& bins, ValueMap const& values);

@@ -35,6 +35,7 @@ Double3 greatest(Double3 a, Double3 b) { return {std::max(a.x, b.x), std::max(a.
 struct Tree::Survey {
     std::vector<Range> bricks;
     Range all;
+    Narrowing narrow;
 
     Survey(Volume const& volume, Execution const& execution) {
         Header const& header = volume.header();
@@ -58,18 +59,17 @@ struct Tree::Survey {
         }
         if (all.empty())
             throw Error(ErrorKind::data, "the volume has no finite voxel", "vkt stats tells what it holds");
+        with_cell_type(header.dtype, [&]<class T>(T) {
+            auto const* const cells = reinterpret_cast<T const*>(data);
+            narrow = narrowing_of(header.dtype, all, header.voxels(),
+                                  [&](std::int64_t i) { return static_cast<double>(cells[i]); });
+        });
     }
 
     /// True if rays can sample the cells as they are.
     bool usable(DataType type) const {
         return type == DataType::uint8 || type == DataType::uint16 || type == DataType::int16 ||
                (type == DataType::float32 && all.infinite == 0);
-    }
-    /// Floats keep their bits; wider types lose least when they are centred first.
-    double offset(DataType type) const {
-        bool const keep =
-            usable(type) || type == DataType::float32 || type == DataType::float16 || type == DataType::int8;
-        return keep ? 0.0 : all.least + 0.5 * (all.greatest - all.least);
     }
     Volume sampled(Volume const& volume, Execution const& execution) const {
         if (usable(volume.header().dtype)) return volume;
@@ -78,15 +78,11 @@ struct Tree::Survey {
         Volume result(header, volume.bricks());
         auto* const out = reinterpret_cast<float*>(result.buffer().write(Space::host));
         std::byte const* const data = volume.buffer().read(Space::host);
-        double const away = offset(volume.header().dtype), least = all.least, greatest = all.greatest;
         std::int64_t const n = volume.header().voxels();
         with_cell_type(volume.header().dtype, [&]<class T>(T) {
             auto const* const cells = reinterpret_cast<T const*>(data);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
-            for (std::int64_t i = 0; i < n; ++i) {
-                auto const value = static_cast<double>(cells[i]);
-                out[i] = static_cast<float>((value < least ? least : value > greatest ? greatest : value) - away);
-            }
+            for (std::int64_t i = 0; i < n; ++i) out[i] = narrow(static_cast<double>(cells[i]));
         });
         return result;
     }
@@ -95,8 +91,7 @@ struct Tree::Survey {
 Tree::Tree(Volume const& volume, Execution const& execution) : Tree(volume, Survey(volume, execution), execution) {}
 
 Tree::Tree(Volume const& volume, Survey const& survey, Execution const& execution)
-    : sampler_(survey.sampled(volume, execution)), offset_(survey.offset(volume.header().dtype)),
-      region_(region_of(volume.header())) {
+    : sampler_(survey.sampled(volume, execution)), offset_(survey.narrow.offset), region_(region_of(volume.header())) {
     Header const& header = volume.header();
     std::vector<Brick> const& bricks = volume.bricks();
     switch (sampler_.volume().header().dtype) {
@@ -134,8 +129,8 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
         bool const some = range.least <= range.greatest, limited = range.infinite > 0;
         double const least = limited ? survey.all.least : range.least;
         double const greatest = limited ? survey.all.greatest : range.greatest;
-        lowest_[b] = some || limited ? static_cast<float>(least - offset_) : infinity;
-        highest_[b] = some || limited ? static_cast<float>(greatest - offset_) : -infinity;
+        lowest_[b] = some || limited ? survey.narrow(least) : infinity;
+        highest_[b] = some || limited ? survey.narrow(greatest) : -infinity;
     }
     boxes_.reserve(bricks.size());
     for (std::int32_t const id : sampler_.index().order()) {

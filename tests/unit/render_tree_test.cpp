@@ -4,6 +4,7 @@
 #include "render_testing.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
 #include "libvkt/render/inner/tree_field.h"
 
 #include <random>
@@ -104,6 +105,37 @@ TEST(RenderTree, EveryTypeLooksLikeTheStructuredVolume) {
     compare(std::int16_t{}, DataType::int16);
     compare(float{}, DataType::float32);
     compare(double{}, DataType::float64);
+}
+
+// One cell far off must not cost the others their differences, neither where they lie around zero nor far from it.
+TEST(RenderTree, OutliersHideNothing) {
+    for (double const base : {0.0, 1e12}) {
+        Volume plain = blobs({24, 24, 24}, DataType::float64);
+        auto* const cells = reinterpret_cast<double*>(plain.buffer().write(Space::host));
+        for (std::int64_t i = 0; i < plain.header().voxels(); ++i) cells[i] += base;
+        RenderSettings s = colourful();
+        s.camera.view = "-y";
+        s.camera.projection = Projection::orthographic;
+        s.domain = text(base, ":", base + 200);
+        s.shade = 0.8;
+        Image const expected = render_one(plain, s).image;
+        EXPECT_LT(expected.at(38, 15)[3], 0.7);
+        for (double const outlier : {1e10, -1e10, 1e300, -1e300}) {
+            cells[0] = outlier;
+            for (Volume const& volume : {plain, cut<double>(plain, {8, 8, 8})}) {
+                Image const image = render_one(volume, s).image;
+                int differ = 0;
+                for (int y = 0; y < image.height; ++y)
+                    for (int x = 0; x < image.width; ++x)
+                        for (int c = 0; c < 4; ++c)
+                            if (!(std::abs(image.at(x, y)[c] - expected.at(x, y)[c]) < 2e-3)) {
+                                ++differ;
+                                break;
+                            }
+                EXPECT_LT(differ, 20) << base << " " << outlier; // of 2867: those of the cell itself
+            }
+        }
+    }
 }
 
 /// A fine half at low x and a coarse one, with a linear field.
