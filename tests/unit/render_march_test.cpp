@@ -142,6 +142,22 @@ TEST(RenderMarch, SpikeKeepsItsDepthForAnyStep) {
         }
 }
 
+// The same with a domain that is small compared to what values do within one step, as windows on CT data are.
+TEST(RenderMarch, NarrowDomainsKeepTheirDepthForAnyStep) {
+    for (double const sign : {1.0, -1.0}) {
+        Volume const ramp = volume_of({16, 3, 3}, {1, 1, 1},
+                                      [=](double x, double, double) { return 1000 + sign * (4000 * x / 15 - 2000); });
+        RenderSettings s = orthographic("x", 9, 9);
+        s.transfer.emplace();
+        s.transfer->points = {{999.5, {1, 1, 1}, 0}, {1000, {1, 1, 1}, 0.9}, {1000.5, {1, 1, 1}, 0}};
+        double const depth = 0.5 * extinction_of(0.9) / (4000.0 / 15);
+        for (double const step : {4.0, 2.0, 0.5, 0.25}) {
+            s.step = step;
+            EXPECT_NEAR(1 - render_one(ramp, s).center()[3], depth, 0.02 * depth) << step;
+        }
+    }
+}
+
 TEST(RenderMarch, SkippingThreadsAndInstructionSetsChangeNoBit) {
     for (DataType const type :
          {DataType::uint8, DataType::uint16, DataType::int16, DataType::float32, DataType::float64}) {

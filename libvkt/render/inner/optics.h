@@ -45,17 +45,19 @@ struct TableView {
 
 struct Classified {
     Quad integral, density;
+    float beyond; ///< how far the position lies before the first node (below 0) or behind the last (above 0)
 };
 
-/// Position in the table; far values are limited so that arithmetic stays finite. NaN becomes the lower limit.
+/// Position in the table; limited so that arithmetic stays finite, so far out that segments keep their length in the
+/// table all the same. NaN becomes the lower limit.
 VKT_HD float table_position(TableView const& table, float value) {
-    float const least = -4.0F * static_cast<float>(table.count), most = 5.0F * static_cast<float>(table.count);
+    constexpr float limit = 1e30F;
     float const x = (value - table.origin) * table.scale;
-    float const above = x > least ? x : least;
-    return above < most ? above : most;
+    float const above = x > -limit ? x : -limit;
+    return above < limit ? above : limit;
 }
 
-/// Densities at a position, and the integrals up to it; both continue as constants beyond the ends.
+/// Densities at a position, which continue as constants beyond the ends, and the integrals up to it, which do not.
 VKT_HD Classified classify(TableView const& table, float x) {
     float const last = static_cast<float>(table.count - 1);
     float const above = x > 0.0F ? x : 0.0F;
@@ -65,15 +67,18 @@ VKT_HD Classified classify(TableView const& table, float x) {
     float const f = inside - static_cast<float>(i);
     Quad const a = table.nodes[2 * i], b0 = table.nodes[2 * i + 1], b1 = table.nodes[2 * i + 3];
     Quad const b = b0 + (b1 - b0) * f;
-    return {a + (b0 + b) * (0.5F * f) + b * (x - inside), b};
+    return {a + (b0 + b) * (0.5F * f), b, x - inside};
 }
 
 /// Mean extinction and emission over a segment along which the value runs linearly from one end to the other.
-/// Exact for the table; within one table interval the mean of the ends is, and does not cancel.
+/// Exact for the table; within one table interval, or beyond one end of it, the mean of the ends is, and does not
+/// cancel.
 VKT_HD Quad segment_mean(Classified const& from, Classified const& to, float step_in_table) {
     float const width = step_in_table < 0 ? -step_in_table : step_in_table;
-    if (width > 1.0F) return (to.integral - from.integral) * (1.0F / step_in_table);
-    return (from.density + to.density) * 0.5F;
+    bool const below = from.beyond < 0 && to.beyond<0, above = from.beyond> 0 && to.beyond > 0;
+    if (!(width > 1.0F) || below || above) return (from.density + to.density) * 0.5F;
+    float const per = 1.0F / step_in_table;
+    return (to.integral - from.integral) * per + to.density * (to.beyond * per) - from.density * (from.beyond * per);
 }
 
 } // namespace vkt::render
