@@ -167,6 +167,23 @@ except vkt.Error as e: assert e.exit_code == 3
 else: assert False'
 }
 
+@test "a copy of a volume is the volume, and pickling is refused" {
+    python <<'EOF'
+import copy, gc, pickle
+for v in copy.copy(volume), copy.deepcopy([volume])[0]:
+    assert np.array_equal(v.array, volume.array)
+    del v
+    gc.collect()
+want = vkt.read("volume.nrrd").array.sum()
+assert volume.array.sum() == want
+try:
+    pickle.dumps(volume)
+    assert False
+except TypeError as e:
+    assert "cannot be pickled" in str(e)
+EOF
+}
+
 @test "processes that Python forks, and threads, compute too" {
     cat >script.py <<'EOF'
 import multiprocessing, concurrent.futures, vkt

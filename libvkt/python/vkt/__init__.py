@@ -189,6 +189,16 @@ class Volume:
         if getattr(self, "_handle", None):
             _free(self._handle)
 
+    # Volumes cannot be changed, so that one serves as its own copy; a second owner of the handle would free it again.
+    def __copy__(self):
+        return self
+
+    def __deepcopy__(self, memo):
+        return self
+
+    def __reduce__(self):
+        raise TypeError("a vkt.Volume cannot be pickled: write() it, or pass its array and header")
+
     def __repr__(self):
         dims = " x ".join(str(n) for n in self.dims)
         return f"<vkt.Volume {dims} {self.dtype.name}{', hierarchical' if self.hierarchical else ''}>"
