@@ -84,10 +84,51 @@ static int refuse(int reason) {
     return status == VKT_OK ? 0 : complain();
 }
 
+/* program null: each call with a null pointer says so, and leaves alone what it would have set. */
+static int take_null(void) {
+    vkt_volume *volume = NULL, *untouched = NULL;
+    void const* voxels = NULL;
+    char* json = NULL;
+    vkt_description d;
+    vkt_default_description(&d);
+    if (vkt_create(&d, NULL, &volume) != VKT_OK) return complain();
+    vkt_volume const* const missing[] = {volume, NULL};
+    int wrong = 0;
+#define REFUSED(call, name) \
+    if ((call) != VKT_USAGE || strcmp(vkt_error(), "argument '" name "' is null") != 0) \
+        fprintf(stderr, "%s: %d %s\n", #call, ++wrong, vkt_error())
+    REFUSED(vkt_describe(NULL, &d), "volume");
+    REFUSED(vkt_describe(volume, NULL), "description");
+    REFUSED(vkt_header(NULL, &json), "volume");
+    REFUSED(vkt_header(volume, NULL), "json");
+    REFUSED(vkt_statistics(NULL, NULL, 0, &json), "volume");
+    REFUSED(vkt_statistics(volume, NULL, 0, NULL), "json");
+    REFUSED(vkt_statistics(volume, NULL, 1, &json), "words");
+    REFUSED(vkt_voxels(NULL, &voxels, NULL), "volume");
+    REFUSED(vkt_voxels(volume, NULL, NULL), "voxels");
+    REFUSED(vkt_write(NULL, "null.nrrd", NULL, 0), "volume");
+    REFUSED(vkt_write(volume, NULL, NULL, 0), "path");
+    REFUSED(vkt_write(volume, "null.nrrd", OPTIONS("--force", NULL)), "words[1]");
+    REFUSED(vkt_read(NULL, NULL, 0, &untouched), "path");
+    REFUSED(vkt_read("volume.nrrd", NULL, 0, NULL), "volume");
+    REFUSED(vkt_apply(OPTIONS("arith", "sub", "-", "-"), missing, 2, &untouched), "inputs[1]");
+    REFUSED(vkt_apply(OPTIONS("flip", "x"), NULL, 1, &untouched), "inputs");
+    REFUSED(vkt_apply(OPTIONS("flip", "x"), missing, 1, NULL), "result");
+    REFUSED(vkt_create(NULL, NULL, &untouched), "description");
+    REFUSED(vkt_create(&d, NULL, NULL), "volume");
+    d.dtype = NULL;
+    REFUSED(vkt_create(&d, NULL, &untouched), "description->dtype");
+    vkt_free(volume);
+    vkt_free(NULL);
+    vkt_free_text(NULL);
+    return wrong != 0 || untouched != NULL || json != NULL || voxels != NULL || *vkt_remarks(NULL) != '\0';
+}
+
 int main(int argc, char** argv) {
     if (argc > 4 && strcmp(argv[1], "apply") == 0) return apply_to_file(argc, argv);
     if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
+    if (argc == 2 && strcmp(argv[1], "null") == 0) return take_null();
     printf("%s\n", vkt_version());
     for (char const* const* name = vkt_operations(); *name != NULL; ++name) printf("%s\n", *name);
     return 0;
@@ -153,4 +194,9 @@ EOF
     fails_with 5 "5: the volume needs 3.7 GiB of memory" "$program" refuse 4
     fails_with 4 "existing.nrrd" "$program" refuse 5
     cmp volume.nrrd existing.nrrd
+}
+
+@test "null pointers are refused by name" {
+    "$program" null
+    [ ! -e null.nrrd ]
 }

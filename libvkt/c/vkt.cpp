@@ -81,7 +81,20 @@ template <class F> vkt_status guarded(F const& body) noexcept {
     return status;
 }
 
-std::vector<std::string> words_of(char const* const* words, size_t count) { return {words, words + count}; }
+/// Other languages pass null where an object is missing.
+void need(void const* pointer, char const* argument) {
+    if (pointer == nullptr) throw Error(ErrorKind::usage, text("argument '", argument, "' is null"));
+}
+
+std::vector<std::string> words_of(char const* const* words, size_t count) {
+    if (count > 0) need(words, "words");
+    std::vector<std::string> result;
+    for (size_t i = 0; i < count; ++i) {
+        need(words[i], text("words[", i, "]").c_str());
+        result.emplace_back(words[i]);
+    }
+    return result;
+}
 
 /// For functions whose words are options only.
 void read_options(char const* const* words, size_t count, std::vector<Parameters*> const& lists) {
@@ -103,6 +116,7 @@ char* copied(std::string const& text) {
 
 Header header_of(vkt_description const& d) {
     Header header;
+    need(d.dtype, "description->dtype");
     header.dims = {d.dims[0], d.dims[1], d.dims[2]};
     header.dtype = parse_data_type(d.dtype);
     for (int axis = 0; axis < 3; ++axis) {
@@ -154,6 +168,8 @@ char const* const* vkt_operations(void) {
 
 vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume) {
     return guarded([&] {
+        need(path, "path");
+        need(volume, "volume");
         ReadRequest request;
         ExecutionOptions options;
         Parameters parameters, own, shared;
@@ -181,6 +197,8 @@ void vkt_default_description(vkt_description* description) {
 
 vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume) {
     return guarded([&] {
+        need(description, "description");
+        need(volume, "volume");
         Volume result(header_of(*description));
         AnyView const view = result.mutable_view();
         if (voxels == nullptr)
@@ -193,25 +211,31 @@ vkt_status vkt_create(vkt_description const* description, void const* voxels, vk
 
 void vkt_free(vkt_volume* volume) { delete volume; }
 
-void vkt_describe(vkt_volume const* volume, vkt_description* description) {
-    Header const& header = volume->volume.header();
-    vkt_description& d = *description;
-    for (int axis = 0; axis < 3; ++axis) {
-        d.dims[axis] = header.dims[axis];
-        d.origin[axis] = header.geometry.origin[axis];
-        d.spacing[axis] = header.geometry.spacing[axis];
-        for (int i = 0; i < 3; ++i)
-            d.direction[3 * axis + i] = header.geometry.direction[static_cast<std::size_t>(axis)][i];
-    }
-    d.dtype = volume->dtype.c_str();
-    d.slope = header.values.slope;
-    d.intercept = header.values.intercept;
-    d.units = header.units.c_str();
-    d.hierarchical = header.kind == Kind::hierarchical ? 1 : 0;
+vkt_status vkt_describe(vkt_volume const* volume, vkt_description* description) {
+    return guarded([&] {
+        need(volume, "volume");
+        need(description, "description");
+        Header const& header = volume->volume.header();
+        vkt_description& d = *description;
+        for (int axis = 0; axis < 3; ++axis) {
+            d.dims[axis] = header.dims[axis];
+            d.origin[axis] = header.geometry.origin[axis];
+            d.spacing[axis] = header.geometry.spacing[axis];
+            for (int i = 0; i < 3; ++i)
+                d.direction[3 * axis + i] = header.geometry.direction[static_cast<std::size_t>(axis)][i];
+        }
+        d.dtype = volume->dtype.c_str();
+        d.slope = header.values.slope;
+        d.intercept = header.values.intercept;
+        d.units = header.units.c_str();
+        d.hierarchical = header.kind == Kind::hierarchical ? 1 : 0;
+    });
 }
 
 vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes) {
     return guarded([&] {
+        need(volume, "volume");
+        need(voxels, "voxels");
         if (volume->volume.header().kind == Kind::hierarchical)
             throw Error(ErrorKind::usage, "a hierarchical volume is no box of voxels",
                         "make a grid of it: resample --cells 50M");
@@ -222,11 +246,17 @@ vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* byt
 }
 
 vkt_status vkt_header(vkt_volume const* volume, char** json) {
-    return guarded([&] { *json = copied(to_json(volume->volume.header())); });
+    return guarded([&] {
+        need(volume, "volume");
+        need(json, "json");
+        *json = copied(to_json(volume->volume.header()));
+    });
 }
 
 vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* const* words, size_t count) {
     return guarded([&] {
+        need(volume, "volume");
+        need(path, "path");
         WriteRequest request;
         Parameters parameters;
         request.declare(parameters);
@@ -241,8 +271,13 @@ vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* con
 vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs, size_t input_count,
                      vkt_volume** result) {
     return guarded([&] {
+        if (input_count > 0) need(inputs, "inputs");
+        need(result, "result");
         std::vector<Volume> volumes;
-        for (size_t i = 0; i < input_count; ++i) volumes.push_back(inputs[i]->volume);
+        for (size_t i = 0; i < input_count; ++i) {
+            need(inputs[i], text("inputs[", i, "]").c_str());
+            volumes.push_back(inputs[i]->volume);
+        }
         std::string remarks;
         Volume volume = apply(words_of(words, count), volumes,
                               [&remarks](std::string const&, std::string const& message, bool lossy) {
@@ -253,10 +288,12 @@ vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* c
     });
 }
 
-char const* vkt_remarks(vkt_volume const* volume) { return volume->remarks.c_str(); }
+char const* vkt_remarks(vkt_volume const* volume) { return volume == nullptr ? "" : volume->remarks.c_str(); }
 
 vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json) {
     return guarded([&] {
+        need(volume, "volume");
+        need(json, "json");
         Statistics statistics;
         ExecutionOptions options;
         Parameters parameters, shared;

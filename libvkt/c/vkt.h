@@ -4,8 +4,9 @@
    Volumes are opaque. Functions that can fail return a status, which is the exit code that the command would have; what
    went wrong is said by vkt_error() and vkt_error_hint(). Nothing is thrown across this border. Options are words as on
    the command line, {"--dims", "40,30,10"}, and are those of the command that does the same. The number of threads and
-   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. Several threads may use different volumes, and
-   read from the same one. */
+   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. A pointer that must not be null, but is, makes a
+   call fail with VKT_USAGE. What a call that fails would have set (*volume, *result, *json) stays untouched. Several
+   threads may use different volumes, and read from the same one. */
 #ifndef LIBVKT_C_VKT_H
 #define LIBVKT_C_VKT_H
 
@@ -62,7 +63,7 @@ VKT_API vkt_status vkt_create(vkt_description const* description, void const* vo
 VKT_API void vkt_free(vkt_volume* volume);
 
 /* The strings stay valid as long as the volume. */
-VKT_API void vkt_describe(vkt_volume const* volume, vkt_description* description);
+VKT_API vkt_status vkt_describe(vkt_volume const* volume, vkt_description* description);
 /* The voxels in place, x fastest, valid as long as the volume, and their bytes (`bytes` may be null). */
 VKT_API vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes);
 /* All that the header says, attributes and history too, as `vkt info --json`. For vkt_free_text(). */

@@ -49,7 +49,7 @@ def _declare():
         "vkt_default_description": (None, [description]),
         "vkt_create": (ctypes.c_int, [description, ctypes.c_void_p, out]),
         "vkt_free": (None, [volume]),
-        "vkt_describe": (None, [volume, description]),
+        "vkt_describe": (ctypes.c_int, [volume, description]),
         "vkt_voxels": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
         "vkt_header": (ctypes.c_int, [volume, out]),
         "vkt_write": (ctypes.c_int, [volume, text, words, size]),
@@ -160,7 +160,7 @@ class Volume:
         if like is None:
             _library.vkt_default_description(ctypes.byref(description))
         else:
-            _library.vkt_describe(like._handle, ctypes.byref(description))
+            _check(_library.vkt_describe(like._handle, ctypes.byref(description)))
         description.dims[:] = ((1,) * (3 - array.ndim) + array.shape)[::-1]
         description.dtype = array.dtype.name.encode()
         if spacing is not None:
@@ -210,7 +210,7 @@ class Volume:
     @property
     def _description(self):
         description = _Description()
-        _library.vkt_describe(self._handle, ctypes.byref(description))
+        _check(_library.vkt_describe(self._handle, ctypes.byref(description)))
         return description
 
     @property
