@@ -1,5 +1,6 @@
 // vkt render: a picture of a volume.
 // SPDX-License-Identifier: MIT
+#include "libvkt/formats/series.h"
 #include "libvkt/render/settings.h"
 #include "shell/command.h"
 #include "shell/pictures.h"
@@ -30,7 +31,7 @@ public:
         write_picture(path, false, {image, report, background_}, volumes_.header(), stage, context_);
         return path;
     }
-    bool next() override { return volumes_.next(asked_); }
+    bool next() override { return volumes_.next(); }
 
 private:
     std::string input() const {
@@ -56,18 +57,23 @@ public:
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();
         render::Background const background = options_.background();
-        Volumes volumes(*inputs.front(), context);
+        Volumes volumes(*inputs.front(), context, settings);
         if (context.window()) {
             WindowScene scene(volumes, context, settings, background);
             if (scene.next())
                 viewer::show(scene, settings, background, [&](std::string const& line) { context.note(line); });
             return 0;
         }
-        for (std::int64_t number = 0; volumes.next(settings); ++number) {
+        bool const numbered = is_numbered(context.output());
+        for (std::int64_t number = 0; volumes.next(); ++number) {
             render::RenderReport report;
             render::Image const image = volumes.renderer().render(settings, &report);
-            write_picture(render::numbered(context.output(), number, volumes.more() || number > 0), context.force(),
-                          {image, report, background}, volumes.header(), context.stage_info(), context);
+            // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
+            if (!numbered && volumes.another())
+                throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
+                            "give a place for the number: -o picture-%04d.png");
+            write_picture(numbered_path(context.output(), number), context.force(), {image, report, background},
+                          volumes.header(), context.stage_info(), context);
         }
         return 0;
     }

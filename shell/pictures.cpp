@@ -8,17 +8,23 @@
 
 namespace vkt::shell {
 
-bool Volumes::next(render::RenderSettings const& settings) {
-    for (; more_ && source_.header().dry_run; more_ = source_.next_volume()) {
-        context_.note(text("would render ", source_.header().dims, " voxels into ", settings.width, "x",
-                           settings.height, " pixels"));
+bool Volumes::another() {
+    while (!another_) {
+        another_ = source_.next_volume();
+        if (!*another_ || !source_.header().dry_run) break;
+        context_.note(text("would render ", source_.header().dims, " voxels into ", width_, "x", height_, " pixels"));
         source_.finish();
+        another_.reset();
     }
-    if (!more_) return false;
+    return *another_;
+}
+
+bool Volumes::next() {
+    if (!another()) return false;
     renderer_.reset();
     header_ = source_.header();
     renderer_ = std::make_unique<render::Renderer>(load(source_, context_.execution()), context_.execution());
-    more_ = source_.next_volume();
+    another_.reset();
     return true;
 }
 

@@ -6,6 +6,7 @@
 #include "shell/command.h"
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,18 +15,22 @@ namespace vkt::shell {
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
 public:
-    Volumes(Source& source, Context& context) : source_(source), context_(context), more_(source.next_volume()) {}
+    Volumes(Source& source, Context& context, render::RenderSettings const& settings)
+        : source_(source), context_(context), width_(settings.width), height_(settings.height) {}
 
-    /// Loads the next one; those that are only planned are described and passed over.
-    bool next(render::RenderSettings const& settings);
-    bool more() const { return more_; }
+    /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
+    /// that are only planned are described and passed over.
+    bool another();
+    /// Loads the next one; without one, the last one stays.
+    bool next();
     render::Renderer const& renderer() const { return *renderer_; }
     Header const& header() const { return header_; }
 
 private:
     Source& source_;
     Context& context_;
-    bool more_;
+    int width_, height_;          ///< of the pictures
+    std::optional<bool> another_; ///< once it is known
     Header header_;
     std::unique_ptr<render::Renderer> renderer_;
 };

@@ -118,6 +118,35 @@ PY
     [ -z "$(ls -A | grep -F .vkt- || true)" ]
 }
 
+@test "pictures of a series appear one by one, and stay if a later volume is bad" {
+    for i in 0 1; do vkt make sphere --dims 12 12 12 --dtype uint8 -o v_$i.nrrd; done
+    echo NRRD0004 >v_2.nrrd
+    fails_with 3 "v_2.nrrd" vkt render 'v_?.nrrd' --size 16 -o 'q%%-%02d.png'
+    [ "$(size_of q%-00.png)" = "16 16 8 2" ]
+    [ "$(size_of q%-01.png)" = "16 16 8 2" ]
+    [ ! -e q%-02.png ]
+    # A picture does not wait for the volume after it.
+    rm v_2.nrrd
+    mkfifo v_2.nrrd
+    vkt render 'v_?.nrrd' --size 16 -o p-%d.png 3>&- &
+    for _ in $(seq 200); do [ ! -e p-1.png ] || break; sleep 0.1; done
+    ls >before
+    cat v_0.nrrd >v_2.nrrd
+    wait $!
+    grep -qx p-1.png before
+    [ "$(size_of p-2.png)" = "16 16 8 2" ]
+}
+
+@test "one name takes one picture" {
+    for i in 0 1; do vkt make sphere --dims 12 12 12 --dtype uint8 -o v_$i.nrrd; done
+    fails_with 2 "several volumes" vkt render 'v_?.nrrd' --size 16 -o a.png
+    fails_with 2 "several volumes" vkt render 'v_?.nrrd' --size 16 -o -
+    fails_with 2 "no number's place" vkt render v_0.nrrd --size 16 -o 50%.png
+    [ -z "$(ls ./*.png 2>/dev/null)" ]
+    vkt render v_0.nrrd --size 16 -o 100%%.png
+    [ -e 100%.png ]
+}
+
 @test "the picture tells how it was made, and neither when nor where" {
     vkt render block_24x18x30_uint8.raw --view x --size 16 -o a.png
     grep -aq "History" a.png

@@ -175,24 +175,6 @@ Background SettingsParameters::background() const {
     return {{c[0], c[1], c[2]}, c.size() == 4 ? c[3] : 1.0};
 }
 
-std::string numbered(std::string const& pattern, std::int64_t number, bool several) {
-    std::size_t const percent = pattern.find('%');
-    std::size_t end = percent == std::string::npos ? percent : percent + 1;
-    while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') ++end;
-    if (percent == std::string::npos || end >= pattern.size() || pattern[end] != 'd') {
-        if (several)
-            refuse("the input holds several volumes, but -o names one picture",
-                   "give a place for the number: -o picture-%04d.png");
-        return pattern;
-    }
-    std::int64_t const width =
-        end == percent + 1 ? 1 : parse_integer(std::string_view(pattern).substr(percent + 1, end - percent - 1));
-    std::string digits = to_text(number);
-    if (static_cast<std::int64_t>(digits.size()) < std::min<std::int64_t>(width, 20))
-        digits.insert(0, static_cast<std::size_t>(std::min<std::int64_t>(width, 20)) - digits.size(), '0');
-    return pattern.substr(0, percent) + digits + pattern.substr(end + 1);
-}
-
 std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
     return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,

@@ -30,10 +30,6 @@ private:
     bool no_skip_ = false;
 };
 
-/// Output name of picture `number` of several: "%d" or "%04d" in the pattern is replaced. Throws Error{usage} if there
-/// are several and no place for the number.
-std::string numbered(std::string const& pattern, std::int64_t number, bool several);
-
 /// One line: method, sizes, shares, times.
 std::string report_text(RenderReport const& report);
 

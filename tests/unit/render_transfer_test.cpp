@@ -1,6 +1,7 @@
 // Transfer functions, tables, domains, cameras and pictures.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/formats/series.h"
 #include "libvkt/render/settings.h"
 #include "tests/unit/render_testing.h"
 
@@ -214,8 +215,11 @@ TEST(RenderImage, LightIsEncodedAsSrgb) {
 }
 
 TEST(RenderSettings, NumbersInNames) {
-    EXPECT_EQ(numbered("a.png", 0, false), "a.png");
-    EXPECT_EQ(numbered("a-%04d.png", 12, true), "a-0012.png");
-    EXPECT_EQ(numbered("a%d.png", 3, true), "a3.png");
-    EXPECT_THROW(numbered("a.png", 0, true), Error);
+    EXPECT_EQ(numbered_path("a.png", 0), "a.png");
+    EXPECT_EQ(numbered_path("a-%04d.png", 12), "a-0012.png");
+    EXPECT_EQ(numbered_path("a%d.png", 3), "a3.png");
+    EXPECT_EQ(numbered_path("a%%_%02d.png", 3), "a%_03.png");
+    EXPECT_THROW(numbered_path("50%.png", 0), Error);
+    EXPECT_FALSE(is_numbered("a.png"));
+    EXPECT_FALSE(is_numbered("a%%d.png"));
 }
