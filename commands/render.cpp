@@ -49,7 +49,7 @@ private:
 class Render : public Consumer {
 public:
     void parameters(Parameters& list) override { options_.declare(list); }
-    void check() const override { (void)options_.settings(); }
+    void check() const override { options_.check(); }
     bool writes() const override { return true; }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }

@@ -106,6 +106,61 @@ PY
     [ ! -e a.png ]
 }
 
+@test "options that no volume suits are refused before anything is read" {
+    # Nothing ever comes from this pipe.
+    mkfifo silent
+    exec 5<>silent
+    while read -r option value said; do
+        fails_with 2 "$option" timeout 20 vkt render silent -o a.png "$option=$value"
+        [[ "$stderr" == *"$said"* ]] || { echo "$option $value: no '$said' in: $stderr" >&2; false; }
+        fails_with 2 "$option" vkt render block_24x18x30_uint8.raw -o a.png -n "$option=$value"
+    done <<'EOF'
+--view foo not one of
+--azimuth inf finite
+--elevation 100 -90
+--fov 200 180
+--zoom 0 positive
+--opacity garbage 'garbage' is not a number
+--opacity 2 outside 0 to 1
+--opacity 1:0.5,0.5 neither
+--unit x 'x' is not a number
+--unit -3 positive
+--domain foo pA:pB
+--domain 3:2 LO:HI
+--colormap virids did you mean
+--step 5 1/256
+--opacity-scale -1 0 or greater
+--up 0,0,0 no length
+EOF
+    f=block_24x18x30_uint8.raw
+    fails_with 2 "--eye: " vkt render $f -n -o a.png --eye 1,2,3 --target 1,2,3
+    fails_with 2 "--span: " vkt render $f -n -o a.png --projection orthographic --span 0
+    fails_with 2 "--iso: " vkt render $f -n -o a.png -ra implicit-iso --iso nan
+    fails_with 2 "--albedo: " vkt render $f -n -o a.png -ra multi-scattering --albedo 2
+    fails_with 2 "--spp: " vkt render $f -n -o a.png -ra multi-scattering --spp 0
+    fails_with 2 "--rgba-lookup-table" vkt render $f -n -o a.png --lut 1 1 1 2
+    # What suits some volume is not refused: the middle of this one is elsewhere.
+    vkt render $f -n -o a.png --eye 0,0,0 --domain 7:7 --opacity 5:0,6:1 --unit auto
+    vkt render $f -n -o a.png --eye 0.5,0.5,0.5 --domain p1:p99 --opacity 0,1 --up 0,1,0
+    [ ! -e a.png ]
+}
+
+@test "a picture that cannot be written is not drawn" {
+    mkfifo silent
+    exec 5<>silent
+    echo precious >a.png
+    for mode in '' -n; do
+        fails_with 4 "a.png" timeout 20 vkt render silent -o a.png $mode
+        fails_with 4 "nowhere" timeout 20 vkt render silent -o nowhere/b.png $mode
+        [[ "$stderr" == *"make the directory 'nowhere' first"* ]]
+        fails_with 4 "directory" timeout 20 vkt render silent -o . $mode
+    done
+    cp a.png c0.png
+    fails_with 4 "c0.png" timeout 20 vkt render silent -o c%d.png
+    vkt render block_24x18x30_uint8.raw -o a.png -n --force
+    [ "$(cat a.png)" = precious ]
+}
+
 @test "existing files are kept, broken input leaves none" {
     echo precious >a.png
     fails_with 4 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png

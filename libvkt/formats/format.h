@@ -94,6 +94,9 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
 /// A sink for a path ("-" is standard output), by forced format or extension. Refuses existing files without force.
 std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const& options);
 
+/// Throws what OutputFile would for this name, Error{usage} or Error{io}; creates and opens nothing.
+void check_output(std::string const& path, bool force);
+
 /// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
 /// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
 /// name at all (O_TMPFILE) until then, so that kill -9 leaves nothing either.

@@ -41,7 +41,29 @@ bool link_without_overwriting(std::string const& from, std::string const& to, bo
     return false;
 }
 
+/// Whether the name is that of something to be written in place. Throws for names that are no file's or taken.
+bool check_name(std::string const& path, bool force) {
+    if (path.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0) return false;
+    if (S_ISDIR(status.st_mode))
+        throw Error(ErrorKind::io, text("cannot write '", path, "': it is a directory"), "name a file in it");
+    if (written_in_place(status, force)) return true;
+    if (!force) throw exists_already(path);
+    return false;
+}
+
+Error unwritable(std::string const& path, int code) {
+    return system_error(text("cannot write '", path, "'"), code,
+                        code == ENOENT ? text("make the directory '", directory_of(path), "' first") : "");
+}
+
 } // namespace
+
+void check_output(std::string const& path, bool force) {
+    if (path == "-" || check_name(path, force)) return;
+    if (::faccessat(AT_FDCWD, directory_of(path).c_str(), W_OK | X_OK, AT_EACCESS) != 0) throw unwritable(path, errno);
+}
 
 OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), force_(force) {
     if (path_ == "-") {
@@ -50,20 +72,13 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
         if (descriptor_ < 0) throw system_error("cannot write standard output");
         return;
     }
-    if (path_.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");
-    struct stat status {};
-    if (::stat(path_.c_str(), &status) == 0) {
-        if (S_ISDIR(status.st_mode))
-            throw Error(ErrorKind::io, text("cannot write '", path_, "': it is a directory"), "name a file in it");
-        if (written_in_place(status, force_)) {
-            in_place_ = true;
-            descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
-            if (descriptor_ < 0) throw system_error(text("cannot write '", path_, "'"));
-            return;
-        }
-        if (!force_) throw exists_already(path_);
+    in_place_ = check_name(path_, force_);
+    if (!in_place_) {
+        open_temporary();
+        return;
     }
-    open_temporary();
+    descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
+    if (descriptor_ < 0) throw system_error(text("cannot write '", path_, "'"));
 }
 
 void OutputFile::open_temporary() {
@@ -77,12 +92,7 @@ void OutputFile::open_temporary() {
     // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
     temporary_ = temporary_name(path_);
     descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) {
-        int const code = errno;
-        std::string hint;
-        if (code == ENOENT) hint = text("make the directory '", directory, "' first");
-        throw system_error(text("cannot write '", path_, "'"), code, hint);
-    }
+    if (descriptor_ < 0) throw unwritable(path_, errno);
     mark_alive(descriptor_);
     slot_ = remember_temporary(temporary_);
 }

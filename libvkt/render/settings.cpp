@@ -152,6 +152,66 @@ void SettingsParameters::refuse_misfits() const {
         refuse("--span does not apply to --projection perspective", "--zoom and --fov do");
 }
 
+namespace {
+
+/// Calls the body; what it refuses is refused in the name of the option.
+template <class Body> void in_name_of(std::string_view option, Body const& body) {
+    std::string const name = text("--", option);
+    try {
+        body();
+    } catch (Error const& error) {
+        if (std::string_view(error.what()).find(name) != std::string_view::npos) throw;
+        throw Error(error.kind(), text(name, ": ", error.what()), error.hint());
+    }
+}
+
+} // namespace
+
+void SettingsParameters::check() const {
+    refuse_misfits();
+    // One pixel of a small volume with one setting at a time: the renderer says itself what it cannot use, before
+    // anything is read.
+    Volume volume(Header{});
+    Renderer const renderer(volume, {});
+    auto const try_out = [&](std::string_view option, auto const& choose) {
+        if (!list_->given(option)) return;
+        RenderSettings one;
+        one.width = one.height = one.samples = 1;
+        choose(one, settings_);
+        in_name_of(option, [&] { (void)renderer.render(one); });
+    };
+    using S = RenderSettings;
+    try_out("view", [](S& to, S const& from) { to.camera.view = from.camera.view; });
+    try_out("azimuth", [](S& to, S const& from) { to.camera.azimuth = from.camera.azimuth; });
+    try_out("elevation", [](S& to, S const& from) { to.camera.elevation = from.camera.elevation; });
+    try_out("target", [](S& to, S const& from) { to.camera.target = from.camera.target; });
+    try_out("up", [](S& to, S const& from) { to.camera.up = from.camera.up; });
+    // Where the target is not given, that of this volume may happen to lie in the eye.
+    try_out("eye", [](S& to, S const& from) {
+        to.camera.eye = from.camera.eye;
+        to.camera.target = from.camera.target ? *from.camera.target : *from.camera.eye + Vec3{1, 1, 1};
+    });
+    try_out("zoom", [](S& to, S const& from) { to.camera.zoom = from.camera.zoom; });
+    try_out("fov", [](S& to, S const& from) { to.camera.fov = from.camera.fov; });
+    try_out("span", [](S& to, S const& from) { to.camera.span = from.camera.span; });
+    try_out("rgba-lookup-table", [](S& to, S const& from) { to.lut = from.lut; });
+    try_out("colormap", [](S& to, S const& from) { to.colormap = from.colormap; });
+    try_out("opacity", [](S& to, S const& from) { to.opacity = from.opacity; });
+    try_out("domain", [](S& to, S const& from) { to.domain = from.domain; });
+    try_out("unit", [](S& to, S const& from) { to.unit = from.unit; });
+    try_out("opacity-scale", [](S& to, S const& from) { to.opacity_scale = from.opacity_scale; });
+    try_out("step", [](S& to, S const& from) { to.step = from.step; });
+    try_out("iso", [](S& to, S const& from) { to.isos = from.isos; });
+    try_out("albedo", [](S& to, S const& from) { to.albedo = from.albedo; });
+    try_out("first-sample", [](S& to, S const& from) { to.first_sample = from.first_sample; });
+    in_name_of("spp", [&] {
+        RenderSettings one;
+        one.samples = settings_.samples; // which are too many to try
+        render::check(one);
+    });
+    (void)settings();
+}
+
 RenderSettings SettingsParameters::settings() const {
     refuse_misfits();
     RenderSettings s = settings_;
@@ -166,7 +226,7 @@ RenderSettings SettingsParameters::settings() const {
     if (!s.colormap.empty()) (void)colormap(s.colormap, 0);
     if (!s.lut.empty()) (void)transfer_from_lut(s.lut, 0, 1);
     if (!transfer_file_.empty()) s.transfer = transfer_from_json(read_text_file(transfer_file_));
-    check(s);
+    render::check(s);
     return s;
 }
 

@@ -13,6 +13,8 @@ enum class Shading : std::uint8_t { automatic, none, gradient };
 class SettingsParameters {
 public:
     void declare(Parameters& list);
+    /// Throws Error{usage} for all that settings() and the renderer would refuse of any volume, naming the option.
+    void check() const;
     /// Throws Error{usage} for values out of range and for options that do not apply to the algorithm or exclude each
     /// other, Error{io} or Error{data} for the transfer function file.
     RenderSettings settings() const;
