@@ -53,6 +53,9 @@ public:
     bool writes() const override { return true; }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
+    std::vector<std::string> explain(Header const& header) const override {
+        return explanation(options_.settings(), header);
+    }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();

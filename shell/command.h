@@ -47,6 +47,8 @@ public:
     virtual void note(std::string const& message) = 0;
     /// Tells of a volume that is only planned (a dry run) and where it would go.
     virtual void plan(Header const& header, std::string const& output) = 0;
+    /// A note about voxels that are not shown or kept as they are; throws Error{data} with --strict.
+    virtual void lossy(std::string const& message) = 0;
     /// Opens an input: any format, "-", FIFO or stream.
     virtual std::unique_ptr<Source> open(std::string const& path) = 0;
 };
@@ -66,6 +68,8 @@ public:
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.
     virtual bool needs_whole() const { return false; }
+    /// What --explain says of a volume before it is worked on, one entry a line: method, cost.
+    virtual std::vector<std::string> explain(Header const&) const { return {}; }
     /// Returns the exit code. Asked for voxels of volumes that are only planned, sources throw PlannedOnly, which may
     /// pass: the framework then tells of the plan. Must finish() each volume that it reads; framework moves no volume
     /// itself.

@@ -6,7 +6,72 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/render/settings.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace vkt::shell {
+
+namespace {
+
+/// As render::Lattice and render::Tree keep them.
+std::size_t drawn_size(Header const& header) {
+    switch (header.dtype) {
+    case DataType::uint8:
+        return 1;
+    case DataType::uint16:
+    case DataType::int16:
+        return 2;
+    case DataType::int8:
+        return header.kind == Kind::hierarchical ? 4 : 2;
+    default:
+        return 4;
+    }
+}
+
+void check_memory(Header const& header, Execution const& execution) {
+    std::size_t const bytes = bytes_to_draw(header);
+    if (bytes <= execution.memory) return;
+    throw Error(ErrorKind::resources,
+                text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
+                     bytes_text(static_cast<double>(execution.memory))),
+                "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+}
+
+} // namespace
+
+std::size_t bytes_to_draw(Header const& header) {
+    if (header.kind == Kind::hierarchical) {
+        // Cells that rays can sample stay where they are.
+        bool const in_place = header.dtype == DataType::float32 || drawn_size(header) < 4;
+        return header.bytes() + (in_place ? 0 : static_cast<std::size_t>(header.cell_count) * sizeof(float)) +
+               static_cast<std::size_t>(header.brick_count) * 140;
+    }
+    double voxels = 1; // of the padded copy; more than there is memory for is no reason to overflow
+    for (int axis = 0; axis < 3; ++axis) voxels *= static_cast<double>(header.dims[axis] + 2 * render::lattice_padding);
+    return header.bytes() +
+           static_cast<std::size_t>(std::min(voxels * static_cast<double>(drawn_size(header)), 0x1p62));
+}
+
+std::vector<std::string> explanation(render::RenderSettings const& settings, Header const& header) {
+    std::int64_t const rays = std::int64_t{settings.width} * settings.height;
+    auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
+    std::string method, cost;
+    if (settings.algorithm == render::Algorithm::multi_scattering) {
+        method = text("delta tracking, isotropic, ", settings.samples, " paths a pixel, seed ", settings.seed);
+        cost = text(rays * settings.samples, " paths, each as long as the volume is dense");
+    } else if (settings.algorithm == render::Algorithm::implicit_iso) {
+        method = "implicit iso-surface, exact cubic per voxel";
+        cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
+    } else {
+        method = text(settings.exact ? "exact, two-point Gauss per voxel" : "ray marching", ", step ", settings.step,
+                      header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
+                      settings.skip ? ", empty space skipped" : "");
+        double const diagonal = std::hypot(length(0), length(1), length(2));
+        cost = text("at most ", static_cast<std::int64_t>(std::ceil(diagonal / settings.step)), " steps on each of ",
+                    rays, " rays");
+    }
+    return {"method " + method, text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory")};
+}
 
 bool Volumes::another() {
     while (!another_) {
@@ -21,6 +86,7 @@ bool Volumes::another() {
 
 bool Volumes::next() {
     if (!another()) return false;
+    check_memory(source_.header(), context_.execution());
     renderer_.reset();
     header_ = source_.header();
     renderer_ = std::make_unique<render::Renderer>(load(source_, context_.execution()), context_.execution());
@@ -38,11 +104,11 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
                                      {"Method", r.method},
                                      {"Unit distance", to_text(r.unit)},
                                      {"Transfer function", r.transfer}});
+    if (r.missing > 0) context.lossy(text(r.missing, " voxels are not a number and show nothing"));
+    if (r.infinite > 0) context.lossy(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
     OutputFile file(path, force);
     file.write(png.data(), png.size());
     file.commit();
-    if (r.missing > 0) context.note(text(r.missing, " voxels are not a number and show nothing"));
-    if (r.infinite > 0) context.note(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
     if (r.capped > 0) context.note(text(r.capped, " paths were cut at the bounce limit"));
     if (context.verbose()) context.note(render::report_text(r));
 }

@@ -12,6 +12,12 @@
 
 namespace vkt::shell {
 
+/// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
+std::size_t bytes_to_draw(Header const& header);
+
+/// Method and cost of a picture of such a volume, a line each.
+std::vector<std::string> explanation(render::RenderSettings const& settings, Header const& header);
+
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
 public:
@@ -21,7 +27,7 @@ public:
     /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
     /// that are only planned are described and passed over.
     bool another();
-    /// Loads the next one; without one, the last one stays.
+    /// Loads the next one; without one, the last one stays. Throws Error{resources} beyond the budget.
     bool next();
     render::Renderer const& renderer() const { return *renderer_; }
     Header const& header() const { return header_; }

@@ -127,6 +127,8 @@ public:
     void print(std::string const& report) override;
     void note(std::string const& message) override;
     void plan(Header const& header, std::string const& output) override;
+    void explain(Header const& header) const;
+    void lossy(std::string const& message) override;
     std::unique_ptr<Source> open(std::string const& path) override;
 
 private:
@@ -178,11 +180,21 @@ private:
 bool StageContext::window() const { return runner_.window(); }
 StageInfo StageContext::stage_info() const { return runner_.stage_info(invocation_); }
 void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
+void StageContext::lossy(std::string const& message) {
+    note(message);
+    if (invocation_.common().strict) throw Error(ErrorKind::data, text("--strict: ", message));
+}
 std::unique_ptr<Source> StageContext::open(std::string const& path) { return runner_.open(invocation_, path); }
 
 void StageContext::plan(Header const& header, std::string const& output) {
     bool const whole = invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole();
     std::fputs(consumer_plan_text(invocation_.stage(), header, output, whole, execution_).c_str(), stderr);
+    explain(header);
+}
+
+void StageContext::explain(Header const& header) const {
+    for (auto const& line : invocation_.consumer()->explain(header))
+        std::fputs(text(invocation_.stage(), ":   ", line, "\n").c_str(), stderr);
 }
 
 void StageContext::print(std::string const& report) {
@@ -399,6 +411,9 @@ int Runner::drain(std::unique_ptr<Source> source) {
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     auto inputs = open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
+    if (stage.common().explain && !inputs.empty())
+        inputs.front() = std::make_unique<Announced>(std::move(inputs.front()),
+                                                     [&context](Header const& header) { context.explain(header); });
     if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
         inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
     int code = 0;

@@ -92,6 +92,7 @@ PY
     f=block_24x18x30_uint8.raw
     fails_with 2 "--iso does not apply" vkt render $f --iso 3 -o a.png
     fails_with 2 "--step does not apply" vkt render $f -ra implicit-iso --step 1 -o a.png
+    fails_with 2 "--opacity does not apply" vkt render $f -ra implicit-iso --opacity 0,1 -o a.png
     fails_with 2 "--spp does not apply" vkt render $f --spp 3 -o a.png
     fails_with 2 "--shade does not apply" vkt render $f -ra multi-scattering --shade none -o a.png
     fails_with 2 "exclude" vkt render $f --lut 1 1 1 1 --colormap bone -o a.png
@@ -159,6 +160,41 @@ EOF
     fails_with 4 "c0.png" timeout 20 vkt render silent -o c%d.png
     vkt render block_24x18x30_uint8.raw -o a.png -n --force
     [ "$(cat a.png)" = precious ]
+}
+
+@test "--strict refuses voxels that cannot be shown as they are, and leaves no file" {
+    /usr/bin/python3 -c "
+import struct
+v = [0.5] * 512
+v[7] = float('nan'); open('nan_8x8x8_float32.raw', 'wb').write(struct.pack('<512f', *v))
+v[7] = float('inf'); open('inf_8x8x8_float32.raw', 'wb').write(struct.pack('<512f', *v))"
+    for kind in nan inf; do
+        fails_with 3 "--strict: 1 voxels" vkt render ${kind}_8x8x8_float32.raw --size 8 -o $kind.png --strict
+        [ ! -e $kind.png ]
+        vkt render ${kind}_8x8x8_float32.raw --size 8 -o $kind.png 2>err
+        grep -q "1 voxels are" err
+        [ -s $kind.png ]
+    done
+    vkt render block_24x18x30_uint8.raw --size 8 -o fine.png --strict
+}
+
+@test "--explain says method, step and cost before it draws" {
+    vkt render block_24x18x30_uint8.raw --size 20x10 --step 0.25 --explain -o a.png 2>err
+    cat err
+    grep -q "vkt render:   method ray marching, step 0.25 voxel" err
+    grep -q "at most 170 steps on each of 200 rays, 33.1 KiB of memory" err # 24 * 18 * 30 + 28 * 22 * 34 bytes
+    [ -s a.png ]
+    vkt render block_24x18x30_uint8.raw --size 8 -n -ra multi-scattering --spp 3 -o b.png 2>err
+    grep -q "192 paths" err
+    vkt render block_24x18x30_uint8.raw --size 8 -ra implicit-iso --iso 100 --explain -o c.png 2>err
+    grep -q "at most 72 voxels on each of 64 rays" err
+}
+
+@test "--memory counts the volume and the copy that rays sample" {
+    fails_with 5 "33.1 KiB" vkt render block_24x18x30_uint8.raw --size 8 -o a.png --memory 33000
+    fails_with 5 "budget" vkt render block_24x18x30_uint8.raw --size 8 -o a.png --memory 1k
+    [ ! -e a.png ]
+    vkt render block_24x18x30_uint8.raw --size 8 -o a.png --memory 34000
 }
 
 @test "existing files are kept, broken input leaves none" {

@@ -118,12 +118,13 @@ void SettingsParameters::refuse_misfits() const {
         char const* option;
         bool march, iso, scatter;
     };
-    static constexpr std::array<Use, 13> uses{{{"step", true, false, false},
+    static constexpr std::array<Use, 14> uses{{{"step", true, false, false},
                                                {"exact", true, false, false},
                                                {"no-skip", true, false, false},
                                                {"shade", true, true, false},
                                                {"iso", false, true, false},
                                                {"unit", true, false, true},
+                                               {"opacity", true, false, true},
                                                {"opacity-scale", true, false, true},
                                                {"spp", false, false, true},
                                                {"first-sample", false, false, true},
