@@ -1,10 +1,11 @@
-// The worker loop: pictures to save first, then new views, then refinement.
+// The worker loop: keys in their order first, then new views, then refinement.
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/painter.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -43,7 +44,7 @@ void Painter::show(View view) {
 void Painter::save() {
     {
         std::lock_guard const lock(mutex_);
-        saves_.push_back(wanted_);
+        tasks_.emplace_back(wanted_);
         saving_ = true;
     }
     changed_.notify_all();
@@ -52,7 +53,7 @@ void Painter::save() {
 void Painter::next() {
     {
         std::lock_guard const lock(mutex_);
-        next_ = true;
+        if (tasks_.empty() || tasks_.back()) tasks_.emplace_back(std::nullopt);
         refinement_.request_stop();
     }
     changed_.notify_all();
@@ -81,23 +82,21 @@ void Painter::work() {
     try {
         for (;;) {
             std::unique_lock lock(mutex_);
-            changed_.wait(lock, [&] {
-                return quit_ || next_ || !saves_.empty() || wanted_.number != shown_ || shown_effort_ < 1;
-            });
-            if (!saves_.empty()) {
-                Request const request = saves_.front();
-                saves_.pop_front();
+            changed_.wait(lock,
+                          [&] { return quit_ || !tasks_.empty() || wanted_.number != shown_ || shown_effort_ < 1; });
+            if (quit_ && !saving_) return;
+            if (!tasks_.empty()) {
+                std::optional<Request> const task = std::move(tasks_.front());
+                tasks_.pop_front();
                 lock.unlock();
-                save_picture(request);
+                if (!task) {
+                    go_on();
+                    continue;
+                }
+                save_picture(*task);
                 lock.lock();
-                saving_ = !saves_.empty();
+                saving_ = std::any_of(tasks_.begin(), tasks_.end(), [](auto const& t) { return t.has_value(); });
                 wake_(); // the window stops saying that something is being saved
-                continue;
-            }
-            if (quit_) return;
-            if (std::exchange(next_, false)) {
-                lock.unlock();
-                go_on();
                 continue;
             }
             Request const request = wanted_;
@@ -166,6 +165,7 @@ void Painter::go_on() {
         tell("this is the last volume");
         return;
     }
+    full_.reset(); // what was asked to be saved meanwhile is a picture of this volume
     std::lock_guard const lock(mutex_);
     ++wanted_.number; // the same view of something else
 }

@@ -82,8 +82,8 @@ private:
     mutable std::mutex mutex_; ///< guards what follows
     std::condition_variable changed_;
     Request wanted_;
-    std::deque<Request> saves_;
-    bool next_ = false, quit_ = false, saving_ = false;
+    std::deque<std::optional<Request>> tasks_; ///< as keys were hit: pictures to save; empty: on to the next volume
+    bool quit_ = false, saving_ = false;
     std::stop_source refinement_; ///< stops a pass over the same view
     std::stop_source drawing_;    ///< stops everything that is not saved
     std::optional<Frame> frame_;

@@ -328,5 +328,86 @@ TEST(Painting, whatWasAskedToBeSavedIsSaved) {
     EXPECT_FALSE(painter.saving());
 }
 
+/// Three volumes; drawing and loading wait for leave. Notes of which volume a saved picture is, and what its file says.
+class SteppedScene : public SlowScene {
+public:
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const&) override {
+        drawing = true;
+        await(may_draw);
+        report.unit = volume;
+        return {s.width, s.height, std::vector<float>(static_cast<std::size_t>(4 * s.width * s.height))};
+    }
+    std::string save(render::Image const&, render::RenderReport const& report, View const&) override {
+        return text("picture of ", report.unit, " as ", static_cast<int>(volume));
+    }
+    bool next() override {
+        loading = true;
+        await(may_load);
+        if (volume == 2) return false;
+        ++volume;
+        return true;
+    }
+    static void await(std::atomic<bool> const& leave) {
+        for (int i = 0; i < 20000 && !leave; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    std::atomic<int> volume{0};
+    std::atomic<bool> drawing{false}, loading{false}, may_draw{true}, may_load{true};
+};
+
+std::vector<std::string> messages(Painter& painter) {
+    std::vector<std::string> all;
+    while (auto const message = painter.take_message()) all.push_back(*message);
+    return all;
+}
+
+TEST(Painting, whatIsSavedWhileAVolumeLoadsIsThatVolume) {
+    SteppedScene scene;
+    RenderSettings const asked;
+    scene.may_load = false;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    painter.next();
+    SteppedScene::await(scene.loading);
+    painter.save();
+    scene.may_load = true;
+    painter.finish();
+    EXPECT_EQ(messages(painter), std::vector<std::string>{"saved picture of 1 as 1"});
+}
+
+TEST(Painting, keysTakeEffectInTheirOrder) {
+    SteppedScene scene;
+    RenderSettings const asked;
+    scene.may_draw = false;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    SteppedScene::await(scene.drawing); // and meanwhile, all of these
+    painter.save();
+    painter.next();
+    painter.save();
+    painter.next();
+    painter.next(); // hit again before it had any effect
+    painter.save();
+    painter.next(); // the last one: given up, because the window closes
+    std::thread closing([&] { painter.finish(); });
+    scene.may_draw = true;
+    closing.join();
+    EXPECT_EQ(messages(painter), (std::vector<std::string>{"saved picture of 0 as 0", "saved picture of 1 as 1",
+                                                           "saved picture of 2 as 2"}));
+    EXPECT_FALSE(painter.saving());
+}
+
+TEST(Painting, theLastVolumeStays) {
+    SteppedScene scene;
+    RenderSettings const asked;
+    scene.volume = 2;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    painter.next();
+    painter.save();
+    painter.finish();
+    EXPECT_EQ(messages(painter), (std::vector<std::string>{"this is the last volume", "saved picture of 2 as 2"}));
+}
+
 } // namespace
 } // namespace vkt::shell::viewer
