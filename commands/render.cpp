@@ -60,7 +60,7 @@ public:
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();
         render::Background const background = options_.background();
-        Volumes volumes(*inputs.front(), context, settings);
+        Volumes volumes(*inputs.front(), context);
         if (context.window()) {
             WindowScene scene(volumes, context, settings, background);
             if (scene.next())

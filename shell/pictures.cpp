@@ -77,7 +77,7 @@ bool Volumes::another() {
     while (!another_) {
         another_ = source_.next_volume();
         if (!*another_ || !source_.header().dry_run) break;
-        context_.note(text("would render ", source_.header().dims, " voxels into ", width_, "x", height_, " pixels"));
+        context_.plan(source_.header(), context_.output());
         source_.finish();
         another_.reset();
     }

@@ -21,8 +21,7 @@ std::vector<std::string> explanation(render::RenderSettings const& settings, Hea
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
 public:
-    Volumes(Source& source, Context& context, render::RenderSettings const& settings)
-        : source_(source), context_(context), width_(settings.width), height_(settings.height) {}
+    Volumes(Source& source, Context& context) : source_(source), context_(context) {}
 
     /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
     /// that are only planned are described and passed over.
@@ -35,7 +34,6 @@ public:
 private:
     Source& source_;
     Context& context_;
-    int width_, height_;          ///< of the pictures
     std::optional<bool> another_; ///< once it is known
     Header header_;
     std::unique_ptr<render::Renderer> renderer_;
