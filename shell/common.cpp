@@ -36,7 +36,7 @@ void Common::declare(Parameters& p, CommonKind kind) {
     p.flag("dry-run", dry_run, "print the plan, move no voxels").short_form('n').not_in_history();
     p.flag("explain", explain, "print method, error bound and cost").not_in_history();
     p.flag("timing", timing, "let the last stage print a table of times (VKT_TIMING=1)").not_in_history();
-    p.flag("strict", strict, "fail if voxels are clipped or are not a number").not_in_history();
+    p.flag("strict", strict, "fail if voxels are clipped, or not a number where the result has none").not_in_history();
     p.flag("quiet", quiet, "print errors only").short_form('q').not_in_history();
     p.flag("verbose", verbose, "print more").short_form('v').not_in_history();
     p.flag("help", help, "print this help").short_form('h').not_in_history();
