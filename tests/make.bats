@@ -67,7 +67,30 @@ s = np.fromfile("small", "f8"); assert abs(s[13] / (4 / 3 * np.pi * .064) - 1) <
     check 'i = json.load(open("i")); assert i["dims"] == [2, 3, 4] and i["spacing"] == [1, 2, 3] and i["origin"] == [-1, 0, 1] and i["dtype"] == "float32"'
 }
 
+@test "constants of every kind, exactly" {
+    vkt make constant --dims 2 2 2 --value inf | vkt stats --json | grep -q '"inf": 8,'
+    vkt make constant --dims 2 2 2 --value 1e308 --dtype float64 | vkt stats --json | grep -q '"max": 1e+308,'
+    for pair in uint64:18446744073709551615 int64:9007199254740993 int64:-9223372036854775808; do
+        vkt make constant --dims 2 2 2 --dtype ${pair%:*} --value ${pair#*:} --strict | vkt stats --json | grep -q "\"min\": ${pair#*:},"
+    done
+    vkt make checkerboard --dims 2 2 2 --dtype uint64 --strict | vkt stats --json | grep -q '"max": 18446744073709551615,'
+}
+
+@test "distances that do not fit are counted" {
+    vkt make sphere --edge distance --dims 4 4 4 --dtype int8 --radius 1000 -o d.vkt 2>remark
+    grep -q '64 of 64 voxels (100.00 %) clipped to \[-128,127\]' remark
+    fails_with 3 "clipped" vkt make sphere --edge distance --dims 4 4 4 --dtype int8 --radius 1000 --strict -o e.vkt
+    vkt make sphere --edge distance --dims 4 4 4 --dtype int16 --radius 1000 --strict -o e.vkt
+}
+
 @test "requests that make no sense" {
+    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --first inf -o x.vkt
+    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --dtype float64 --first -1e308 --last 1e308 -o x.vkt
+    fails_with 2 "too far apart" vkt make noise --dims 4 1 1 --dtype float64 --low -1e308 --high 1e308 -o x.vkt
+    fails_with 2 "for --edge coverage" vkt make sphere --dims 4 4 4 --edge coverage --inside inf -o x.vkt
+    fails_with 2 "float16 cannot hold 1e+05" vkt make constant --dims 4 1 1 --dtype float16 --value 100000 -o x.vkt
+    fails_with 2 "uint64 cannot hold 18446744073709551616" vkt make constant --dims 4 1 1 --dtype uint64 --value 18446744073709551616 -o x.vkt
+    fails_with 2 "float32 cannot hold" vkt make checkerboard --dims 4 1 1 --high 1e39 -o x.vkt
     fails_with 2 "--dims" vkt make ramp -o x.vkt
     fails_with 2 "positive number of voxels" vkt make ramp --dims 0 1 1 -o x.vkt
     fails_with 2 "cannot hold 256" vkt make ramp --dims 257 1 1 --dtype uint8 -o x.vkt

@@ -25,13 +25,15 @@ struct NoiseField {
     double low = 0, high = 1;
 };
 
+VKT_CPU_KERNEL(fill_box, (AnyView out, VoxelBytes const& voxel, Execution const& execution), (out, voxel, execution))
 VKT_CPU_KERNEL(make_ramp,
                (AnyView out, Axis axis, double first, double last, std::int64_t n, Execution const& execution),
                (out, axis, first, last, n, execution))
 VKT_CPU_KERNEL(make_checkerboard,
                (AnyView out, std::int64_t period, double low, double high, Execution const& execution),
                (out, period, low, high, execution))
-VKT_CPU_KERNEL(make_ball, (AnyView out, BallField const& field, Execution const& execution), (out, field, execution))
+VKT_CPU_KERNEL(make_ball, (AnyView out, BallField const& field, Tally& tally, Execution const& execution),
+               (out, field, tally, execution))
 VKT_CPU_KERNEL(make_marschner_lobb, (AnyView out, MarschnerLobbField const& field, Execution const& execution),
                (out, field, execution))
 VKT_CPU_KERNEL(make_noise, (AnyView out, NoiseField const& field, Execution const& execution), (out, field, execution))
@@ -40,16 +42,18 @@ VKT_CPU_KERNEL(make_noise, (AnyView out, NoiseField const& field, Execution cons
 namespace VKT_BACKEND {
 namespace {
 
-/// Calls f(x, y, z, n, to) for pieces of rows and stores the doubles it leaves in to.
-template <class F> void fill_rows(AnyView out, Execution const& execution, F const& f) {
+/// Calls f(x, y, z, n, to) for pieces of rows and stores the doubles it leaves in to; returns what did not fit.
+template <class F> Tally fill_rows(AnyView out, Execution const& execution, F const& f) {
+    Tally tally;
     for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
         alignas(64) double row[row_piece];
         for (std::int64_t i = 0; i < n; i += row_piece) {
             std::int64_t const m = std::min(row_piece, n - i);
             f(x + i, y, z, m, row);
-            store_row(out.type, static_cast<double const*>(row), out.at(x + i, y, z), m);
+            driver::add(tally, store_row(out.type, static_cast<double const*>(row), out.at(x + i, y, z), m));
         }
     });
+    return tally;
 }
 
 /// cos(2 pi u) from its Taylor series on a quarter turn: the same bits wherever IEEE arithmetic holds, to 1e-15.
@@ -142,8 +146,8 @@ void make_checkerboard(AnyView out, std::int64_t period, double low, double high
     });
 }
 
-void make_ball(AnyView out, BallField const& field, Execution const& execution) {
-    fill_rows(out, execution, [=](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t m, double* to) {
+void make_ball(AnyView out, BallField const& field, Tally& tally, Execution const& execution) {
+    tally += fill_rows(out, execution, [=](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t m, double* to) {
         Vec3 p{0, static_cast<double>(y) - field.center.y, static_cast<double>(z) - field.center.z};
         for (std::int64_t i = 0; i < m; ++i) {
             p.x = static_cast<double>(x + i) - field.center.x;
@@ -190,6 +194,15 @@ VKT_OPERATION(MakeNoise, "make noise")
 VKT_OPERATION(MakeRamp, "make ramp")
 VKT_OPERATION(MakeSphere, "make sphere")
 
+namespace {
+
+[[noreturn]] void refuse_value(DataType type, Number const& value, std::string_view option) {
+    throw Error(ErrorKind::usage, text("--", option, ": ", type, " cannot hold ", to_text(value)),
+                "choose another --dtype");
+}
+
+} // namespace
+
 void MakeField::parameters(Parameters& p) {
     p.option("dims", dims, "X Y Z", "numbers of voxels").needed();
     p.option("dtype", dtype, "TYPE", "data type (float32)").alias("data-format");
@@ -207,9 +220,8 @@ void MakeField::check() const {
 }
 
 void MakeField::check_value(double value, std::string_view option) const {
-    if (is_integer(dtype) && !(value >= lowest_of(dtype) && value <= highest_of(dtype)))
-        throw Error(ErrorKind::usage, text("--", option, ": ", dtype, " cannot hold ", value),
-                    "choose another --dtype");
+    bool const held = is_integer(dtype) ? value >= lowest_of(dtype) && value <= highest_of(dtype) : fits(dtype, value);
+    if (!held) refuse_value(dtype, value, option);
 }
 
 Plan MakeField::plan(std::span<Header const>) {
@@ -233,6 +245,8 @@ void declare_levels(Parameters& p, std::optional<double>& low, std::optional<dou
 void check_levels(double low, double high) {
     if (!std::isfinite(low) || !std::isfinite(high) || low > high)
         throw Error(ErrorKind::usage, text("--low ", low, " and --high ", high, " are not an ascending pair"));
+    if (!std::isfinite(high - low))
+        throw Error(ErrorKind::usage, text("--low ", low, " and --high ", high, " are too far apart"));
 }
 
 } // namespace
@@ -243,10 +257,11 @@ void MakeConstant::parameters(Parameters& p) {
 }
 void MakeConstant::check() const {
     MakeField::check();
-    check_value(value, "value");
+    check_value(value.value, "value");
+    if (!fits(dtype, value)) refuse_value(dtype, value, "value"); // 2^64 looks like the largest uint64 in double
 }
 void MakeConstant::run(std::span<ConstView const>, AnyView out, Execution const& execution) {
-    make_ramp(out, Axis::x, value, value, 1, execution);
+    fill_box(out, voxel_bytes(dtype, value), execution);
 }
 
 void MakeRamp::parameters(Parameters& p) {
@@ -262,6 +277,9 @@ void MakeRamp::check() const {
     MakeField::check();
     check_value(first, "first");
     check_value(last_value(), "last");
+    double const end = last_value(), steps = static_cast<double>((*dims)[static_cast<int>(axis)]);
+    if (!std::isfinite(first) || !std::isfinite(end) || !std::isfinite((end - first) * steps))
+        throw Error(ErrorKind::usage, text("--first ", first, " and --last ", end, " are infinite or too far apart"));
 }
 void MakeRamp::run(std::span<ConstView const>, AnyView out, Execution const& execution) {
     make_ramp(out, axis, first, last_value(), (*dims)[static_cast<int>(axis)], execution);
@@ -297,6 +315,8 @@ void MakeSphere::check() const {
         throw Error(ErrorKind::usage, text("--radius: ", *radius, " is not a positive number"));
     check_value(high_or_default(inside), "inside");
     check_value(low_or_default(outside), "outside");
+    if (edge == SphereEdge::coverage && !std::isfinite(high_or_default(inside) - low_or_default(outside)))
+        throw Error(ErrorKind::usage, "--inside and --outside are infinite or too far apart for --edge coverage");
     if (edge == SphereEdge::distance && (inside || outside))
         throw Error(ErrorKind::usage,
                     "--inside and --outside do not apply to --edge distance, whose values are distances");
@@ -304,6 +324,11 @@ void MakeSphere::check() const {
         throw Error(ErrorKind::usage, text("--edge distance is negative inside, which ", dtype, " cannot hold"),
                     "use --dtype float32");
 }
+Plan MakeSphere::plan(std::span<Header const> inputs) {
+    counts_ = {};
+    return MakeField::plan(inputs);
+}
+std::vector<Remark> MakeSphere::remarks() const { return store_remarks(counts_, dims->x * dims->y * dims->z, dtype); }
 void MakeSphere::run(std::span<ConstView const>, AnyView out, Execution const& execution) {
     Index3 const n = *dims;
     BallField field;
@@ -313,7 +338,11 @@ void MakeSphere::run(std::span<ConstView const>, AnyView out, Execution const& e
     field.inside = high_or_default(inside);
     field.outside = low_or_default(outside);
     field.edge = edge;
-    make_ball(out, field, execution);
+    Tally tally;
+    make_ball(out, field, tally, execution);
+    if (edge != SphereEdge::distance) return; // the others were checked, and double rounds the largest uint64 up
+    counts_.clipped += tally.clipped;
+    counts_.nan += tally.nan;
 }
 
 void MakeMarschnerLobb::parameters(Parameters& p) {

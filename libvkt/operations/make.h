@@ -3,6 +3,8 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/number.h"
+#include "libvkt/operations/remarks.h"
 
 namespace vkt {
 
@@ -23,7 +25,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
 
 protected:
-    /// Throws Error{usage} if the type cannot hold the value.
+    /// Throws Error{usage} if the type cannot hold the value. Floating types hold infinities.
     void check_value(double value, std::string_view option) const;
     double low_or_default(std::optional<double> low) const { return low.value_or(0); }
     double high_or_default(std::optional<double> high) const {
@@ -34,7 +36,7 @@ protected:
 /// One value everywhere.
 class MakeConstant : public MakeField {
 public:
-    double value = 0;
+    Number value;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
@@ -81,7 +83,12 @@ public:
     SphereEdge edge = SphereEdge::hard;
     void parameters(Parameters& p) override;
     void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
+    std::vector<Remark> remarks() const override;
+
+private:
+    StoreCounts counts_; ///< distances that did not fit
 };
 
 /// The test signal of Marschner and Lobb (Visualization 1994) on [-1, 1]^3, sampled at voxel centres, scaled to
