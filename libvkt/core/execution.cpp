@@ -2,13 +2,13 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/execution.h"
 
+#include "libvkt/core/cgroup.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/device.h"
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
 #include <optional>
 #include <sched.h>
 #include <string>
@@ -21,25 +21,6 @@ std::optional<std::string> environment(char const* name) {
     char const* const value = std::getenv(name);
     if (value == nullptr || *value == 0) return std::nullopt;
     return std::string(value);
-}
-
-/// A CPU quota of the cgroup in whole CPUs, or 0 for none.
-int quota_cpus() {
-    std::ifstream file("/sys/fs/cgroup/cpu.max");
-    double quota = 0;
-    double period = 0;
-    if (file >> quota >> period && period > 0) return std::max(1, static_cast<int>(quota / period));
-    return 0;
-}
-
-/// The tightest cgroup memory limit, or 0 for none.
-std::size_t cgroup_memory() {
-    for (char const* path : {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
-        std::ifstream file(path);
-        std::size_t limit = 0;
-        if (file >> limit && limit < (std::size_t{1} << 60)) return limit;
-    }
-    return 0;
 }
 
 std::optional<int> threads_from(char const* name) {
@@ -92,7 +73,7 @@ int default_threads() {
     cpu_set_t set;
     int n =
         sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
-    if (int const quota = quota_cpus(); quota > 0) n = std::min(n, quota);
+    if (double const quota = cgroup_limits().cpus; quota > 0 && quota < n) n = static_cast<int>(quota);
     return std::max(1, n);
 }
 
@@ -101,7 +82,7 @@ std::size_t default_memory() {
     auto const pages = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PHYS_PAGES)));
     auto const page = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PAGESIZE)));
     std::size_t total = pages * page;
-    if (std::size_t const limit = cgroup_memory(); limit > 0) total = std::min(total, limit);
+    if (std::size_t const limit = cgroup_limits().memory; limit > 0) total = std::min(total, limit);
     return total / 4; // stages of one pipeline share the machine
 }
 
