@@ -104,6 +104,15 @@ for f in types:
     check 's = json.load(open("s")); assert abs(s["min"] / 1e51 - .25) < .02 and abs(s["max"] / 1e51 - .75) < .02, s'
 }
 
+@test "infinities and NaN do not count for extremes" {
+    check 'np.array([1, np.inf, 3, np.nan, 4, -np.inf], "f4").tofile("v_6x1x1_float32.raw"); np.full(6, np.inf, "f4").tofile("w_6x1x1_float32.raw")'
+    vkt convert v_6x1x1_float32.raw --dtype uint8 --range minmax -q | raw >out
+    check 'assert np.fromfile("out", "u1").tolist() == [0, 255, 170, 0, 255, 0]'
+    vkt set v_6x1x1_float32.raw --slope -2 | vkt convert --dtype uint8 --range minmax -q | raw >out
+    check 'assert np.fromfile("out", "u1").tolist() == [255, 0, 85, 0, 0, 255], np.fromfile("out", "u1")'
+    fails_with 3 "no voxel is a finite number" vkt convert w_6x1x1_float32.raw --dtype uint8 --range minmax -o out.vkt
+}
+
 @test "slabs and threads do not matter" {
     vkt make noise --dims 33 15 21 --low -5 --high 300 | vkt write n.nrrd
     for args in "--dtype uint8" "--dtype uint8 --range p2:p98" "--dtype int16 --range minmax" "--dtype float16"; do

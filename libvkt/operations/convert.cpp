@@ -6,6 +6,7 @@
 #include "libvkt/operations/rows.h"
 
 #include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -14,6 +15,12 @@ struct LinearMap {
     double low = 0, factor = 1, to_low = 0, least = 0, most = 0;
 };
 
+/// The finite extremes of stored values, low > high if there are none.
+struct FiniteExtremes {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+};
+
+VKT_CPU_KERNEL(find_extremes, (ConstView in, FiniteExtremes& found, Execution const& execution), (in, found, execution))
 VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
                (in, out, tally, execution))
 VKT_CPU_KERNEL(convert_range,
@@ -94,6 +101,26 @@ void convert_values(ConstView in, AnyView out, Tally& tally, Execution const& ex
     if (in.type == DataType::uint64) return convert_wide_from<std::uint64_t>(in, out, tally, execution);
     if (float_suffices(in.type) && float_suffices(out.type)) return convert_through<float>(in, out, tally, execution);
     convert_through<double>(in, out, tally, execution);
+}
+
+void find_extremes(ConstView in, FiniteExtremes& found, Execution const& execution) {
+    for_each_row_piece<double>(execution, in.box,
+                               [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
+                                   load_row(in.type, in.at(x, y, z), scratch, n);
+                                   double low = std::numeric_limits<double>::infinity(), high = -low;
+#pragma omp simd reduction(min : low) reduction(max : high)
+                                   for (std::int64_t i = 0; i < n; ++i) {
+                                       double const v = scratch[i];
+                                       bool const finite = v - v == 0;
+                                       low = finite && v < low ? v : low;
+                                       high = finite && v > high ? v : high;
+                                   }
+#pragma omp critical(vkt_convert)
+                                   {
+                                       found.low = std::min(found.low, low);
+                                       found.high = std::max(found.high, high);
+                                   }
+                               });
 }
 
 void convert_range(ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution) {
@@ -197,26 +224,31 @@ Plan Convert::plan(std::span<Header const> inputs) {
         (range->low.percentile && !is_extreme(range->low)) || (range->high.percentile && !is_extreme(range->high));
     plan.method = percentiles_ ? "percentiles first, then linear map" : "extremes first, then linear map";
     plan.state_bytes = percentiles_ ? std::size_t{16} << 20 : 0;
-    extremes_.plan(inputs);
+    low_ = FiniteExtremes{}.low;
+    high_ = FiniteExtremes{}.high;
     if (percentiles_) quantiles_ = std::make_unique<Quantiles>(input_.dtype);
     return plan;
 }
 
 void Convert::scan(ConstView slab, Execution const& execution) {
-    extremes_.scan(slab, execution);
+    FiniteExtremes found{low_, high_};
+    find_extremes(slab, found, execution);
+    low_ = found.low;
+    high_ = found.high;
     if (quantiles_) quantiles_->add(slab, execution.threads);
 }
 
 void Convert::scan_end() {
-    extremes_.scan_end();
-    StatisticsResult const& r = extremes_.result();
-    if (!r.valid)
-        throw Error(ErrorKind::data, "all voxels are NaN: there is no range to map", "give numbers: --range LO:HI");
+    if (!(low_ <= high_))
+        throw Error(ErrorKind::data, "no voxel is a finite number: there is no range to map",
+                    "give numbers: --range LO:HI");
     bool const falling = input_.values.slope < 0; // percentiles are of physical values
+    double const first = input_.values.physical(low_) + 0.0, last = input_.values.physical(high_) + 0.0; // 0 for -0
+    double const least = std::min(first, last), most = std::max(first, last);
     auto const resolve = [&](RangeEnd const& end) {
         if (!end.percentile) return end.value;
-        if (end.value == 0) return r.min;
-        if (end.value == 100) return r.max;
+        if (end.value == 0) return least;
+        if (end.value == 100) return most;
         return input_.values.physical(quantiles_->percentile(falling ? 100 - end.value : end.value));
     };
     double const low = resolve(range->low), high = resolve(range->high);

@@ -5,7 +5,6 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/quantiles.h"
 #include "libvkt/operations/remarks.h"
-#include "libvkt/operations/statistics.h"
 
 #include <memory>
 
@@ -32,8 +31,8 @@ template <> struct ValueText<ValueRange> : OneWord {
 /// Without a range stored values are kept: rounded half to even, saturated, NaN to 0; both are counted. 64-bit integers
 /// convert exactly. With a range, physical values in [low, high] are mapped linearly to `to`, by default the full range
 /// of an integer type and [0, 1] of a floating one; what lies outside is clipped and counted; the output's value map is
-/// composed so that physical values stay what they were. Percentiles and extremes take a pass of their own; see
-/// Quantiles for their accuracy.
+/// composed so that physical values stay what they were. Percentiles and extremes are those of the finite voxels, of
+/// cells whatever their size, and take a pass of their own; see Quantiles for their accuracy.
 class Convert : public Operation {
 public:
     std::optional<DataType> dtype;
@@ -48,8 +47,6 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void after_scan(Header& output) const override { output.values = values_; }
-    /// Hierarchical volumes: percentiles count cells, whatever their size.
-    void enter_level(Index3 cell_width) override { extremes_.enter_level(cell_width); }
     bool uses_position() const override { return false; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
@@ -60,9 +57,9 @@ private:
     Header input_;
     DataType type_ = DataType::uint8;
     ValueMap values_;
-    double low_ = 0, high_ = 0, to_low_ = 0, to_high_ = 1, factor_ = 1; ///< stored input range, stored output range
+    double low_ = 0, high_ = 0; ///< stored input range; until scan_end() the extremes
+    double to_low_ = 0, to_high_ = 1, factor_ = 1;
     bool percentiles_ = false;
-    Statistics extremes_;
     std::unique_ptr<Quantiles> quantiles_;
     StoreCounts counts_;
     bool copies_ = false;
