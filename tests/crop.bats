@@ -34,6 +34,9 @@ np.fromfile('v_11x8x6_int16.raw', np.int16).reshape(6, 8, 11)[1:5, 2:8, 3:10].co
     grep -x 'dims       3 8 2' info # x 11.5 12 12.5, z 32 34
     grep -x 'origin     11.5 20 32' info
     fails_with 2 '' vkt crop v.nrrd --roi-world 100:200,:,: -o out.nrrd
+    vkt crop v.nrrd --roi-world -inf:inf,:,31:inf | vkt info >info
+    grep -x 'dims       11 8 5' info
+    fails_with 2 'does not meet' vkt crop v.nrrd --roi-world inf:,:,: -o out.nrrd
 }
 
 @test "like another volume: its part, at any resolution, mirrored or not" {
@@ -52,6 +55,14 @@ np.fromfile('v_11x8x6_int16.raw', np.int16).reshape(6, 8, 11)[1:5, 2:8, 3:10].co
     vkt crop v.nrrd --roi :,:,: | raw | cmp - v_11x8x6_int16.raw
     vkt crop v.nrrd --roi 2:,1:,1: | vkt crop --roi 3:6,2:5,1:3 | raw >a.raw
     vkt crop v.nrrd --roi 5:8,3:6,2:4 | raw | cmp - a.raw
+}
+
+@test "bounds that cannot be counted are refused" {
+    fails_with 2 'out of range' vkt crop v.nrrd --roi 9223372036854775807,:,: -o out.nrrd
+    fails_with 2 'out of range' vkt crop v.nrrd --roi=-9223372036854775808:,:,: -o out.nrrd
+    fails_with 2 'out of range' vkt crop v.nrrd --roi 1:+9223372036854775807,:,: -o out.nrrd
+    fails_with 2 'not a number of voxels' vkt crop v.nrrd --roi 3:+-5,:,: -o out.nrrd
+    [ ! -e out.nrrd ]
 }
 
 @test "boxes that are empty, inverted or outside are refused" {

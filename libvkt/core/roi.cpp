@@ -22,6 +22,8 @@ std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty)
         return std::llround(share / 100 * static_cast<double>(n));
     }
     std::int64_t const value = parse_integer(word);
+    if (value > max_roi_extent || value < -max_roi_extent)
+        throw Error(ErrorKind::usage, text("--roi ", word, " is out of range"));
     return word.front() == '-' ? n + value : value;
 }
 
@@ -39,9 +41,10 @@ void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t
         std::string_view const end = range.substr(colon + 1);
         lower = bound(range.substr(0, colon), n, 0);
         if (!end.empty() && end.front() == '+') {
-            std::int64_t const size = bound(end.substr(1), n, 0);
-            if (size > max_roi_extent) throw Error(ErrorKind::usage, text("--roi ", range, " is out of range"));
-            upper = lower + size;
+            std::string_view const size = end.substr(1);
+            if (size.starts_with('-') || size.starts_with('+'))
+                throw Error(ErrorKind::usage, text("--roi ", range, ": '", size, "' is not a number of voxels"));
+            upper = lower + bound(size, n, 0);
         } else {
             upper = bound(end, n, n);
         }
@@ -83,8 +86,11 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
             throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"));
         for (int i = 0; i < 2; ++i) {
             std::string const& end = ends[static_cast<std::size_t>(i)];
-            open[i][axis] = end.empty();
-            corner[i][axis] = end.empty() ? 0 : parse_double(end);
+            double const edge = i == 0 ? -HUGE_VAL : HUGE_VAL;
+            corner[i][axis] = end.empty() ? edge : parse_double(end);
+            open[i][axis] = corner[i][axis] == edge;
+            if (corner[i][axis] == -edge)
+                throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not meet the volume"));
         }
     }
     for (int axis = 0; axis < 3; ++axis)
