@@ -1,5 +1,6 @@
 // vkt history: what made a volume.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
 #include "libvkt/core/report.h"
 #include "shell/command.h"
 
@@ -38,17 +39,25 @@ public:
     }
     bool reports() const override { return true; }
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        if (as_shell_ && context.json()) throw Error(ErrorKind::usage, "--as-shell and --json exclude each other");
         Source& source = *inputs.front();
+        std::vector<std::string> objects, texts;
         while (source.next_volume()) {
             std::optional<History> const history = source.header().history;
             source.finish();
             if (context.json())
-                context.print(history ? json(*history, 0) + "\n" : "null\n");
+                objects.push_back(history ? json(*history, 0) : "null");
             else if (!history)
                 context.note("the volume has no history");
             else
-                context.print(as_shell_ ? history_as_shell(*history) + "\n" : tree(*history, 0));
+                texts.push_back(as_shell_ ? history_as_shell(*history) + "\n" : tree(*history, 0));
         }
+        if (objects.size() == 1)
+            context.print(objects.front() + "\n");
+        else if (context.json())
+            context.print("[\n" + join(objects, ",\n") + "\n]\n");
+        else if (!texts.empty())
+            context.print(join(texts, ""));
         return 0;
     }
 

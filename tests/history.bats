@@ -48,6 +48,20 @@ import json, sys; h = json.load(sys.stdin)
 assert h["command"][0] == "resample" and h["inputs"][0]["command"][:2] == ["make", "ramp"], h'
 }
 
+@test "of several volumes: one list, and one form" {
+    vkt make ramp --dims 4 4 4 -o a.nrrd
+    vkt make noise --dims 4 4 4 --no-history -o b.vkt
+    vkt read a.nrrd -o c.vkt
+    vkt history '[ac].*' --json | /usr/bin/python3 -c '
+import json, sys; h = json.load(sys.stdin)
+assert [v["command"][:2] for v in h] == [["make", "ramp"]] * 2, h'
+    vkt history '[bc].vkt' --json 2>note | /usr/bin/python3 -c '
+import json, sys; h = json.load(sys.stdin)
+assert h[0] is None and h[1]["command"][0] == "make", h'
+    [ "$(vkt history '[ac].*' | wc -l)" = 2 ]
+    fails_with 2 "exclude each other" vkt history a.nrrd --as-shell --json
+}
+
 @test "a volume without one" {
     vkt make ramp --dims 4 4 4 --no-history | vkt history >out 2>note
     [ ! -s out ]

@@ -29,3 +29,10 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     cmp a.png c.png
     fails_with 2 "'abc' is not a number" vkt render --lut abc v.nrrd -o d.png
 }
+
+@test "a value from an option or a variable is named with its whole word" {
+    fails_with 2 "--memory: 'abc' is not a size" vkt stats v.nrrd --memory abc
+    fails_with 2 "--memory: '1.2.3G' is not a size" vkt stats v.nrrd --memory 1.2.3G
+    VKT_MEMORY=5Q fails_with 2 "VKT_MEMORY: '5Q' is not a size" vkt stats v.nrrd
+    VKT_DEVICE=abc fails_with 2 "VKT_DEVICE: 'abc' is not one of" vkt stats v.nrrd
+}

@@ -104,3 +104,10 @@ assert 20480 <= total < 20480 + 65536, total'
         [ "$(vkt read n.nrrd --slab $slab --transport shm | vkt stats --roi 3:30,4:20,5:21 --json | grep -v arg)" = "$expected" ]
     done
 }
+
+@test "several volumes are numbered as vkt info does" {
+    vkt make ramp --dims 4 4 4 -o a1.nrrd
+    vkt make ramp --dims 4 4 4 -o a2.nrrd
+    diff <(vkt stats 'a?.nrrd' | sed -n 's/^volume  *//p') <(vkt info 'a?.nrrd' | sed -n 's/^volume  *//p')
+    [ "$(vkt stats 'a?.nrrd' | sed -n 's/^volume  *//p')" = "$(printf '1 of 2\n2 of 2')" ]
+}

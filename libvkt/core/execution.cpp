@@ -78,7 +78,11 @@ int default_threads() {
 }
 
 std::size_t default_memory() {
-    if (auto const asked = environment("VKT_MEMORY")) return parse_size(*asked);
+    if (auto const asked = environment("VKT_MEMORY")) try {
+            return parse_size(*asked);
+        } catch (Error const& e) {
+            throw Error(e.kind(), text("VKT_MEMORY: ", e.what()), e.hint());
+        }
     auto const pages = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PHYS_PAGES)));
     auto const page = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PAGESIZE)));
     std::size_t total = pages * page;

@@ -19,12 +19,14 @@ void ExecutionOptions::declare(Parameters& p) {
 Execution ExecutionOptions::execution() const {
     Execution execution = default_execution();
     char const* const variable = std::getenv("VKT_DEVICE");
-    std::string const asked = device == "auto" && variable != nullptr && *variable != 0 ? variable : device;
+    bool const from_variable = device == "auto" && variable != nullptr && *variable != 0;
+    std::string const asked = from_variable ? variable : device;
+    std::string const what = from_variable ? "VKT_DEVICE" : "--device";
     std::string const name = asked.substr(0, asked.find(':'));
-    execution.device = parse_enum<Device>(name, "--device");
+    execution.device = parse_enum<Device>(name, what);
     if (name != asked) {
         if (execution.device != Device::gpu)
-            throw Error(ErrorKind::usage, text("--device ", asked, ": only GPUs are numbered"));
+            throw Error(ErrorKind::usage, text(what, ": '", asked, "': only GPUs are numbered"));
         execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "device");
     }
     if (execution.device == Device::gpu) {
@@ -41,7 +43,11 @@ Execution ExecutionOptions::execution() const {
             throw Error(ErrorKind::usage, text("--threads ", *threads, " is not between 1 and 4096"));
         execution.threads = *threads;
     }
-    if (memory) execution.memory = parse_size(*memory);
+    if (memory) try {
+            execution.memory = parse_size(*memory);
+        } catch (Error const& e) {
+            throw Error(e.kind(), text("--memory: ", e.what()), e.hint());
+        }
     if (slab < 0) throw Error(ErrorKind::usage, text("--slab ", slab, " is negative"));
     execution.slab = slab;
     return execution;

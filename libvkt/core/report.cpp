@@ -96,8 +96,12 @@ std::string Report::json(int indent) const {
 std::string Report::text(std::vector<Report> const& reports) {
     std::string result;
     for (std::size_t i = 0; i < reports.size(); ++i) {
-        if (reports.size() > 1) result += vkt::text(i == 0 ? "" : "\n", "volume ", static_cast<std::int64_t>(i), "\n");
-        result += reports[i].text();
+        Report numbered;
+        if (reports.size() > 1)
+            numbered.add("volume", vkt::text(static_cast<std::int64_t>(i + 1), " of ", std::ssize(reports)));
+        numbered.fields_.insert(numbered.fields_.end(), reports[i].fields_.begin(), reports[i].fields_.end());
+        if (i > 0) result += '\n';
+        result += numbered.text();
     }
     return result;
 }

@@ -190,7 +190,8 @@ std::int64_t parse_integer(std::string_view word) { return parse_whole<std::int6
 
 std::uint64_t parse_size(std::string_view word) {
     std::size_t const end = word.find_first_not_of("0123456789.");
-    double const number = parse_double(word.substr(0, end));
+    std::string_view const digits = word.substr(0, end);
+    double const number = is_number(digits) ? parse_double(digits) : 0; // 0 is no size
     std::string unit = lower_case(end == std::string_view::npos ? "" : word.substr(end));
     if (!unit.empty() && unit.back() == 'b') unit.pop_back();
     if (!unit.empty() && unit.back() == 'i') unit.pop_back();
