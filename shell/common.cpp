@@ -43,6 +43,17 @@ void Common::declare(Parameters& p, CommonKind kind) {
     p.flag("examples", examples, "print the examples as commands, one a line").not_in_history();
 }
 
+bool Common::streams() const {
+    return format == "vkt" || (format.empty() && (output == "-" || output.ends_with(".vkt")));
+}
+
+void Common::check_output() const {
+    if (compress && streams()) throw Error(ErrorKind::usage, "--compress: streams are not compressed");
+    if (no_checksum && !streams()) throw Error(ErrorKind::usage, "--no-checksum: only streams have checksums");
+    if (transport && (output != "-" || !streams()))
+        throw Error(ErrorKind::usage, "--transport: no other command reads this output");
+}
+
 ipc::Transport Common::resolved_transport() const {
     if (transport) return *transport;
     std::string const asked = environment("VKT_TRANSPORT");

@@ -34,6 +34,9 @@ struct Common : ExecutionOptions {
     bool help = false, examples = false;
 
     void declare(Parameters& parameters, CommonKind kind);
+    /// Throws Error{usage} for options that the output, a stream or a file, has no use for.
+    void check_output() const;
+    bool streams() const; ///< volumes leave as a stream, through a pipe or into a file
     ipc::Transport resolved_transport() const;
     bool wants_timing() const;
 };

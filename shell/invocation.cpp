@@ -91,6 +91,7 @@ void Invocation::parse() {
     if (operation_) operation_->check();
     if (consumer_) consumer_->check();
     if (opener_) opener_->check();
+    if (yields_volumes()) common_.check_output();
     resolve_inputs();
 }
 

@@ -95,6 +95,9 @@ std::string spelling(Parameter const& p) {
             for (auto const& alias : p.aliases) names.push_back("--" + alias);
         }
     std::string const bare = word.substr(0, word.find('='));
+    if (bare == "--each" || bare == "-each")
+        throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
+                    "every command treats each of several volumes by itself; see vkt(7)");
     std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
     throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
                 near.empty() ? "see --help" : text("did you mean '", near, "'?"));

@@ -36,3 +36,21 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     VKT_MEMORY=5Q fails_with 2 "VKT_MEMORY: '5Q' is not a size" vkt stats v.nrrd
     VKT_DEVICE=abc fails_with 2 "VKT_DEVICE: 'abc' is not one of" vkt stats v.nrrd
 }
+
+@test "options that do not apply to the output are refused" {
+    fails_with 2 "--compress: streams are not compressed" vkt flip x v.nrrd --compress
+    fails_with 2 "--compress: streams are not compressed" vkt flip x v.nrrd --compress -o o.vkt
+    fails_with 2 "--no-checksum: only streams" vkt flip x v.nrrd --no-checksum -o o.nrrd
+    fails_with 2 "--no-checksum: only streams" vkt flip x v.nrrd --no-checksum --format raw
+    fails_with 2 "--transport: no other command" vkt flip x v.nrrd --transport shm -o o.vkt
+    [ "$(vkt flip x v.nrrd --transport shm -o o.nrrd 2>&1 | wc -l)" = 1 ]
+    [ ! -e o.nrrd ] && [ ! -e o.vkt ]
+    VKT_TRANSPORT=shm vkt flip x v.nrrd -o o.nrrd
+    vkt flip x v.nrrd --no-checksum -o o.vkt
+    vkt flip x v.nrrd --format vkt --no-checksum --transport pipe | vkt diff - o.vkt
+    vkt flip x v.nrrd --compress -o p.nrrd
+}
+
+@test "who asks for each volume is told that this is so" {
+    fails_with 2 "every command treats each of several volumes by itself" vkt flip x v.nrrd --each
+}
