@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <exception>
 
 namespace vkt::render {
 
@@ -192,16 +191,24 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
     scene.upper = place(shown.upper);
     scene.to_lattice = world_to_lattice(g);
 
-    // |A^T g|^2 for a lattice gradient g, A mapping world to lattice vectors.
+    // Gradients are shaded in units of a reference, so that the sizes of values and of the world do not matter. |A^T
+    // g|^2 for a lattice gradient g, A mapping world vectors, in smallest spacings, to lattice vectors.
+    double const smallest = smallest_spacing(g);
     Matrix3 const& a = scene.to_lattice;
-    Double3 const rows[3] = {{a.x.x, a.y.x, a.z.x}, {a.x.y, a.y.y, a.z.y}, {a.x.z, a.y.z, a.z.z}};
+    Double3 const rows[3] = {Double3{a.x.x, a.y.x, a.z.x} * smallest, Double3{a.x.y, a.y.y, a.z.y} * smallest,
+                             Double3{a.x.z, a.y.z, a.z.z} * smallest};
     auto const metric = [&](int i, int j, double factor) { return static_cast<float>(factor * dot(rows[i], rows[j])); };
-    double const stored_range = std::abs((look.domain.upper - look.domain.lower) / header_.values.slope);
+    double range = look.domain.upper - look.domain.lower;
+    // Of a single value all surfaces are shaded, and of a constant volume none.
+    if (!(range > 0)) range = 1e-6 * (histogram().greatest - histogram().least);
+    if (!(range > 0)) range = 1;
+    double const reference = 0.02 * range / std::abs(header_.values.slope) / (tree_ ? tree_->typical_width() : 1);
     scene.shade = {
         static_cast<float>(look.shade),
         0.25F,
         0.12F,
-        static_cast<float>(0.02 * stored_range / (smallest_spacing(g) * (tree_ ? tree_->typical_width() : 1))),
+        static_cast<float>(1 / reference),
+        static_cast<float>(smallest),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
     scene.iso_count = static_cast<int>(look.isos.size());
     std::copy(look.isos.begin(), look.isos.end(), scene.isos);

@@ -273,6 +273,39 @@ TEST(RenderMarch, ScaleOfWorldAndDataDoNotMatter) {
     }
 }
 
+// Neither do they for shading, up to sizes whose squares are no floats.
+TEST(RenderMarch, ScaleOfWorldAndDataDoNotMatterForShading) {
+    Volume const volume = blobs({21, 25, 30}, DataType::float32);
+    for (Algorithm const algorithm : {Algorithm::ray_marching, Algorithm::implicit_iso}) {
+        RenderSettings s;
+        s.width = s.height = 32;
+        s.algorithm = algorithm;
+        s.shade = 0.9;
+        std::vector<unsigned char> const one = to_bytes(render_one(volume, s).image, {});
+        s.shade = 0;
+        EXPECT_NE(to_bytes(render_one(volume, s).image, {}), one);
+        s.shade = 0.9;
+        auto const compare = [&](Volume const& other, std::string const& what) {
+            std::vector<unsigned char> const bytes = to_bytes(render_one(other, s).image, {});
+            int greatest = 0;
+            for (std::size_t i = 0; i < bytes.size(); ++i) greatest = std::max(greatest, std::abs(bytes[i] - one[i]));
+            EXPECT_LE(greatest, 1) << what << " for algorithm " << static_cast<int>(algorithm);
+        };
+        for (double const scale : {1e-20, 1e-12, 1e12, 1e20}) {
+            Volume world = volume;
+            world.header().geometry.spacing = {scale, scale, scale};
+            compare(world, text("spacing ", scale));
+            Index3 const d = volume.header().dims;
+            auto const v = volume.view().as<float>();
+            compare(volume_of(d, {1, 1, 1},
+                              [&](double x, double y, double z) {
+                                  return scale * static_cast<double>(v(std::lround(x), std::lround(y), std::lround(z)));
+                              }),
+                    text("values ", scale));
+        }
+    }
+}
+
 TEST(RenderMarch, OddShapesWork) {
     for (Index3 const dims : {Index3{1, 1, 1}, Index3{2049, 3, 3}, Index3{1, 40, 7}}) {
         Volume volume = constant_volume(dims, 5.0F, {1, 1, 1});

@@ -177,12 +177,14 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
             });
     }
     if (surface < 0) return {0, 0, 0, 1};
-    Float3 const g = sampler.gradient(to_float(ray.entry + ray.direction * nearest));
-    Float3 const d = to_float(ray.direction);
-    ShadeView shade = scene.shade;
-    shade.reference = 0; // a surface is a surface, however faint the gradient
-    float const along = dot(g, d) / static_cast<float>(ray.world_per_lattice);
-    Shading const s = headlight(shade, g.x, g.y, g.z, along);
+    Float3 g = sampler.gradient(to_float(ray.entry + ray.direction * nearest));
+    // A surface is a surface, however faint the gradient: only its direction matters.
+    float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
+    float const most = xy > z ? xy : z;
+    if (most > 0) g = g * (1.0F / most);
+    float const along =
+        dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
+    Shading const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
     IsoView const& iso = scene.isos[surface];
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }

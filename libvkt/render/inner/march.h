@@ -15,16 +15,25 @@ struct Radiance {
     float red, green, blue, transmittance;
 };
 
-/// Brightness of a surface element seen with a light at the eye; `along` is the gradient's part along the ray.
+/// Brightness of a surface element seen with a light at the eye.
 struct Shading {
     float diffuse, glint;
 };
-VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along) {
+
+/// Part of a lattice gradient in units of the reference, within what floats can hold the square of. NaN stays.
+VKT_HD float in_references(ShadeView const& shade, float g) {
+    constexpr float limit = 1e15F;
+    float const scaled = g * shade.per_gradient;
+    return scaled < -limit ? -limit : scaled > limit ? limit : scaled;
+}
+
+/// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
+/// `reference` is shaded half.
+VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float reference) {
     float const* m = shade.metric;
     float const squared =
         m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
-    float const reference = shade.reference * shade.reference;
-    float const surface = squared > 0 ? shade.strength * squared / (squared + reference) : 0.0F;
+    float const surface = squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
     float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
     float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
     float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
@@ -118,11 +127,12 @@ template <class S, class Comb> struct March {
                 t[j] = Real(0.5) * (comb.point(k) + comb.point(k + 1));
             }
             sampler.gradients(origin, direction, t, gx, gy, gz);
-            float const per_world = 1.0F / world;
+            float const per_spacing = scene.shade.spacing / world;
             Float3 const toward = to_float(direction);
             for (int j = 0; j < chunk; ++j) {
-                float const along = (gx[j] * toward.x + gy[j] * toward.y + gz[j] * toward.z) * per_world;
-                Shading const s = headlight(scene.shade, gx[j], gy[j], gz[j], along);
+                Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
+                               in_references(scene.shade, gz[j])};
+                Shading const s = headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, 1.0F);
                 diffuse[j] = s.diffuse;
                 glint[j] = s.glint;
             }

@@ -32,10 +32,11 @@ struct Knot {
     double value, extinction, red, green, blue;
 };
 
-/// Headlight shading: strength 0 turns it off. A gradient of `reference` per world length is shaded half.
+/// Headlight shading: strength 0 turns it off. A gradient of 1 / per_gradient per smallest spacing is shaded half.
 struct ShadeView {
-    float strength, ambient, specular, reference;
-    float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared world length of a lattice gradient
+    float strength, ambient, specular, per_gradient;
+    float spacing;   ///< the smallest one
+    float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared length of a lattice gradient, per smallest spacing
 };
 
 struct IsoView {
