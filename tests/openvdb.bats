@@ -16,6 +16,36 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
     grep -q '"same_geometry": true' diff.json
 }
 
+@test "equal volumes make equal files, different ones files that differ in their UUID" {
+    vkt write a.vdb sphere.nrrd
+    sleep 1
+    vkt write b.vdb sphere.nrrd
+    cmp a.vdb b.vdb
+    vkt read a.vdb | vkt write c.vdb
+    vkt read b.vdb | vkt write d.vdb
+    cmp c.vdb d.vdb
+    uuid() { dd if="$1" bs=1 skip=21 count=36 status=none; }
+    [[ "$(uuid a.vdb)" =~ ^[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}$ ]]
+    vkt arith add sphere.nrrd 1 | vkt write e.vdb
+    [ "$(uuid a.vdb)" != "$(uuid e.vdb)" ]
+    # What OpenVDB thinks of it.
+    if /usr/bin/python3 -c 'import pyopenvdb' 2>/dev/null; then
+        /usr/bin/python3 -c "import pyopenvdb as v; v.readAll('a.vdb')"
+    fi
+}
+
+@test "the history is kept, of grids and of trees" {
+    vkt read sphere.nrrd | vkt flip x | vkt write flipped.vdb
+    vkt history flipped.vdb >got
+    cat got
+    grep -q 'vkt make sphere' got
+    grep -q 'vkt flip x' got
+    vkt make amr --blocks 20 --levels 2 | vkt write tree.vdb
+    vkt history tree.vdb | grep -q 'vkt make amr --blocks 20 --levels 2'
+    # And travels on.
+    vkt read flipped.vdb | vkt resample --method nearest | vkt history | grep -q 'vkt flip x'
+}
+
 @test "a background other than 0 is left out and comes back" {
     vkt arith add sphere.nrrd 5 -o five.nrrd
     vkt write zero.vdb five.nrrd

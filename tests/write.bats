@@ -145,3 +145,15 @@ assert info["history"]["command"][0] == "read", info'
     fails_with 2 "MetaImage cannot hold float16" vkt write a.mha half_7x5x3_float16.raw
     [ ! -e a.nrrd ] && [ ! -e a.mha ]
 }
+
+@test "files carry neither a date nor anything random" {
+    vkt make noise --dims 12 10 8 -o v.nrrd
+    for turn in 1 2; do
+        mkdir $turn
+        for name in a.nrrd a.mha a.vkt a.raw a.raw.gz; do vkt write $turn/$name v.nrrd; done
+        vkt write $turn/b.nrrd v.nrrd --compress
+        vkt render v.nrrd --size 8 -o $turn/a.png
+        sleep 1.1
+    done
+    diff -r 1 2
+}

@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
 
 #include <cerrno>
 #include <cstring>
@@ -257,6 +258,8 @@ private:
         header_.geometry = geometry_of(grid_.transform(), path_, first_);
         auto& attributes = header_.attributes;
         attributes["variable"] = grid_.getName();
+        if (auto const history = grid_.template getMetadata<openvdb::StringMetadata>(history_name))
+            header_.history = parse_history(history->value());
         attributes["background"] = to_text(static_cast<double>(grid_.background()));
         if (grid_.getGridClass() != openvdb::GRID_UNKNOWN)
             attributes["class"] = openvdb::GridBase::gridClassToString(grid_.getGridClass());

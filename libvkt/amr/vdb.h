@@ -39,7 +39,8 @@ struct VdbWriteOptions {
 
 /// Writes a structured or hierarchical volume as one grid: cells of coarse levels become tiles where they fill nodes.
 /// float16 is saved as half; 8- to 32-bit signed and 8- and 16-bit unsigned integers become int32, uint32 and int64
-/// become int64. Throws Error{usage} for uint64 and extents beyond 2^31, Error{io}.
+/// become int64. The history is kept, and equal volumes make equal files. Throws Error{usage} for uint64 and extents
+/// beyond 2^31, Error{io}.
 void write_vdb(Volume const& volume, std::string const& path, VdbWriteOptions const& options);
 
 } // namespace vkt

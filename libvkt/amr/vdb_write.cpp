@@ -5,6 +5,7 @@
 #include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wconversion"
@@ -14,8 +15,13 @@
 #include <openvdb/tools/Prune.h>
 #pragma GCC diagnostic pop
 
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
 #include <limits>
+#include <vector>
 
 namespace vkt {
 
@@ -133,6 +139,55 @@ openvdb::GridBase::Ptr build(Volume const& volume, VdbWriteOptions const& option
     throw Error(ErrorKind::usage, "OpenVDB has no grids of uint64", "convert first: vkt convert --dtype float64");
 }
 
+/// Eight bytes at a time into 64 bits of the hash.
+class Mixer {
+public:
+    explicit Mixer(std::uint64_t seed) : state_(seed) {}
+    void add(std::uint64_t word) {
+        state_ = (state_ ^ word) * 0x9E3779B97F4A7C15U;
+        state_ ^= state_ >> 29;
+    }
+    std::uint64_t value() const { return state_; }
+
+private:
+    std::uint64_t state_;
+};
+
+/// OpenVDB gives every file a random UUID. One that follows from the rest of the file makes equal volumes equal files.
+void replace_uuid(std::string const& path) {
+    constexpr std::streamoff place = 21; // behind the magic number, three version numbers and a flag
+    constexpr std::size_t length = 36, block_size = std::size_t{1} << 20;
+    std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
+    std::vector<char> block(block_size);
+    Mixer low(1), high(2);
+    std::uint64_t bytes = 0;
+    while (file.read(block.data(), block_size), file.gcount() > 0) {
+        auto const n = static_cast<std::size_t>(file.gcount());
+        std::fill(block.begin() + file.gcount(), block.end(), '\0');
+        if (bytes == 0) std::fill_n(block.begin() + place, length, '\0');
+        for (std::size_t i = 0; i < n; i += 8) {
+            std::uint64_t word = 0;
+            std::memcpy(&word, block.data() + i, 8);
+            low.add(word);
+            high.add(word);
+        }
+        bytes += n;
+    }
+    low.add(bytes);
+    high.add(bytes);
+    std::array<char, length + 1> uuid{};
+    // Version 8: made as its maker likes; variant 2.
+    std::snprintf(uuid.data(), uuid.size(), "%08x-%04x-8%03x-%04x-%012llx", static_cast<unsigned>(low.value() >> 32),
+                  static_cast<unsigned>(low.value() >> 16 & 0xFFFFU), static_cast<unsigned>(low.value() & 0xFFFU),
+                  static_cast<unsigned>(high.value() >> 48 & 0x3FFFU) | 0x8000U,
+                  static_cast<unsigned long long>(high.value() & 0xFFFFFFFFFFFFU));
+    file.clear();
+    file.exceptions(std::ios::failbit | std::ios::badbit);
+    file.seekp(place);
+    file.write(uuid.data(), static_cast<std::streamsize>(length));
+    file.close();
+}
+
 } // namespace
 
 namespace openvdb_module {
@@ -161,9 +216,11 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         grid->insertMeta(box_max_name, openvdb::Vec3IMetadata(openvdb::Vec3i(static_cast<int>(header.dims.x - 1),
                                                                              static_cast<int>(header.dims.y - 1),
                                                                              static_cast<int>(header.dims.z - 1))));
+        if (header.history) grid->insertMeta(history_name, openvdb::StringMetadata(history_text(*header.history)));
         openvdb::io::File file(path);
         file.write(openvdb::GridCPtrVec{grid});
         file.close();
+        replace_uuid(path);
     } catch (Error const&) {
         throw;
     } catch (std::bad_alloc const&) {
