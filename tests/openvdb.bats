@@ -120,3 +120,42 @@ a.transpose(2, 1, 0).tofile('first.raw')"
     printf 'not a grid' >text.vdb
     fails_with 3 'text.vdb' vkt read text.vdb
 }
+
+@test "a level set is read with its class, its background and the distances in its band" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+ball = vdb.createLevelSetSphere(radius=8, voxelSize=0.5, center=(1, 2, 3))
+ball.name = 'ball'
+vdb.write('ball.vdb', grids=[ball])"
+    vkt info ball.vdb >info
+    grep -q 'class: level set' info
+    grep -q 'background: 1.5' info
+    vkt read ball.vdb | vkt resample --method nearest -o ball.nrrd
+    vkt read ball.nrrd | vkt write - --format raw >ball.raw
+    vkt info ball.nrrd --json >info.json
+    /usr/bin/python3 -c "
+import json, numpy as np
+i = json.load(open('info.json'))
+a = np.fromfile('ball.raw', np.float32).reshape(i['dims'][::-1])
+z, y, x = (i['origin'][k] + i['spacing'][k] * np.arange(i['dims'][k]) for k in (2, 1, 0))
+d = np.sqrt((z[:, None, None] - 3) ** 2 + (y[:, None] - 2) ** 2 + (x - 1) ** 2) - 8
+# Exact within the band, and inside and outside of it the half width with the right sign.
+assert np.abs(a - np.clip(d, -1.5, 1.5)).max() < 1e-5, np.abs(a - np.clip(d, -1.5, 1.5)).max()"
+}
+
+@test "grids of points are refused, and what to do is said" {
+    # OpenVDB's Python module makes none: a grid of floats whose entry in the table of grids says that it is of points.
+    /usr/bin/python3 -c "
+import struct
+b = open('probe.vdb', 'rb').read()
+def word(s): return struct.pack('<I', len(s)) + s
+old, new = word(b'Tree_float_5_4_3'), word(b'Tree_ptdataidx32_5_4_3')
+at = b.index(old) + len(old)
+parent = at + 4 + struct.unpack('<I', b[at:at + 4])[0]
+places = [p + len(new) - len(old) for p in struct.unpack('<3q', b[parent:parent + 24])]
+open('points.vdb', 'wb').write(b[:at].replace(old, new) + b[at:parent] + struct.pack('<3q', *places) + b[parent + 24:])"
+    fails_with 3 "holds points" vkt read points.vdb
+    [[ "$stderr" == *"rasterize the points"* ]]
+    fails_with 3 "holds points" vkt read points.vdb --variable density
+}

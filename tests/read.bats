@@ -114,6 +114,28 @@ total = sum(map(int, sys.stdin))
 assert 10240 <= total < 10240 + 65536, total'
 }
 
+@test "a region of a file with a header reads only the bytes it needs" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers need all of the address space and no tracer"
+    command -v strace >/dev/null || skip "strace is not installed"
+    truncate -s 512M big.raw
+    printf 'NRRD0004\ntype: ushort\ndimension: 3\nsizes: 512 1024 512\nencoding: raw\nendian: little\n' >head
+    { cat head && printf '\n' && cat big.raw; } | dd of=big.nrrd bs=1M iflag=fullblock conv=sparse status=none
+    { cat head && printf 'data file: big.raw\n\n'; } >big.nhdr
+    printf 'ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = 512 1024 512\nElementType = MET_USHORT\n' >head
+    { cat head && printf 'ElementDataFile = LOCAL\n' && cat big.raw; } | dd of=big.mha bs=1M iflag=fullblock conv=sparse status=none
+    { cat head && printf 'ElementDataFile = big.raw\n'; } >big.mhd
+    for name in big.nrrd big.nhdr big.mha big.mhd; do
+        strace -f -y -e trace=read,pread64,preadv,mmap -o trace vkt read $name --roi :,10:20,7 -o part.raw --force
+        [ "$(stat -c %s part.raw)" -eq 10240 ]
+        grep "/big\." trace | sed -n 's/.*= \([0-9]*\)$/\1/p' | python3 -c '
+import sys
+total = sum(map(int, sys.stdin))
+assert 10240 <= total < 10240 + 65536, (sys.argv[1], total)' $name
+        # It is the file that is read and not a mapping of it.
+        ! grep -q "mmap.*/big\." trace
+    done
+}
+
 @test "a named pipe and a process substitution are read once" {
     mkfifo fifo
     cat ramp_7x5x3_int16.raw >fifo &

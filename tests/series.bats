@@ -1,0 +1,153 @@
+# Several volumes: many files in, many files out, and every stage in between; pipelines as a whole.
+load helper
+
+setup_more() {
+    # Ascending values, times 1, 9 and 10: numbers in names are compared as numbers.
+    for n in 1 9 10; do
+        /usr/bin/python3 -c "
+import struct
+open('step_$n.raw', 'wb').write(struct.pack('<120H', *(i * $n for i in range(120))))"
+    done
+}
+
+series() { vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16; }
+one() { vkt read "step_$1.raw" --dims 6 5 4 --dtype uint16; }
+values() { vkt write - --format raw; }
+
+@test "files that match are read in the order of their numbers, and written one by one" {
+    series | vkt write 'out_%04d.nrrd'
+    [ "$(echo out_*)" = "out_0000.nrrd out_0001.nrrd out_0002.nrrd" ]
+    vkt read out_0000.nrrd | values | cmp - step_1.raw
+    vkt read out_0001.nrrd | values | cmp - step_9.raw
+    vkt read out_0002.nrrd | values | cmp - step_10.raw
+    # A name without a place for the number takes one volume, or all where the format holds several.
+    series | vkt write all.vkt
+    [ "$(vkt stats all.vkt --json | grep -c '"argmax"')" -eq 3 ]
+    vkt read 'out_*.nrrd' | vkt diff - all.vkt
+    # Existing files are kept.
+    run -4 vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 -o 'out_%04d.nrrd'
+    fails_with 4 "no file matches" vkt read 'stop_*.raw' --dims 6 5 4 --dtype uint16
+}
+
+@test "every stage does to each volume what it does to one" {
+    while IFS= read -r line; do
+        # shellcheck disable=SC2086
+        series | eval "vkt $line" | vkt write 'got_%d.nrrd' --force
+        number=0
+        for n in 1 9 10; do
+            one $n | eval "vkt $line" | vkt write want.nrrd --force
+            vkt diff got_$number.nrrd want.nrrd --json >diff.json
+            grep -q '"max_abs": 0' diff.json && grep -q '"same_geometry": true' diff.json ||
+                { echo "$line, volume $number" && cat diff.json; false; } >&2
+            number=$((number + 1))
+        done
+        [ ! -e got_3.nrrd ]
+    done <<'EOF'
+filter gaussian --sigma 1
+resample --scale 2
+resample --dims 3 4 5 --method area
+flip x
+flip z
+flip z --memory 100
+fill --value 7 --first 1 2 0 --last 3 4 2
+set --spacing 1,2,3 --origin 4,5,6
+crop --roi 1:5,:,50%:
+convert --dtype uint8 --range minmax
+arith mul - 2
+EOF
+}
+
+@test "arith takes volumes of two series pair by pair" {
+    series | vkt arith add - <(series | vkt arith mul - 2) -o 'thrice_%d.nrrd'
+    vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 -o 'v_%d.nrrd'
+    vkt arith add 'v_?.nrrd' 'v_?.nrrd' -o 'sum_%d.nrrd'
+    number=0
+    for n in 1 9 10; do
+        one $n | vkt arith mul - 2 | vkt diff - sum_$number.nrrd
+        one $n | vkt arith mul - 3 | vkt diff - thrice_$number.nrrd
+        number=$((number + 1))
+    done
+    fails_with 3 "different numbers of volumes" vkt arith add 'v_?.nrrd' 'v_[01].nrrd' -o 'x_%d.nrrd'
+    fails_with 3 "different numbers of volumes" vkt arith add 'v_[01].nrrd' 'v_?.nrrd' -o 'y_%d.nrrd'
+}
+
+@test "reports tell of each volume" {
+    series >all.vkt
+    vkt dump <all.vkt >dumped
+    for n in 1 9 10; do one $n | vkt dump; done | cmp - dumped
+    [ "$(vkt history <all.vkt | grep -c "vkt read 'step_\*.raw' --dims 6 5 4 --dtype uint16")" -eq 3 ]
+    vkt flip x all.vkt | vkt history | grep -c 'vkt flip x' | grep -qx 3
+    vkt stats all.vkt --json | /usr/bin/python3 -c '
+import json, sys
+assert [s["max"] for s in json.load(sys.stdin)] == [119, 1071, 1190]'
+    vkt info all.vkt --json | /usr/bin/python3 -c '
+import json, sys
+assert [v["dims"] for v in json.load(sys.stdin)] == 3 * [[6, 5, 4]]'
+}
+
+@test "if a volume is bad the command fails, and files that were complete remain" {
+    head -c 100 step_9.raw >short && mv short step_9.raw
+    set +e
+    vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 -o 'out_%d.nrrd'
+    code=$?
+    vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 2>/dev/null | vkt flip x | vkt write 'piped_%d.nrrd'
+    codes="${PIPESTATUS[*]}"
+    set -e
+    [ "$code" -eq 3 ]
+    [ "$codes" = "3 3 3" ]
+    vkt read out_0.nrrd | values | cmp - step_1.raw
+    [ -e piped_0.nrrd ]
+    [ ! -e out_1.nrrd ] && [ ! -e piped_1.nrrd ]
+    [ -z "$(ls -A | grep -F .vkt- || true)" ]
+}
+
+@test "a pipeline from a file to a picture, word by word" {
+    needs_data raw/stent_128x128x256_int16.raw
+    python_with vtk numpy
+    ln -s "$VKT_DATA/raw/stent_128x128x256_int16.raw" .
+    vkt read stent_128x128x256_int16.raw | vkt crop --roi 10%:90%,10%:90%,: | vkt resample --scale 0.5 | vkt filter gaussian --sigma 1 | vkt render -o stent.png
+    # Something bright before a dark ground.
+    /usr/bin/python3 - <<'PY'
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+r = vtk.vtkPNGReader(); r.SetFileName('stent.png'); r.Update()
+p = vtk_to_numpy(r.GetOutput().GetPointData().GetScalars()).astype(int)
+assert r.GetOutput().GetDimensions() == (512, 512, 1)
+bright, dark = (p.max(1) > 120).mean(), (p.max(1) < 40).mean()
+print(bright, dark)
+assert 0.002 < bright < 0.5 and 0.3 < dark < 0.98
+PY
+}
+
+@test "what does not fit is spooled, and refused with 5 where that cannot be" {
+    one 9 >v.vkt
+    vkt flip z v.vkt | values >want
+    vkt flip z --memory 100 <v.vkt 2>err | values | cmp - want
+    grep -q "spooling 240 B" err
+    vkt flip z v.vkt --memory 1k | values | cmp - want
+    fails_with 5 "budget is 1.0 KiB" vkt render v.vkt --memory 1k -o v.png
+    [ ! -e v.png ]
+    fails_with 5 "budget" vkt render - --memory 100 -o v.png <v.vkt
+}
+
+@test "a GPU that is not there is refused with 5" {
+    [ -z "$(ls /dev/nvidia* 2>/dev/null)" ] || skip "there is a GPU"
+    one 1 >v.vkt
+    fails_with 5 "" vkt flip x v.vkt --device gpu -o x.vkt
+    [ ! -e x.vkt ]
+    vkt flip x v.vkt --device auto | values | cmp - <(vkt flip x v.vkt --device cpu | values)
+}
+
+@test "--timing prints a row for every stage, with wall time, processor time, waits and bytes" {
+    series | vkt flip x --timing | vkt filter gaussian --sigma 1 | vkt stats 2>table >/dev/null
+    cat table
+    head -n 1 table | grep -q '^stage  *wall s  *cpu s  *wait in  *wait out  *bytes in  *bytes out$'
+    [ "$(sed 1d table | cut -d' ' -f1 | tr '\n' ' ')" = "flip filter stats " ]
+    for stage in flip filter stats; do
+        grep -Eq "^$stage[a-z ]*( +[0-9]+\.[0-9]{3}){4}( +[0-9.]+ (B|KiB|MiB)){2}$" table ||
+            { echo "no row of $stage" >&2; false; }
+    done
+    # The environment asks as well.
+    series | VKT_TIMING=1 vkt flip x -o flipped.vkt 2>table
+    [ "$(wc -l <table)" -eq 2 ]
+}
