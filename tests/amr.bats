@@ -42,6 +42,26 @@ assert s['count'] % 512 == 0 and 300 <= s['count'] // 512 < 307, s['count']"
     fails_with 2 'leaves' vkt resample part.vkt --roi 0:64,:,: --dims 8 8 8 -o x.vkt
 }
 
+@test "a region in world units is the one in cells" {
+    tree
+    vkt set t.vkt --spacing 0.5 --origin 3,-4,5 -o placed.vkt
+    # From the centre of the first cell to that of the last.
+    world=8:19.5,4:19.5,7.5:19 cells=10:34,16:48,5:29
+    vkt crop placed.vkt --roi $cells --no-history -o a.vkt
+    vkt crop placed.vkt --roi-world $world --no-history -o b.vkt
+    vkt read placed.vkt --roi-world $world -o c.vkt
+    cmp a.vkt b.vkt
+    # What a reader leaves out is remembered like what crop does.
+    vkt history c.vkt | grep -q "vkt crop --roi $cells\$"
+    for file in a b c; do vkt resample $file.vkt --dims 20 31 17 | raw >$file; done
+    vkt resample placed.vkt --roi-world $world --dims 20 31 17 | raw >d
+    cmp a b
+    cmp a c
+    cmp a d
+    fails_with 2 'does not meet the volume' vkt crop placed.vkt --roi-world 100:200,:,: -o x.vkt
+    fails_with 2 '' vkt resample placed.vkt --roi-world 100:200,:,: --dims 2 2 2 -o x.vkt
+}
+
 @test "flip of a tree is the flip of its grid" {
     tree
     for axis in x y z; do

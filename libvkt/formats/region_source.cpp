@@ -7,6 +7,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/decorator.h"
 
+#include <optional>
 #include <utility>
 
 namespace vkt {
@@ -50,17 +51,20 @@ bool RegionSource::next_volume() {
     if (!inner().next_volume()) return false;
     header_ = inner().header();
     tree_.reset();
-    if (header_.kind == Kind::hierarchical && narrowed_) return true;
     box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
+    std::optional<History> history = header_.history;
+    if (history) history = History{{"crop", "--roi", to_text(box_)}, {*history}};
     if (header_.kind == Kind::hierarchical) {
-        if (header_.dry_run) return true;
-        tree_ = crop_tree(inner().take_bricks().whole(), box_, default_execution());
-        header_ = tree_->header();
+        if (!narrowed_ && !header_.dry_run) {
+            tree_ = crop_tree(inner().take_bricks().whole(), box_, default_execution());
+            header_ = tree_->header();
+        }
+        header_.history = std::move(history);
         return true;
     }
     header_.dims = box_.dims();
     header_.geometry = cropped(header_.geometry, box_.lower);
-    if (header_.history) header_.history = History{{"crop", "--roi", to_text(box_)}, {*header_.history}};
+    header_.history = std::move(history);
     // What depends on the whole lattice is true no longer.
     header_.part.reset();
     return true;
