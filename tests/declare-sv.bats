@@ -36,3 +36,8 @@ load helper
     fails_with 2 '' vkt declare-sv --dims 4 4 4 --voxel-mapping 1 1 -o a.nrrd
     [ ! -e a.nrrd ]
 }
+
+@test "a stored 0 of a signed type lies in the middle of its range, and fill makes it 0" {
+    vkt declare-sv --dims 4 4 4 --data-format int8 | vkt stats --json | grep -q '"min": 0.50196'
+    vkt declare-sv --dims 4 4 4 --data-format int8 | vkt fill --value 0 --strict | vkt stats --json | grep -q '"max": 0,'
+}
