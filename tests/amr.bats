@@ -97,6 +97,11 @@ assert (a == b).all()"
     check "
 s = json.load(open('s.json'))
 assert s['min'] == 7 and s['max'] == 7"
+    # What does not fit is counted in cells.
+    local cells
+    cells=$(vkt info t.vkt | sed -n 's/^bricks .* with \([0-9]*\) cells/\1/p')
+    vkt fill t.vkt --value 1e39 -o x.vkt 2>remark
+    grep -q "stored as inf in $cells voxels" remark
 }
 
 @test "statistics weight cells by their volume" {

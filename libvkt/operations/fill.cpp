@@ -54,6 +54,7 @@ Plan Fill::plan(std::span<Header const> inputs) {
     if (first_) region_ = roi_of(*first_, *last_);
     box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
     finest_ = box_;
+    filled_ = 0;
     whole_ = region_.empty();
     stored_ = inputs[0].values == ValueMap{} ? value_ : Number(inputs[0].values.stored(value_.value));
     type_ = inputs[0].dtype;
@@ -67,15 +68,19 @@ void Fill::enter_level(Index3 cell_width) { box_ = cells_centred_in(finest_, cel
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = whole_ ? out.box : intersect(out.box, box_);
     if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
+    filled_ += inside.voxels();
     if (!inside.empty()) fill_box(out.part(inside), voxel_bytes(type_, stored_), execution);
 }
 
 std::vector<Remark> Fill::remarks() const {
-    std::string const count = text(finest_.voxels(), " voxels");
+    std::string const count = text(filled_, " voxels");
     if (is_integer(type_) && std::isnan(stored_.value))
         return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
-    if (fits(type_, stored_)) return {};
-    double const held = stored_.value < 0 ? lowest_of(type_) : highest_of(type_);
+    if (filled_ == 0 || fits(type_, stored_)) return {};
+    bool const low = stored_.value < 0;
+    double const held = !is_integer(type_) ? std::copysign(HUGE_VAL, stored_.value)
+                        : low              ? lowest_of(type_)
+                                           : highest_of(type_);
     return {{text("the value ", value_, " does not fit ", type_, ": stored as ", held, " in ", count), true}};
 }
 

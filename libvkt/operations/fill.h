@@ -35,10 +35,11 @@ protected:
 
 private:
     Number value_;
-    Box box_;           ///< the region in voxels, or in cells of the level
-    Box finest_;        ///< the region as given
-    bool whole_ = true; ///< no region: everything is filled
-    Number stored_;     ///< the value before rounding
+    Box box_;                 ///< the region in voxels, or in cells of the level
+    Box finest_;              ///< the region as given
+    std::int64_t filled_ = 0; ///< voxels, or cells
+    bool whole_ = true;       ///< no region: everything is filled
+    Number stored_;           ///< the value before rounding
     DataType type_ = DataType::uint8;
 };
 
