@@ -17,16 +17,13 @@ public:
     void parameters(Parameters& p) override {
         p.positional("out", path_, "output: a file whose extension tells the format, or '-' for standard output")
             .optional();
-        p.option("output", output_, "OUT", "the output, said as an option").short_form('o');
+        p.option("output", output_, "OUT", "the output, said as an option; the first argument is then the input")
+            .short_form('o');
         request_.declare(p);
     }
 
     void check() const override {
-        if (path_.empty() == output_.empty())
-            throw Error(ErrorKind::usage,
-                        path_.empty() ? "missing OUT: the file to write"
-                                      : text("two outputs: '", path_, "' and '", output_, "'"),
-                        "e.g. vkt write out.nrrd");
+        if (out().empty()) throw Error(ErrorKind::usage, "missing OUT: the file to write", "e.g. vkt write out.nrrd");
         request_.check(out());
         if (stream() && request_.options().compress)
             throw Error(ErrorKind::usage, "--compress: streams are not compressed");

@@ -103,6 +103,11 @@ void Invocation::resolve_inputs() {
     }
     if (consumer_) {
         inputs_ = given_inputs_;
+        // Where an option says the output, the word taken for it is the input: write -o OUT IN.
+        if (own_.given("out") && own_.given("output")) {
+            if (!inputs_.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", inputs_.front(), "'"));
+            inputs_ = own_.find("out")->get();
+        }
         auto const n = static_cast<std::size_t>(consumer_->inputs());
         // A missing first of two inputs would be surprising; a missing last one is standard input.
         while (inputs_.size() < n) inputs_.emplace_back("-");

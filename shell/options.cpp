@@ -18,9 +18,10 @@ bool is_negative_number(std::string const& word) {
     return word.size() > 1 && word[0] == '-' && (word[1] == '.' || (word[1] >= '0' && word[1] <= '9'));
 }
 
+/// A positional's aliases are options that say the same.
 Parameter* find(std::vector<Parameters*> const& lists, std::string const& name) {
     for (Parameters* list : lists)
-        if (Parameter* p = list->find(name); p != nullptr && !p->positional) return p;
+        if (Parameter* p = list->find(name); p != nullptr && (!p->positional || !p->aliases.empty())) return p;
     return nullptr;
 }
 
@@ -74,11 +75,20 @@ std::string restored(std::string word) {
     return word;
 }
 
-std::string spelling(Parameter const& p) {
-    if (p.positional) return p.name;
-    std::string names;
-    if (p.letter != 0) names = text("-", std::string(1, p.letter), ",");
-    names += "--" + p.name;
+/// Whether a positional is given by an alias; bare words are others' then, wherever they stand.
+bool is_said_as_option(Parameter const& p, std::vector<std::string> const& words) {
+    return std::any_of(words.begin(), words.end(), [&](std::string const& word) {
+        std::string const name = word.substr(0, word.find('='));
+        return p.positional && std::any_of(p.aliases.begin(), p.aliases.end(), [&](std::string const& alias) {
+                   return name == "--" + alias || name == "-" + alias;
+               });
+    });
+}
+
+std::string spelling(Parameter const& p, bool as_option) {
+    if (as_option) return "--" + join(p.aliases, ",--");
+    std::string names = p.name;
+    if (!p.positional) names = text(p.letter != 0 ? text("-", std::string(1, p.letter), ",") : "", "--", p.name);
     for (auto const& alias : p.aliases) names += ",--" + alias;
     return names;
 }
@@ -90,8 +100,7 @@ std::string spelling(Parameter const& p) {
     std::vector<std::string> names;
     for (Parameters* list : lists)
         for (auto const& p : list->all()) {
-            if (p.positional) continue;
-            names.push_back("--" + p.name);
+            if (!p.positional) names.push_back("--" + p.name);
             for (auto const& alias : p.aliases) names.push_back("--" + alias);
         }
     std::string const bare = word.substr(0, word.find('='));
@@ -115,10 +124,10 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
     for (Parameters* list : lists) {
         for (Parameter& p : list->all()) {
             if (p.flag) {
-                options[&p] = app.add_flag(spelling(p));
+                options[&p] = app.add_flag(spelling(p, false));
                 continue;
             }
-            CLI::Option* const option = app.add_option(spelling(p), values[&p]);
+            CLI::Option* const option = app.add_option(spelling(p, is_said_as_option(p, words)), values[&p]);
             option->expected(p.min_values, p.max_values < 0 ? 1 << 24 : p.max_values);
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
             // A vector would swallow all words that follow: those of later positionals, the names of inputs.

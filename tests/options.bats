@@ -54,3 +54,22 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 @test "who asks for each volume is told that this is so" {
     fails_with 2 "every command treats each of several volumes by itself" vkt flip x v.nrrd --each
 }
+
+@test "flip takes its axis as an option, too" {
+    vkt flip y v.nrrd -o y.nrrd
+    for words in '--axis y v.nrrd' 'v.nrrd --axis y' '--axis=y v.nrrd' '-axis y v.nrrd'; do
+        # shellcheck disable=SC2086
+        vkt flip $words | vkt diff - y.nrrd
+    done
+    fails_with 2 "unexpected argument" vkt flip x v.nrrd --axis y
+    fails_with 2 "missing AXIS" vkt flip --roi 0:2,:,: -o z.nrrd
+}
+
+@test "write -o OUT takes its argument as the input" {
+    vkt write -o w.vkt v.nrrd
+    vkt write v.nrrd --output w.nrrd
+    vkt read v.nrrd | vkt write -o x.vkt
+    for f in w.vkt w.nrrd x.vkt; do vkt diff $f v.nrrd; done
+    fails_with 2 "unexpected argument 'w.nrrd'" vkt write -o z.vkt v.nrrd w.nrrd
+    [ ! -e z.vkt ]
+}

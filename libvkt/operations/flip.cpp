@@ -24,7 +24,7 @@ VKT_OPERATION(Flip, "flip")
 VKT_OPERATION(FlipRange, "flip-range")
 
 void Flip::parameters(Parameters& parameters) {
-    parameters.positional("axis", axis_, "axis to mirror: x, y or z");
+    parameters.positional("axis", axis_, "axis to mirror: x, y or z").alias("axis"); // volkit says --axis
     parameters.option("roi", region_, "REGION", "mirror only the voxels of this region");
 }
 
