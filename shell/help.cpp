@@ -3,8 +3,13 @@
 #include "shell/help.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/render/colormap.h"
+#include "shell/completion_scripts.h"
 
 #include <algorithm>
+#include <functional>
+#include <map>
 
 namespace vkt::shell {
 namespace {
@@ -25,7 +30,12 @@ std::string synopsis(Parameter const& p) {
 std::string option_lines(Parameters const& parameters) {
     std::string lines;
     for (auto const& p : parameters.all()) {
-        if (p.positional) continue;
+        if (p.positional) {
+            for (auto const& alias : p.aliases)
+                lines += text(padded(text("      --", alias, " ", p.value_name), column), "the argument ", p.value_name,
+                              ", said as an option\n");
+            continue;
+        }
         std::string help = p.help;
         if (!p.choices.empty() && p.choices.size() <= 8) help += text(" [", join(p.choices, "|"), "]");
         if (!p.flag && !p.required) {
@@ -55,6 +65,55 @@ std::string usage_line(Invocation& invocation) {
 void examples_into(std::string& lines, Command const& command) {
     for (auto const& example : command.texts.examples) lines += example.line + "\n";
     for (auto const& verb : command.verbs) examples_into(lines, verb.command);
+}
+
+/// What people call it who do not know our word for it.
+std::string synonyms(std::string const& name) {
+    static std::map<std::string, std::string> const words{
+        {"arith", "threshold clamp difference"},
+        {"convert", "cast quantize normalize"},
+        {"crop", "cut trim subvolume"},
+        {"diff", "compare equal"},
+        {"filter gaussian", "blur smooth denoise"},
+        {"info", "metadata"},
+        {"render", "image thumbnail screenshot"},
+        {"resample", "downsample upsample resize shrink thumbnail"},
+        {"stats", "average histogram"},
+    };
+    auto const found = words.find(name);
+    return found == words.end() ? "" : " " + found->second;
+}
+
+/// What may stand for an option's value, as far as it can be known.
+std::vector<std::string> values_of(Parameter const& p, Invocation const& invocation) {
+    if (p.name == "device") return {"auto", "cpu", "gpu"};
+    if (p.name == "colormap") return render::colormap_names();
+    if (p.name == "range" && p.choices.empty()) return {"minmax", "p1:p99"};
+    if (p.name != "format" || !p.choices.empty()) return p.choices;
+    bool const reads = invocation.opener() != nullptr;
+    std::vector<std::string> names;
+    for (auto const& format : formats())
+        if (reads ? format.open != nullptr : format.create != nullptr) names.push_back(format.name);
+    if (!reads) names.emplace_back("vkt");
+    return names;
+}
+
+/// Those of commands that take words of their own; false for all others.
+bool body_completions(std::vector<std::string> const& words, std::function<void(std::string const&)> const& offer) {
+    if (words.front() == "completion") {
+        for (auto const& script : completion_scripts())
+            if (words.size() == 1) offer(script.first);
+        return true;
+    }
+    if (words.front() != "help") return false;
+    std::vector<NamedCommand> const* list = &commands();
+    if (words.size() > 1) {
+        Verb const verb = find_verb({words[1]});
+        list = words.size() == 2 ? &verb.command->verbs : nullptr;
+    }
+    if (list != nullptr)
+        for (auto const& entry : *list) offer(entry.name);
+    return true;
 }
 
 } // namespace
@@ -120,7 +179,7 @@ std::string search(std::string const& word) {
     std::string const needle = lower_case(word);
     std::string result;
     auto const look = [&](std::string const& name, Command const& command) {
-        std::string all = name + " " + command.texts.summary + " " + command.texts.description;
+        std::string all = name + " " + command.texts.summary + " " + command.texts.description + synonyms(name);
         Invocation invocation({name, &command, {}});
         for (auto const& p : invocation.own_parameters().all())
             all += " " + p.name + " " + p.help + " " + join(p.choices, " ");
@@ -147,6 +206,7 @@ std::vector<std::string> completions(std::vector<std::string> words) {
         return candidates;
     }
     try {
+        if (body_completions(words, offer)) return candidates;
         Invocation invocation(find_verb(words));
         Command const& command = invocation.command();
         if (!command.verbs.empty() && words.size() == 1) {
@@ -157,13 +217,15 @@ std::vector<std::string> completions(std::vector<std::string> words) {
         for (Parameters* list : {&invocation.own_parameters(), &invocation.common_parameters()}) {
             Parameter const* const p = before.starts_with("--") ? list->find(before.substr(2)) : nullptr;
             if (p != nullptr && !p->flag) {
-                for (auto const& choice : p->choices) offer(choice);
+                for (auto const& value : values_of(*p, invocation)) offer(value);
                 return candidates;
             }
         }
         for (Parameters* list : {&invocation.own_parameters(), &invocation.common_parameters()})
             for (auto const& p : list->all()) {
                 if (!p.positional && prefix.starts_with("-")) offer("--" + p.name);
+                if (p.positional && prefix.starts_with("-"))
+                    for (auto const& alias : p.aliases) offer("--" + alias);
                 if (p.positional && !prefix.starts_with("-"))
                     for (auto const& choice : p.choices) offer(choice);
             }

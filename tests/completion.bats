@@ -49,6 +49,23 @@ completes() {
     printf '%s\n' x y z | diff - offered
 }
 
+@test "values known to the program are completed" {
+    [ "$(completes convert --device g)" = gpu ]
+    completes flip x --format n | grep -qx nrrd
+    completes write --format v | grep -qx vkt
+    completes read --format r | grep -qx raw
+    [ -z "$(completes read --format vk)" ]
+    completes render --colormap v | grep -qx viridis
+    [ "$(completes convert --range m)" = minmax ]
+    [ "$(completes flip --ax)" = --axis ]
+}
+
+@test "help and completion complete what they take" {
+    [ "$(completes help cr)" = crop ]
+    [ "$(completes help filter ga)" = gaussian ]
+    [ "$(completes completion z)" = zsh ]
+}
+
 @test "files are offered where no candidate is" {
     touch 'one file.nrrd'
     run completes info one

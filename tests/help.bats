@@ -28,6 +28,13 @@ load helper
     [ "$(vkt help --search MIRROR)" = "$(vkt help --search mirror)" ]
 }
 
+@test "finds by what others call it" {
+    vkt help --search blur | grep -q '^ *filter gaussian'
+    vkt help --search downsample | grep -q '^ *resample'
+    vkt help --search thumbnail | grep -q '^ *render'
+    vkt help --search threshold | grep -q '^ *arith'
+}
+
 @test "an unknown command is corrected" {
     fails_with 2 "crop" vkt help corp
     fails_with 2 "crop" vkt corp
