@@ -29,7 +29,9 @@ public:
             throw Error(ErrorKind::usage, "no input: standard input is a terminal",
                         "name a file; see 'vkt read --help'");
         // What nobody described may be a stream as well as a file.
-        return request_.region_of(request_.told() ? request_.open(path) : context.open(path));
+        ReadOptions const told = request_.options();
+        return request_.region_of(context.open(path, request_.told() ? &told : nullptr),
+                                  [detail = context.detail()](Box const& region) { detail(text("region ", region)); });
     }
 
 private:

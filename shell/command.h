@@ -8,6 +8,7 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/engine/source.h"
+#include "libvkt/formats/format.h"
 
 #include <functional>
 #include <memory>
@@ -49,8 +50,10 @@ public:
     virtual void plan(Header const& header, std::string const& output) = 0;
     /// A note about voxels that are not shown or kept as they are; throws Error{data} with --strict.
     virtual void lossy(std::string const& message) = 0;
-    /// Opens an input: any format, "-", FIFO or stream.
-    virtual std::unique_ptr<Source> open(std::string const& path) = 0;
+    /// One line on standard error with --verbose. May be called for as long as the stage runs.
+    virtual std::function<void(std::string const& message)> detail() = 0;
+    /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`, if anything is.
+    virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const* told = nullptr) = 0;
 };
 
 /// Reads volumes and reports on them or turns them into something that is no volume.

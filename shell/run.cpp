@@ -96,6 +96,21 @@ private:
     std::vector<std::string> words_;
 };
 
+/// Says what each volume of an input is.
+class Described : public SourceDecorator {
+public:
+    Described(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
+        : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        tell_(inner().header());
+        return true;
+    }
+
+private:
+    std::function<void(Header const&)> tell_;
+};
+
 /// Passes an error on to whoever reads our output. An empty stage means that the message names its origin already.
 void tell(Sink& sink, std::string const& stage, std::string const& message) {
     try {
@@ -129,7 +144,8 @@ public:
     void plan(Header const& header, std::string const& output) override;
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
-    std::unique_ptr<Source> open(std::string const& path) override;
+    std::function<void(std::string const&)> detail() override;
+    std::unique_ptr<Source> open(std::string const& path, ReadOptions const* told) override;
 
 private:
     Runner& runner_;
@@ -144,8 +160,8 @@ public:
     int run();
 
     StageInfo stage_info(Invocation const& stage);
-    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path);
-    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes);
+    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions const* told = nullptr);
+    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const* told);
     Log const& log() const { return log_; }
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
@@ -164,6 +180,7 @@ private:
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
     void refuse_lossy();
+    void tell_transport() const;
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;
 
@@ -171,6 +188,7 @@ private:
     Invocation& last_;
     Log log_;
     bool dry_run_ = false, window_ = false;
+    bool went_inline_ = false; ///< voxels that were to go through shared memory
     std::string lossy_;
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
@@ -184,7 +202,13 @@ void StageContext::lossy(std::string const& message) {
     note(message);
     if (invocation_.common().strict) throw Error(ErrorKind::data, text("--strict: ", message));
 }
-std::unique_ptr<Source> StageContext::open(std::string const& path) { return runner_.open(invocation_, path); }
+std::function<void(std::string const&)> StageContext::detail() {
+    return
+        [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };
+}
+std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const* told) {
+    return runner_.open(invocation_, path, told);
+}
 
 void StageContext::plan(Header const& header, std::string const& output) {
     bool const whole = invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole();
@@ -223,23 +247,32 @@ StageInfo Runner::stage_info(Invocation const& stage) {
 
 void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs) {
     bool const planned_only = dry_run_ || plan.output.dry_run || (!inputs.empty() && inputs.front().dry_run);
-    bool const explain = stage.common().explain || last_.common().explain;
+    // Other operations may read more than the region they are given.
+    if (stage.verb().name == "crop" && plan.output.kind == Kind::structured)
+        log_.detail(stage.stage(), text("region ", stage.operation()->footprint(box_of(plan.output.dims), 0)));
+    bool const explain = stage.common().explain || last_.common().explain || log_.verbosity() == Verbosity::verbose;
     if (!planned_only && !explain) return;
     bool const reduction = stage.operation() == nullptr; // a consumer's own
     std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(),
                stderr);
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path) {
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions const* told) {
     auto const paths = matching_files(path);
-    if (paths.size() == 1) return open(stage, open_bytes(paths.front()));
-    return series_source(paths, [this, &stage](std::string const& one) { return open(stage, open_bytes(one)); });
+    if (paths.size() == 1) return open(stage, open_bytes(paths.front()), told);
+    ReadOptions const options = told != nullptr ? *told : ReadOptions{};
+    return series_source(paths, [this, &stage, options, is_told = told != nullptr](std::string const& one) {
+        return open(stage, open_bytes(one), is_told ? &options : nullptr);
+    });
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes) {
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
+                                     ReadOptions const* told) {
     std::unique_ptr<Source> source;
+    std::string const name = bytes->name();
+    std::string format = "vkt";
     bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
-    if (!directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+    if (told == nullptr && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
@@ -249,13 +282,19 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();
         source = std::move(stream);
     } else {
-        if (!directory && bytes->peek(1).empty() && !bytes->seekable())
+        if (told == nullptr && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        source = open_volume(std::move(bytes), {});
+        ReadOptions const options = told != nullptr ? *told : ReadOptions{};
+        format = format_name(*bytes, options);
+        source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
         if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));
     }
+    if (log_.verbosity() == Verbosity::verbose)
+        source = std::make_unique<Described>(std::move(source), [this, &stage, name, format](Header const& header) {
+            log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
+        });
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     return source;
 }
@@ -332,7 +371,10 @@ std::unique_ptr<Sink> Runner::make_sink() {
         options.stage = last_.stage();
         options.checksum = !c.no_checksum;
         options.transport = c.resolved_transport();
-        options.notice = [this](std::string const& message) { log_.note(last_.stage(), message); };
+        options.notice = [this](std::string const& message) {
+            went_inline_ = true; // it is told about nothing else
+            log_.note(last_.stage(), message);
+        };
         auto sink = std::make_unique<ipc::StreamSink>(STDOUT_FILENO, options);
         stream_out_ = sink.get();
         sink->report_stages([this] { return reports(); });
@@ -377,12 +419,25 @@ void Runner::drain_all(Source& source, Sink& sink) {
             source.finish();
             continue;
         }
+        if (source.header().kind == Kind::hierarchical) went_inline_ = true;
         drain_volume(source, sink, execution);
         refuse_lossy();
     }
     sink.close();
+    tell_transport();
     bool const passes_on = stream_out_ != nullptr && ipc::is_pipe(STDOUT_FILENO);
     if (timing && !passes_on) std::fputs(timing_table(reports()).c_str(), stderr);
+}
+
+void Runner::tell_transport() const {
+    std::string where = "file " + last_.common().output;
+    if (last_.common().output == "-") {
+        bool const shared = last_.common().resolved_transport() == ipc::Transport::shm && !went_inline_;
+        where = !ipc::is_pipe(STDOUT_FILENO)       ? "standard output"
+                : stream_out_ != nullptr && shared ? "shared memory"
+                                                   : "pipe";
+    }
+    log_.detail(last_.stage(), "voxels left through " + where);
 }
 
 int Runner::drain(std::unique_ptr<Source> source) {

@@ -73,3 +73,21 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "unexpected argument 'w.nrrd'" vkt write -o z.vkt v.nrrd w.nrrd
     [ ! -e z.vkt ]
 }
+
+@test "-v says what was decided: formats, regions, transport, plan" {
+    vkt crop v.nrrd --roi 25%:75%,:,1:+2 -v 2>log | vkt info >/dev/null
+    grep -qx 'vkt crop: .*v.nrrd: format nrrd, 4 4 4 float32' log
+    grep -qx 'vkt crop: region 1:3,0:4,1:3' log
+    grep -qx 'vkt crop: voxels left through pipe' log
+    grep -q '^vkt crop: .*multiply-adds' log # the plan
+    vkt read v.nrrd --roi 2:,:,: -v -o part.nrrd 2>log
+    grep -qx 'vkt read: region 2:4,0:4,0:4' log
+    grep -qx 'vkt read: voxels left through file part.nrrd' log
+    head -c 64 /dev/zero >bare
+    vkt read bare --dims 4 4 4 --dtype uint8 -v -o bare.nrrd 2>log
+    grep -qx 'vkt read: .*bare: format raw, 4 4 4 uint8' log
+    vkt flip x v.nrrd --transport shm -v 2>log | vkt flip x -v -o twice.nrrd 2>second
+    grep -qx 'vkt flip: voxels left through shared memory' log || grep -q 'voxels go through the pipe' log
+    grep -q '^vkt flip: .*: format vkt, 4 4 4 float32' second
+    [ -z "$(vkt crop v.nrrd --roi 0:2,:,: -o quiet.nrrd 2>&1)" ]
+}

@@ -50,7 +50,29 @@ std::string writable_extensions() {
     return join(all, " ");
 }
 
+Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
+    if (!options.format.empty()) {
+        Format const& format = by_format_name(options.format);
+        if (!format.open) throw Error(ErrorKind::usage, text("format ", format.name, " can only be written"));
+        if (format.name != "raw" && describes_raw(options))
+            throw Error(ErrorKind::usage, text("dims, dtype, skip and endian describe raw files, not ", format.name));
+        return format;
+    }
+    if (describes_raw(options)) return by_format_name("raw");
+    if (is_amrex(bytes.name())) return by_format_name("amrex"); // a directory: there are no bytes to look at
+    auto const head = bytes.peek(head_bytes);
+    for (auto const& candidate : formats())
+        if (candidate.open && candidate.recognise && candidate.recognise(head)) return candidate;
+    // A file whose name promises a format that would have been recognised is damaged: its reader says how.
+    if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
+    if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
+    throw Error(ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
+                "for bare voxels say --dims X Y Z --dtype TYPE");
+}
+
 } // namespace
+
+std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 
 std::vector<Format> const& formats() {
     static std::vector<Format> const list{nrrd_format(),  metaimage_format(), raw_format(),
@@ -59,31 +81,7 @@ std::vector<Format> const& formats() {
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    Format const* format = nullptr;
-    if (!options.format.empty()) {
-        format = &by_format_name(options.format);
-        if (!format->open) throw Error(ErrorKind::usage, text("format ", format->name, " can only be written"));
-        if (format->name != "raw" && describes_raw(options))
-            throw Error(ErrorKind::usage, text("dims, dtype, skip and endian describe raw files, not ", format->name));
-    } else if (describes_raw(options)) {
-        format = &by_format_name("raw");
-    } else if (is_amrex(bytes->name())) {
-        format = &by_format_name("amrex"); // a directory: there are no bytes to look at
-    } else {
-        auto const head = bytes->peek(head_bytes);
-        for (auto const& candidate : formats())
-            if (candidate.open && candidate.recognise && candidate.recognise(head)) {
-                format = &candidate;
-                break;
-            }
-        // A file whose name promises a format that would have been recognised is damaged: its reader says how.
-        if (!format) format = by_name(bytes->name());
-        if (!format || !format->open) {
-            if (head.empty()) throw Error(ErrorKind::data, text("'", bytes->name(), "' is empty"));
-            throw Error(ErrorKind::data, text("'", bytes->name(), "' has no format that vkt knows"),
-                        "for bare voxels say --dims X Y Z --dtype TYPE");
-        }
-    }
+    Format const* const format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "nrrd" || format->name == "metaimage";
     if (!options.variable.empty() && one_only)
         throw Error(ErrorKind::usage,

@@ -16,9 +16,9 @@ namespace {
 
 class RegionSource : public SourceDecorator {
 public:
-    RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi)
+    RegionSource(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi, std::function<void(Box const&)> on_region)
         : SourceDecorator(std::move(source)), roi_(std::move(roi)), world_roi_(std::move(world_roi)),
-          narrowed_(inner().narrow(roi_, world_roi_)) {}
+          on_region_(std::move(on_region)), narrowed_(inner().narrow(roi_, world_roi_)) {}
 
     bool next_volume() override;
     Header const& header() const override { return header_; }
@@ -29,9 +29,7 @@ public:
         return view;
     }
     void expect(Box const& region) override { inner().expect(in_whole(region)); }
-    BrickSequence take_bricks() override {
-        return tree_ ? BrickSequence(std::move(*tree_)) : inner().take_bricks();
-    }
+    BrickSequence take_bricks() override { return tree_ ? BrickSequence(std::move(*tree_)) : inner().take_bricks(); }
     void finish() override {
         if (!tree_) inner().finish(); // the tree was loaded, and thereby finished, to be cropped
     }
@@ -41,6 +39,7 @@ private:
 
     Roi roi_;
     WorldRoi world_roi_;
+    std::function<void(Box const&)> on_region_;
     Header header_;
     Box box_;
     bool narrowed_; ///< hierarchical volumes come with the region's bricks only
@@ -54,6 +53,7 @@ bool RegionSource::next_volume() {
     box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
     std::optional<History> history = header_.history;
     if (history) history = History{{"crop", "--roi", to_text(box_)}, {*history}};
+    if (on_region_) on_region_(box_);
     if (header_.kind == Kind::hierarchical) {
         if (!narrowed_ && !header_.dry_run) {
             tree_ = crop_tree(inner().take_bricks().whole(), box_, default_execution());
@@ -72,9 +72,11 @@ bool RegionSource::next_volume() {
 
 } // namespace
 
-std::unique_ptr<Source> region_of(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi) {
+std::unique_ptr<Source> region_of(std::unique_ptr<Source> source, Roi roi, WorldRoi world_roi,
+                                  std::function<void(Box const&)> on_region) {
     if (roi.empty() && world_roi.empty()) return source;
-    return std::make_unique<RegionSource>(std::move(source), std::move(roi), std::move(world_roi));
+    return std::make_unique<RegionSource>(std::move(source), std::move(roi), std::move(world_roi),
+                                          std::move(on_region));
 }
 
 } // namespace vkt

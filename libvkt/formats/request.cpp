@@ -32,16 +32,22 @@ bool ReadRequest::told() const {
            !options_.format.empty() || !options_.variable.empty();
 }
 
-std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
+ReadOptions ReadRequest::options() const {
     ReadOptions options = options_;
     options.big_endian = endian_ == Endian::big;
     if (endian_) options.format = "raw";
-    return series_source(matching_files(path),
-                         [options](std::string const& one) { return open_volume(open_bytes(one), options); });
+    return options;
 }
 
-std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source) const {
-    return vkt::region_of(std::move(source), roi_, world_roi_);
+std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
+    return series_source(matching_files(path), [options = options()](std::string const& one) {
+        return open_volume(open_bytes(one), options);
+    });
+}
+
+std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,
+                                               std::function<void(Box const&)> on_region) const {
+    return vkt::region_of(std::move(source), roi_, world_roi_, std::move(on_region));
 }
 
 void WriteRequest::declare(Parameters& p) {

@@ -5,6 +5,7 @@
 #include "libvkt/core/parameters.h"
 #include "libvkt/formats/format.h"
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,8 +27,11 @@ public:
     bool told() const;
     /// All volumes of a file, or of the files that a pattern matches, as they were described.
     std::unique_ptr<Source> open(std::string const& path) const;
-    /// The part of a source that was asked for.
-    std::unique_ptr<Source> region_of(std::unique_ptr<Source> source) const;
+    /// What is said about the file.
+    ReadOptions options() const;
+    /// The part of a source that was asked for; `on_region` as in region_source.h.
+    std::unique_ptr<Source> region_of(std::unique_ptr<Source> source,
+                                      std::function<void(Box const&)> on_region = {}) const;
 
 private:
     ReadOptions options_;
