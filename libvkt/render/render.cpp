@@ -67,6 +67,7 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
     std::stable_sort(ramp.begin(), ramp.end(), [](auto const& a, auto const& b) { return a.first < b.first; });
     double const width = domain.upper - domain.lower;
     auto const color_at = [&](double v) { return colormap(map, width > 0 ? (v - domain.lower) / width : 0.5); };
+    // Between the opacities it is extinction that runs linearly.
     auto const alpha_at = [&](double v) {
         if (v <= ramp.front().first) return ramp.front().second;
         for (std::size_t i = 1; i < ramp.size(); ++i) {

@@ -51,6 +51,17 @@ TEST(RenderTransfer, ADomainWithoutExtentIsAStep) {
     EXPECT_NEAR(extinction(7.1F), std::log(2), 1e-6);
 }
 
+TEST(RenderTransfer, OpacitiesOverTheDomainInterpolateExtinctionAsTablesDo) {
+    Volume const volume = constant_volume({1, 4, 4}, 0.5F, {1, 1, 1});
+    RenderSettings s = orthographic("x", 5, 5);
+    s.domain = "0:1";
+    s.opacity = "0,0.9";
+    EXPECT_NEAR(render_one(volume, s).center()[3], std::exp(-0.5 * extinction_of(0.9)), 1e-5);
+    s.opacity = "0:0.2,0.25:0.3,0.9:1";
+    double const share = (0.5 - 0.25) / 0.65, extinction = (1 - share) * extinction_of(0.3) + share * extinction_of(1);
+    EXPECT_NEAR(render_one(volume, s).center()[3], std::exp(-extinction), 1e-5);
+}
+
 TEST(RenderTransfer, GreatestExtinctionBoundsEveryValueBetween) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> share(0, 1);
