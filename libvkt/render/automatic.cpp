@@ -48,7 +48,8 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
         // A constant object (a mask): its own value is the top.
         if (!(upper > lower)) upper = histogram.greatest;
     }
-    if (!(upper > lower)) upper = lower + std::max(std::abs(lower) * 1e-6, 1e-12);
+    // Of a single value it is all that is seen.
+    if (!(upper > lower)) lower = upper - (upper != 0 ? 1e-3 * std::abs(upper) : 1);
     std::string const map = colormap_name.empty() ? "tissue" : colormap_name;
     auto const share_from = [&](double value) {
         double above = 0, total = 0;

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace vkt::render {
 
@@ -110,8 +111,16 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
 
 TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_(std::max(nodes, 2)) {
     double lower = knots.front().value, upper = knots.back().value;
-    // A domain without extent is a step: below the value the first knot holds, from the value on the last one.
-    if (!(upper > lower)) lower = upper - std::max(std::abs(upper) * 1e-6, 1e-30);
+    // Positions are floats: nodes are no closer together than these are, and begin at one of them.
+    double const gap = std::max(std::max(std::abs(lower), std::abs(upper)) * 0x1p-23, 1e-30);
+    // A domain without extent is a step: below the value the first knot holds, from the value on the last one. Values
+    // that were interpolated may be a few roundings lower.
+    bool const step = !(upper > lower);
+    if (step) upper -= 8 * gap;
+    lower = std::min(lower, upper - (step ? 16 : 1) * count_ * gap);
+    // Downwards, because what the first node holds goes on below it.
+    auto const nearest = static_cast<float>(lower);
+    lower = nearest > lower ? std::nextafter(nearest, -std::numeric_limits<float>::infinity()) : nearest;
     double const width = (upper - lower) / (count_ - 1);
     origin_ = static_cast<float>(lower);
     scale_ = static_cast<float>(1 / width);
@@ -120,7 +129,7 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
     double greatest = 0;
     for (std::size_t i = 0; i < density.size(); ++i)
         density[i] =
-            density_of(knot_at(knots, i + 1 < density.size() ? lower + static_cast<double>(i) * width : upper));
+            density_of(i + 1 < density.size() ? knot_at(knots, lower + static_cast<double>(i) * width) : knots.back());
     if (knots.front().value == knots.back().value) density.front() = density_of(knots.front());
     for (Knot const& k : knots) greatest = std::max(greatest, k.extinction);
 

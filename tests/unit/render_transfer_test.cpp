@@ -51,6 +51,21 @@ TEST(RenderTransfer, ADomainWithoutExtentIsAStep) {
     EXPECT_NEAR(extinction(7.1F), std::log(2), 1e-6);
 }
 
+// Whatever its float, the value of a constant volume is at the step, and what is a little less is not.
+TEST(RenderTransfer, ConstantVolumesAreDrawn) {
+    for (double const value : {1.0, 7.0, 5.0, 100.0, 0.3, -2.7, 0.0, 1e20, -1e-20, 16777215.0}) {
+        Volume const volume = constant_volume({4, 4, 4}, static_cast<float>(value), {1, 1, 1});
+        RenderSettings s = orthographic("x", 5, 5);
+        s.opacity = "0,0.2";
+        EXPECT_NEAR(render_one(volume, s).center()[3], std::exp(-4 * extinction_of(0.2)), 1e-4) << value;
+        s.opacity = "auto";
+        EXPECT_LT(render_one(volume, s).center()[3], 1e-2) << value;
+        TransferTable const table(knots_of(transfer_from_lut({1, 1, 1, 0, 1, 1, 1, 0.5}, value, value), {}, 0, 1, 1));
+        auto const below = static_cast<float>(value - (value != 0 ? 1e-2 * std::abs(value) : 1e-3));
+        EXPECT_EQ(classify(table.view(), table_position(table.view(), below)).density[0], 0) << value;
+    }
+}
+
 TEST(RenderTransfer, OpacitiesOverTheDomainInterpolateExtinctionAsTablesDo) {
     Volume const volume = constant_volume({1, 4, 4}, 0.5F, {1, 1, 1});
     RenderSettings s = orthographic("x", 5, 5);
