@@ -176,7 +176,7 @@ assert abs(d[0] * d[1] * d[2] - 20000) < 1500 and d[0] == d[1] == d[2], d"
     grep 'variable dens: ' info
     grep 'level 0: ' info
     grep 'holes: 0 %' info
-    fails_with 2 'choose one with --variable' vkt stats "$file"
+    fails_with 2 "choose one: vkt read $file --variable " vkt stats "$file"
     fails_with 2 "has no variable 'denz'; it holds dens" vkt read "$file" --variable denz -o x.vkt
     for method in basis average; do
         vkt read "$file" --variable dens | vkt resample --dims 40 36 72 --method $method | raw >got

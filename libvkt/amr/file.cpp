@@ -34,7 +34,7 @@ std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::stri
     if (wanted.empty()) {
         if (names.size() == 1) return 0;
         throw Error(ErrorKind::usage, text(file, ": holds several variables: ", join(names, ", ")),
-                    text("choose one with --variable ", names.front()));
+                    text("choose one: vkt read ", file, " --variable ", names.front(), " | ..."));
     }
     for (std::size_t i = 0; i < names.size(); ++i)
         if (names[i] == wanted) return i;

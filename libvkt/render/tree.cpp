@@ -39,7 +39,8 @@ struct Tree::Survey {
 
     Survey(Volume const& volume, Execution const& execution) {
         Header const& header = volume.header();
-        if (volume.bricks().empty()) throw Error(ErrorKind::data, "the volume has no bricks", "a wider --roi has some");
+        if (volume.bricks().empty())
+            throw Error(ErrorKind::data, "the volume has no bricks", "vkt read with a wider --roi has some");
         auto const count = static_cast<std::int64_t>(volume.bricks().size());
         bricks.resize(volume.bricks().size());
         std::byte const* const data = volume.buffer().read(Space::host);
