@@ -197,6 +197,27 @@ v[7] = float('inf'); open('inf_8x8x8_float32.raw', 'wb').write(struct.pack('<512
     vkt render block_24x18x30_uint8.raw --size 8 -o a.png --memory 34000
 }
 
+@test "a tree's rays that find no memory end the picture with an error" {
+    [ -z "${VKT_SANITIZED:-}" ] || skip "sanitizers have an allocator of their own"
+    command -v cc >/dev/null || skip "no C compiler"
+    # The first elements of a list are 256.
+    cat >none.c <<'C'
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stddef.h>
+void *realloc(void *old, size_t size) {
+    static void *(*next)(void *, size_t);
+    if (next == NULL) *(void **)&next = dlsym(RTLD_NEXT, "realloc");
+    return old == NULL && size >= 1024 && size % 256 == 0 ? NULL : next(old, size);
+}
+C
+    cc -shared -fPIC none.c -o none.so -ldl
+    vkt refine block_24x18x30_uint8.raw --tolerance 1 -o tree.vkt
+    vkt render tree.vkt --size 16 -o a.png
+    fails_with 5 "out of memory" env LD_PRELOAD="$PWD/none.so" vkt render tree.vkt --size 16 --threads 2 -o b.png
+    [ ! -e b.png ]
+}
+
 @test "existing files are kept, broken input leaves none" {
     echo precious >a.png
     fails_with 4 "a.png" vkt render block_24x18x30_uint8.raw --size 16 -o a.png

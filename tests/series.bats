@@ -144,7 +144,7 @@ PY
     head -n 1 table | grep -q '^stage  *wall s  *cpu s  *wait in  *wait out  *bytes in  *bytes out$'
     [ "$(sed 1d table | cut -d' ' -f1 | tr '\n' ' ')" = "flip filter stats " ]
     for stage in flip filter stats; do
-        grep -Eq "^$stage[a-z ]*( +[0-9]+\.[0-9]{3}){4}( +[0-9.]+ (B|KiB|MiB)){2}$" table ||
+        grep -Eq "^${stage}[a-z ]*( +[0-9]+\.[0-9]{3}){4}( +[0-9.]+ (B|KiB|MiB)){2}$" table ||
             { echo "no row of $stage" >&2; false; }
     done
     # The environment asks as well.

@@ -153,13 +153,7 @@ CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& 
 }
 
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility) {
-    return {grid.lowest.data(),
-            grid.highest.data(),
-            visibility.majorant.data(),
-            visibility.distance.data(),
-            grid.nx,
-            grid.ny,
-            grid.nz};
+    return {grid.lowest.data(), visibility.majorant.data(), visibility.distance.data(), grid.nx, grid.ny, grid.nz};
 }
 
 } // namespace vkt::render

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <exception>
 
 namespace vkt::render {
 
@@ -73,8 +74,8 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
         for (std::size_t i = 1; i < ramp.size(); ++i) {
             if (v > ramp[i].first) continue;
             double const w = ramp[i].first - ramp[i - 1].first;
-            return w > 0 ? ramp[i - 1].second + (v - ramp[i - 1].first) / w * (ramp[i].second - ramp[i - 1].second)
-                         : ramp[i].second;
+            double const a = extinction_of(ramp[i - 1].second), b = extinction_of(ramp[i].second);
+            return w > 0 ? -std::expm1(-(a + (v - ramp[i - 1].first) / w * (b - a))) : ramp[i].second;
         }
         return ramp.back().second;
     };
@@ -273,14 +274,21 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     int const side = integrator == Integrator::scatter && settings.samples > 1024 ? tile_size / 8 : tile_size;
     int const across = (settings.width + side - 1) / side, down = (settings.height + side - 1) / side;
     std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
+    std::exception_ptr failure; // lists of a ray may find no memory, and nothing may leave the loop
 #pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
     for (int i = 0; i < across * down; ++i) {
         if (stop.stop_requested()) continue;
         int const x = i % across * side, y = i / across * side;
         Counters counters;
-        run({x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, counters);
+        try {
+            run({x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, counters);
+        } catch (...) {
+#pragma omp critical
+            failure = std::current_exception();
+        }
         rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
     }
+    if (failure) std::rethrow_exception(failure);
     if (report != nullptr) {
         report->camera = camera;
         report->unit = look.unit;

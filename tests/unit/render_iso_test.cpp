@@ -34,7 +34,7 @@ struct Setting {
         Double3 const way = b - a;
         double const length = std::sqrt(dot(way, way));
         Double3 const shift{lattice_padding, lattice_padding, lattice_padding};
-        Ray const ray{a + shift, way * (1 / length), length, 0, 1};
+        Ray const ray{a + shift, way * (1 / length), length, 1};
         std::vector<double> result;
         Counters counters;
         cross_ray(sampler, scene, ray, iso, counters, [&](double t, Side) {

@@ -34,7 +34,7 @@ ExactRadiance along_ramp(std::vector<Knot> const& knots, double depth, double st
     scene.step = static_cast<float>(step);
     Ramp ramp;
     ramp.depth = depth;
-    Ray const ray{{2, 2, 0}, {0, 0, 1}, depth, 0, world};
+    Ray const ray{{2, 2, 0}, {0, 0, 1}, depth, world};
     Counters counters;
     if (exact) return exact_integral(ramp, scene, ray, counters);
     Radiance const r = march_ray(ramp, scene, ray, counters);

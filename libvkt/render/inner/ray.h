@@ -26,7 +26,6 @@ struct RayFrame {
 struct Ray {
     Double3 entry, direction;
     double length;            ///< lattice units
-    double start;             ///< lattice units from the eye to the entry point
     double world_per_lattice; ///< world length of one lattice unit along this ray
 };
 
@@ -60,7 +59,6 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, D
     double near = 0, far = std::numeric_limits<double>::infinity();
     if (!clip(origin, ray.direction, lower, upper, near, far)) return false;
     ray.entry = origin + ray.direction * near;
-    ray.start = near;
     ray.length = far - near;
     return true;
 }

@@ -16,7 +16,6 @@ inline constexpr float macrocell_origin = lattice_padding - 1;
 /// Macrocells with the range of the stored values in them (their far faces included) and what follows from it.
 struct CellGridView {
     float const* lowest;          ///< +inf where there is no data
-    float const* highest;         ///< -inf where there is no data
     float const* majorant;        ///< bound of the extinction per world length; 0 where nothing can be seen
     std::uint8_t const* distance; ///< cells to the nearest one in which something can be seen (itself: 0; at most 255)
     int nx, ny, nz;

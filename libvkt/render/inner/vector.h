@@ -32,8 +32,6 @@ struct Matrix3 {
     Double3 x, y, z;
 };
 VKT_HD Double3 operator*(Matrix3 const& m, Double3 v) { return m.x * v.x + m.y * v.y + m.z * v.z; }
-/// m transposed times v.
-VKT_HD Double3 transposed_times(Matrix3 const& m, Double3 v) { return {dot(m.x, v), dot(m.y, v), dot(m.z, v)}; }
 
 /// Extinction and the three emissions, or their integrals, side by side.
 #ifdef __CUDACC__
