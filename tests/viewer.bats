@@ -17,6 +17,8 @@ teardown() {
     for process in "${command:-}" "${server:-}"; do
         [ -z "$process" ] || kill "$process" 2>/dev/null || true
     done
+    # A server that ends takes its socket along: by then the next one must not have the same number.
+    [ -z "${server:-}" ] || wait "$server" || true
 }
 
 # on_terminal COMMAND: runs it with a terminal as standard output; what it says goes to the file log.

@@ -18,10 +18,10 @@ bool is_amrex(std::string const& path);
 /// Throws Error{data} for malformed, missing or contradictory headers, Error{io} for what cannot be opened.
 AmrListing list_amrex(std::string const& path);
 
-/// The same plotfile, open. Reading: coarse cells that finer boxes cover are removed by box difference; the rest of every box becomes
-/// one brick or a few. Ghost cells are dropped; 4- and 8-byte reals of either byte order; refinement ratios that are
-/// powers of two, the same along all axes, any per level. The tree must cover the domain. With a region only bricks
-/// whose domain meets it are read. Format: AMReX documentation, "AMReX Plotfile Format", and files.
+/// The same plotfile, open. Reading: coarse cells that finer boxes cover are removed by box difference; the rest of
+/// every box becomes one brick or a few. Ghost cells are dropped; 4- and 8-byte reals of either byte order; refinement
+/// ratios that are powers of two, the same along all axes, any per level. The tree must cover the domain. With a region
+/// only bricks whose domain meets it are read. Format: AMReX documentation, "AMReX Plotfile Format", and files.
 std::shared_ptr<AmrFile> open_amrex(std::string const& path);
 
 /// All cells of one variable: open_amrex(path)->read(…) as a whole.

@@ -29,7 +29,8 @@ struct TreeRun {
 ///   is run with ghost cells: cells of the same level as they are, others reconstructed, the plan's boundary rule
 ///   outside.
 /// - geometric: by the operation's own run_tree().
-/// Everything else throws Error{usage} that names `vkt resample`. `told`, if given, receives plan and remarks. A tree of one level gives what the structured volume gives, bit for bit.
+/// Everything else throws Error{usage} that names `vkt resample`. `told`, if given, receives plan and remarks. A tree
+/// of one level gives what the structured volume gives, bit for bit.
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
                           TreeOptions const& options = {}, TreeRun* told = nullptr);
 

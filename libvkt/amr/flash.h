@@ -21,12 +21,11 @@ bool is_flash(std::string const& path);
 /// Throws Error{data} for files that are no FLASH files or contradict themselves, Error{io} if it cannot be opened.
 AmrListing list_flash(std::string const& path);
 
-/// The same file, open. Reading: leaves only, guard cells stripped, blocks placed on the block lattice of the domain. The tree
-/// must cover the domain once; with a region only blocks whose domain meets it are read, and the header's attribute
-/// "roi" names it. Memory: about 100 bytes a block, and the cells asked for. Data that lies contiguous in the machine's own
-/// number format is read straight into place by all threads, everything else by HDF5, a run of leaves at a time.
-/// Format: FLASH User's Guide 4, chapter "IO unit", and files.
-/// Throws what list_flash throws.
+/// The same file, open. Reading: leaves only, guard cells stripped, blocks placed on the block lattice of the domain.
+/// The tree must cover the domain once; with a region only blocks whose domain meets it are read, and the header's
+/// attribute "roi" names it. Memory: about 100 bytes a block, and the cells asked for. Data that lies contiguous in the
+/// machine's own number format is read straight into place by all threads, everything else by HDF5, a run of leaves at
+/// a time. Format: FLASH User's Guide 4, chapter "IO unit", and files. Throws what list_flash throws.
 std::shared_ptr<AmrFile> open_flash(std::string const& path);
 
 /// All cells of one variable: open_flash(path)->read(…) as a whole.

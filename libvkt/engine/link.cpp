@@ -228,7 +228,8 @@ Access Link::access() const {
 std::int64_t Link::natural_slab() const {
     if (plan_.slab_hint > 0) return plan_.slab_hint;
     bool const in_step = operation_.shape() == Shape::pointwise || (plan_.shift && plan_.shift->z == 0);
-    if (!inputs_.empty() && !inputs_used_up_ && in_step && plan_.access == Access::forward) return inputs_.front()->natural_slab();
+    if (!inputs_.empty() && !inputs_used_up_ && in_step && plan_.access == Access::forward)
+        return inputs_.front()->natural_slab();
     return 0;
 }
 

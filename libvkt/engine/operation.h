@@ -43,8 +43,8 @@ struct Plan {
     double error_bound = 0;     ///< if not exact: bound (or estimate) of |error| as a share of the value range
     bool error_is_estimate = false;
     bool error_is_physical = false; ///< the bound is in physical values, not a share of the range
-    double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
-    std::size_t state_bytes = 0; ///< memory held besides slabs
+    double cost = 1;                ///< multiply-adds per output voxel, for --explain and --device auto
+    std::size_t state_bytes = 0;    ///< memory held besides slabs
 };
 
 /// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.

@@ -173,8 +173,8 @@ std::unique_ptr<Sink> create_vdb(std::string const& path, WriteOptions const& op
 } // namespace
 
 Format flash_format() {
-    return {"flash",    "FLASH plot files and checkpoints (HDF5): adaptive mesh refinement",
-            {".flash"}, [](std::span<std::byte const> head) { return begins_with(head, "\x89HDF\r\n\x1a\n"); },
+    return {"flash",      "FLASH plot files and checkpoints (HDF5): adaptive mesh refinement",
+            {".flash"},   [](std::span<std::byte const> head) { return begins_with(head, "\x89HDF\r\n\x1a\n"); },
             flash_source, nullptr};
 }
 
