@@ -46,6 +46,20 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
     vkt read flipped.vdb | vkt resample --method nearest | vkt history | grep -q 'vkt flip x'
 }
 
+@test "value map, units and attributes come back" {
+    vkt convert sphere.nrrd --dtype float32 | vkt set --slope 2 --intercept -10 --units HU --attribute patient=none -o mapped.nrrd
+    vkt write mapped.vdb mapped.nrrd
+    vkt info mapped.vdb --json >info.json
+    grep -q '"slope": 2.0' info.json && grep -q '"intercept": -10.0' info.json
+    grep -q '"units": "HU"' info.json && grep -q '"patient":"none"' info.json
+    # Stored zeros are left out, which stand for -10.
+    grep -q '"background":"-10' info.json
+    dense mapped.vdb | vkt diff - mapped.nrrd
+    vkt write all.vdb mapped.nrrd --background 5000
+    [ "$(stat -c %s mapped.vdb)" -lt "$(stat -c %s all.vdb)" ]
+    vkt read mapped.vdb | vkt flip x | vkt info --json | grep -q '"slope": 2.0'
+}
+
 @test "a background other than 0 is left out and comes back" {
     vkt arith add sphere.nrrd 5 -o five.nrrd
     vkt write zero.vdb five.nrrd

@@ -17,6 +17,13 @@ field() { vkt make sphere --dims 84 60 50 --radius 9 --edge coverage | vkt filte
     [ "$(sed -n 's/.*"count": \([0-9]*\).*/\1/p' stats.json)" -lt $((84 * 60 * 50 * 3 / 4)) ]
 }
 
+@test "the background of a volume with a value map is a physical value there and back" {
+    vkt make sphere --dims 32 32 32 --edge coverage | vkt set --slope 4 --intercept 100 -o mapped.nrrd
+    vkt refine mapped.nrrd --tolerance 0.01 --background 100 -o holes.vkt
+    [ "$(vkt info holes.vkt --json | sed -n 's/.*"cells": \([0-9]*\).*/\1/p' | head -n 1)" -lt 32768 ]
+    vkt resample holes.vkt --scale 1 | vkt diff - mapped.nrrd --tolerance 0.011
+}
+
 @test "streams, several volumes, history" {
     field
     vkt read smooth.nrrd | vkt refine --tolerance 0.01 --block-size 4 --levels 3 | vkt info >info

@@ -213,7 +213,8 @@ private:
         }
         Header header = volume_.header();
         header.kind = Kind::hierarchical;
-        if (options_.background) header.attributes["background"] = to_text(*options_.background);
+        if (options_.background)
+            header.attributes["background"] = to_text(header.values.physical(*options_.background));
         Volume result(header, std::move(list));
         T* cell = reinterpret_cast<T*>(result.buffer().write(Space::host));
         for (Brick const& brick : result.bricks()) {

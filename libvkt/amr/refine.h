@@ -19,7 +19,7 @@ struct RefineOptions {
 /// Builds the coarsest tree of octree blocks whose reconstruction at the voxels' centres stays within the tolerance:
 /// starts from blocks that their level's means (interpolated) reproduce, then checks the whole reconstruction and
 /// splits what fails until nothing does. Coarse cells are means of their voxels. Blocks at edges that no coarse cell
-/// fits stay fine. Attribute "background" names the value of left-out blocks. Throws Error{usage}.
+/// fits stay fine. Attribute "background" names the physical value of left-out blocks. Throws Error{usage}.
 /// Memory: the volume, 8/7 doubles for every eighth voxel, the tree. O(voxels * levels).
 Volume refine(Volume const& volume, RefineOptions const& options, Execution const& execution);
 

@@ -257,10 +257,16 @@ private:
         first_ = openvdb::Coord(static_cast<int>(low_.x), static_cast<int>(low_.y), static_cast<int>(low_.z));
         header_.geometry = geometry_of(grid_.transform(), path_, first_);
         auto& attributes = header_.attributes;
+        if (auto const text = grid_.template getMetadata<openvdb::StringMetadata>(header_name)) {
+            Header kept = header_from_json(text->value());
+            header_.values = kept.values;
+            header_.units = std::move(kept.units);
+            header_.history = std::move(kept.history);
+            attributes = std::move(kept.attributes);
+            for (char const* own : {"class", "roi"}) attributes.erase(own); // the grid itself says them
+        }
         attributes["variable"] = grid_.getName();
-        if (auto const history = grid_.template getMetadata<openvdb::StringMetadata>(history_name))
-            header_.history = parse_history(history->value());
-        attributes["background"] = to_text(static_cast<double>(grid_.background()));
+        attributes["background"] = to_text(header_.values.physical(static_cast<double>(grid_.background())));
         if (grid_.getGridClass() != openvdb::GRID_UNKNOWN)
             attributes["class"] = openvdb::GridBase::gridClassToString(grid_.getGridClass());
         if (!box) return;

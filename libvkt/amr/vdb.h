@@ -32,15 +32,15 @@ std::shared_ptr<AmrFile> open_vdb(std::string const& path);
 
 struct VdbWriteOptions {
     std::string name = "density"; ///< of the grid
-    double background = 0;        ///< voxels of this value are not stored
+    double background = 0;        ///< voxels of this stored value are not kept
     std::optional<double> prune;  ///< also voxels this near it; nodes whose voxels differ by no more become tiles
     std::string grid_class;       ///< "fog volume", "level set" or empty
 };
 
 /// Writes a structured or hierarchical volume as one grid: cells of coarse levels become tiles where they fill nodes.
 /// float16 is saved as half; 8- to 32-bit signed and 8- and 16-bit unsigned integers become int32, uint32 and int64
-/// become int64. The history is kept, and equal volumes make equal files. Throws Error{usage} for uint64 and extents
-/// beyond 2^31, Error{io}.
+/// become int64. Value map, units, attributes and history are kept as metadata, and equal volumes make equal files.
+/// Throws Error{usage} for uint64 and extents beyond 2^31, Error{io}.
 void write_vdb(Volume const& volume, std::string const& path, VdbWriteOptions const& options);
 
 } // namespace vkt

@@ -9,8 +9,8 @@ namespace vkt {
 
 /// Metadata of grids that vkt wrote: first and last voxel of the volume, background included.
 inline constexpr char const *box_min_name = "volume_box_min", *box_max_name = "volume_box_max";
-/// And its history, as one line of JSON.
-inline constexpr char const* history_name = "vkt_history";
+/// And its header as vkt's JSON: value map, units, attributes and history have no place of their own in OpenVDB.
+inline constexpr char const* header_name = "vkt_header";
 
 struct VdbFunctions {
     decltype(list_vdb)* list;

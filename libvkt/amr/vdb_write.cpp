@@ -216,7 +216,9 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         grid->insertMeta(box_max_name, openvdb::Vec3IMetadata(openvdb::Vec3i(static_cast<int>(header.dims.x - 1),
                                                                              static_cast<int>(header.dims.y - 1),
                                                                              static_cast<int>(header.dims.z - 1))));
-        if (header.history) grid->insertMeta(history_name, openvdb::StringMetadata(history_text(*header.history)));
+        Header kept = header;
+        kept.timing = false;
+        grid->insertMeta(header_name, openvdb::StringMetadata(to_json(kept)));
         openvdb::io::File file(path);
         file.write(openvdb::GridCPtrVec{grid});
         file.close();

@@ -77,7 +77,8 @@ template <class T> void convert(ConstView voxels, Range const& range, Lattice& l
     } else {
         Narrowing const narrow = narrowing_of(voxels.type, range, dims.x * dims.y * dims.z, [&](std::int64_t i) {
             std::int64_t const row = i / dims.x;
-            return static_cast<double>(v.data[i % dims.x + row % dims.y * v.row + row / dims.y * v.slice]);
+            std::int64_t const y = row % dims.y, z = row / dims.y;
+            return static_cast<double>(v.data[i % dims.x + y * v.row + z * v.slice]);
         });
         lattice.offset = narrow.offset;
         lattice.view.type = LatticeType::float32;

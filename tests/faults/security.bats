@@ -63,7 +63,7 @@ PY
 }
 
 @test "shared memory and spools have no name" {
-    ls -A /dev/shm >before
+    ls -A /dev/shm | sort >before
     mkfifo pipe
     mkdir spool
     vkt read in.nrrd >whole.vkt
@@ -85,7 +85,10 @@ PY
     [ -z "$left" ]
     vkt flip z in.nrrd | vkt diff - out.nrrd
     vkt read in.nrrd --transport shm | vkt flip x --transport shm | vkt stats >/dev/null
-    ls -A /dev/shm | diff before -
+    # Run times of OpenMP register there and leave again.
+    ls -A /dev/shm | sort >after
+    comm -13 before after | grep vkt >left || true
+    [ ! -s left ]
 }
 
 @test "a link planted under the output's name is replaced, not followed" {
