@@ -32,9 +32,10 @@ with_display() {
     done
     (unset DISPLAY WAYLAND_DISPLAY && on_terminal "vkt render $volume") || true
     ! grep -q 'without the viewer' log || skip 'this vkt was built without the viewer'
-    # The server takes a number that is free and says which; its screen is a file that can be read.
+    # The server takes a number that is free and says which; its screen is a file that can be read. It must not start anew
+    # when its last client leaves: xdotool comes and goes, and a viewer that comes just then is turned away.
     mkdir screen
-    Xvfb -displayfd 7 -screen 0 800x700x24 -nolisten tcp -fbdir screen 7>number >server.log 2>&1 3>&- &
+    Xvfb -displayfd 7 -screen 0 800x700x24 -nolisten tcp -noreset -fbdir screen 7>number >server.log 2>&1 3>&- &
     server=$!
     for _ in {1..100}; do
         [ ! -s number ] || break
