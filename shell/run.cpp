@@ -58,7 +58,7 @@ private:
     void relabel(Header& header) const override { header.dry_run = true; }
 };
 
-/// Tells of each volume that a file yields, for --dry-run and --explain.
+/// Tells of each volume of a source, for --dry-run, --explain and --verbose.
 class Announced : public SourceDecorator {
 public:
     Announced(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
@@ -94,21 +94,6 @@ private:
         if (!header.history) header.history = History{words_, {}};
     }
     std::vector<std::string> words_;
-};
-
-/// Says what each volume of an input is.
-class Described : public SourceDecorator {
-public:
-    Described(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
-        : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
-    bool next_volume() override {
-        if (!inner().next_volume()) return false;
-        tell_(inner().header());
-        return true;
-    }
-
-private:
-    std::function<void(Header const&)> tell_;
 };
 
 /// Passes an error on to whoever reads our output. An empty stage means that the message names its origin already.
@@ -292,7 +277,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));
     }
     if (log_.verbosity() == Verbosity::verbose)
-        source = std::make_unique<Described>(std::move(source), [this, &stage, name, format](Header const& header) {
+        source = std::make_unique<Announced>(std::move(source), [this, &stage, name, format](Header const& header) {
             log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
         });
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
