@@ -271,7 +271,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
         ReadOptions const options = told != nullptr ? *told : ReadOptions{};
-        format = format_name(*bytes, options);
+        if (log_.verbosity() == Verbosity::verbose) format = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
         if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));

@@ -17,6 +17,12 @@
 namespace vkt {
 namespace {
 
+/// Read once: every stage asks several times, and files lie behind the answer.
+CgroupLimits const& own_limits() {
+    static CgroupLimits const limits = cgroup_limits();
+    return limits;
+}
+
 std::optional<std::string> environment(char const* name) {
     char const* const value = std::getenv(name);
     if (value == nullptr || *value == 0) return std::nullopt;
@@ -73,7 +79,7 @@ int default_threads() {
     cpu_set_t set;
     int n =
         sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
-    if (double const quota = cgroup_limits().cpus; quota > 0 && quota < n) n = static_cast<int>(quota);
+    if (double const quota = own_limits().cpus; quota > 0 && quota < n) n = static_cast<int>(quota);
     return std::max(1, n);
 }
 
@@ -86,7 +92,7 @@ std::size_t default_memory() {
     auto const pages = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PHYS_PAGES)));
     auto const page = static_cast<std::size_t>(std::max(1L, sysconf(_SC_PAGESIZE)));
     std::size_t total = pages * page;
-    if (std::size_t const limit = cgroup_limits().memory; limit > 0) total = std::min(total, limit);
+    if (std::size_t const limit = own_limits().memory; limit > 0) total = std::min(total, limit);
     return total / 4; // stages of one pipeline share the machine
 }
 
