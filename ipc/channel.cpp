@@ -23,7 +23,12 @@
 namespace vkt::ipc {
 namespace {
 
-constexpr std::uint32_t greeting = 0x314b5456;       ///< both ends speak this version
+constexpr std::uint32_t greeting = 0x314b5456; ///< both ends speak this version
+/// Names of slots have 16 bits for the ring: a series of more volumes than that goes on through the pipe.
+constexpr std::uint32_t most_rings = 0xffff;
+/// Slots of the producer before us that the consumer may hold: one to work on, the others on their way. What is left
+/// keeps that producer going meanwhile.
+constexpr std::size_t most_passed = 3;
 constexpr std::uint32_t greeting_whole = 0x574b5456; ///< … and the consumer wants whole volumes in one piece
 
 /// What the producer sends with a ring's descriptor.
@@ -192,6 +197,10 @@ ProducerChannel::ProducerChannel(int pipe) : pipe_(pipe) {
 }
 
 ProducerChannel::~ProducerChannel() {
+    if (relay_.joinable()) {
+        ::shutdown(peer_, SHUT_RD); // ends its wait
+        relay_.join();
+    }
     close_descriptor(listener_);
     close_descriptor(peer_);
 }
@@ -218,37 +227,86 @@ bool ProducerChannel::connected(std::chrono::milliseconds wait) {
     return true;
 }
 
-void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes) {
-    // Names of slots have 16 bits for it: a series of more volumes than that goes on through the pipe.
-    if (generation_ == 0xffff) throw Error(ErrorKind::resources, "this stream has shared memory too many times");
-    SharedRing ring = SharedRing::create(slots, slot_bytes);
-    RingMessage const message{greeting, slots, ring.slot_bytes()};
+void ProducerChannel::send_ring(SharedRing const& ring) {
+    if (rings_sent_ == most_rings) throw Error(ErrorKind::resources, "this stream has shared memory too many times");
+    RingMessage const message{greeting, ring.slots(), ring.slot_bytes()};
     if (!send_descriptor(peer_, message, ring.descriptor())) throw BrokenPipe{};
+    ++rings_sent_;
+}
+
+void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes) {
+    SharedRing ring = SharedRing::create(slots, slot_bytes);
+    send_ring(ring);
+    std::lock_guard const lock(mutex_);
     ring_ = std::move(ring);
-    ++generation_;
+    generation_ = rings_sent_;
     free_.clear();
     for (std::uint32_t i = slots; i-- > 0;) free_.push_back(i);
 }
 
-void ProducerChannel::receive_returns(bool wait) {
-    while (true) {
-        std::uint32_t name = 0;
-        ssize_t const n = ::recv(peer_, &name, sizeof name, wait ? 0 : MSG_DONTWAIT);
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
-        if (n != sizeof name) throw BrokenPipe{};
-        std::uint32_t const index = name & 0xffff;
-        if (name >> 16 == generation() && index < ring_->slots()) free_.push_back(index);
-        wait = wait && free_.empty();
+/// Under the lock: the consumer no longer needs a slot.
+void ProducerChannel::take_back(std::uint32_t name) {
+    std::uint32_t const index = name & 0xffff;
+    if (ring_ && name >> 16 == generation_ && index < ring_->slots())
+        free_.push_back(index);
+    else
+        std::erase_if(passed_, [&](auto const& passed) { return passed.first == name; });
+}
+
+/// Receives the name of one slot; false if `flags` forbid to wait for it. Throws BrokenPipe when the consumer is gone.
+bool ProducerChannel::receive_return(int flags) {
+    std::uint32_t name = 0;
+    ssize_t n = 0;
+    do {
+        n = ::recv(peer_, &name, sizeof name, flags);
+    } while (n < 0 && errno == EINTR);
+    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
+    if (n != sizeof name) throw BrokenPipe{};
+    std::lock_guard const lock(mutex_);
+    take_back(name);
+    return true;
+}
+
+void ProducerChannel::relay() {
+    try {
+        while (receive_return(0)) returned_.notify_one();
+    } catch (BrokenPipe const&) {
+        std::lock_guard const lock(mutex_);
+        gone_ = true;
+        passed_.clear(); // the producer before us may wait for these, and we for it
+        returned_.notify_one();
     }
 }
 
 std::uint32_t ProducerChannel::acquire_slot() {
-    receive_returns(false);
-    if (free_.empty()) receive_returns(true);
+    if (relay_.joinable()) {
+        std::unique_lock lock(mutex_);
+        returned_.wait(lock, [&] { return gone_ || !free_.empty(); });
+        if (gone_) throw BrokenPipe{};
+    } else {
+        while (receive_return(MSG_DONTWAIT)) {
+        }
+        while (free_.empty()) receive_return(0);
+    }
+    std::lock_guard const lock(mutex_);
     std::uint32_t const index = free_.back();
     free_.pop_back();
-    return index;
+    return slot_name(generation_, index);
+}
+
+std::uint32_t ProducerChannel::pass_on(std::shared_ptr<SlotLease> lease) {
+    if (passed_ring_ != lease->ring()) {
+        send_ring(*lease->ring());
+        passed_ring_ = lease->ring();
+        passed_generation_ = rings_sent_;
+    }
+    if (!relay_.joinable()) relay_ = std::thread([this] { relay(); });
+    std::uint32_t const name = slot_name(passed_generation_, lease->index());
+    std::unique_lock lock(mutex_);
+    returned_.wait(lock, [&] { return gone_ || passed_.size() < most_passed; });
+    if (gone_) throw BrokenPipe{};
+    passed_.emplace_back(name, std::move(lease));
+    return name;
 }
 
 ConsumerChannel::ConsumerChannel(int pipe, bool whole) {

@@ -2,12 +2,17 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/source.h"
+
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <thread>
 #include <vector>
 
 namespace vkt::ipc {
@@ -45,6 +50,8 @@ private:
 /// A slot as frames name it: the ring's generation in the upper half, the index in the lower.
 inline std::uint32_t slot_name(std::uint32_t generation, std::uint32_t index) { return generation << 16 | index; }
 
+class SlotLease;
+
 /// The producer's end: waits for the process that reads our pipe to make itself known.
 class ProducerChannel {
 public:
@@ -56,24 +63,42 @@ public:
 
     /// True once a vkt process of the same user reads our pipe directly.
     bool connected(std::chrono::milliseconds wait = std::chrono::milliseconds(0));
-    /// Makes a ring and hands it to the consumer. Throws Error{resources}.
+    /// Makes a ring and hands it to the consumer; slots of those before are forgotten. Throws Error{resources}.
     void share_ring(std::uint32_t slots, std::size_t slot_bytes);
-    SharedRing* ring() { return ring_ ? &*ring_ : nullptr; }
-    std::uint32_t generation() const { return generation_; }
+    SharedRing const* ring() const { return ring_ ? &*ring_ : nullptr; }
     /// True if the consumer, once connected, asked for one segment per volume instead of a ring.
     bool wants_whole() const { return wants_whole_; }
-    /// A free slot of the newest ring; waits for the consumer to return one. Throws BrokenPipe when it is gone.
+    /// The name of a free slot of the ring; waits for the consumer to return one. Throws BrokenPipe when it is gone.
     std::uint32_t acquire_slot();
+    /// The name of the only slot of a ring that holds a whole volume.
+    std::uint32_t segment() const { return slot_name(generation_, 0); }
+    std::byte* slot(std::uint32_t name) const { return ring_->slot(name & 0xffff); }
+    /// Lets the consumer see a slot of the producer before us; the name by which it knows it. Waits while it holds so
+    /// many of them that the producer before us could run out. Throws BrokenPipe when it is gone, Error{resources}.
+    std::uint32_t pass_on(std::shared_ptr<SlotLease> lease);
 
 private:
-    void receive_returns(bool wait);
+    void send_ring(SharedRing const& ring);
+    bool receive_return(int flags);
+    void take_back(std::uint32_t name);
+    void relay();
 
     int pipe_;
     int listener_ = -1, peer_ = -1;
     bool wants_whole_ = false;
+    std::uint32_t rings_sent_ = 0;
     std::optional<SharedRing> ring_; ///< the newest: the consumer has mappings of its own
-    std::uint32_t generation_ = 0;
+    std::uint32_t generation_ = 0;   ///< of our ring, as the consumer counts those it was sent
     std::vector<std::uint32_t> free_;
+    std::shared_ptr<SharedRing> passed_ring_; ///< of the producer before us
+    std::uint32_t passed_generation_ = 0;
+    std::vector<std::pair<std::uint32_t, std::shared_ptr<SlotLease>>> passed_; ///< what the consumer holds of it
+
+    /// Runs from the first slot passed on: the producer before us gets it back though we may be waiting for input.
+    std::thread relay_;
+    std::mutex mutex_;
+    std::condition_variable returned_;
+    bool gone_ = false; ///< the consumer is
 };
 
 /// The consumer's end.
@@ -91,13 +116,32 @@ public:
     std::byte const* slot(std::uint32_t name, std::size_t bytes);
     void give_back(std::uint32_t name);
     /// The memory that a slot belongs to, to be kept beyond the life of this channel.
-    std::shared_ptr<SharedRing> memory_of(std::uint32_t name) const { return rings_[(name >> 16) - 1]; }
+    std::shared_ptr<SharedRing> const& memory_of(std::uint32_t name) const { return rings_[(name >> 16) - 1]; }
 
 private:
     void receive_ring();
 
     int peer_ = -1;
     std::deque<std::shared_ptr<SharedRing>> rings_;
+};
+
+/// A slot of the producer's ring; it is given back when nobody holds the lease any more.
+class SlotLease : public Lease {
+public:
+    /// Of a slot that `channel` knows, with `bytes` of voxels at its front.
+    SlotLease(std::shared_ptr<ConsumerChannel> channel, std::uint32_t name, std::size_t bytes)
+        : channel_(std::move(channel)), ring_(channel_->memory_of(name)), name_(name), bytes_(bytes) {}
+    ~SlotLease() override { channel_->give_back(name_); }
+
+    std::shared_ptr<SharedRing> const& ring() const { return ring_; }
+    std::uint32_t index() const { return name_ & 0xffff; }
+    std::size_t bytes() const { return bytes_; }
+
+private:
+    std::shared_ptr<ConsumerChannel> channel_;
+    std::shared_ptr<SharedRing> ring_;
+    std::uint32_t name_;
+    std::size_t bytes_;
 };
 
 } // namespace vkt::ipc

@@ -50,6 +50,7 @@ public:
     Access access() const override { return Access::forward; }
     void read(AnyView out) override;
     std::optional<ConstView> borrow(Box const& region) override;
+    std::shared_ptr<Lease> lease(Box const& region) override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
     void finish() override;
@@ -74,6 +75,7 @@ public:
     void begin(Header const& header) override;
     AnyView acquire(Box const& slab) override;
     void commit() override;
+    bool pass_on(Box const& slab, std::shared_ptr<Lease> const& lease) override;
     void end() override;
     void close() override;
     void fail(std::string const& stage, std::string const& message) override;

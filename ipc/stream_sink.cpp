@@ -62,6 +62,7 @@ public:
     void begin(Header const& header);
     AnyView acquire(Box const& box);
     void commit();
+    bool pass_on(Box const& box, std::shared_ptr<Lease> const& lease);
     void end();
     void close() { stop(false); }
     void fail(std::string const& stage, std::string const& message);
@@ -172,7 +173,7 @@ bool StreamSink::Writer::take_slot() {
         return false;
     }
     auto const begin = Clock::now();
-    current_.slot = slot_name(channel_->generation(), channel_->acquire_slot());
+    current_.slot = channel_->acquire_slot();
     wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
     return true;
 }
@@ -182,12 +183,12 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
     if (shares_) {
         current_.box = box;
         if (segment_) {
-            current_.slot = slot_name(channel_->generation(), 0);
+            current_.slot = channel_->segment();
             auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
-            return dense_view(channel_->ring()->slot(0) + static_cast<std::size_t>(box.lower.z) * slice, header_.dtype,
-                              box);
+            return dense_view(channel_->slot(*current_.slot) + static_cast<std::size_t>(box.lower.z) * slice,
+                              header_.dtype, box);
         }
-        if (take_slot()) return dense_view(channel_->ring()->slot(*current_.slot & 0xffff), header_.dtype, box);
+        if (take_slot()) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
     }
     {
         std::unique_lock lock(mutex_);
@@ -224,6 +225,22 @@ void StreamSink::Writer::commit() {
     queue_.push_back(std::move(current_));
     changed_.notify_all();
     if (!thread_.joinable()) thread_ = std::thread([this] { work(); });
+}
+
+bool StreamSink::Writer::pass_on(Box const& box, std::shared_ptr<Lease> const& lease) {
+    if (!shares_ || segment_) return false;
+    auto slot = std::dynamic_pointer_cast<SlotLease>(lease);
+    Slab slab{box, {}, static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype), {}, 0};
+    if (!slot || slot->bytes() != slab.bytes) return false;
+    auto const begin = Clock::now();
+    try {
+        slab.slot = channel_->pass_on(std::move(slot));
+    } catch (Error const&) { // too many rings were handed on
+        return false;
+    }
+    wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
+    write_slab(slab);
+    return true;
 }
 
 void StreamSink::Writer::work() {
@@ -379,6 +396,7 @@ StreamSink::~StreamSink() = default;
 void StreamSink::begin(Header const& header) { writer_->begin(header); }
 AnyView StreamSink::acquire(Box const& slab) { return writer_->acquire(slab); }
 void StreamSink::commit() { writer_->commit(); }
+bool StreamSink::pass_on(Box const& slab, std::shared_ptr<Lease> const& lease) { return writer_->pass_on(slab, lease); }
 void StreamSink::end() { writer_->end(); }
 void StreamSink::close() { writer_->close(); }
 void StreamSink::fail(std::string const& stage, std::string const& message) { writer_->fail(stage, message); }

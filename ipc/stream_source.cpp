@@ -1,4 +1,5 @@
-// The reading end: parses frames, verifies them, reads ahead on a thread into a small ring of reused slabs.
+// The reading end: parses frames, verifies them, reads ahead on a thread into a small ring of reused slabs. Slabs in
+// shared memory need no thread: the writer fills them ahead of us, and only their frames are read.
 // SPDX-License-Identifier: MIT
 #include "ipc/channel.h"
 #include "ipc/descriptor.h"
@@ -32,8 +33,8 @@ constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads 
 struct Piece {
     std::int64_t z_begin = 0, z_end = 0;
     Buffer voxels;
-    std::byte const* shared = nullptr;   ///< where they lie in shared memory
-    std::optional<std::uint32_t> slot{}; ///< to be given back
+    std::byte const* shared = nullptr;  ///< where they lie in shared memory
+    std::shared_ptr<SlotLease> lease{}; ///< that keeps them there
 };
 
 } // namespace
@@ -57,6 +58,7 @@ public:
     Header const& header() const { return header_; }
     void read(AnyView out);
     std::optional<ConstView> borrow(Box const& region);
+    std::shared_ptr<Lease> lease(Box const& region);
     void expect(Box const& region) { expected_ = region; }
     std::int64_t first_slab_height();
     void finish();
@@ -71,9 +73,10 @@ private:
     std::string read_text(FrameHeader const& frame, char const* what);
     void verify(FrameHeader const& frame, std::uint64_t computed) const;
     bool next_frame(FrameHeader& frame);
+    bool peek_slab();
     SlabHeader read_slab_header(FrameHeader const& frame);
     void read_slabs();
-    void read_slab(FrameHeader const& frame, SlabHeader const& slab);
+    bool read_slab();
     bool wanted(std::int64_t z_begin, std::int64_t z_end) const;
     void check_end(FrameHeader const& frame);
     void start();
@@ -83,6 +86,7 @@ private:
     Piece empty_piece();
     void release_front();
     void read_shared(SlabHeader const& slab);
+    void receive();
     std::vector<BrickRecord> read_records(std::uint64_t count);
     std::size_t slice_bytes() const {
         return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
@@ -94,7 +98,7 @@ private:
 
     Input input_;
     StreamOptions options_;
-    std::unique_ptr<ConsumerChannel> channel_;
+    std::shared_ptr<ConsumerChannel> channel_;
     Header header_;
     bool any_volume_ = false, in_volume_ = false;
     Box expected_;
@@ -217,7 +221,7 @@ bool StreamSource::Reader::next_volume() {
     header_ = header_from_json(read_text(frame, "HEAD"));
     // Only now is it certain that the producer is a vkt process and listens.
     if (!channel_ && is_pipe(input_.descriptor()))
-        channel_ = std::make_unique<ConsumerChannel>(input_.descriptor(), options_.whole);
+        channel_ = std::make_shared<ConsumerChannel>(input_.descriptor(), options_.whole);
     any_volume_ = in_volume_ = true;
     complete_ = false;
     frames_ = bytes_ = chain_ = 0;
@@ -241,15 +245,21 @@ SlabHeader StreamSource::Reader::read_slab_header(FrameHeader const& frame) {
     return slab;
 }
 
+/// Reads the frame of the next slab, up to its voxels; false if there is none.
+bool StreamSource::Reader::peek_slab() {
+    if (pending_slab_) return true;
+    FrameHeader frame;
+    if (!next_frame(frame)) return false;
+    if (frame.type != FrameType::slab)
+        throw Error(ErrorKind::data, text("bricks in the structured volume on ", input_.name()));
+    pending_slab_ = read_slab_header(frame);
+    pending_ = frame;
+    return true;
+}
+
 std::int64_t StreamSource::Reader::first_slab_height() {
     if (thread_.joinable() || complete_ || header_.dry_run || header_.kind != Kind::structured) return 0;
-    if (!pending_slab_) {
-        FrameHeader frame;
-        if (!next_frame(frame) || frame.type != FrameType::slab)
-            throw Error(ErrorKind::data, text("the volume on ", input_.name(), " has no slabs"));
-        pending_slab_ = read_slab_header(frame);
-        pending_ = frame;
-    }
+    if (!peek_slab()) throw Error(ErrorKind::data, text("the volume on ", input_.name(), " has no slabs"));
     std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
     std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
     return pending_slab_->place != Place::here || pending_slab_->bytes <= 2 * piece_bytes ? height
@@ -284,22 +294,7 @@ void StreamSource::Reader::stop() {
 }
 
 void StreamSource::Reader::read_slabs() {
-    FrameHeader frame;
-    while (true) {
-        SlabHeader slab;
-        if (pending_) {
-            frame = *pending_;
-            slab = *pending_slab_;
-            pending_.reset();
-            pending_slab_.reset();
-        } else {
-            if (!next_frame(frame)) return;
-            if (frame.type != FrameType::slab)
-                throw Error(ErrorKind::data, text("bricks in the structured volume on ", input_.name()));
-            slab = read_slab_header(frame);
-        }
-        read_slab(frame, slab);
-        if (cancel_) return;
+    while (!cancel_ && read_slab()) {
     }
 }
 
@@ -329,7 +324,6 @@ void StreamSource::Reader::hand_out(Piece piece) {
 void StreamSource::Reader::release_front() {
     Piece& piece = ready_.front();
     released_z_ = piece.z_end;
-    if (piece.slot) channel_->give_back(*piece.slot);
     if (piece.shared == nullptr) spare_.push_back(std::move(piece));
     ready_.pop_front();
     changed_.notify_all();
@@ -345,18 +339,21 @@ void StreamSource::Reader::read_shared(SlabHeader const& slab) {
             channel_->slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(slab.z_begin) * slice_bytes();
     } else {
         piece.shared = channel_->slot(slab.slot, slab.bytes);
-        piece.slot = slab.slot;
+        piece.lease = std::make_shared<SlotLease>(channel_, slab.slot, slab.bytes);
     }
     piece.z_begin = slab.z_begin;
     piece.z_end = slab.z_end;
-    if (wanted(slab.z_begin, slab.z_end))
-        hand_out(std::move(piece));
-    else if (piece.slot)
-        channel_->give_back(*piece.slot);
+    if (wanted(slab.z_begin, slab.z_end)) hand_out(std::move(piece));
     bytes_ += slab.bytes;
 }
 
-void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const& slab) {
+/// Reads the next slab, wherever it lies; false if there is none.
+bool StreamSource::Reader::read_slab() {
+    if (!peek_slab()) return false;
+    FrameHeader const frame = *pending_;
+    SlabHeader const slab = *pending_slab_;
+    pending_.reset();
+    pending_slab_.reset();
     bool const check = (frame.flags & flag_checksum) != 0;
     if (!check) all_checked_ = false;
     if (slab.place != Place::here) {
@@ -395,12 +392,12 @@ void StreamSource::Reader::read_slab(FrameHeader const& frame, SlabHeader const&
     ++frames_;
     chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
     next_z_ = slab.z_end;
+    return true;
 }
 
 /// The piece that holds slice z, waiting for it; releases those below.
 Piece* StreamSource::Reader::piece_with(std::int64_t z) {
     if (header_.dry_run) throw PlannedOnly();
-    start();
     std::unique_lock lock(mutex_);
     while (true) {
         while (!ready_.empty() && ready_.front().z_end <= z) release_front();
@@ -410,9 +407,25 @@ Piece* StreamSource::Reader::piece_with(std::int64_t z) {
         if (complete_ || z < released_z_)
             throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
         auto const begin = Clock::now();
-        changed_.wait(lock);
+        if (thread_.joinable()) {
+            changed_.wait(lock);
+        } else {
+            lock.unlock();
+            receive();
+            lock.lock();
+        }
         wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
     }
+}
+
+/// Takes the next slab if it lies in shared memory; from the first that does not, a thread reads them.
+void StreamSource::Reader::receive() {
+    if (!peek_slab())
+        complete_ = true;
+    else if (pending_slab_->place == Place::here)
+        start();
+    else
+        read_slab();
 }
 
 void StreamSource::Reader::read(AnyView out) {
@@ -431,6 +444,13 @@ std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
     Piece& piece = *piece_with(region.lower.z);
     if (region.upper.z > piece.z_end) return std::nullopt;
     return view_of(piece).part(region);
+}
+
+std::shared_ptr<Lease> StreamSource::Reader::lease(Box const& region) {
+    if (!channel_ || !channel_->connected() || region.lower.z < released_z_) return nullptr;
+    Piece const& piece = *piece_with(region.lower.z);
+    Box const slab{{0, 0, piece.z_begin}, {header_.dims.x, header_.dims.y, piece.z_end}};
+    return region == slab ? piece.lease : nullptr;
 }
 
 std::optional<Volume> StreamSource::Reader::take_whole() {
@@ -457,8 +477,12 @@ void StreamSource::Reader::finish() {
         in_volume_ = false;
         return;
     }
-    if (!thread_.joinable() && !complete_) expected_ = {}; // nothing was read: skip all of it
-    start();
+    if (!thread_.joinable()) {
+        expected_ = {}; // what was not read yet is skipped
+        while (!ready_.empty()) release_front();
+        if (!complete_) read_slabs();
+        complete_ = true;
+    }
     while (true) {
         std::unique_lock lock(mutex_);
         while (!ready_.empty()) release_front();
@@ -555,6 +579,7 @@ bool StreamSource::next_volume() { return reader_->next_volume(); }
 Header const& StreamSource::header() const { return reader_->header(); }
 void StreamSource::read(AnyView out) { reader_->read(out); }
 std::optional<ConstView> StreamSource::borrow(Box const& region) { return reader_->borrow(region); }
+std::shared_ptr<Lease> StreamSource::lease(Box const& region) { return reader_->lease(region); }
 void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
 void StreamSource::finish() { reader_->finish(); }

@@ -35,6 +35,10 @@ public:
         show(region.upper.z);
         return inner().borrow(region);
     }
+    std::shared_ptr<Lease> lease(Box const& region) override {
+        show(region.upper.z);
+        return inner().lease(region);
+    }
     void finish() override {
         inner().finish();
         wipe();

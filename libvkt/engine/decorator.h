@@ -18,6 +18,7 @@ public:
     Access access() const override { return source_->access(); }
     void read(AnyView out) override { source_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return source_->borrow(region); }
+    std::shared_ptr<Lease> lease(Box const& region) override { return source_->lease(region); }
     bool narrow(Roi const& roi, WorldRoi const& world_roi) override { return source_->narrow(roi, world_roi); }
     BrickSequence take_bricks() override { return source_->take_bricks(); }
     std::optional<Volume> take_whole() override { return source_->take_whole(); }

@@ -96,6 +96,8 @@ std::optional<ConstView> Link::Input::borrow(Box const& region) {
     return spool_ ? spool_->borrow(region) : source_->borrow(region);
 }
 
+std::shared_ptr<Lease> Link::Input::lease(Box const& region) { return spool_ ? nullptr : source_->lease(region); }
+
 void Link::Input::expect(Box const& region) {
     if (!spool_) source_->expect(region);
 }
@@ -246,6 +248,10 @@ std::optional<ConstView> Link::borrow(Box const& region) {
     auto lent = inputs_.front()->borrow(moved(region));
     if (!lent || lent->space != space()) return std::nullopt;
     return lent->moved_to(region.lower);
+}
+
+std::shared_ptr<Lease> Link::lease(Box const& region) {
+    return plan_.shift ? inputs_.front()->lease(moved(region)) : nullptr;
 }
 
 ConstView Link::fetch(std::size_t i, Box const& footprint) {

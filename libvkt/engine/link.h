@@ -17,6 +17,7 @@ public:
     Access access() const override;
     void read(AnyView out) override;
     std::optional<ConstView> borrow(Box const& region) override;
+    std::shared_ptr<Lease> lease(Box const& region) override;
     BrickSequence take_bricks() override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
@@ -36,6 +37,7 @@ private:
         Access access() const override { return spool_ ? Access::random : source_->access(); }
         void read(AnyView out) override;
         std::optional<ConstView> borrow(Box const& region) override;
+        std::shared_ptr<Lease> lease(Box const& region) override;
         void expect(Box const& region) override;
         std::int64_t natural_slab() const override { return source_->natural_slab(); }
         Space space() const override { return spool_ ? Space::host : source_->space(); }

@@ -22,6 +22,15 @@ enum class Access : std::uint8_t { forward, random };
 /// Thrown by who is asked for the voxels of a volume that is only planned (a dry run).
 struct PlannedOnly {};
 
+/// Keeps the voxels of a slab where they lie, unchanged, for as long as it exists.
+class Lease {
+public:
+    Lease() = default;
+    virtual ~Lease() = default;
+    Lease(Lease const&) = delete;
+    Lease& operator=(Lease const&) = delete;
+};
+
 /// A sequence of volumes, each read region by region. Call order: next_volume, header, read…, finish, next_volume, …
 class Source {
 public:
@@ -36,6 +45,9 @@ public:
     virtual void read(AnyView out) = 0;
     /// The region in place, if it happens to lie in memory as it is; valid until the next call. Never does work.
     virtual std::optional<ConstView> borrow(Box const& /*region*/) { return std::nullopt; }
+    /// The region as a slab that may be handed on without a copy; null unless it lies so in memory that can be. Never
+    /// does work.
+    virtual std::shared_ptr<Lease> lease(Box const& /*region*/) { return nullptr; }
     /// The consumer will ask for nothing outside this region of the current volume: a chance to read ahead.
     virtual void expect(Box const& /*region*/) {}
     /// Slab height in which the source hands out slices most cheaply; 0 if all heights are alike.
@@ -69,6 +81,8 @@ public:
     virtual AnyView acquire(Box const& slab) = 0;
     /// The slab last acquired is complete.
     virtual void commit() = 0;
+    /// Takes a slab where it lies instead of acquire and commit; false if it has to be copied.
+    virtual bool pass_on(Box const& /*slab*/, std::shared_ptr<Lease> const& /*lease*/) { return false; }
     /// The volume is complete.
     virtual void end() = 0;
     /// The sequence is complete: outputs appear under their final names.

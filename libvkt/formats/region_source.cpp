@@ -28,6 +28,8 @@ public:
         if (view) view = view->moved_to(region.lower);
         return view;
     }
+    std::shared_ptr<Lease> lease(Box const& region) override { return inner().lease(in_whole(region)); }
+    std::optional<Volume> take_whole() override { return std::nullopt; } // the whole is not what was asked for
     void expect(Box const& region) override { inner().expect(in_whole(region)); }
     BrickSequence take_bricks() override { return tree_ ? BrickSequence(std::move(*tree_)) : inner().take_bricks(); }
     void finish() override {

@@ -1,4 +1,4 @@
-// Statistics: rows merged in order, and what follows from the sums.
+// Statistics: bands of rows merged in order, and what follows from the sums.
 // SPDX-License-Identifier: MIT
 #if VKT_HOST
 #include "libvkt/operations/statistics.h"
@@ -11,9 +11,9 @@
 
 namespace vkt {
 
-VKT_CPU_KERNEL(row_statistics,
-               (ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution),
-               (slab, origin, rows, execution))
+VKT_CPU_KERNEL(band_statistics,
+               (ConstView slab, MeanOrigin const& origin, BandStatistics* bands, Execution const& execution),
+               (slab, origin, bands, execution))
 
 namespace {
 
@@ -25,23 +25,24 @@ void add_keeping_error(double& sum, double& error, double value) {
     sum = next;
 }
 
-/// Index of the first voxel of a row that has a value.
-template <class T, class V> std::int64_t find_in_row(ConstView slab, Index3 row, V value) {
+/// The first voxel from the beginning of a row on that has a value.
+template <class T, class V> Index3 find_from_row(ConstView slab, Index3 at, V value) {
     View<T const> const in = slab.as<T>();
-    std::int64_t x = slab.box.lower.x;
-    while (x + 1 < slab.box.upper.x && !(static_cast<V>(in(x, row.y, row.z)) == value)) ++x;
-    return x;
+    for (; at.y < slab.box.upper.y; ++at.y)
+        for (at.x = slab.box.lower.x; at.x < slab.box.upper.x; ++at.x)
+            if (static_cast<V>(in(at.x, at.y, at.z)) == value) return at;
+    return at;
 }
 
-std::int64_t find(ConstView slab, Index3 row, Extreme const& extreme) {
-    std::int64_t x = 0;
+Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
+    Index3 at;
     baseline::for_each_type(slab.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>)
-            x = find_in_row<T>(slab, row, extreme.integer);
+            at = find_from_row<T>(slab, row, extreme.integer);
         else
-            x = find_in_row<T>(slab, row, extreme.value);
+            at = find_from_row<T>(slab, row, extreme.value);
     });
-    return x;
+    return at;
 }
 
 /// The first finite voxel of a slab in x-fastest order.
@@ -95,12 +96,15 @@ void Moments::append(Moments const& next, bool exact) {
         finite = next.finite;
         mean = next.mean;
         deviations = next.deviations;
+        deviations_error = next.deviations_error;
         return;
     }
     auto const a = static_cast<double>(finite), b = static_cast<double>(next.finite);
     double const delta = next.mean - mean;
     double const share = b / (a + b);
-    deviations += next.deviations + delta * delta * a * share;
+    add_keeping_error(deviations, deviations_error, next.deviations);
+    add_keeping_error(deviations, deviations_error, delta * delta * a * share);
+    deviations_error += next.deviations_error;
     mean += delta * share;
     finite += next.finite;
 }
@@ -150,16 +154,15 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     if (box.empty()) return;
     ConstView const part = slab.part(box);
     Index3 const n = box.dims();
-    rows_.resize(static_cast<std::size_t>(n.y * n.z));
+    std::int64_t const bands = bands_in_slice(n);
+    bands_.resize(static_cast<std::size_t>(bands * n.z));
     if (!origin_.known) origin_ = first_finite(part);
-    row_statistics(part, origin_, rows_.data(), execution);
-    // Rows to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
+    band_statistics(part, origin_, bands_.data(), execution);
+    // Bands to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
     bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     slices_.assign(static_cast<std::size_t>(n.z), {});
-#pragma omp parallel for num_threads(execution.threads) schedule(static) if (n.y * n.z > 512)
-    for (std::int64_t z = 0; z < n.z; ++z)
-        for (std::int64_t y = 0; y < n.y; ++y)
-            slices_[static_cast<std::size_t>(z)].append(rows_[static_cast<std::size_t>(z * n.y + y)].moments, exact);
+    for (std::int64_t b = 0; b < bands * n.z; ++b)
+        slices_[static_cast<std::size_t>(b / bands)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
     for (Moments const& slice : slices_) append(slice, exact);
     merge_extremes(part);
 }
@@ -167,13 +170,13 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
 void Statistics::merge_extremes(ConstView slab) {
     bool const integer = is_integer(input_.dtype);
     Index3 const lower = slab.box.lower;
-    std::int64_t const ny = slab.dims().y;
+    std::int64_t const rows = rows_in_band(slab.dims()), per_slice = bands_in_slice(slab.dims());
     bool new_min = false, new_max = false;
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-        Range const& range = rows_[r].range;
+    for (std::size_t i = 0; i < bands_.size(); ++i) {
+        Range const& range = bands_[i].range;
         if (!range.valid) continue;
-        Index3 const row{lower.x, lower.y + static_cast<std::int64_t>(r) % ny,
-                         lower.z + static_cast<std::int64_t>(r) / ny};
+        auto const b = static_cast<std::int64_t>(i);
+        Index3 const row{lower.x, lower.y + b % per_slice * rows, lower.z + b / per_slice};
         if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
             min_ = {true, range.low, range.integer_low, row};
             new_min = true;
@@ -183,9 +186,9 @@ void Statistics::merge_extremes(ConstView slab) {
             new_max = true;
         }
     }
-    // Only the row that won is searched: the first voxel in x-fastest order that has the value.
+    // Only the band that won is searched: the first voxel in x-fastest order that has the value.
     auto const locate = [&](Extreme& extreme) {
-        extreme.where.x = find(slab, extreme.where, extreme);
+        extreme.where = find(slab, extreme.where, extreme);
         for (int axis = 0; axis < 3; ++axis) extreme.where[axis] *= width_[axis];
     };
     if (new_min) locate(min_);
@@ -214,7 +217,8 @@ void Statistics::scan_end() {
     if (integer) {
         sum = static_cast<double>(m.integer_sum);
         mean = quotient(m.integer_sum, m.finite);
-        variance = size_of(input_.dtype) <= 4 ? exact_variance(m) : m.deviations / static_cast<double>(m.finite);
+        variance =
+            size_of(input_.dtype) <= 4 ? exact_variance(m) : m.squared_deviations() / static_cast<double>(m.finite);
     } else if (infinite > 0) {
         double const infinity = std::numeric_limits<double>::infinity();
         sum = mean = m.negative_infinity == 0 ? infinity : m.positive_infinity == 0 ? -infinity : undefined;
@@ -223,7 +227,7 @@ void Statistics::scan_end() {
         sum = m.sum + m.sum_error;
         mean = sum / static_cast<double>(m.finite);
         if (!std::isfinite(mean)) mean = origin_.value + m.mean; // the sum overflowed, the mean did not
-        variance = m.deviations / static_cast<double>(m.finite);
+        variance = m.squared_deviations() / static_cast<double>(m.finite);
     }
     Extreme const low = map.slope < 0 ? max_ : min_, high = map.slope < 0 ? min_ : max_;
     r.argmin = low.where;
@@ -273,7 +277,7 @@ void Statistics::weigh(StatisticsResult& r) const {
         if (m.finite == 0) continue;
         auto const n = static_cast<double>(m.finite);
         double const offset = mean_of(m) - mean;
-        deviations += cell * ((exact ? exact_variance(m) * n : m.deviations) + n * offset * offset);
+        deviations += cell * ((exact ? exact_variance(m) * n : m.squared_deviations()) + n * offset * offset);
     }
     r.weighted_mean = map.physical(mean);
     r.weighted_variance = map.slope * map.slope * (deviations / weight);

@@ -6,6 +6,7 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/wide.h"
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -17,10 +18,13 @@ namespace vkt {
 /// merged by Chan, Golub and LeVeque's update ("Updating formulae and a pairwise algorithm", 1979) in a fixed order.
 struct Moments {
     std::int64_t finite = 0, nan = 0, positive_infinity = 0, negative_infinity = 0;
-    Int128 integer_sum = 0;          ///< integers: exact sum
-    Unsigned128 squares = 0;         ///< integers up to 32 bits: exact sum of squares
-    double sum = 0, sum_error = 0;   ///< floats: sum of the finite values, and the part that rounding lost
-    double mean = 0, deviations = 0; ///< floats and 64-bit integers: mean less the origin, sum of (value - mean)^2
+    Int128 integer_sum = 0;                      ///< integers: exact sum
+    Unsigned128 squares = 0;                     ///< integers up to 32 bits: exact sum of squares
+    double sum = 0, sum_error = 0;               ///< floats: sum of the finite values, and the part that rounding lost
+    double mean = 0;                             ///< floats and 64-bit integers: mean less the origin
+    double deviations = 0, deviations_error = 0; ///< sum of (value - mean)^2, and the part that rounding lost
+
+    double squared_deviations() const { return deviations + deviations_error; }
 
     /// `exact`: only counts and integer sums matter.
     void append(Moments const& next, bool exact);
@@ -29,7 +33,7 @@ private:
     void append_sum(Moments const& next);
 };
 
-/// Smallest and largest value of a row: as a float, or as an integer (128 bits hold every integer type).
+/// Smallest and largest value of some rows: as a float, or as an integer (128 bits hold every integer type).
 struct Range {
     bool valid = false;
     double low = 0, high = 0;
@@ -44,11 +48,19 @@ struct MeanOrigin {
     Int128 integer = 0;
 };
 
-/// What one row of a slab contributes.
-struct RowStatistics {
+/// What neighbouring rows of one slice contribute.
+struct BandStatistics {
     Moments moments;
     Range range;
 };
+
+/// Short rows are summed several at a time, so that they cost no more than long ones. How many depends on their length
+/// alone, so that slabs do not matter.
+inline std::int64_t rows_in_band(Index3 dims) {
+    constexpr std::int64_t voxels = 4096;
+    return std::clamp<std::int64_t>(voxels / dims.x, 1, dims.y);
+}
+inline std::int64_t bands_in_slice(Index3 dims) { return (dims.y + rows_in_band(dims) - 1) / rows_in_band(dims); }
 
 /// An extreme value and the first voxel in x-fastest order that has it.
 struct Extreme {
@@ -75,10 +87,10 @@ struct StatisticsResult {
 Report report(StatisticsResult const& result);
 
 /// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
-/// The result is the same bit for bit for every thread count, slab height and instruction set: each row is summed in 16
-/// lanes, rows are merged in order, then slices. Cells of hierarchical volumes are counted one by one, and once more
-/// weighted by their volume; a region takes the cells whose centres lie in it. Cost: one read of the volume, O(rows of
-/// a slab) memory.
+/// The result is the same bit for bit for every thread count, slab height and instruction set: rows are summed
+/// in 16 lanes, bands of rows are merged in order, then slices. Cells of hierarchical volumes are counted one by one,
+/// and once more weighted by their volume; a region takes the cells whose centres lie in it. Cost: one read of the
+/// volume, O(rows of a slab) memory.
 class Statistics : public Operation {
 public:
     Roi roi; ///< part to look at; empty: all
@@ -114,8 +126,8 @@ private:
     Moments total_;
     MeanOrigin origin_;
     Extreme min_, max_;
-    std::vector<RowStatistics> rows_; ///< scratch: one per row of a slab
-    std::vector<Moments> slices_;     ///< scratch: one per slice of a slab
+    std::vector<BandStatistics> bands_; ///< scratch: of a slab
+    std::vector<Moments> slices_;       ///< scratch: one per slice of a slab
     StatisticsResult result_;
 };
 

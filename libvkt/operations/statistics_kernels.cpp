@@ -1,4 +1,4 @@
-// Statistics of rows: 16 lanes on every back end, whatever its registers hold.
+// Statistics of bands of rows: 16 lanes on every back end, whatever its registers hold.
 // SPDX-License-Identifier: MIT
 #ifndef __CUDACC__
 #include "libvkt/operations/statistics.h"
@@ -12,7 +12,8 @@ namespace vkt {
 namespace VKT_BACKEND {
 namespace {
 
-// The register width is the back end's, the number of lanes is not: lane j sums voxels j, j + 16, … on every machine.
+// The register width is the back end's, the number of lanes is not: lane j sums voxels j, j + 16, … of a row on every
+// machine.
 constexpr int lanes = 16;
 constexpr int doubles = static_cast<int>(register_bytes / 8);
 constexpr int registers = lanes / doubles;
@@ -26,27 +27,26 @@ template <class T> struct Loads {
     typedef T unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(T)), may_alias));
 };
 
-/// Sums and extremes of a row of floats, fed chunk by chunk.
-template <class T> class FloatRow {
+/// Sums and extremes of rows of floats, fed chunk by chunk.
+template <class T> class FloatRows {
 public:
-    explicit FloatRow(double shift) : shift_(shift) {}
+    explicit FloatRows(double shift) : shift_(shift) {}
 
     void add(T const* p, std::int64_t n) {
-        std::int64_t const bad = extremes(p, n);
         count_ += n;
-        if (bad == 0) return sums(p, n);
+        if (extremes(p, n)) return sums(p, n);
         T replaced[chunk];
         for (std::int64_t i = 0; i < n; ++i) {
             bool const finite = p[i] - p[i] == T(0);
             nan_ += p[i] != p[i];
-            above_ += p[i] == std::numeric_limits<T>::infinity();
-            below_ += p[i] == -std::numeric_limits<T>::infinity();
+            above_ += p[i] == infinity;
+            below_ += p[i] == -infinity;
             replaced[i] = finite ? p[i] : static_cast<T>(shift_); // contributes nothing
         }
         sums(replaced, n);
     }
 
-    void finish(double origin, RowStatistics& out) const {
+    void finish(double origin, BandStatistics& out) const {
         double s[lanes], q[lanes];
         for (int j = 0; j < lanes; ++j) {
             s[j] = s_[j / doubles][j % doubles] + tail_s_[j];
@@ -75,18 +75,24 @@ public:
         }
         out.range = {};
         out.range.valid = count_ > nan_;
-        out.range.low = static_cast<double>(low_);
-        out.range.high = static_cast<double>(high_);
+        T low = low_, high = high_;
+        for (int j = 0; j < width; ++j) {
+            low = lows_[j] < low ? lows_[j] : low;
+            high = highs_[j] > high ? highs_[j] : high;
+        }
+        out.range.low = static_cast<double>(low);
+        out.range.high = static_cast<double>(high);
     }
 
 private:
-    /// Returns how many voxels are not finite (or some positive number, if there are any).
-    std::int64_t extremes(T const* p, std::int64_t n) {
-        using Full = typename Loads<T>::full;
+    using Full = typename Loads<T>::full;
+    static constexpr int width = static_cast<int>(register_bytes / sizeof(T));
+    static constexpr T infinity = std::numeric_limits<T>::infinity();
+
+    /// False if a voxel is infinite or NaN.
+    bool extremes(T const* p, std::int64_t n) {
         using Unaligned = typename Loads<T>::unaligned;
-        constexpr int width = static_cast<int>(register_bytes / sizeof(T));
-        constexpr T infinity = std::numeric_limits<T>::infinity();
-        Full low0 = Full{} + infinity, high0 = Full{} - infinity, odd0 = Full{};
+        Full low0 = lows_, high0 = highs_, odd0 = Full{};
         Full low1 = low0, high1 = high0, odd1 = odd0;
         std::int64_t i = 0;
         for (; i + 2 * width <= n; i += 2 * width) { // v - v is 0 unless v is infinite or NaN; NaN never compares less
@@ -99,21 +105,19 @@ private:
             odd0 += v - v;
             odd1 += w - w;
         }
+        lows_ = low1 < low0 ? low1 : low0;
+        highs_ = high1 > high0 ? high1 : high0;
         odd0 += odd1;
-        std::int64_t bad = 0;
-        for (int j = 0; j < width; ++j) {
-            low_ = low0[j] < low_ ? low0[j] : low_;
-            low_ = low1[j] < low_ ? low1[j] : low_;
-            high_ = high0[j] > high_ ? high0[j] : high_;
-            high_ = high1[j] > high_ ? high1[j] : high_;
-            bad += !(odd0[j] == T(0));
-        }
+        T odd[width];
+        for (int j = 0; j < width; ++j) odd[j] = odd0[j];
+        for (int half = width / 2; half > 0; half /= 2)
+            for (int j = 0; j < half; ++j) odd[j] += odd[j + half];
         for (; i < n; ++i) {
             low_ = p[i] < low_ ? p[i] : low_;
             high_ = p[i] > high_ ? p[i] : high_;
-            bad += !(p[i] - p[i] == T(0));
+            odd[0] += p[i] - p[i];
         }
-        return bad;
+        return odd[0] == T(0);
     }
 
     void sums(T const* p, std::int64_t n) {
@@ -138,7 +142,7 @@ private:
             s_[r] = s[r];
             q_[r] = q[r];
         }
-        for (int j = 0; i < n; ++i, ++j) { // only the last chunk has such a tail
+        for (int j = 0; i < n; ++i, ++j) { // only the last chunk of a row has such a tail
             double const d = static_cast<double>(p[i]) - shift_;
             tail_s_[j] += d;
             tail_q_[j] += d * d;
@@ -148,31 +152,47 @@ private:
     double shift_;
     DoubleRegister s_[registers] = {}, q_[registers] = {};
     double tail_s_[lanes] = {}, tail_q_[lanes] = {};
-    T low_ = std::numeric_limits<T>::infinity(), high_ = -std::numeric_limits<T>::infinity();
+    Full lows_ = Full{} + infinity, highs_ = Full{} - infinity;
+    T low_ = infinity, high_ = -infinity; ///< of tails
     std::int64_t count_ = 0, nan_ = 0, above_ = 0, below_ = 0;
 };
 
-/// The first finite value of a row, 0 if there is none: sums of differences from it neither cancel nor stall.
-template <class T> double shift_of(T const* p, std::int64_t n) {
-    for (std::int64_t i = 0; i < n; ++i)
-        if (auto const v = static_cast<double>(p[i]); v - v == 0) return v;
+/// Rows of one slice, `pitch` voxels apart.
+template <class T> struct Band {
+    T const* voxels;
+    std::int64_t length, rows, pitch;
+
+    /// Calls f(p, n) for runs that together are all rows in order.
+    template <class F> void for_each_run(F const& f) const {
+        for (std::int64_t r = 0; r < rows; ++r)
+            for (std::int64_t i = 0; i < length; i += chunk) f(voxels + r * pitch + i, std::min(chunk, length - i));
+    }
+};
+
+/// The first finite value, 0 if there is none: sums of differences from it neither cancel nor stall.
+template <class T> double shift_of(Band<T> const& band) {
+    for (std::int64_t r = 0; r < band.rows; ++r)
+        for (std::int64_t i = 0; i < band.length; ++i)
+            if (auto const v = static_cast<double>(band.voxels[r * band.pitch + i]); v - v == 0) return v;
     return 0;
 }
 
-template <class T> void float_row(T const* p, std::int64_t n, double origin, RowStatistics& out) {
+template <class T> void float_band(Band<T> band, double origin, BandStatistics& out) {
+    double const shift = shift_of(band);
+    // Rows without a tail fill the lanes the same way when they are one long row.
+    if (band.length == band.pitch && band.length % lanes == 0) band = {band.voxels, band.length * band.rows, 1, 0};
     if constexpr (std::is_same_v<T, Half>) {
-        FloatRow<float> row(shift_of(p, n));
+        FloatRows<float> rows(shift);
         float wide[chunk];
-        for (std::int64_t i = 0; i < n; i += chunk) {
-            std::int64_t const m = std::min(chunk, n - i);
-            for (std::int64_t j = 0; j < m; ++j) wide[j] = static_cast<float>(p[i + j]);
-            row.add(wide, m);
-        }
-        row.finish(origin, out);
+        band.for_each_run([&](T const* p, std::int64_t n) {
+            for (std::int64_t j = 0; j < n; ++j) wide[j] = static_cast<float>(p[j]);
+            rows.add(wide, n);
+        });
+        rows.finish(origin, out);
     } else {
-        FloatRow<T> row(shift_of(p, n));
-        for (std::int64_t i = 0; i < n; i += chunk) row.add(p + i, std::min(chunk, n - i));
-        row.finish(origin, out);
+        FloatRows<T> rows(shift);
+        band.for_each_run([&](T const* p, std::int64_t n) { rows.add(p, n); });
+        rows.finish(origin, out);
     }
 }
 
@@ -214,56 +234,60 @@ template <class T> void exact_sums(T const* p, std::int64_t n, Moments& m) {
     }
 }
 
-template <class T> void integer_row(T const* p, std::int64_t n, Int128 origin, RowStatistics& out) {
-    T low = p[0], high = p[0];
+template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics& out) {
+    T const first = band.voxels[0];
+    T low = first, high = first;
     Moments m;
-    m.finite = n;
-    if constexpr (sizeof(T) <= 4) {
-        for (std::int64_t i = 0; i < n; i += chunk) {
-            std::int64_t const end = std::min(i + chunk, n);
-            for (std::int64_t j = i; j < end; ++j) {
+    m.finite = band.length * band.rows;
+    if (band.length == band.pitch) band = {band.voxels, m.finite, 1, 0};
+    double s = 0, q = 0;
+    band.for_each_run([&](T const* p, std::int64_t n) {
+        if constexpr (sizeof(T) <= 4) {
+            for (std::int64_t j = 0; j < n; ++j) {
                 low = p[j] < low ? p[j] : low;
                 high = p[j] > high ? p[j] : high;
             }
-            exact_sums(p + i, end - i, m);
+            exact_sums(p, n, m);
+        } else {
+            for (std::int64_t i = 0; i < n; ++i) {
+                low = p[i] < low ? p[i] : low;
+                high = p[i] > high ? p[i] : high;
+                Int128 const difference = static_cast<Int128>(p[i]) - static_cast<Int128>(first);
+                auto const d = static_cast<double>(difference);
+                m.integer_sum += static_cast<Int128>(p[i]);
+                s += d;
+                q += d * d;
+            }
         }
-    } else {
-        double s = 0, q = 0;
-        for (std::int64_t i = 0; i < n; ++i) {
-            low = p[i] < low ? p[i] : low;
-            high = p[i] > high ? p[i] : high;
-            Int128 const difference = static_cast<Int128>(p[i]) - static_cast<Int128>(p[0]);
-            auto const d = static_cast<double>(difference);
-            m.integer_sum += static_cast<Int128>(p[i]);
-            s += d;
-            q += d * d;
-        }
-        auto const count = static_cast<double>(n);
-        m.mean = static_cast<double>(static_cast<Int128>(p[0]) - origin) + s / count;
+    });
+    if constexpr (sizeof(T) > 4) {
+        auto const count = static_cast<double>(m.finite);
+        m.mean = static_cast<double>(static_cast<Int128>(first) - origin) + s / count;
         m.deviations = std::max(0.0, q - s * s / count);
     }
     out.moments = m;
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
 }
 
-template <class T> void rows_of(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, int threads) {
+template <class T> void bands_of(ConstView slab, MeanOrigin const& origin, BandStatistics* bands, int threads) {
     View<T const> const in = slab.as<T>();
-    Index3 const n = slab.dims();
-    Box const box = slab.box;
+    Index3 const n = slab.dims(), lower = slab.box.lower;
+    std::int64_t const rows = rows_in_band(n), per_slice = bands_in_slice(n);
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
-    for (std::int64_t r = 0; r < n.y * n.z; ++r) {
-        T const* const p = &in(box.lower.x, box.lower.y + r % n.y, box.lower.z + r / n.y);
+    for (std::int64_t b = 0; b < per_slice * n.z; ++b) {
+        std::int64_t const y = b % per_slice * rows;
+        Band<T> const band{&in(lower.x, lower.y + y, lower.z + b / per_slice), n.x, std::min(rows, n.y - y), in.row};
         if constexpr (std::is_integral_v<T>)
-            integer_row(p, n.x, origin.integer, rows[r]);
+            integer_band(band, origin.integer, bands[b]);
         else
-            float_row(p, n.x, origin.value, rows[r]);
+            float_band(band, origin.value, bands[b]);
     }
 }
 
 } // namespace
 
-void row_statistics(ConstView slab, MeanOrigin const& origin, RowStatistics* rows, Execution const& execution) {
-    for_each_type(slab.type, [&]<class T>(T) { rows_of<T>(slab, origin, rows, execution.threads); });
+void band_statistics(ConstView slab, MeanOrigin const& origin, BandStatistics* bands, Execution const& execution) {
+    for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, bands, execution.threads); });
 }
 
 } // namespace VKT_BACKEND
