@@ -45,6 +45,34 @@ no_leftovers() { [ -z "$(find . -name '.*vkt-*')" ] || { find . -name '.*vkt-*' 
     same out.vkt
 }
 
+@test "calls that move fewer bytes than asked, or none, are continued" {
+    local library="$VKT_BUILD/tests/vkt_short_calls.so"
+    [ -e "$library" ] || skip "vkt_short_calls is not built"
+    short() { env LD_PRELOAD="$library" VKT_SHORT_CALLS_LOG="$PWD/disturbed" "$@"; }
+    vkt make noise --seed 4 --dims 128 128 90 --dtype float32 -o large.nrrd
+    vkt make amr --blocks 100 -o tree.vkt
+    vkt flip z large.nrrd -o large.expected.nrrd
+    vkt read tree.vkt | vkt read -o tree.expected.vkt
+    for transport in pipe shm; do
+        export VKT_TRANSPORT=$transport
+        for file in out.nrrd out.mhd out.mha out.vkt; do
+            short vkt flip x in.nrrd -o $file --force
+            same $file
+        done
+        short vkt flip x in.nrrd -o packed.nrrd --compress --force
+        short vkt read packed.nrrd -o out.nrrd --force
+        same out.nrrd
+        short vkt read large.nrrd | short vkt flip z --memory 1M 2>/dev/null | short vkt flip x | short vkt flip x |
+            short vkt convert --dtype float32 | short vkt write out.nrrd --force
+        vkt diff out.nrrd large.expected.nrrd
+        short vkt read large.nrrd --no-checksum | short vkt stats --json >stats
+        vkt stats large.nrrd --json | cmp - stats
+        short vkt read tree.vkt | short vkt read -o tree.out.vkt --force
+        cmp tree.out.vkt tree.expected.vkt
+    done
+    awk '{ n += $1 } END { print NR " processes, " n " calls disturbed"; exit !(NR >= 30 && n > 1000) }' disturbed >&3
+}
+
 @test "shared memory that cannot be had is said once, voxels go through the pipe" {
     for injection in memfd_create:error=ENOMEM fallocate:error=ENOSPC fallocate:error=ENOMEM; do
         with $injection vkt flip x in.nrrd --transport shm 2>err | vkt write - --format raw | cmp - expected.raw

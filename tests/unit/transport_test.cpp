@@ -5,8 +5,12 @@
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/formats/region_source.h"
+#include "libvkt/operations/crop.h"
 
 #include <atomic>
+#include <chrono>
+#include <csignal>
 #include <cstring>
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -133,6 +137,117 @@ TEST_P(Transports, UnwantedSlabsAreReturned) {
     producer.join();
 }
 
+/// A stage that changes no voxel: its slabs may stay where they lie.
+void hand_through(int from, int to, ipc::Transport transport) {
+    {
+        Crop everything;
+        auto input =
+            std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(from, "pipe"), ipc::StreamOptions{});
+        std::vector<std::unique_ptr<Source>> inputs;
+        inputs.push_back(std::move(input));
+        auto const source = attach(std::move(inputs), everything, {}, {});
+        ipc::StreamOptions options;
+        options.transport = transport;
+        ipc::StreamSink sink(to, options);
+        drain(*source, sink, {});
+    }
+    ::close(to);
+}
+
+TEST_P(Transports, VoxelsArriveUnchangedThroughStagesThatChangeNone) {
+    // The last volume has larger slabs than the first: its producer makes another ring.
+    std::vector<Volume> const volumes{patterned({64, 64, 200}, 1), patterned({7, 5, 3}, 2),
+                                      patterned({300, 200, 64}, 3)};
+    for (std::int64_t slab : {1, 3, 64}) {
+        Pipe first, second, third;
+        std::string notice;
+        std::thread producer([&] { produce(first.write_end, GetParam(), volumes, slab, &notice); });
+        std::thread stage([&] { hand_through(first.read_end, second.write_end, GetParam()); });
+        std::thread next([&] { hand_through(second.read_end, third.write_end, GetParam()); });
+        auto const read = consume(third.read_end);
+        producer.join();
+        stage.join();
+        next.join();
+        expect_same(read, volumes);
+    }
+}
+
+TEST_P(Transports, SlabsStayUntilTheLastStageHasSeenThem) {
+    Volume const volume = patterned({64, 64, 64}, 7);
+    Pipe first, second;
+    std::string notice;
+    std::thread producer([&] { produce(first.write_end, GetParam(), {volume}, 1, &notice); });
+    std::thread stage([&] { hand_through(first.read_end, second.write_end, GetParam()); });
+    {
+        ipc::StreamSource source(std::make_unique<ByteSource>(second.read_end, "pipe"), {});
+        ASSERT_TRUE(source.next_volume());
+        source.expect(box_of(volume.header().dims));
+        for (std::int64_t z = 0; z < 64; ++z) {
+            auto const slab = source.borrow({{0, 0, z}, {64, 64, z + 1}});
+            ASSERT_TRUE(slab.has_value());
+            // Whoever would write here too early has the time to.
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            auto const a = slab->as<std::uint32_t>();
+            auto const b = volume.view().as<std::uint32_t>();
+            for (std::int64_t y = 0; y < 64; ++y)
+                for (std::int64_t x = 0; x < 64; ++x) ASSERT_EQ(a(x, y, z), b(x, y, z));
+        }
+        source.finish();
+    }
+    producer.join();
+    stage.join();
+}
+
+TEST(SharedMemory, AStageThatChangesNoVoxelPassesOnTheSlotsItWasGiven) {
+    Volume const volume = patterned({64, 64, 16}, 7);
+    Pipe first, second;
+    std::string notice;
+    std::thread producer([&] { produce(first.write_end, ipc::Transport::shm, {volume}, 4, &notice); });
+    std::thread consumer([&] { expect_same(consume(second.read_end), {volume}); });
+    {
+        ipc::StreamSource source(std::make_unique<ByteSource>(first.read_end, "pipe"), {});
+        ipc::StreamOptions options;
+        options.transport = ipc::Transport::shm;
+        ipc::StreamSink sink(second.write_end, options);
+        ASSERT_TRUE(source.next_volume());
+        sink.begin(source.header());
+        for (std::int64_t z = 0; z < 16; z += 4) {
+            Box const slab{{0, 0, z}, {64, 64, z + 4}};
+            auto const lease = source.lease(slab);
+            ASSERT_NE(lease, nullptr);
+            EXPECT_EQ(source.lease({{0, 0, z}, {64, 64, z + 3}}), nullptr); // only whole slabs
+            EXPECT_TRUE(sink.pass_on(slab, lease));
+        }
+        source.finish();
+        sink.end();
+        sink.close();
+    }
+    ::close(second.write_end);
+    producer.join();
+    consumer.join();
+}
+
+TEST(SharedMemory, AConsumerThatLeavesReleasesWhatWasPassedOnToIt) {
+    std::signal(SIGPIPE, SIG_IGN);
+    Volume const volume = patterned({64, 64, 256}, 7);
+    Pipe first, second;
+    std::string notice;
+    // All three stages end, though the last one held slots of the first and never gave them back.
+    std::thread producer(
+        [&] { EXPECT_ANY_THROW(produce(first.write_end, ipc::Transport::shm, {volume}, 1, &notice)); });
+    std::thread stage([&] { EXPECT_ANY_THROW(hand_through(first.read_end, second.write_end, ipc::Transport::shm)); });
+    {
+        ipc::StreamSource source(std::make_unique<ByteSource>(second.read_end, "pipe"), {});
+        ASSERT_TRUE(source.next_volume());
+        source.expect(box_of(volume.header().dims));
+        EXPECT_TRUE(source.borrow({{0, 0, 0}, {64, 64, 1}}).has_value());
+    }
+    stage.join();
+    producer.join();
+    ::close(first.write_end);
+    ::close(second.write_end);
+}
+
 TEST_P(Transports, WholeVolumesArriveUnchangedAndOutliveTheStream) {
     std::vector<Volume> const volumes{patterned({256, 256, 40}, 1), patterned({7, 5, 3}, 2)};
     for (std::int64_t slab : {1, 7, 64}) {
@@ -185,6 +300,23 @@ TEST(SharedMemory, AWholeVolumeIsTakenWithoutACopyOnce) {
     producer.join();
     ASSERT_TRUE(taken.has_value());
     expect_same({*taken}, {volume});
+}
+
+TEST(SharedMemory, ARegionIsNotTakenForTheWholeVolume) {
+    Volume const volume = patterned({64, 64, 32}, 3);
+    Pipe pipe;
+    std::string notice;
+    std::thread producer([&] { produce(pipe.write_end, ipc::Transport::shm, {volume}, 4, &notice); });
+    ipc::StreamOptions options;
+    options.whole = true;
+    auto const region =
+        region_of(std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(pipe.read_end, "pipe"), options),
+                  Roi{"8:16,:,4:20"}, {}, {});
+    ASSERT_TRUE(region->next_volume());
+    Volume const part = load(*region, {});
+    producer.join();
+    EXPECT_EQ(part.header().dims, (Index3{8, 64, 16}));
+    EXPECT_EQ(part.view().as<std::uint32_t>()(7, 63, 15), volume.view().as<std::uint32_t>()(15, 63, 19));
 }
 
 INSTANTIATE_TEST_SUITE_P(Stream, Transports, testing::Values(ipc::Transport::pipe, ipc::Transport::shm));
