@@ -99,9 +99,12 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
 /// Throws what OutputFile would for this name, Error{usage} or Error{io}; creates and opens nothing.
 void check_output(std::string const& path, bool force);
 
+class Guard;
+
 /// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
 /// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
-/// name at all (O_TMPFILE) until then, so that kill -9 leaves nothing either.
+/// name at all (O_TMPFILE) until then; while it has one, another process stands by to remove it, so that kill -9 leaves
+/// nothing either.
 class OutputFile {
 public:
     OutputFile(std::string path, bool force);
@@ -128,6 +131,7 @@ private:
     bool in_place_ = false;
     int descriptor_ = -1;
     int slot_ = -1; ///< where a temporary name is remembered for signal handlers
+    std::unique_ptr<Guard> guard_;
 };
 
 } // namespace vkt

@@ -91,6 +91,7 @@ void OutputFile::open_temporary() {
     if (unnamed) return mark_alive(descriptor_);
     // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
     temporary_ = temporary_name(path_);
+    guard_ = std::make_unique<Guard>(temporary_);
     descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
     if (descriptor_ < 0) throw unwritable(path_, errno);
     mark_alive(descriptor_);
@@ -173,6 +174,7 @@ void OutputFile::replace(std::string const& from, bool unnamed) {
         if (errno != EEXIST) throw system_error(text("cannot write '", path_, "'"));
         aside = temporary_name(path_);
         slot_ = remember_temporary(aside);
+        guard_ = std::make_unique<Guard>(aside);
         if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, aside.c_str(), AT_SYMLINK_FOLLOW) != 0)
             throw system_error(text("cannot write '", path_, "'"));
     }

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -17,7 +18,9 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 namespace vkt {
@@ -40,6 +43,25 @@ bool left_over(int descriptor) {
     // An empty file may have been made this moment, before its owner could mark it.
     if (status.st_size == 0 && status.st_ctime + 60 > std::time(nullptr)) return false;
     return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
+}
+
+/// False if nobody is there to hear it.
+bool say_word(int socket) {
+    ssize_t n = 0;
+    do {
+        n = ::send(socket, "", 1, MSG_NOSIGNAL);
+    } while (n < 0 && errno == EINTR);
+    return n == 1;
+}
+
+/// False if the other end is gone.
+bool hear_word(int socket) {
+    char word = 0;
+    ssize_t n = 0;
+    do {
+        n = ::recv(socket, &word, 1, 0);
+    } while (n < 0 && errno == EINTR);
+    return n == 1;
 }
 
 } // namespace
@@ -75,6 +97,30 @@ void forget_temporary(int slot) {
 void remove_temporaries() noexcept {
     for (auto& slot : temporaries)
         if (char const* const path = slot.load()) ::unlink(path);
+}
+
+Guard::Guard(std::string const& path) {
+    int ends[2];
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) return;
+    process_ = ::fork();
+    if (process_ == 0) { // other threads are gone: nothing but system calls from here on
+        ::setsid();
+        ::dup2(ends[1], 0);
+        ::close_range(1, ~0U, 0);
+        if (!say_word(0) || !hear_word(0)) ::unlink(path.c_str());
+        ::_exit(0);
+    }
+    ::close(ends[1]);
+    socket_ = ends[0];
+    if (process_ > 0) hear_word(socket_);
+}
+
+Guard::~Guard() {
+    if (socket_ < 0) return;
+    say_word(socket_);
+    ::close(socket_);
+    while (process_ > 0 && ::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
+    }
 }
 
 void mark_alive(int descriptor) { (void)::flock(descriptor, LOCK_EX | LOCK_NB); }

@@ -23,6 +23,22 @@ void remove_temporaries() noexcept;
 /// Marks an open temporary file as belonging to a living process; the kernel takes the mark away when that dies.
 void mark_alive(int descriptor);
 
+/// A process that removes a file when this one dies, however it dies. It holds no descriptor of ours, so that no reader
+/// of a pipe waits for it, and leads a session of its own, so that signals to our group pass it by.
+class Guard {
+public:
+    /// Returns when the guard stands. Without one, where no process can be had, work goes on.
+    explicit Guard(std::string const& path);
+    /// Dismisses it: the file is nobody's concern any more.
+    ~Guard();
+    Guard(Guard const&) = delete;
+    Guard& operator=(Guard const&) = delete;
+
+private:
+    int socket_ = -1;
+    int process_ = -1;
+};
+
 /// Removes what killed processes left beside `path` under names from temporary_name(path).
 void remove_leftovers(std::string const& path);
 
