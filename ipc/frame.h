@@ -29,6 +29,7 @@ enum class FrameType : std::uint32_t {
 
 inline constexpr std::uint32_t flag_required = 1; ///< a reader that does not know the type must refuse the stream
 inline constexpr std::uint32_t flag_checksum = 2; ///< `checksum` holds the XXH3-64 of the payload
+inline constexpr std::uint32_t flag_shared = 4;   ///< of BRIK: the cells lie in a slot of the ring of shared memory
 
 /// 32 bytes, little endian, before every payload.
 struct FrameHeader {
@@ -56,7 +57,8 @@ struct SlabHeader {
 };
 static_assert(sizeof(SlabHeader) == 32);
 
-/// First 16 bytes of a BRIK payload: `count` BrickRecords follow, then their cells.
+/// First 16 bytes of a BRIK payload: `count` BrickRecords follow, then their cells or the SharedCells that say where
+/// they lie.
 struct BricksHeader {
     std::uint64_t first = 0; ///< index of the first brick in the volume
     std::uint64_t count = 0;
@@ -69,6 +71,11 @@ struct BrickRecord {
     std::int32_t level = 0;
 };
 static_assert(sizeof(BrickRecord) == 40);
+
+struct SharedCells {
+    std::uint32_t slot = 0, reserved = 0;
+};
+static_assert(sizeof(SharedCells) == 8);
 
 /// A stage's row in the timing table that END carries.
 struct StageReport {

@@ -78,6 +78,7 @@ private:
     void write_voxels(FrameHeader const& frame, SlabHeader const& head, Slab& slab);
     void meet_consumer();
     bool take_slot();
+    void write_bricks(BricksHeader const& group, std::span<std::byte const> records, std::span<std::byte const> cells);
     bool may_splice(Slab const& slab);
     void recycle(Slab slab);
     void work();
@@ -143,13 +144,13 @@ void StreamSink::Writer::begin(Header const& header) {
     while ((magic.size() + sizeof(FrameHeader) + json.size()) % 64 != 0) json.insert(json.size() - 1, 1, ' ');
     write_text(FrameType::header, json, true);
     open_volume_ = true;
-    if (options_.transport == Transport::shm && header.kind == Kind::structured && !header.dry_run) meet_consumer();
+    if (options_.transport == Transport::shm && !header.dry_run) meet_consumer();
 }
 
 void StreamSink::Writer::meet_consumer() {
     shares_ = channel_ && channel_->connected(patience);
     segment_ = false;
-    if (shares_ && channel_->wants_whole()) {
+    if (shares_ && channel_->wants_whole() && header_.kind == Kind::structured) {
         try {
             channel_->share_ring(1, header_.bytes());
             segment_ = true;
@@ -334,24 +335,37 @@ void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
                                b.level});
             count += b.cells();
         }
-        BricksHeader const group{first, records.size()};
-        auto const record_bytes = records.size() * sizeof(BrickRecord);
         std::byte const* const data = sequence.cells(first, records.size());
-        std::size_t const bytes = static_cast<std::size_t>(count) * size;
-        FrameHeader frame{FrameType::bricks, flag_required, sizeof group + record_bytes + bytes, 0, 0};
-        if (options_.checksum) {
-            frame.flags |= flag_checksum;
-            StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
-            hasher.add(std::as_bytes(std::span(records)));
-            hasher.add({data, bytes});
-            frame.checksum = hasher.value();
-        }
-        std::array<iovec, 3> parts{part(&group, sizeof group), part(records.data(), record_bytes), part(data, bytes)};
-        write_frame(frame, parts);
-        ++end_.frames;
-        end_.bytes += bytes;
-        end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
+        write_bricks({first, records.size()}, std::as_bytes(std::span(records)),
+                     {data, static_cast<std::size_t>(count) * size});
     }
+}
+
+void StreamSink::Writer::write_bricks(BricksHeader const& group, std::span<std::byte const> records,
+                                      std::span<std::byte const> cells) {
+    current_ = {};
+    current_.bytes = cells.size();
+    FrameHeader frame{FrameType::bricks, flag_required, sizeof group + records.size(), 0, 0};
+    SharedCells shared;
+    std::array<iovec, 3> parts{part(&group, sizeof group), part(records.data(), records.size()),
+                               part(cells.data(), cells.size())};
+    if (shares_ && take_slot()) {
+        std::memcpy(channel_->slot(*current_.slot), cells.data(), cells.size());
+        shared.slot = *current_.slot;
+        parts[2] = part(&shared, sizeof shared);
+        frame.flags |= flag_shared;
+    } else if (options_.checksum) {
+        frame.flags |= flag_checksum;
+        StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
+        hasher.add(records);
+        hasher.add(cells);
+        frame.checksum = hasher.value();
+    }
+    frame.length += parts[2].iov_len;
+    write_frame(frame, parts);
+    ++end_.frames;
+    end_.bytes += cells.size();
+    end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
 }
 
 void StreamSink::Writer::wait_until_written() {

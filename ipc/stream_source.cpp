@@ -85,7 +85,9 @@ private:
     void hand_out(Piece piece);
     Piece empty_piece();
     void release_front();
+    std::byte const* shared_slot(std::uint32_t name, std::size_t bytes);
     void read_shared(SlabHeader const& slab);
+    void take_shared_cells(std::span<std::byte> target);
     void receive();
     std::vector<BrickRecord> read_records(std::uint64_t count);
     std::size_t slice_bytes() const {
@@ -329,16 +331,19 @@ void StreamSource::Reader::release_front() {
     changed_.notify_all();
 }
 
-void StreamSource::Reader::read_shared(SlabHeader const& slab) {
+std::byte const* StreamSource::Reader::shared_slot(std::uint32_t name, std::size_t bytes) {
     if (!channel_)
-        throw Error(ErrorKind::data, text("a slab on ", input_.name(), " lies in shared memory of another pipeline"));
+        throw Error(ErrorKind::data, text("voxels on ", input_.name(), " lie in shared memory of another pipeline"));
+    return channel_->slot(name, bytes);
+}
+
+void StreamSource::Reader::read_shared(SlabHeader const& slab) {
     Piece piece;
     if (slab.place == Place::segment) {
         if (slab.slot == segment_) segment_bytes_ += slab.bytes;
-        piece.shared =
-            channel_->slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(slab.z_begin) * slice_bytes();
+        piece.shared = shared_slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(slab.z_begin) * slice_bytes();
     } else {
-        piece.shared = channel_->slot(slab.slot, slab.bytes);
+        piece.shared = shared_slot(slab.slot, slab.bytes);
         piece.lease = std::make_shared<SlotLease>(channel_, slab.slot, slab.bytes);
     }
     piece.z_begin = slab.z_begin;
@@ -509,6 +514,15 @@ std::vector<BrickRecord> StreamSource::Reader::read_records(std::uint64_t count)
     return records;
 }
 
+/// Copies the cells of a frame of bricks out of the slot that its end names.
+void StreamSource::Reader::take_shared_cells(std::span<std::byte> target) {
+    SharedCells shared;
+    if (input_.read(&shared, sizeof shared) != sizeof shared) ended_early();
+    std::memcpy(target.data(), shared_slot(shared.slot, target.size()), target.size());
+    channel_->give_back(shared.slot);
+    bytes_ += target.size();
+}
+
 Volume StreamSource::Reader::load_hierarchical() {
     if (header_.dry_run) throw PlannedOnly();
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
@@ -542,18 +556,26 @@ Volume StreamSource::Reader::load_hierarchical() {
         }
         cells_left -= cells;
         std::size_t const bytes = static_cast<std::size_t>(cells) * size_of(header_.dtype);
-        if (frame.length != sizeof group + record_bytes + bytes)
+        bool const is_shared = (frame.flags & flag_shared) != 0;
+        if (frame.length != sizeof group + record_bytes + (is_shared ? sizeof(SharedCells) : bytes))
             throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
         Buffer block(bytes);
         std::byte* const target = block.write(Space::host);
-        std::size_t const got = input_.read(target, bytes);
-        bytes_ += got;
-        if (got != bytes) ended_early();
-        StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
-        hasher.add(std::as_bytes(std::span(records)));
-        hasher.add({target, bytes});
-        verify(frame, (frame.flags & flag_checksum) != 0 ? hasher.value() : 0);
-        if ((frame.flags & flag_checksum) == 0) all_checked_ = false;
+        if (is_shared) {
+            take_shared_cells({target, bytes});
+        } else {
+            std::size_t const got = input_.read(target, bytes);
+            bytes_ += got;
+            if (got != bytes) ended_early();
+        }
+        if ((frame.flags & flag_checksum) != 0) {
+            StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
+            hasher.add(std::as_bytes(std::span(records)));
+            hasher.add({target, bytes});
+            verify(frame, hasher.value());
+        } else {
+            all_checked_ = false;
+        }
         ++frames_;
         chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
         blocks.emplace_back(bytes, std::move(block));

@@ -404,7 +404,6 @@ void Runner::drain_all(Source& source, Sink& sink) {
             source.finish();
             continue;
         }
-        if (source.header().kind == Kind::hierarchical) went_inline_ = true;
         drain_volume(source, sink, execution);
         refuse_lossy();
     }

@@ -302,6 +302,37 @@ TEST(SharedMemory, AWholeVolumeIsTakenWithoutACopyOnce) {
     expect_same({*taken}, {volume});
 }
 
+TEST_P(Transports, TreesArriveUnchanged) {
+    // The second brick fills more than a frame of many bricks holds, and more than the first slots.
+    Header header;
+    header.dims = {256, 256, 256};
+    header.dtype = DataType::uint32;
+    std::vector<Brick> bricks;
+    for (std::int64_t z = 0; z < 128; z += 8)
+        for (std::int64_t x = 0; x < 256; x += 8) bricks.push_back({{x, 0, z}, {8, 8, 8}, 0});
+    bricks.push_back({{0, 0, 128}, {256, 256, 32}, 0});
+    std::vector<Volume> trees{Volume(header, bricks), Volume(header, {bricks.front()})};
+    for (auto& tree : trees) {
+        auto* cells = reinterpret_cast<std::uint32_t*>(tree.buffer().write(Space::host));
+        for (std::int64_t i = 0; i < tree.header().cell_count; ++i) cells[i] = static_cast<std::uint32_t>(i) * 7919u;
+    }
+    for (bool const whole : {false, true}) {
+        Pipe pipe;
+        std::string notice;
+        std::thread producer([&] { produce(pipe.write_end, GetParam(), trees, 0, &notice); });
+        auto const read = consume(pipe.read_end, whole);
+        producer.join();
+        EXPECT_EQ(notice, "");
+        ASSERT_EQ(read.size(), trees.size());
+        for (std::size_t i = 0; i < trees.size(); ++i) {
+            EXPECT_EQ(read[i].bricks(), trees[i].bricks());
+            EXPECT_EQ(std::memcmp(const_cast<Volume&>(read[i]).buffer().read(Space::host),
+                                  trees[i].buffer().read(Space::host), trees[i].header().bytes()),
+                      0);
+        }
+    }
+}
+
 TEST(SharedMemory, ARegionIsNotTakenForTheWholeVolume) {
     Volume const volume = patterned({64, 64, 32}, 3);
     Pipe pipe;
