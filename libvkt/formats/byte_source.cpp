@@ -2,13 +2,17 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/system_error.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
+#include <exception>
+#include <numeric>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -22,6 +26,11 @@ constexpr std::size_t look_ahead = std::size_t{16} << 10;
 constexpr std::size_t longest_line = std::size_t{1} << 20;
 /// Linux moves at most this much per call; asking for more is not an error, but short.
 constexpr std::size_t largest_read = std::size_t{1} << 30;
+/// One processor copies out of the page cache more slowly than memory could give: where there are many, a few share a
+/// read, and the others are left to the stages downstream.
+constexpr int most_readers = 4;
+constexpr std::int64_t large_file = std::int64_t{16} << 20;
+constexpr std::size_t least_share = std::size_t{256} << 10;
 
 std::size_t read_some(int descriptor, void* to, std::size_t n, std::string const& name) {
     for (;;) {
@@ -48,6 +57,7 @@ ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descripto
     }
     // A shell may hand over a file that others have read from: `{ head -1; vkt read -; } < file`.
     if (size_ >= 0) position_ = here;
+    if (size_ >= large_file) readers_ = std::clamp(default_threads() / 4, 1, most_readers);
 }
 
 ByteSource::~ByteSource() {
@@ -159,19 +169,39 @@ void ByteSource::skip(std::int64_t n) {
 }
 
 void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
+    auto const parts = std::clamp<std::int64_t>(static_cast<std::int64_t>(n / least_share), 1, readers_);
+    std::size_t const share = (n / static_cast<std::size_t>(parts) + 4095) / 4096 * 4096;
+    std::array<std::size_t, most_readers> got{};
+    std::exception_ptr failure;
+#pragma omp parallel for num_threads(static_cast <int>(parts)) schedule(static, 1) if (parts > 1)
+    for (std::int64_t i = 0; i < parts; ++i) {
+        std::size_t const begin = static_cast<std::size_t>(i) * share, end = i + 1 < parts ? begin + share : n;
+        try {
+            got[static_cast<std::size_t>(i)] = read_part(position + static_cast<std::int64_t>(begin),
+                                                         static_cast<std::byte*>(to) + begin, end - begin);
+        } catch (...) {
+#pragma omp critical
+            failure = std::current_exception();
+        }
+    }
+    if (failure) std::rethrow_exception(failure);
+    std::size_t const there = std::accumulate(got.begin(), got.end(), std::size_t{0});
+    if (there < n)
+        throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),
+                                          " bytes needed, ", position + static_cast<std::int64_t>(there), " there"));
+}
+
+/// Fewer than n bytes at the end of the file.
+std::size_t ByteSource::read_part(std::int64_t position, std::byte* to, std::size_t n) const {
     std::size_t done = 0;
     while (done < n) {
-        ssize_t const got = ::pread(descriptor_, static_cast<std::byte*>(to) + done, std::min(n - done, largest_read),
+        ssize_t const got = ::pread(descriptor_, to + done, std::min(n - done, largest_read),
                                     position + static_cast<std::int64_t>(done));
-        if (got < 0) {
-            if (errno == EINTR) continue;
-            throw system_error(text("cannot read '", name_, "'"));
-        }
-        if (got == 0)
-            throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),
-                                              " bytes needed, ", position + static_cast<std::int64_t>(done), " there"));
-        done += static_cast<std::size_t>(got);
+        if (got == 0) break;
+        if (got < 0 && errno != EINTR) throw system_error(text("cannot read '", name_, "'"));
+        if (got > 0) done += static_cast<std::size_t>(got);
     }
+    return done;
 }
 
 std::vector<std::byte> ByteSource::take_lookahead() {

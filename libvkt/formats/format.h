@@ -41,15 +41,19 @@ public:
     /// Skips forward n bytes.
     void skip(std::int64_t n);
     /// Reads at an absolute position of a seekable file without moving; throws Error{data} if the file is too short.
+    /// Threads share large reads of large files.
     void read_at(std::int64_t position, void* to, std::size_t n) const;
     /// Bytes already taken from the descriptor but not consumed, for those who go on with the descriptor alone.
     std::vector<std::byte> take_lookahead();
 
 private:
+    std::size_t read_part(std::int64_t position, std::byte* to, std::size_t n) const;
+
     int descriptor_;
     std::string name_;
     std::int64_t size_ = -1;
     std::int64_t position_ = 0;
+    int readers_ = 1; ///< threads that share a large read
     std::vector<std::byte> ahead_;
     std::size_t ahead_begin_ = 0;
 };
