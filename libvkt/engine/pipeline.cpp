@@ -16,7 +16,8 @@
 namespace vkt {
 namespace {
 
-/// A slab this large amortises system calls and thread hand-over and still stays in the caches on its way.
+/// A slab this large for every four threads, up to sixteen, amortises system calls and hand-over and still stays in the
+/// caches on its way (measured: on 2 processors 2 MiB are slower than 1, on 16 1 MiB is slower than 4).
 constexpr std::size_t slab_bytes = std::size_t{1} << 20;
 
 class VolumeSource : public Source {
@@ -56,7 +57,8 @@ std::int64_t slab_height(Header const& header, std::int64_t hint, Execution cons
     std::int64_t const n = header.dims.z;
     if (execution.slab > 0) return std::min(execution.slab, n);
     std::size_t const slice = static_cast<std::size_t>(header.dims.x * header.dims.y) * size_of(header.dtype);
-    auto const natural = static_cast<std::int64_t>(std::max<std::size_t>(1, slab_bytes / slice));
+    auto const share = static_cast<std::size_t>(std::clamp(execution.threads / 4, 1, 4));
+    auto const natural = static_cast<std::int64_t>(std::max<std::size_t>(1, share * slab_bytes / slice));
     auto const most = static_cast<std::int64_t>(std::max<std::size_t>(1, execution.memory / 8 / slice));
     return std::clamp<std::int64_t>(hint > 0 ? hint : natural, 1, std::min(n, most));
 }

@@ -65,7 +65,7 @@ std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const
 /// Convenience for library users: applies one operation to volumes in memory.
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution);
 
-/// Slab height the engine uses for a volume: near 1 MiB, at least `hint`, within the memory budget.
+/// Slab height the engine uses for a volume: 1 to 4 MiB, at least `hint`, within the memory budget.
 std::int64_t slab_height(Header const& header, std::int64_t hint, Execution const& execution);
 
 } // namespace vkt
