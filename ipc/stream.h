@@ -29,7 +29,7 @@ struct Traffic {
     std::uint64_t bytes = 0;
 };
 
-/// True if the bytes begin a volume stream.
+/// True if the bytes begin a volume stream, of whatever version.
 bool is_stream(std::span<std::byte const> head);
 
 /// What a stream's reader knows of it; outlives the reader.

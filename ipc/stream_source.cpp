@@ -40,7 +40,8 @@ struct Piece {
 } // namespace
 
 bool is_stream(std::span<std::byte const> head) {
-    return head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0;
+    auto const digit = head.size() < magic.size() ? '\0' : static_cast<char>(head[3]);
+    return digit >= '0' && digit <= '9' && std::memcmp(head.data(), magic.data(), 3) == 0;
 }
 
 class StreamSource::Reader {
@@ -209,9 +210,13 @@ bool StreamSource::Reader::next_volume() {
                     "an upstream command failed before it wrote anything");
     if (got < start.size() && std::memcmp(start.data(), magic.data(), got) == 0) ended_early();
     if (start != magic) {
-        bool const other_version = std::memcmp(start.data(), magic.data(), 3) == 0;
-        throw Error(ErrorKind::data, other_version ? text("the stream on ", input_.name(), " has another version")
-                                                   : text("what follows on ", input_.name(), " is no volume stream"));
+        if (std::memcmp(start.data(), magic.data(), 4) == 0)
+            throw Error(ErrorKind::data, text("the stream on ", input_.name(), " was damaged on its way"),
+                        "transfer it as binary data, not as text");
+        if (std::memcmp(start.data(), magic.data(), 3) == 0)
+            throw Error(ErrorKind::data, text("the stream on ", input_.name(), " has another version"),
+                        "read it with the vkt that wrote it, and write it in another format");
+        throw Error(ErrorKind::data, text("what follows on ", input_.name(), " is no volume stream"));
     }
     FrameHeader const frame = read_frame_header();
     if (frame.type == FrameType::error) {

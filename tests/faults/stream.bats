@@ -68,10 +68,35 @@ for i in range(len(data)): os.write(1, data[i:i+1])' | vkt read | vkt diff in.vk
 }
 
 @test "a directory that cannot be written" {
-    [ "$(id -u)" -ne 0 ] || skip "root writes anywhere"
     mkdir closed
-    chmod 500 closed
-    fails_with 4 "closed" vkt read in.vkt -o closed/out.nrrd
+    if [ "$(id -u)" -eq 0 ]; then # root writes into any directory, but not on a read-only file system
+        mount -t tmpfs -o ro tmpfs closed 2>/dev/null || skip "root cannot mount a read-only tmpfs here"
+    else
+        chmod 500 closed
+    fi
+    run --separate-stderr vkt read in.vkt -o closed/out.nrrd
+    [ "$(id -u)" -ne 0 ] || umount closed
+    [ "$status" -eq 4 ]
+    [[ "$stderr" == *"closed"* ]]
+    [ "$(grep -c '^vkt' <<<"$stderr")" -le 2 ]
+}
+
+@test "a stream of another version is refused" {
+    { printf 'VKT2'; tail -c +5 in.vkt; } >other.vkt
+    fails_with 3 "version" vkt flip x other.vkt
+    # Line ends that were rewritten as text tell of themselves.
+    sed '1s/\r$//' in.vkt >text.vkt
+    fails_with 3 "binary" vkt flip x text.vkt
+    run --separate-stderr bash -c 'vkt flip x <other.vkt | vkt write out.nrrd'
+    [ "$status" -eq 3 ]
+    [ ! -e out.nrrd ]
+}
+
+@test "nothing at all on standard input is exit 3" {
+    fails_with 3 "" vkt flip x </dev/null
+    run --separate-stderr bash -c 'vkt write out.nrrd </dev/null'
+    [ "$status" -eq 3 ]
+    [ ! -e out.nrrd ]
 }
 
 @test "a missing directory is exit 4" { fails_with 4 "nowhere" vkt read in.vkt -o nowhere/out.nrrd; }
