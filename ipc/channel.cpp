@@ -201,6 +201,7 @@ ProducerChannel::~ProducerChannel() {
         ::shutdown(peer_, SHUT_RD); // ends its wait
         relay_.join();
     }
+    for (auto const& [name, lease] : passed_) lease->abandon(); // the consumer may outlive us
     close_descriptor(listener_);
     close_descriptor(peer_);
 }

@@ -131,7 +131,11 @@ public:
     /// Of a slot that `channel` knows, with `bytes` of voxels at its front.
     SlotLease(std::shared_ptr<ConsumerChannel> channel, std::uint32_t name, std::size_t bytes)
         : channel_(std::move(channel)), ring_(channel_->memory_of(name)), name_(name), bytes_(bytes) {}
-    ~SlotLease() override { channel_->give_back(name_); }
+    ~SlotLease() override {
+        if (channel_) channel_->give_back(name_);
+    }
+    /// Somebody else may still look at the slot: it is never given back.
+    void abandon() { channel_.reset(); }
 
     std::shared_ptr<SharedRing> const& ring() const { return ring_; }
     std::uint32_t index() const { return name_ & 0xffff; }

@@ -8,6 +8,7 @@
 #include "libvkt/formats/temporaries.h"
 #include "tests/unit/format_testing.h"
 
+#include <cstring>
 #include <thread>
 
 #include <fcntl.h>
@@ -24,6 +25,31 @@ ReadOptions raw_options(Index3 dims, DataType type) {
     options.dims = dims;
     options.dtype = type;
     return options;
+}
+
+TEST(ByteSource, ThreadsShareLargeReadsOfLargeFiles) {
+    ::setenv("VKT_THREADS", "16", 1);
+    Scratch const scratch;
+    std::string contents((std::size_t{20} << 20) + 12345, '\0');
+    std::mt19937 random(1);
+    for (std::size_t i = 0; i + 4 <= contents.size(); i += 4) {
+        auto const word = static_cast<std::uint32_t>(random());
+        std::memcpy(contents.data() + i, &word, 4);
+    }
+    put_file(scratch / "large", contents);
+    auto const bytes = open_bytes(scratch / "large");
+    ::unsetenv("VKT_THREADS");
+    for (std::size_t n : {contents.size() - 1, std::size_t{1} << 20, (std::size_t{1} << 19) + 1, std::size_t{4095}}) {
+        std::string read(n, '\0');
+        bytes->read_at(1, read.data(), n);
+        EXPECT_TRUE(contents.compare(1, n, read) == 0) << n;
+    }
+    // One who cuts the file meanwhile is told how much of it there was.
+    ::truncate((scratch / "large").c_str(), 19 << 20);
+    std::string read(std::size_t{4} << 20, '\0');
+    auto const cut = caught([&] { bytes->read_at(std::int64_t{16} << 20, read.data(), read.size()); });
+    EXPECT_EQ(cut.kind, ErrorKind::data);
+    EXPECT_NE(cut.message.find(text("20971520 bytes needed, ", 19 << 20, " there")), std::string::npos) << cut.message;
 }
 
 TEST(RawName, FindsDimsAndType) {
