@@ -227,6 +227,9 @@ StageInfo Runner::stage_info(Invocation const& stage) {
     info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) {
         print_plan(stage, plan, inputs);
     };
+    bool const reads_pipe = std::ranges::count(stage.inputs(), "-") > 0 && ipc::is_pipe(STDIN_FILENO);
+    bool const writes_pipe = stage.yields_volumes() && stage.common().output == "-" && ipc::is_pipe(STDOUT_FILENO);
+    info.among_processes = stages_.size() == 1 && (reads_pipe || writes_pipe);
     return info;
 }
 

@@ -149,7 +149,7 @@ void Link::plan_volume() {
     if (plan_.output.dry_run) return;
     if (plan_.output.kind == Kind::hierarchical) return make_tree();
 
-    execution_ = resolve_device(requested_, operation_, plan_);
+    execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu) device_select(execution_.gpu);
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         inputs_[i]->window.reset({headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value});

@@ -99,6 +99,12 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
     operation.scan_end();
 }
 
+Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info) {
+    constexpr double bound_by_memory = 4; // multiply-adds a voxel
+    if (info.among_processes && plan.cost <= bound_by_memory) execution.threads = std::max(1, execution.threads / 4);
+    return execution;
+}
+
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
     Plan const plan = reduction.plan(headers);
@@ -108,7 +114,7 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
         reduce_hierarchical(reduction, load(source, execution), execution);
         return tell_remarks(reduction, info);
     }
-    scan_volume(source, reduction, execution, info.times.get());
+    scan_volume(source, reduction, beside_neighbours(execution, plan, info), info.times.get());
     source.finish();
     tell_remarks(reduction, info);
 }

@@ -32,6 +32,7 @@ struct StageInfo {
     std::function<void(Plan const&, std::vector<Header> const& inputs)>
         on_plan;                       ///< sees the plan of every volume; may be empty
     std::shared_ptr<StageTimes> times; ///< filled in if set
+    bool among_processes = false;      ///< the neighbours compute on the same processors at the same time
 };
 
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
@@ -44,6 +45,10 @@ History history_step(StageInfo const& info, std::vector<Header> const& inputs);
 /// cannot be read again. The operation must outlive the result.
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info);
+
+/// How to run a plan among other stages: one that memory alone slows down gains little from more than a few threads,
+/// and leaves them to its neighbours.
+Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info);
 
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times);

@@ -361,6 +361,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     choose_values(first, second, plan.output);
     voxels_ = first.voxels();
     plan.method = way_ == Way::in_integers ? "128-bit integers" : way_ == Way::in_float ? "float32" : "float64";
+    if (way_ == Way::in_integers) plan.cost = 8;
     return plan;
 }
 
