@@ -9,6 +9,7 @@
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/operations/like.h"
 #include "shell/help.h"
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
@@ -159,6 +160,7 @@ private:
     void check_ends();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
+    void look_at_like(Invocation const& stage);
     int consume(Invocation& stage, std::unique_ptr<Source> previous);
     int drain(std::unique_ptr<Source> source);
     std::unique_ptr<Sink> make_sink();
@@ -301,6 +303,15 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
     return sources;
 }
 
+/// The library opens files of its formats; the volume that --like names may be a stream as well.
+void Runner::look_at_like(Invocation const& stage) {
+    Like* const like = stage.operation()->like();
+    if (like == nullptr || like->file.empty()) return;
+    auto const record = stream_in_; // what arrives here is not what the stage works on
+    like->take(header_like(*open(stage, like->file), like->file));
+    stream_in_ = record;
+}
+
 std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source> previous) {
     Execution const execution = execution_of(stage);
     std::unique_ptr<Source> source;
@@ -317,6 +328,7 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
+        look_at_like(stage);
         source = attach(std::move(inputs), *stage.operation(), execution, stage_info(stage));
         if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
     }

@@ -42,6 +42,11 @@ np.fromfile('v_11x8x6_int16.raw', np.int16).reshape(6, 8, 11)[1:5, 2:8, 3:10].co
 @test "like another volume: its part, at any resolution, mirrored or not" {
     vkt crop v.nrrd --roi 3:10,2:7,1:4 -o part.nrrd
     vkt crop v.nrrd --like part.nrrd | raw | cmp - <(raw part.nrrd)
+    # A stream in a file, or from a pipe.
+    vkt read part.nrrd -o part.vkt
+    vkt crop v.nrrd --like part.vkt | raw | cmp - <(raw part.nrrd)
+    vkt crop v.nrrd --like <(vkt read part.nrrd) | raw | cmp - <(raw part.nrrd)
+    vkt read v.nrrd | vkt crop --like <(vkt read part.nrrd) --timing 2>table | raw | cmp - <(raw part.nrrd)
     vkt resample part.nrrd --scale 2 -o fine.nrrd
     vkt crop v.nrrd --like fine.nrrd | raw | cmp - <(raw part.nrrd)
     vkt flip y part.nrrd -o mirrored.nrrd

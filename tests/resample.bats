@@ -196,6 +196,10 @@ assert abs(json.load(open("one"))["mean"] - m) < 1e-6'
     [ "$(vkt resample r.vkt --spacing 2 | dims)" = '"dims":[5,20,45]' ]
     vkt make ramp --dims 3 4 5 | vkt write like.nrrd
     [ "$(vkt resample r.vkt --like like.nrrd | dims)" = '"dims":[3,4,5]' ]
+    vkt read like.nrrd -o like.vkt
+    [ "$(vkt resample r.vkt --like like.vkt | dims)" = '"dims":[3,4,5]' ]
+    [ "$(vkt resample r.vkt --like <(vkt read like.nrrd) | dims)" = '"dims":[3,4,5]' ]
+    fails_with 3 'empty' vkt resample r.vkt --like /dev/null -o out.nrrd
 }
 
 @test "volkit's options" {

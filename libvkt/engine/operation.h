@@ -53,6 +53,8 @@ struct Remark {
     bool lossy = true;
 };
 
+class Like;
+
 /// One instance is configured once (parameters), planned per volume, and then run on regions, always from one thread at
 /// a time. Results must not depend on how the output is cut into regions.
 class Operation {
@@ -64,6 +66,9 @@ public:
     virtual int inputs() const { return shape() == Shape::source ? 0 : 1; }
     /// Paths of the inputs, for operations that take them among their own arguments; otherwise the framework asks.
     virtual std::vector<std::string> input_names() const { return {}; }
+
+    /// The volume whose header the plan follows, for operations with an option --like.
+    virtual Like* like() { return nullptr; }
 
     /// Declares the parameters and binds them to members.
     virtual void parameters(Parameters&) {}

@@ -15,6 +15,7 @@
 #include <numeric>
 
 #include <fcntl.h>
+#include <omp.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -57,7 +58,10 @@ ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descripto
     }
     // A shell may hand over a file that others have read from: `{ head -1; vkt read -; } < file`.
     if (size_ >= 0) position_ = here;
-    if (size_ >= large_file) readers_ = std::clamp(default_threads() / 4, 1, most_readers);
+    if (size_ < large_file) return;
+    readers_ = std::clamp(default_threads() / 4, 1, most_readers);
+    // LLVM's runtime looks things up in the first thread that it met, which must not be one that reads ahead and ends.
+    if (readers_ > 1) static_cast<void>(omp_get_max_threads());
 }
 
 ByteSource::~ByteSource() {
@@ -169,26 +173,32 @@ void ByteSource::skip(std::int64_t n) {
 }
 
 void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
+    auto* const bytes = static_cast<std::byte*>(to);
     auto const parts = std::clamp<std::int64_t>(static_cast<std::int64_t>(n / least_share), 1, readers_);
-    std::size_t const share = (n / static_cast<std::size_t>(parts) + 4095) / 4096 * 4096;
-    std::array<std::size_t, most_readers> got{};
-    std::exception_ptr failure;
-#pragma omp parallel for num_threads(static_cast <int>(parts)) schedule(static, 1) if (parts > 1)
-    for (std::int64_t i = 0; i < parts; ++i) {
-        std::size_t const begin = static_cast<std::size_t>(i) * share, end = i + 1 < parts ? begin + share : n;
-        try {
-            got[static_cast<std::size_t>(i)] = read_part(position + static_cast<std::int64_t>(begin),
-                                                         static_cast<std::byte*>(to) + begin, end - begin);
-        } catch (...) {
-#pragma omp critical
-            failure = std::current_exception();
-        }
-    }
-    if (failure) std::rethrow_exception(failure);
-    std::size_t const there = std::accumulate(got.begin(), got.end(), std::size_t{0});
+    std::size_t const there = parts > 1 ? read_together(position, bytes, n, parts) : read_part(position, bytes, n);
     if (there < n)
         throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),
                                           " bytes needed, ", position + static_cast<std::int64_t>(there), " there"));
+}
+
+/// A function of its own: compilers prepare for threads on entry, and who reads alone should not pay for that.
+std::size_t ByteSource::read_together(std::int64_t position, std::byte* to, std::size_t n, std::int64_t parts) const {
+    std::size_t const share = (n / static_cast<std::size_t>(parts) + 4095) / 4096 * 4096;
+    std::array<std::size_t, most_readers> got{};
+    std::array<std::exception_ptr, most_readers> failures;
+#pragma omp parallel for num_threads(static_cast <int>(parts)) schedule(static, 1)
+    for (std::int64_t i = 0; i < parts; ++i) {
+        std::size_t const begin = static_cast<std::size_t>(i) * share, end = i + 1 < parts ? begin + share : n;
+        auto const part = static_cast<std::size_t>(i);
+        try {
+            got[part] = read_part(position + static_cast<std::int64_t>(begin), to + begin, end - begin);
+        } catch (...) {
+            failures[part] = std::current_exception();
+        }
+    }
+    for (auto const& failure : failures)
+        if (failure) std::rethrow_exception(failure);
+    return std::accumulate(got.begin(), got.end(), std::size_t{0});
 }
 
 /// Fewer than n bytes at the end of the file.

@@ -47,28 +47,21 @@ VKT_OPERATION(Crop, "crop")
 void Crop::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1");
     parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");
-    parameters.option("like", like_file_, "FILE", "keep what lies within the extent of this volume");
+    parameters.option("like", like_.file, "FILE", "keep what lies within the extent of this volume");
 }
 
 void Crop::check() const {
-    int const given = (region_.empty() ? 0 : 1) + (world_.empty() ? 0 : 1) + (like_file_.empty() && !like_ ? 0 : 1);
+    int const given = (region_.empty() ? 0 : 1) + (world_.empty() ? 0 : 1) + (like_.empty() ? 0 : 1);
     if (given == 1) return;
     throw Error(ErrorKind::usage, given == 0 ? "no region given" : "more than one region given",
                 "use one of --roi X0:X1,Y0:Y1,Z0:Z1, --roi-world, --like FILE");
 }
 
-void Crop::set_like(Geometry const& geometry, Index3 dims) { like_ = {geometry, dims}; }
-
 /// The region in voxels, or in finest cells.
 Box Crop::wanted(Header const& in) {
-    if (!like_file_.empty() && !like_) {
-        auto const source = open_volume(open_bytes(like_file_), {});
-        if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like_file_, " holds no volume"));
-        set_like(source->header().geometry, source->header().dims);
-    }
-    if (like_) {
-        Geometry const& g = like_->geometry;
-        Index3 const n = like_->dims;
+    if (!like_.empty()) {
+        Geometry const& g = like_.header().geometry;
+        Index3 const n = like_.header().dims;
         Box const box =
             voxels_between(index_bounds(in.geometry,
                                         [&](bool x, bool y, bool z) {
@@ -79,7 +72,7 @@ Box Crop::wanted(Header const& in) {
                            in.dims);
         if (box.empty())
             throw Error(ErrorKind::usage,
-                        text("the volume does not overlap ", like_file_.empty() ? "the other" : like_file_),
+                        text("the volume does not overlap ", like_.file.empty() ? "the other" : like_.file),
                         "compare the extents with 'vkt info'");
         return box;
     }

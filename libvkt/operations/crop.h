@@ -3,8 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
-
-#include <optional>
+#include "libvkt/operations/like.h"
 
 namespace vkt {
 
@@ -28,21 +27,15 @@ public:
     bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
-
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
-    void set_like(Geometry const& geometry, Index3 dims);
+    Like* like() override { return &like_; }
 
 private:
-    struct Extent {
-        Geometry geometry;
-        Index3 dims;
-    };
     Box wanted(Header const& in);
 
     Roi region_;
     WorldRoi world_;
-    std::string like_file_;
-    std::optional<Extent> like_;
+    Like like_;
     Box box_;
 };
 

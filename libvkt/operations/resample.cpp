@@ -31,7 +31,7 @@ void Resample::parameters(Parameters& p) {
     p.option("size", size, "N,auto,auto", "number of voxels along one axis, the others in proportion");
     p.option("spacing", spacing, "S|SX,SY,SZ",
              "size of the result's voxels in world units, met as nearly as whole voxels allow");
-    p.option("like", like, "FILE", "as many voxels as this volume file has");
+    p.option("like", like_.file, "FILE", "as many voxels as this volume file has");
     p.option("cells", cells, "N", "about this many voxels, as cubic as can be; 50M are 50 millions");
     p.option("method", method, "METHOD",
              "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
@@ -54,7 +54,7 @@ void Resample::parameters(Parameters& p) {
 
 void Resample::check() const {
     int const given = (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) +
-                      (like.empty() ? 0 : 1) + (cells ? 1 : 0);
+                      (like_.empty() ? 0 : 1) + (cells ? 1 : 0);
     if (given > 1)
         throw Error(ErrorKind::usage,
                     "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
@@ -149,14 +149,7 @@ Index3 Resample::target_dims(Header const& input) const {
         return plan_grid(whole, request).dims;
     }
     if (!size.empty()) return dims_of_size(size, input.dims);
-    if (!like.empty()) {
-        if (!like_dims_) { // once: it may be a pipe
-            auto const source = open_volume(open_bytes(like), {});
-            if (!source->next_volume()) throw Error(ErrorKind::data, text("--like: ", like, " holds no volume"));
-            like_dims_ = source->header().dims;
-        }
-        return *like_dims_;
-    }
+    if (!like_.empty()) return like_.header().dims;
     Index3 result = input.dims;
     for (int axis = 0; axis < 3; ++axis) {
         auto const n = static_cast<double>(input.dims[axis]);
@@ -211,7 +204,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
-    if (!scale && !dims && size.empty() && !spacing && like.empty() && !cells && !changes_values())
+    if (!scale && !dims && size.empty() && !spacing && like_.empty() && !cells && !changes_values())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
     from_ = input.dims;
@@ -308,7 +301,7 @@ SampleGrid Resample::tree_grid(Header const& input) const {
     request.world_roi = world_roi;
     request.spacing = spacing;
     if (cells) request.cells = cells->value;
-    if (scale || dims || !size.empty() || !like.empty()) {
+    if (scale || dims || !size.empty() || !like_.empty()) {
         Header region = input;
         region.dims = plan_grid(input, request).dims; // without any of the others: the region's finest cells
         request.dims = target_dims(region);

@@ -5,6 +5,7 @@
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/operations/like.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/resample_weights.h"
 #include "libvkt/operations/volkit_header.h"
@@ -46,7 +47,6 @@ public:
     std::optional<Index3> dims;
     std::string size;                     ///< "512,auto,auto"
     std::optional<Vec3> spacing;          ///< world units of the result's voxels
-    std::string like;                     ///< a volume file whose dims are taken
     std::optional<CellCount> cells;       ///< about this many voxels, cubes as nearly as possible
     std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones
     Roi roi;                              ///< hierarchical volumes: the region in finest cells
@@ -61,6 +61,7 @@ public:
 
     std::string_view name() const override { return "resample"; }
     Shape shape() const override { return Shape::geometric; }
+    Like* like() override { return &like_; }
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
@@ -86,7 +87,7 @@ private:
     enum class Way : std::uint8_t { copy, convert, nearest, halving, weighted };
 
     Index3 from_, to_;
-    mutable std::optional<Index3> like_dims_;
+    Like like_; ///< as many voxels as this volume has
     std::array<WeightTable, 3> tables_;
     Way way_ = Way::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
