@@ -1,5 +1,6 @@
 // Headers of volumes named by --like.
 // SPDX-License-Identifier: MIT
+#if VKT_HOST
 #include "libvkt/operations/like.h"
 
 #include "libvkt/core/error.h"
@@ -19,3 +20,4 @@ Header header_like(Source& source, std::string const& file) {
 }
 
 } // namespace vkt
+#endif
