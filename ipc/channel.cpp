@@ -23,13 +23,13 @@
 namespace vkt::ipc {
 namespace {
 
-constexpr std::uint32_t greeting = 0x314b5456; ///< both ends speak this version
+constexpr std::uint32_t greeting = 0x314b5456;       ///< both ends speak this version
+constexpr std::uint32_t greeting_whole = 0x574b5456; ///< … and the consumer wants whole volumes in one piece
 /// Names of slots have 16 bits for the ring: a series of more volumes than that goes on through the pipe.
 constexpr std::uint32_t most_rings = 0xffff;
 /// Slots of the producer before us that the consumer may hold: one to work on, the others on their way. What is left
 /// keeps that producer going meanwhile.
 constexpr std::size_t most_passed = 3;
-constexpr std::uint32_t greeting_whole = 0x574b5456; ///< … and the consumer wants whole volumes in one piece
 
 /// What the producer sends with a ring's descriptor.
 struct RingMessage {

@@ -79,6 +79,7 @@ private:
     void meet_consumer();
     bool take_slot();
     void write_bricks(BricksHeader const& group, std::span<std::byte const> records, std::span<std::byte const> cells);
+    void count(FrameHeader const& frame, std::size_t bytes);
     bool may_splice(Slab const& slab);
     void recycle(Slab slab);
     void work();
@@ -300,8 +301,13 @@ void StreamSink::Writer::write_slab(Slab& slab) {
         frame.checksum = hash({slab.voxels.read(Space::host), slab.bytes}, hash(std::as_bytes(std::span(&head, 1))));
     }
     write_voxels(frame, head, slab);
+    count(frame, slab.bytes);
+}
+
+/// For END, a frame that was written with so many bytes of voxels.
+void StreamSink::Writer::count(FrameHeader const& frame, std::size_t bytes) {
     ++end_.frames;
-    end_.bytes += slab.bytes;
+    end_.bytes += bytes;
     end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
 }
 
@@ -363,9 +369,7 @@ void StreamSink::Writer::write_bricks(BricksHeader const& group, std::span<std::
     }
     frame.length += parts[2].iov_len;
     write_frame(frame, parts);
-    ++end_.frames;
-    end_.bytes += cells.size();
-    end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
+    count(frame, cells.size());
 }
 
 void StreamSink::Writer::wait_until_written() {

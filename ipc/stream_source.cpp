@@ -78,6 +78,7 @@ private:
     SlabHeader read_slab_header(FrameHeader const& frame);
     void read_slabs();
     bool read_slab();
+    void count(FrameHeader const& frame);
     bool wanted(std::int64_t z_begin, std::int64_t z_end) const;
     void check_end(FrameHeader const& frame);
     void start();
@@ -357,6 +358,13 @@ void StreamSource::Reader::read_shared(SlabHeader const& slab) {
     bytes_ += slab.bytes;
 }
 
+/// For the comparison with END, a frame that was read.
+void StreamSource::Reader::count(FrameHeader const& frame) {
+    if ((frame.flags & flag_checksum) == 0) all_checked_ = false;
+    ++frames_;
+    chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
+}
+
 /// Reads the next slab, wherever it lies; false if there is none.
 bool StreamSource::Reader::read_slab() {
     if (!peek_slab()) return false;
@@ -365,7 +373,6 @@ bool StreamSource::Reader::read_slab() {
     pending_.reset();
     pending_slab_.reset();
     bool const check = (frame.flags & flag_checksum) != 0;
-    if (!check) all_checked_ = false;
     if (slab.place != Place::here) {
         read_shared(slab);
     } else if (!wanted(slab.z_begin, slab.z_end)) {
@@ -399,8 +406,7 @@ bool StreamSource::Reader::read_slab() {
         }
         verify(frame, check ? hasher.value() : 0);
     }
-    ++frames_;
-    chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
+    count(frame);
     next_z_ = slab.z_end;
     return true;
 }
@@ -578,11 +584,8 @@ Volume StreamSource::Reader::load_hierarchical() {
             hasher.add(std::as_bytes(std::span(records)));
             hasher.add({target, bytes});
             verify(frame, hasher.value());
-        } else {
-            all_checked_ = false;
         }
-        ++frames_;
-        chain_ = hash(std::as_bytes(std::span(&frame.checksum, 1)), chain_);
+        count(frame);
         blocks.emplace_back(bytes, std::move(block));
     }
     complete_ = true;

@@ -308,7 +308,7 @@ void Runner::look_at_like(Invocation const& stage) {
     Like* const like = stage.operation()->like();
     if (like == nullptr || like->file.empty()) return;
     auto const record = stream_in_; // what arrives here is not what the stage works on
-    like->take(header_like(*open(stage, like->file), like->file));
+    like->take(*open(stage, like->file));
     stream_in_ = record;
 }
 

@@ -40,8 +40,8 @@ private:
 
     std::byte* host_ = nullptr;
     std::byte* device_ = nullptr;
-    int device_index_ =
-        0; ///< of the GPU whose memory device_ is: copies go through its stream, whatever the thread uses
+    /// Of the GPU whose memory device_ is: copies go through its stream, whatever the thread uses.
+    int device_index_ = 0;
     std::shared_ptr<void> owner_; ///< of host_, if it was adopted
     std::size_t bytes_ = 0;
     bool host_valid_ = false, device_valid_ = false;

@@ -34,6 +34,9 @@ Execution default_execution();
 InstructionSet best_instruction_set(); ///< what this CPU runs, lowered by VKT_INSTRUCTION_SET
 std::string_view name_of(InstructionSet set);
 int default_threads();
+/// What work that memory alone slows down takes of so many threads: a quarter, at least one. More gain little, and the
+/// other stages of a pipeline need them.
+inline int share_of_threads(int threads) { return threads / 4 > 1 ? threads / 4 : 1; }
 std::size_t default_memory();
 
 /// Number of usable CUDA devices; 0 without CUDA or driver.

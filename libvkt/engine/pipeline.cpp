@@ -57,8 +57,8 @@ std::int64_t slab_height(Header const& header, std::int64_t hint, Execution cons
     std::int64_t const n = header.dims.z;
     if (execution.slab > 0) return std::min(execution.slab, n);
     std::size_t const slice = static_cast<std::size_t>(header.dims.x * header.dims.y) * size_of(header.dtype);
-    auto const share = static_cast<std::size_t>(std::clamp(execution.threads / 4, 1, 4));
-    auto const natural = static_cast<std::int64_t>(std::max<std::size_t>(1, share * slab_bytes / slice));
+    auto const shares = static_cast<std::size_t>(std::min(share_of_threads(execution.threads), 4));
+    auto const natural = static_cast<std::int64_t>(std::max<std::size_t>(1, shares * slab_bytes / slice));
     auto const most = static_cast<std::int64_t>(std::max<std::size_t>(1, execution.memory / 8 / slice));
     return std::clamp<std::int64_t>(hint > 0 ? hint : natural, 1, std::min(n, most));
 }
@@ -101,7 +101,7 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
 
 Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info) {
     constexpr double bound_by_memory = 4; // multiply-adds a voxel
-    if (info.among_processes && plan.cost <= bound_by_memory) execution.threads = std::max(1, execution.threads / 4);
+    if (info.among_processes && plan.cost <= bound_by_memory) execution.threads = share_of_threads(execution.threads);
     return execution;
 }
 

@@ -46,8 +46,7 @@ History history_step(StageInfo const& info, std::vector<Header> const& inputs);
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info);
 
-/// How to run a plan among other stages: one that memory alone slows down gains little from more than a few threads,
-/// and leaves them to its neighbours.
+/// How to run a plan among other stages: one that memory alone slows down takes its share_of_threads().
 Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info);
 
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.

@@ -28,7 +28,7 @@ constexpr std::size_t longest_line = std::size_t{1} << 20;
 /// Linux moves at most this much per call; asking for more is not an error, but short.
 constexpr std::size_t largest_read = std::size_t{1} << 30;
 /// One processor copies out of the page cache more slowly than memory could give: where there are many, a few share a
-/// read, and the others are left to the stages downstream.
+/// read.
 constexpr int most_readers = 4;
 constexpr std::int64_t large_file = std::int64_t{16} << 20;
 constexpr std::size_t least_share = std::size_t{256} << 10;
@@ -59,7 +59,7 @@ ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descripto
     // A shell may hand over a file that others have read from: `{ head -1; vkt read -; } < file`.
     if (size_ >= 0) position_ = here;
     if (size_ < large_file) return;
-    readers_ = std::clamp(default_threads() / 4, 1, most_readers);
+    readers_ = std::min(share_of_threads(default_threads()), most_readers);
     // LLVM's runtime looks things up in the first thread that it met, which must not be one that reads ahead and ends.
     if (readers_ > 1) static_cast<void>(omp_get_max_threads());
 }
@@ -174,7 +174,7 @@ void ByteSource::skip(std::int64_t n) {
 
 void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
     auto* const bytes = static_cast<std::byte*>(to);
-    auto const parts = std::clamp<std::int64_t>(static_cast<std::int64_t>(n / least_share), 1, readers_);
+    int const parts = static_cast<int>(std::clamp<std::size_t>(n / least_share, 1, static_cast<std::size_t>(readers_)));
     std::size_t const there = parts > 1 ? read_together(position, bytes, n, parts) : read_part(position, bytes, n);
     if (there < n)
         throw Error(ErrorKind::data, text("'", name_, "' ended early: ", position + static_cast<std::int64_t>(n),
@@ -182,14 +182,14 @@ void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
 }
 
 /// A function of its own: compilers prepare for threads on entry, and who reads alone should not pay for that.
-std::size_t ByteSource::read_together(std::int64_t position, std::byte* to, std::size_t n, std::int64_t parts) const {
+std::size_t ByteSource::read_together(std::int64_t position, std::byte* to, std::size_t n, int parts) const {
     std::size_t const share = (n / static_cast<std::size_t>(parts) + 4095) / 4096 * 4096;
     std::array<std::size_t, most_readers> got{};
     std::array<std::exception_ptr, most_readers> failures;
-#pragma omp parallel for num_threads(static_cast <int>(parts)) schedule(static, 1)
-    for (std::int64_t i = 0; i < parts; ++i) {
-        std::size_t const begin = static_cast<std::size_t>(i) * share, end = i + 1 < parts ? begin + share : n;
+#pragma omp parallel for num_threads(parts) schedule(static, 1)
+    for (int i = 0; i < parts; ++i) {
         auto const part = static_cast<std::size_t>(i);
+        std::size_t const begin = part * share, end = i + 1 < parts ? begin + share : n;
         try {
             got[part] = read_part(position + static_cast<std::int64_t>(begin), to + begin, end - begin);
         } catch (...) {

@@ -47,7 +47,7 @@ public:
     std::vector<std::byte> take_lookahead();
 
 private:
-    std::size_t read_together(std::int64_t position, std::byte* to, std::size_t n, std::int64_t parts) const;
+    std::size_t read_together(std::int64_t position, std::byte* to, std::size_t n, int parts) const;
     std::size_t read_part(std::int64_t position, std::byte* to, std::size_t n) const;
 
     int descriptor_;

@@ -51,7 +51,7 @@ void Crop::parameters(Parameters& parameters) {
 }
 
 void Crop::check() const {
-    int const given = (region_.empty() ? 0 : 1) + (world_.empty() ? 0 : 1) + (like_.empty() ? 0 : 1);
+    int const given = (region_.empty() ? 0 : 1) + (world_.empty() ? 0 : 1) + (like_.file.empty() ? 0 : 1);
     if (given == 1) return;
     throw Error(ErrorKind::usage, given == 0 ? "no region given" : "more than one region given",
                 "use one of --roi X0:X1,Y0:Y1,Z0:Z1, --roi-world, --like FILE");
@@ -59,7 +59,7 @@ void Crop::check() const {
 
 /// The region in voxels, or in finest cells.
 Box Crop::wanted(Header const& in) {
-    if (!like_.empty()) {
+    if (!like_.file.empty()) {
         Geometry const& g = like_.header().geometry;
         Index3 const n = like_.header().dims;
         Box const box =
@@ -71,8 +71,7 @@ Box Crop::wanted(Header const& in) {
                                         }),
                            in.dims);
         if (box.empty())
-            throw Error(ErrorKind::usage,
-                        text("the volume does not overlap ", like_.file.empty() ? "the other" : like_.file),
+            throw Error(ErrorKind::usage, text("the volume does not overlap ", like_.file),
                         "compare the extents with 'vkt info'");
         return box;
     }

@@ -10,13 +10,13 @@
 namespace vkt {
 
 Header const& Like::header() const {
-    if (!header_) header_ = header_like(*open_volume(open_bytes(file), {}), file);
+    if (!header_) take(*open_volume(open_bytes(file), {}));
     return *header_;
 }
 
-Header header_like(Source& source, std::string const& file) {
-    if (!source.next_volume()) throw Error(ErrorKind::data, text("--like: ", file, " holds no volume"));
-    return source.header();
+void Like::take(Source& opened) const {
+    if (!opened.next_volume()) throw Error(ErrorKind::data, text("--like: ", file, " holds no volume"));
+    header_ = opened.header();
 }
 
 } // namespace vkt

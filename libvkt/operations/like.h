@@ -14,17 +14,14 @@ class Like {
 public:
     std::string file; ///< empty: none
 
-    bool empty() const { return file.empty() && !header_; }
-    /// For those who can open more than the library's file formats, or have no file.
-    void take(Header header) { header_ = std::move(header); }
-    /// Opens the file unless the header was given. Throws Error{io} or Error{data}.
+    /// Its header from whoever has opened it, which may be one who knows more formats than the library. Throws
+    /// Error{data} if it holds no volume.
+    void take(Source& opened) const;
+    /// Opens the file unless somebody did. Throws Error{io} or Error{data}.
     Header const& header() const;
 
 private:
     mutable std::optional<Header> header_;
 };
-
-/// The first header of a source. Throws Error{data}, naming the file, if it holds no volume.
-Header header_like(Source& source, std::string const& file);
 
 } // namespace vkt

@@ -54,7 +54,7 @@ void Resample::parameters(Parameters& p) {
 
 void Resample::check() const {
     int const given = (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) +
-                      (like_.empty() ? 0 : 1) + (cells ? 1 : 0);
+                      (like_.file.empty() ? 0 : 1) + (cells ? 1 : 0);
     if (given > 1)
         throw Error(ErrorKind::usage,
                     "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
@@ -149,7 +149,7 @@ Index3 Resample::target_dims(Header const& input) const {
         return plan_grid(whole, request).dims;
     }
     if (!size.empty()) return dims_of_size(size, input.dims);
-    if (!like_.empty()) return like_.header().dims;
+    if (!like_.file.empty()) return like_.header().dims;
     Index3 result = input.dims;
     for (int axis = 0; axis < 3; ++axis) {
         auto const n = static_cast<double>(input.dims[axis]);
@@ -204,7 +204,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
-    if (!scale && !dims && size.empty() && !spacing && like_.empty() && !cells && !changes_values())
+    if (!scale && !dims && size.empty() && !spacing && like_.file.empty() && !cells && !changes_values())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
     from_ = input.dims;
@@ -301,7 +301,7 @@ SampleGrid Resample::tree_grid(Header const& input) const {
     request.world_roi = world_roi;
     request.spacing = spacing;
     if (cells) request.cells = cells->value;
-    if (scale || dims || !size.empty() || !like_.empty()) {
+    if (scale || dims || !size.empty() || !like_.file.empty()) {
         Header region = input;
         region.dims = plan_grid(input, request).dims; // without any of the others: the region's finest cells
         request.dims = target_dims(region);

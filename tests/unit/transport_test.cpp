@@ -58,12 +58,16 @@ void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const
     ::close(descriptor);
 }
 
-std::vector<Volume> consume(int descriptor, bool whole = false) {
+std::unique_ptr<ipc::StreamSource> source_of(int descriptor, bool whole = false) {
     ipc::StreamOptions options;
     options.whole = whole;
-    ipc::StreamSource source(std::make_unique<ByteSource>(descriptor, "pipe"), options);
+    return std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(descriptor, "pipe"), options);
+}
+
+std::vector<Volume> consume(int descriptor, bool whole = false) {
+    auto const source = source_of(descriptor, whole);
     std::vector<Volume> volumes;
-    while (source.next_volume()) volumes.push_back(load(source, {}));
+    while (source->next_volume()) volumes.push_back(load(*source, {}));
     return volumes;
 }
 
@@ -141,10 +145,8 @@ TEST_P(Transports, UnwantedSlabsAreReturned) {
 void hand_through(int from, int to, ipc::Transport transport) {
     {
         Crop everything;
-        auto input =
-            std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(from, "pipe"), ipc::StreamOptions{});
         std::vector<std::unique_ptr<Source>> inputs;
-        inputs.push_back(std::move(input));
+        inputs.push_back(source_of(from));
         auto const source = attach(std::move(inputs), everything, {}, {});
         ipc::StreamOptions options;
         options.transport = transport;
@@ -292,11 +294,9 @@ TEST(SharedMemory, AWholeVolumeIsTakenWithoutACopyOnce) {
     Pipe pipe;
     std::string notice;
     std::thread producer([&] { produce(pipe.write_end, ipc::Transport::shm, {volume}, 4, &notice); });
-    ipc::StreamOptions options;
-    options.whole = true;
-    ipc::StreamSource source(std::make_unique<ByteSource>(pipe.read_end, "pipe"), options);
-    ASSERT_TRUE(source.next_volume());
-    auto const taken = source.take_whole();
+    auto const source = source_of(pipe.read_end, true);
+    ASSERT_TRUE(source->next_volume());
+    auto const taken = source->take_whole();
     producer.join();
     ASSERT_TRUE(taken.has_value());
     expect_same({*taken}, {volume});
@@ -338,11 +338,7 @@ TEST(SharedMemory, ARegionIsNotTakenForTheWholeVolume) {
     Pipe pipe;
     std::string notice;
     std::thread producer([&] { produce(pipe.write_end, ipc::Transport::shm, {volume}, 4, &notice); });
-    ipc::StreamOptions options;
-    options.whole = true;
-    auto const region =
-        region_of(std::make_unique<ipc::StreamSource>(std::make_unique<ByteSource>(pipe.read_end, "pipe"), options),
-                  Roi{"8:16,:,4:20"}, {}, {});
+    auto const region = region_of(source_of(pipe.read_end, true), Roi{"8:16,:,4:20"}, {}, {});
     ASSERT_TRUE(region->next_volume());
     Volume const part = load(*region, {});
     producer.join();
