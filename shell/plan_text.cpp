@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 
 namespace vkt::shell {
 namespace {
@@ -24,6 +25,30 @@ std::string scientific(double value) {
     std::array<char, 32> buffer{};
     std::snprintf(buffer.data(), buffer.size(), "%.2g", value);
     return buffer.data();
+}
+
+/// Two digits that are not below the value.
+std::string at_least(double value) {
+    for (double v = value;; v *= 1.01) {
+        std::string digits = scientific(v);
+        if (!(std::strtod(digits.c_str(), nullptr) < value)) return digits;
+    }
+}
+
+/// "exact" or the terms of a bound. Of absolute ones only those that can matter beside others: not what becomes of
+/// numbers too small to be normal.
+std::string error_text(ErrorBound const& error) {
+    if (error.exact()) return "exact";
+    std::string terms;
+    auto const add = [&](double value, char const* of) {
+        if (value > 0) terms += text(terms.empty() ? "" : " + ", at_least(value), of);
+    };
+    add(error.range, " of the value range");
+    add(error.magnitude, " of the largest magnitude");
+    if (terms.empty() || error.absolute > 1e-30) add(error.absolute, " in values");
+    if (terms.empty()) terms = "0";
+    if (error.in_values) terms += text(" (", at_least(*error.in_values), " in values)");
+    return text(error.kind == ErrorBound::Kind::estimate ? "error about " : "error at most ", terms);
 }
 
 bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
@@ -85,11 +110,7 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
                      : ", streaming";
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
-    std::string const error =
-        plan.exact ? "exact"
-                   : text(plan.error_is_estimate ? "error about " : "error at most ", scientific(plan.error_bound),
-                          plan.error_is_physical ? "" : " of the value range");
-    line += text(stage, ":   ", error, ", ", scientific(plan.cost), " multiply-adds a voxel\n");
+    line += text(stage, ":   ", error_text(plan.error), ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }
 

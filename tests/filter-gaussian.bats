@@ -98,6 +98,110 @@ assert error <= $7, f'error {error} > $7'"
     cmp a.raw b.raw
 }
 
+# bound_holds IN OUT SIGMA-XYZ MODE CVAL: no voxel is off by more than `plan` says, nor by more than half of whole numbers.
+bound_holds() {
+    /usr/bin/python3 - "$@" <<'PY'
+import re, sys
+import numpy as np
+from scipy.ndimage import correlate1d
+name, out, sigma, mode, cval = sys.argv[1:]
+shape, dtype = name.split('.')[0].split('_')[1:]
+shape = tuple(int(n) for n in shape.split('x'))[::-1]
+text = open('plan').read()
+error = re.search(r'error at most (?:(\S+) of the value range)?(?: \+ )?(?:(\S+) of the largest magnitude)?', text)
+share, rounding = (float(e or 0) for e in error.groups())
+v = np.fromfile(name, dtype).reshape(shape)
+# Sums are of distances from one value, as small as the range: float64 rounds them to far less than the bound.
+base = v.flat[0]
+got = np.fromfile(out, dtype).reshape(shape)
+want, got = ((v.astype(np.longdouble) - np.longdouble(base)).astype(float), (got.astype(np.longdouble) - np.longdouble(base)).astype(float))
+cval = float(np.longdouble(cval) - np.longdouble(base))
+for axis, s in enumerate(float(s) for s in sigma.split(',')[::-1]):
+    k = np.arange(-int(9 * s + 9), int(9 * s + 9) + 1)
+    with np.errstate(under='ignore'):
+        w = np.exp(-.5 * (k / s) ** 2)
+    w[k == 0] = 0  # the middle one is what the others leave: no share of a large value is lost
+    w /= 1 + w.sum()
+    w[k == 0] = 1 - w.sum()
+    want = correlate1d(want, w, axis, mode=mode, cval=cval)
+values = np.append(v.astype(float).ravel(), float(base) + cval if mode == 'constant' else [])
+integer = np.issubdtype(np.dtype(dtype), np.integer)
+if integer:
+    info = np.iinfo(dtype)
+    want = np.clip(want, float(info.min) - float(base), float(info.max) - float(base))
+allowed = share * (values.max() - values.min()) + rounding * abs(values).max() + (.5 if integer else 0)
+worst = np.abs(got - want).max()
+assert worst <= allowed, f'{name} sigma {sigma} {mode}: off by {worst}, {allowed} promised'
+PY
+}
+
+@test "the stated bound holds for narrow kernels, offsets, large borders and wide integers" {
+    vkt make checkerboard --dims 9 9 9 --dtype uint32 | vkt write - --format raw >k_9x9x9_uint32.raw
+    vkt make checkerboard --dims 9 9 9 --dtype float64 | vkt write - --format raw >k_9x9x9_float64.raw
+    /usr/bin/python3 -c "
+import numpy as np
+u = np.random.default_rng(6).random((12, 13, 14))
+(1e6 + u).astype('f4').tofile('o_14x13x12_float32.raw')
+(1e9 + u).tofile('o_14x13x12_float64.raw')
+u.astype('f4').tofile('u_14x13x12_float32.raw')
+(1000 + u).astype('f2').tofile('o_14x13x12_float16.raw')
+(1700000000000000000 + (u * 1000).astype('i8')).tofile('o_14x13x12_int64.raw')"
+    for sigma in 0.13 0.14 0.15 0.2 0.3; do
+        vkt filter gaussian k_9x9x9_uint32.raw --sigma $sigma --explain --format raw -o out.raw --force 2>plan
+        bound_holds k_9x9x9_uint32.raw out.raw $sigma,$sigma,$sigma reflect 0
+        vkt filter gaussian k_9x9x9_float64.raw --sigma $sigma --tolerance 1e-12 --explain --format raw -o out.raw --force 2>plan
+        bound_holds k_9x9x9_float64.raw out.raw $sigma,$sigma,$sigma reflect 0
+    done
+    for file in o_14x13x12_float32 o_14x13x12_float64 o_14x13x12_float16 o_14x13x12_int64; do
+        for sigma in 0.7 2; do
+            vkt filter gaussian $file.raw --sigma $sigma --explain --format raw -o out.raw --force 2>plan
+            bound_holds $file.raw out.raw $sigma,$sigma,$sigma reflect 0
+        done
+    done
+    vkt filter gaussian u_14x13x12_float32.raw --sigma 2 --boundary border:1e6 --explain --format raw -o out.raw --force 2>plan
+    bound_holds u_14x13x12_float32.raw out.raw 2,2,2 constant 1e6
+    vkt filter gaussian o_14x13x12_int64.raw --sigma 1 --explain --format raw -o out.raw --force 2>plan
+    grep -q 'of the largest magnitude (.* in values)' plan
+}
+
+@test "a border value is not rounded to the type of the volume, nor clipped unless the result is" {
+    vkt make constant --dims 8 9 10 --dtype uint8 --value 100 | vkt write - --format raw >c_8x9x10_uint8.raw
+    for sigma in 2,1e-3,1e-3 1e-3,2,1e-3 1e-3,1e-3,2 1,1,1; do
+        for border in -100 30.5 1000; do
+            vkt filter gaussian c_8x9x10_uint8.raw --sigma $sigma --boundary border:$border --explain --format raw -o out.raw --force 2>plan
+            bound_holds c_8x9x10_uint8.raw out.raw $sigma constant $border
+            vkt filter gaussian c_8x9x10_uint8.raw --sigma $sigma --boundary border:$border --tolerance 1e-9 --slab 3 --threads 2 --explain --format raw -o out.raw --force 2>plan
+            bound_holds c_8x9x10_uint8.raw out.raw $sigma constant $border
+        done
+    done
+    vkt filter gaussian c_8x9x10_uint8.raw --sigma 2,0,0 --boundary border:-100 --strict --format raw -o out.raw --force
+    [ "$(od -An -tu1 -N1 out.raw | tr -d ' ')" = 20 ]
+    fails_with 3 'clipped to [0,255]' vkt filter gaussian c_8x9x10_uint8.raw --sigma 3 --boundary border:-100 --strict -o out.nrrd
+    fails_with 2 'not a finite number' vkt filter gaussian c_8x9x10_uint8.raw --boundary border:inf -o out.nrrd
+}
+
+@test "noise of the largest floats stays finite and within its range" {
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(7)
+for t in 'float32', 'float64':
+    m = np.finfo(t).max
+    np.where(r.random((12, 13, 14)) < .5, -m, m).astype(t).tofile(f'm_14x13x12_{t}.raw')"
+    for type in float32 float64; do
+        for sigma in 0.4 1 3; do
+            vkt filter gaussian m_14x13x12_$type.raw --sigma $sigma --format raw -o out.raw --force
+            /usr/bin/python3 -c "
+import numpy as np
+from scipy.ndimage import gaussian_filter
+v = np.fromfile('m_14x13x12_$type.raw', '$type').reshape(12, 13, 14); m = np.finfo('$type').max
+got = np.fromfile('out.raw', '$type').reshape(v.shape)
+assert np.isfinite(got).all()
+want = gaussian_filter(np.sign(v).astype(float), $sigma, truncate=9)
+assert abs(got / m - want).max() <= 2e-4"
+        done
+    done
+}
+
 @test "the plan names method, bound and cost, and a smaller tolerance costs more" {
     run --separate-stderr vkt filter gaussian f_45x31x20_float32.raw --sigma 2 --explain -o a.nrrd
     [ "$status" -eq 0 ]

@@ -7,6 +7,7 @@
 #include "libvkt/core/header.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/view.h"
+#include "libvkt/engine/error_bound.h"
 #include "libvkt/engine/source.h"
 
 #include <memory>
@@ -34,17 +35,16 @@ struct Plan {
     Access access = Access::forward;     ///< random: ascending output slabs need input slabs in another order
     bool scans = false;                  ///< wants scan() over the whole input before the first run()
     Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
-    double border_value = 0;             ///< stored value for Boundary::border
+    /// Stored value for Boundary::border. The engine stores it as a voxel of the input's type; operations that compute
+    /// with it keep their footprints inside the volume and use the value as it is.
+    double border_value = 0;
     /// Output voxel p is input voxel p + shift, bit for bit (crop, header edits): the engine hands the input through.
     std::optional<Index3> shift;
-    std::int64_t slab_hint = 0; ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
-    std::string method;         ///< name of the chosen method, e.g. "direct FIR, radius 8"
-    bool exact = true;          ///< permutation, integer or correctly rounded result
-    double error_bound = 0;     ///< if not exact: bound (or estimate) of |error| as a share of the value range
-    bool error_is_estimate = false;
-    bool error_is_physical = false; ///< the bound is in physical values, not a share of the range
-    double cost = 1;                ///< multiply-adds per output voxel, for --explain and --device auto
-    std::size_t state_bytes = 0;    ///< memory held besides slabs
+    std::int64_t slab_hint = 0;  ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
+    std::string method;          ///< name of the chosen method, e.g. "direct FIR, radius 8"
+    ErrorBound error;            ///< exact: permutation, integer or correctly rounded result
+    double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
+    std::size_t state_bytes = 0; ///< memory held besides slabs
 };
 
 /// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.

@@ -10,18 +10,22 @@
 namespace vkt {
 
 VKT_KERNEL(gaussian_run,
-           (GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
+           (GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
             Execution const& execution),
-           (passes, planes, in, out, execution))
+           (passes, planes, in, out, tally, execution))
 
 #if VKT_HOST
 
 namespace {
 
-/// A quarter of the last bit for integers, 1e-4 of the range for floats.
-double default_tolerance(DataType type) {
+/// A quarter of the last bit for integers, 1e-4 of the range for floats. A border value outside an integer type widens
+/// the range that the tolerance is a share of.
+double default_tolerance(DataType type, double border) {
     if (!is_integer(type)) return 1e-4;
-    return 0.25 / (std::exp2(std::min(32.0, 8.0 * static_cast<double>(size_of(type)))) - 1);
+    double const lowest = lowest_of(type), highest = highest_of(type);
+    double const wider = (std::max(highest, border) - std::min(lowest, border)) / (highest - lowest);
+    double const levels = std::exp2(std::min(32.0, 8.0 * static_cast<double>(size_of(type)))) - 1;
+    return std::max(1e-12, 0.25 / (levels * wider));
 }
 
 } // namespace
@@ -43,13 +47,13 @@ void Gaussian::check() const {
             throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
     if (tolerance_ && !(*tolerance_ >= 1e-12 && *tolerance_ < 1))
         throw Error(ErrorKind::usage, text("--tolerance ", *tolerance_, " is not between 1e-12 and 1"));
-    if (std::isnan(boundary_.value)) throw Error(ErrorKind::usage, "--boundary border: the value is not a number");
+    if (!std::isfinite(boundary_.value))
+        throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }
 
 Plan Gaussian::plan(std::span<Header const> inputs) {
     check();
     Header const& in = inputs[0];
-    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
     Vec3 sigma = sigma_;
     int active = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -59,44 +63,68 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
     passes_ = {};
     passes_.dims = in.dims;
     passes_.boundary = boundary_.boundary;
-    passes_.border_value = in.values.stored(boundary_.value);
-    passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
+    counts_ = {};
+    bool const constant = boundary_.boundary == Boundary::border;
+    double const border = passes_.border_value = constant ? in.values.stored(boundary_.value) : 0;
+    if (!std::isfinite(border))
+        throw Error(ErrorKind::usage,
+                    text("--boundary border:", boundary_.value, " is beyond float64 as it is stored"));
+    passes_.clips = border < lowest_of(in.dtype) || border > highest_of(in.dtype);
+    passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4) ||
+                   std::abs(border) > highest_of(DataType::float32);
+    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype, border));
 
     // Rounding takes its share of the tolerance first; if that is most of it, intermediates become wide.
-    double rounding = 0;
+    GaussianRounding rounding;
     auto choose = [&](double unit) {
         double left = tolerance;
         for (int attempt = 0; attempt < 2; ++attempt) {
-            rounding = 0;
+            rounding = {};
             for (int axis = 0; axis < 3; ++axis) {
                 auto& taps = passes_.taps[static_cast<std::size_t>(axis)];
                 taps = gaussian_taps(sigma[axis], in.dims[axis], boundary_.boundary, left / std::max(1, active));
                 rounding += taps.rounding(unit);
             }
-            left = std::max(tolerance - rounding, tolerance / 2);
+            left = std::max(tolerance - rounding.sum(), tolerance / 2);
         }
     };
     choose(passes_.wide ? 0x1p-53 : 0x1p-24);
-    if (!passes_.wide && rounding > tolerance / 2) {
+    if (!passes_.wide && rounding.sum() > tolerance / 2) {
         passes_.wide = true;
         choose(0x1p-53);
     }
     planes_.forget();
 
     Plan plan;
-    plan.output = in;
+    plan.output = planned_ = in;
     plan.boundary = boundary_.boundary;
     plan.border_value = passes_.border_value;
-    plan.error_bound = rounding;
     plan.cost = 0;
+    double truncation = 0, steps = 0;
     std::string radii;
     for (auto const& taps : passes_.taps) {
-        plan.error_bound += taps.truncation;
+        truncation += taps.truncation;
+        steps += taps.radius > 0 ? static_cast<double>(taps.radius + 3) : 0;
         plan.cost += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
         radii = text(radii, radii.empty() ? "" : ",", taps.radius);
     }
-    plan.exact = plan.cost == 0 && plan.error_bound == 0;
     copies_ = plan.cost == 0;
+    if (!copies_ || truncation > 0) {
+        plan.error.kind = ErrorBound::Kind::bound;
+        plan.error.range = truncation + rounding.range;
+    }
+    if (!copies_) {
+        // What goes in is rounded if the compute type does not hold it, and what comes out if the output is narrower.
+        DataType const computes = passes_.wide ? DataType::float64 : DataType::float32;
+        bool const rounds_in =
+            (is_integer(in.dtype) && size_of(in.dtype) == 8) || (!passes_.wide && border != static_cast<float>(border));
+        bool const rounds_out = !is_integer(in.dtype) && in.dtype != computes;
+        plan.error.magnitude =
+            rounding.magnitude + (rounds_in ? storing_error(computes) : 0) + (rounds_out ? storing_error(in.dtype) : 0);
+        double const floor = steps * 8 * storing_floor(computes) + (rounds_out ? storing_floor(in.dtype) : 0);
+        plan.error.absolute = std::abs(in.values.slope) * floor;
+    }
+    plan.error.limit(in.dtype, in.values.slope, constant ? std::optional(border) : std::nullopt);
     if (copies_) {
         plan.shift = Index3{};
         plan.method = "copy";
@@ -139,8 +167,12 @@ Box Gaussian::footprint(Box const& output, int) const {
 
 void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (copies_) return copy_region(inputs[0].part(out.box), out, execution);
-    gaussian_run(passes_, planes_, inputs[0], out, execution);
+    Tally tally;
+    gaussian_run(passes_, planes_, inputs[0], out, tally, execution);
+    counts_.clipped += tally.clipped;
 }
+
+std::vector<Remark> Gaussian::remarks() const { return store_remarks(counts_, planned_.voxels(), planned_.dtype); }
 
 #endif
 

@@ -5,6 +5,7 @@
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/gaussian_kernel.h"
+#include "libvkt/operations/remarks.h"
 
 namespace vkt {
 
@@ -22,13 +23,14 @@ template <> struct EnumNames<LengthUnit> {
 /// sigma: standard deviation per axis, finite and >= 0, in voxels or world units; 0 leaves the axis alone, a single
 /// voxel is left alone by all boundary rules but `border`. tolerance: allowed error against the infinite kernel as a
 /// share of the value range; by default a quarter of the last bit for integers and 1e-4 for floats. The error is
-/// bounded a priori: half the L1 distance of the kernels, summed over the axes, plus rounding (see GaussianTaps).
+/// bounded a priori: half the L1 distance of the kernels, summed over the axes, as a share of the value range, plus
+/// rounding (see GaussianTaps), some of it as a share of the largest magnitude. A constant border is one of the values.
 ///
 /// The type is kept, integers round half to even. Intermediates are float32, float64 for 32- and 64-bit integers,
 /// float64, and tolerances that float32 cannot meet. Constants are reproduced bit for bit and results stay within the
 /// range of the input, 64-bit integers in the 53 bits of float64; a NaN or infinity spreads over the kernel's box
-/// around it and no further. Cost: 2 (rx + ry + rz) + 3 multiply-adds per voxel, radius r about 3.5 to 5 sigma; one
-/// read and one write of memory.
+/// around it and no further. Only a border value outside the type makes results clip. Cost: 2 (rx + ry + rz) + 3
+/// multiply-adds per voxel, radius r about 3.5 to 5 sigma; one read and one write of memory.
 class Gaussian : public Operation {
 public:
     Gaussian() = default;
@@ -43,7 +45,8 @@ public:
     /// the last one only the slices that run() has not seen yet.
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return true; }
+    bool runs_on_gpu() const override { return !passes_.clips; }
+    std::vector<Remark> remarks() const override;
 
     void set_tolerance(double tolerance) { tolerance_ = tolerance; }
 
@@ -56,6 +59,8 @@ private:
     bool copies_ = false; ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
+    StoreCounts counts_;
+    Header planned_; ///< output
 };
 
 } // namespace vkt

@@ -81,7 +81,7 @@ template <class C> struct Middle {
 template <class C> struct Rule {
     Index3 dims;
     Boundary boundary;
-    C half_border;
+    C scaled_border;
 };
 
 /// Filters one slice along x and y into the middle; a block makes tile_x * tile_y voxels of it.
@@ -107,13 +107,13 @@ __global__ void __launch_bounds__(threads) filter_xy(View<T const> in, Box box, 
         if (inner) {
             T const* const from = &in(x0 - rx, y0 - ry + j, z);
 #pragma unroll 4
-            for (int i = lane; i < wide; i += 32) row[i] = C(0.5) * static_cast<C>(from[i]);
+            for (int i = lane; i < wide; i += 32) row[i] = C(gaussian_scale) * static_cast<C>(from[i]);
         } else {
             // Rows and columns beyond the output's own halo are never used; the nearest that is keeps reads inside.
             std::int64_t const y = fold(min(y0 - ry + j, box.upper.y - 1 + ry), rule.dims.y, rule.boundary);
             for (int i = lane; i < wide; i += 32) {
                 std::int64_t const x = fold(min(x0 - rx + i, box.upper.x - 1 + rx), rule.dims.x, rule.boundary);
-                row[i] = x < 0 || y < 0 ? rule.half_border : C(0.5) * static_cast<C>(in(x, y, z));
+                row[i] = x < 0 || y < 0 ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(x, y, z));
             }
         }
     }
@@ -172,7 +172,7 @@ __global__ void __launch_bounds__(threads) filter_line(From from, Box box, std::
     middle.slice(z)[row * middle.pitch + x] = taps.radius > 0 ? C(0.5) * sum : at(0);
 }
 
-/// Halves of the input around a voxel, along x. Row 0 is the first row that the y pass needs.
+/// The input, scaled, around a voxel, along x. Row 0 is the first row that the y pass needs.
 template <class T, class C> struct AlongX {
     View<T const> in;
     Index3 lower; ///< of the output; y less the radius along y
@@ -180,7 +180,7 @@ template <class T, class C> struct AlongX {
     __device__ C operator()(std::int64_t x, std::int64_t row, std::int64_t z, std::int64_t k) const {
         std::int64_t const fx = fold(lower.x + x + k, rule.dims.x, rule.boundary);
         std::int64_t const fy = fold(lower.y + row, rule.dims.y, rule.boundary);
-        return fx < 0 || fy < 0 ? rule.half_border : C(0.5) * static_cast<C>(in(fx, fy, z));
+        return fx < 0 || fy < 0 ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(fx, fy, z));
     }
 };
 /// Rows that AlongX filtered, along y.
@@ -213,7 +213,7 @@ __global__ void __launch_bounds__(threads)
     C const* const column = middle.data + y * middle.pitch + x;
     auto const at = [&](int k) -> Pair<C> {
         long long const offset = offsets[k + r];
-        if (offset < 0) return {rule.half_border, rule.half_border};
+        if (offset < 0) return {rule.scaled_border, rule.scaled_border};
         using Two = driver::Pack<C, 2>;
         Two const two = *reinterpret_cast<Two const*>(column + offset);
         return {two.v[0], two.v[1]};
@@ -224,8 +224,8 @@ __global__ void __launch_bounds__(threads)
     } else {
 #pragma unroll
         for (int s = 0; s < outputs; ++s) {
-            Pair<C> const half = at(s);
-            sum[s] = half + half;
+            Pair<C> const scaled = at(s);
+            sum[s] = scaled + scaled;
         }
     }
     bool const both = x + 1 < box.upper.x - box.lower.x;
@@ -233,7 +233,7 @@ __global__ void __launch_bounds__(threads)
     for (int s = 0; s < outputs; ++s) {
         if (z0 + s >= box.upper.z) break;
         T* const to = &out(box.lower.x + x, box.lower.y + y, z0 + s);
-        T const a = round_to<T>(sum[s].a), b = round_to<T>(sum[s].b);
+        T const a = round_to<T>(C(2) * sum[s].a), b = round_to<T>(C(2) * sum[s].b);
         if (both && reinterpret_cast<std::uintptr_t>(to) % (2 * sizeof(T)) == 0) {
             *reinterpret_cast<driver::Pack<T, 2>*>(to) = {{a, b}};
         } else {
@@ -248,7 +248,7 @@ template <class T, class C> class Launcher {
 public:
     Launcher(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out)
         : passes_(passes), planes_(planes), in_(in.as<T>()), out_(out.as<T>()), box_(out.box) {
-        rule_ = {passes.dims, passes.boundary, C(0.5) * static_cast<C>(round_to<T>(passes.border_value))};
+        rule_ = {passes.dims, passes.boundary, C(gaussian_scale) * static_cast<C>(passes.border_value)};
         constexpr auto line = static_cast<std::int64_t>(128 / sizeof(C));
         middle_.pitch = (box_.dims().x + line - 1) / line * line;
         middle_.plane = middle_.pitch * box_.dims().y;

@@ -12,13 +12,18 @@
 
 namespace vkt {
 
+// A quarter of each value is what the passes average: then neither a pair nor a difference of the largest floats
+// overflows. Results are four times that, twice the sum of a pair.
+inline constexpr double gaussian_scale = 0.25;
+
 /// The three passes of one volume.
 struct GaussianPasses {
     std::array<GaussianTaps, 3> taps; ///< along x, y, z
     Index3 dims;                      ///< of the volume
     Boundary boundary = Boundary::mirror;
-    double border_value = 0;     ///< stored value outside, for Boundary::border
-    bool wide = false;           ///< float64 intermediates
+    double border_value = 0; ///< stored value outside, for Boundary::border; any number, not only voxels of the type
+    bool clips = false;      ///< the border value lies outside the type, so that results may
+    bool wide = false;       ///< float64 intermediates
     std::int64_t run_height = 4; ///< CPU: output slices for which the ring of input slices is made
 };
 

@@ -12,13 +12,12 @@
 
 namespace vkt::VKT_BACKEND {
 
-void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
+void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
                   Execution const& execution);
 
 #ifndef __CUDACC__
 namespace {
 
-// Half of each value is what the passes add up, so that a pair of the largest floats does not overflow.
 constexpr std::int64_t block_bytes = 256;       ///< rows are worked in blocks of this many bytes, whole registers
 constexpr std::int64_t strips_bytes = 24 << 10; ///< pieces of rows that are summed together fit into L1 …
 constexpr std::int64_t strip_bytes = 1024;      ///< … and are not longer than this, a multiple of blocks
@@ -65,9 +64,9 @@ void average(C const* const* rows, Taps<C> taps, C factor, C* out, std::int64_t 
     for (; i < end; i += lane_count<C>) average_at<1>(rows, taps, scale, out, i);
 }
 
-template <class T, class C> void load_halves(T const* from, C* to, std::int64_t n) {
+template <class T, class C> void load_scaled(T const* from, C* to, std::int64_t n) {
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) to[i] = C(0.5) * static_cast<C>(from[i]);
+    for (std::int64_t i = 0; i < n; ++i) to[i] = C(gaussian_scale) * static_cast<C>(from[i]);
 }
 
 template <class T, class C> void store_row(C const* from, T* to, std::int64_t n, bool stream) {
@@ -83,7 +82,7 @@ template <class T, class C> void store_row(C const* from, T* to, std::int64_t n,
     }
 }
 
-/// What the ring holds: input voxels as they are where that is smaller, else halves in the compute type.
+/// What the ring holds: input voxels as they are where that is smaller, else scaled in the compute type.
 template <class T, class C> using Stored = std::conditional_t<(sizeof(T) < sizeof(C)), T, C>;
 
 /// Where things lie. Counts of R in the ring, of C elsewhere.
@@ -127,9 +126,11 @@ public:
         Box const rows = gaussian_input(passes, area);
         first_y_ = rows.lower.y;
         end_y_ = rows.upper.y;
-        border_ = static_cast<T>(round_to<T>(passes.border_value));
     }
     std::int64_t first_y() const { return first_y_; }
+    /// Columns of a row that lie in the volume along x, from the first one of the halo on.
+    std::int64_t inner_x() const { return std::clamp<std::int64_t>(0, first_x_, end_x_) - first_x_; }
+    std::int64_t outer_x() const { return std::min(end_x_, passes_.dims.x) - first_x_; }
     std::int64_t rows() const { return end_y_ - first_y_; }
 
     void load(View<T const> in, std::int64_t y, std::int64_t z) {
@@ -137,7 +138,7 @@ public:
         std::int64_t const n = passes_.dims.x;
         std::int64_t const inner = std::clamp<std::int64_t>(0, first_x_, end_x_), outer = std::min(end_x_, n);
         if constexpr (std::is_same_v<R, C>)
-            load_halves(&in(inner, y, z), row + (inner - first_x_), outer - inner);
+            load_scaled(&in(inner, y, z), row + (inner - first_x_), outer - inner);
         else
             std::memcpy(row + (inner - first_x_), &in(inner, y, z),
                         static_cast<std::size_t>(outer - inner) * sizeof(T));
@@ -154,18 +155,17 @@ public:
 private:
     R outside(View<T const> in, std::int64_t x, std::int64_t y, std::int64_t z) const {
         std::int64_t const from = fold(x, passes_.dims.x, passes_.boundary);
-        T const value = from < 0 ? border_ : in(from, y, z);
         if constexpr (std::is_same_v<R, C>)
-            return C(0.5) * static_cast<C>(value);
+            return C(gaussian_scale) *
+                   (from < 0 ? static_cast<C>(passes_.border_value) : static_cast<C>(in(from, y, z)));
         else
-            return value;
+            return from < 0 ? R() : in(from, y, z); // source() puts the border value there
     }
 
     GaussianPasses const& passes_;
     Layout<R, C> const& layout_;
     R* memory_;
     std::int64_t first_x_, end_x_, first_y_, end_y_;
-    T border_;
 };
 
 /// One thread's hands: filters rows out of the ring along z into planes, and out of the planes along y and x.
@@ -186,8 +186,8 @@ public:
         slices_ = reinterpret_cast<C const**>(border_ + layout.pitch);
         rows_ = slices_ + 2 * taps_[2].radius + layout.batch;
         shifted_ = rows_ + 2 * taps_[1].radius + row_group;
-        C const half_border = C(0.5) * static_cast<C>(round_to<T>(passes.border_value));
-        for (std::int64_t i = 0; i < layout.pitch; ++i) border_[i] = half_border;
+        C const scaled_border = C(gaussian_scale) * static_cast<C>(passes.border_value);
+        for (std::int64_t i = 0; i < layout.pitch; ++i) border_[i] = scaled_border;
         std::int64_t const taps_x = 2 * taps_[0].radius + 1;
         for (std::int64_t i = 0; i < row_group; ++i)
             for (std::int64_t k = 0; k < taps_x; ++k) shifted_[i * taps_x + k] = along_y_ + i * layout.pitch + k;
@@ -229,19 +229,25 @@ public:
         }
         for (std::int64_t i = 0; i < count; ++i) {
             if (rx == 0)
-                for (std::int64_t x = 0; x < n; ++x) result_[x] = C(2) * along_y_[i * layout_.pitch + x];
+                for (std::int64_t x = 0; x < n; ++x) result_[x] = C(4) * along_y_[i * layout_.pitch + x];
             else
-                average<C>(shifted_ + i * (2 * rx + 1), taps_[0], C(1), result_, 0, n);
-            store_row(result_, &out.as<T>()(out.box.lower.x, y + i, z), n, stream);
+                average<C>(shifted_ + i * (2 * rx + 1), taps_[0], C(2), result_, 0, n);
+            T* const to = &out.as<T>()(out.box.lower.x, y + i, z);
+            if (passes_.clips)
+                tally_ += driver::round_segment(n, to, [from = result_](std::int32_t x) { return from[x]; });
+            else
+                store_row(result_, to, n, stream);
         }
     }
+
+    Tally const& tally() const { return tally_; }
 
 private:
     C* plane_row(std::int64_t y, std::int64_t plane) const {
         return planes_ + plane * layout_.plane + (y - ring_.first_y()) * layout_.pitch;
     }
 
-    /// Halves of n voxels of a row of slice z from column x of the ring on.
+    /// n voxels, scaled, of a row of slice z from column x of the ring on.
     C const* source(std::int64_t y, std::int64_t z, std::int64_t x, std::int64_t n, std::int64_t place) {
         bool const wraps = passes_.boundary == Boundary::wrap;
         std::int64_t const from = wraps ? z : fold(z, passes_.dims.z, passes_.boundary);
@@ -251,7 +257,11 @@ private:
             return row;
         } else {
             C* const to = taken_ + place * (layout_.strip + 64 / static_cast<std::int64_t>(sizeof(C)));
-            load_halves(row, to, round_up(n, lane_count<C>));
+            load_scaled(row, to, round_up(n, lane_count<C>));
+            if (passes_.boundary == Boundary::border) {
+                for (std::int64_t i = x; i < std::min(ring_.inner_x(), x + n); ++i) to[i - x] = border_[0];
+                for (std::int64_t i = std::max(ring_.outer_x(), x); i < x + n; ++i) to[i - x] = border_[0];
+            }
             return to;
         }
     }
@@ -262,10 +272,12 @@ private:
     C *planes_, *taken_, *along_y_, *result_, *border_;
     C const **slices_, **rows_, **shifted_;
     Taps<C> taps_[3];
+    Tally tally_;
 };
 
 template <class T, class C>
-void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Execution const& execution) {
+void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
+         Execution const& execution) {
     using R = Stored<T, C>;
     int const threads = threads_for(execution, out.box.voxels());
     Layout<R, C> const layout(passes, out.box);
@@ -305,6 +317,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
             }
         }
         if (stream) stream_fence();
+        driver::add(tally, worker.tally());
 #pragma omp single
         held = have;
     }
@@ -318,23 +331,23 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 namespace {
 
 template <class T, class C>
-void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Execution const&) {
+void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally&, Execution const&) {
     gaussian::Launcher<T, C>(passes, planes, in, out).run();
 }
 
 } // namespace
 #endif
 
-void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out,
+void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
                   Execution const& execution) {
     if (out.box.empty()) return;
     for_each_type(out.type, [&]<class T>(T) {
         if constexpr (std::is_same_v<compute_t<T>, double>)
-            run<T, double>(passes, planes, in, out, execution);
+            run<T, double>(passes, planes, in, out, tally, execution);
         else if (passes.wide)
-            run<T, double>(passes, planes, in, out, execution);
+            run<T, double>(passes, planes, in, out, tally, execution);
         else
-            run<T, float>(passes, planes, in, out, execution);
+            run<T, float>(passes, planes, in, out, tally, execution);
     });
 }
 

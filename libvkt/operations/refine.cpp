@@ -37,9 +37,8 @@ Plan Refine::plan(std::span<Header const> inputs) {
     plan.output.level_count = 1;
     plan.method = text("blocks of ", options.block, " cells a side, at most ", options.levels, " levels, ",
                        enum_name(options.method));
-    plan.exact = false;
-    plan.error_bound = options.tolerance;
-    plan.error_is_physical = true;
+    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.absolute = options.tolerance;
     plan.cost = 16;
     plan.state_bytes = inputs.front().bytes() + static_cast<std::size_t>(inputs.front().voxels() / 7) * sizeof(double);
     return plan;

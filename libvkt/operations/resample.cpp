@@ -18,6 +18,8 @@ VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum,
            (in, out, sum, execution))
 VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution),
            (in, out, factors, execution))
+VKT_KERNEL(resample_whole, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
+           (in, out, sum, execution))
 VKT_KERNEL(resample_weighted,
            (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
             Execution const& execution),
@@ -216,7 +218,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
 
     BoundaryRule const rule = boundary.value_or(BoundaryRule{});
     plan.boundary = rule.boundary;
-    plan.border_value = input.values.stored(rule.value);
+    plan.border_value = border_ = rule.boundary == Boundary::border ? input.values.stored(rule.value) : 0;
     Index3 halving{};
     double taps = 1;
     bool all_nearest = true;
@@ -238,16 +240,47 @@ Plan Resample::plan(std::span<Header const> inputs) {
         way_ = Way::nearest;
     else if (same_values && halving.x * halving.y * halving.z > 1)
         way_ = Way::halving;
+    else if (same_values && sums_in_integers(input.dtype))
+        way_ = Way::whole;
     if (way_ == Way::copy) plan.shift = Index3{};
     plan.method = describe();
-    // Of the arithmetic only: how well an interpolant represents what was sampled depends on the data. Floats are
-    // summed in double, halved in their own type by three additions.
-    bool const halves_integers = way_ == Way::halving && is_integer(input.dtype);
-    bool const moves = way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest;
-    plan.exact = moves || halves_integers || (way_ == Way::weighted && same_map && sums_exactly(input.dtype));
-    plan.error_bound = plan.exact ? 0 : way_ == Way::halving && input.dtype != DataType::float64 ? 3 * 0x1p-24 : 1e-15;
-    plan.cost = moves ? 0 : taps;
+    plan.error = error_of(input, plan.output);
+    plan.cost = way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest ? 0 : taps;
     return plan;
+}
+
+/// Of the arithmetic only: how well an interpolant represents what was sampled depends on the data.
+ErrorBound Resample::error_of(Header const& input, Header const& output) const {
+    ErrorBound error;
+    bool const same_map = scale_value_ == 1 && offset_value_ == 0;
+    if (way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest || way_ == Way::whole) return error;
+    if (way_ == Way::halving && is_integer(input.dtype)) return error;
+    if (way_ == Way::weighted && same_map && sums_exactly(input.dtype)) return error;
+    error.kind = ErrorBound::Kind::bound;
+    double const slope = std::abs(input.values.slope);
+    if (way_ == Way::halving) { // three additions, in float32 for float16
+        bool const half = input.dtype == DataType::float16;
+        DataType const sums = half ? DataType::float32 : input.dtype;
+        error.magnitude = 3 * storing_error(sums) + (half ? storing_error(input.dtype) : 0);
+        error.absolute = slope * (8 * storing_floor(sums) + (half ? storing_floor(input.dtype) : 0));
+        return error;
+    }
+    // A product and an addition for each row and each column, and a dozen roundings of weights, divisors, 64-bit
+    // integers, the border's part and the quotient.
+    auto const rows = static_cast<double>(tables_[1].most_taps() * tables_[2].most_taps());
+    auto const columns = static_cast<double>(tables_[0].most_taps());
+    double const gain = tables_[0].gain() * tables_[1].gain() * tables_[2].gain();
+    error.magnitude = gain * ((rows + columns + 12) * 0x1p-53 + storing_error(output.dtype));
+    error.absolute = slope * rows * columns * tables_[0].divisor() * 0x1p-1070 +
+                     std::abs(output.values.slope) * storing_floor(output.dtype);
+    if (!same_map) {
+        error.magnitude += gain * 4 * 0x1p-53;
+        error.absolute += (4 * 0x1p-53 + storing_error(output.dtype)) *
+                          (std::abs(input.values.intercept) + std::abs(output.values.intercept));
+    }
+    bool const border = tables_[0].leaves_out() || tables_[1].leaves_out() || tables_[2].leaves_out();
+    error.limit(input.dtype, slope, border ? std::optional(border_) : std::nullopt);
+    return error;
 }
 
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
@@ -256,7 +289,17 @@ bool Resample::sums_exactly(DataType input) const {
     if (!is_integer(input) || method == ResampleMethod::cubic) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
     bool const rounds_once = is_integer(out_type_) || out_type_ == DataType::float64;
-    return rounds_once && std::exp2(8 * static_cast<double>(size_of(input))) * divisor <= 0x1p52;
+    double const largest = std::max(std::exp2(8 * static_cast<double>(size_of(input))), std::abs(border_));
+    return rounds_once && border_ == std::rint(border_) && largest * divisor <= 0x1p52;
+}
+
+/// True for 64-bit integers, of which double would lose digits, where 128 bits hold every sum of weights times values
+/// and the border is one of the values.
+bool Resample::sums_in_integers(DataType input) const {
+    if (!is_integer(input) || size_of(input) != 8 || method == ResampleMethod::cubic) return false;
+    double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
+    bool const inside = border_ >= lowest_of(input) && border_ < highest_of(input);
+    return inside && border_ == std::rint(border_) && divisor <= 0x1p62;
 }
 
 void Resample::refuse_tree_options() const {
@@ -317,9 +360,11 @@ Plan Resample::plan_tree(Header const& input) {
     grid_ = tree_grid(input);
     plan.output = gridded_header(input, grid_);
     plan.method = enum_name(reconstruction());
-    plan.exact = mask || reconstruction() == Reconstruction::nearest;
-    plan.error_bound = plan.exact ? 0 : is_integer(input.dtype) || input.dtype == DataType::float64 ? 1e-15 : 1e-6;
-    plan.error_is_estimate = !plan.exact;
+    if (!mask && reconstruction() != Reconstruction::nearest) {
+        bool const in_double = is_integer(input.dtype) || input.dtype == DataType::float64;
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = std::max(in_double ? 1e-15 : 1e-6, storing_error(input.dtype));
+    }
     plan.cost = 16;
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
@@ -340,6 +385,8 @@ Plan Resample::plan_tree(Header const& input) {
         values_->voxel_mapping = voxel_mapping;
         Header const grid_header = plan.output;
         plan.output = values_->plan({&grid_header, 1}).output;
+        if (!plan.error.exact())
+            plan.error.magnitude = std::max(plan.error.magnitude, storing_error(plan.output.dtype));
     }
     checked(plan.output);
     return plan;
@@ -406,10 +453,14 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     sum.y = tables_[1].taps(execution.space());
     sum.z = tables_[2].taps(execution.space());
     if (way_ == Way::nearest) return resample_nearest(in, out, sum, execution);
+    sum.border = border_;
+    sum.x_identity = tables_[0].kernel() == Kernel::identity;
+    if (way_ == Way::whole) return resample_whole(in, out, sum, execution);
     sum.divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
+    // Sums of float64 then stay below a quarter of the largest number, or a half for Keys' kernel, which overshoots.
+    if (in.type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
     sum.scale = scale_value_;
     sum.offset = offset_value_;
-    sum.x_identity = tables_[0].kernel() == Kernel::identity;
     resample_weighted(in, out, sum, scratch_, tally, execution);
     count();
 }

@@ -38,8 +38,9 @@ template <> struct ValueText<CellCount> : OneWord {
 /// takes the area average of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the
 /// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a
 /// = -1/2, stretched when shrinking) can leave the range of its input, so that unsigned types become float32 (float64
-/// from 32 bits on) unless a type is given. Sums are in double. One pass: a row of output is the weighted sum of the
-/// input rows in its footprint, then of their voxels; about one multiply-add per input voxel when shrinking.
+/// from 32 bits on) unless a type is given. Sums are in double, of 64-bit integers in 128-bit ones. A constant border
+/// enters the sums as it is, whatever the type. One pass: a row of output is the weighted sum of the input rows in its
+/// footprint, then of their voxels; about one multiply-add per input voxel when shrinking.
 /// Hierarchical volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
 class Resample : public Operation {
 public:
@@ -83,14 +84,17 @@ private:
     void choose_header(Header const& input, Header& output);
     std::string describe() const;
     bool sums_exactly(DataType input) const;
+    bool sums_in_integers(DataType input) const;
+    ErrorBound error_of(Header const& input, Header const& output) const;
 
-    enum class Way : std::uint8_t { copy, convert, nearest, halving, weighted };
+    enum class Way : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
 
     Index3 from_, to_;
     Like like_; ///< as many voxels as this volume has
     std::array<WeightTable, 3> tables_;
     Way way_ = Way::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
+    double border_ = 0;                         ///< stored input value
     StoreCounts counts_;
     DataType out_type_ = DataType::uint8;
     Buffer scratch_; ///< device: sums in double before they change type

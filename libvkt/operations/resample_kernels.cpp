@@ -40,6 +40,36 @@ template <class T> Sum<T> share_of(int shift) {
     return std::is_integral_v<T> ? Sum<T>(1) : Sum<T>(1) / static_cast<Sum<T>>(1 << shift);
 }
 
+/// Sum of the weights of output o along an axis that stay in the volume.
+VKT_HD double inside_of(Taps const& taps, std::int64_t o) {
+    return taps.inside != nullptr ? taps.inside[o] : taps.divisor;
+}
+
+VKT_HD std::int64_t as_whole(double weight) { return static_cast<std::int64_t>(weight); }
+
+/// A weighted sum divided by its divisor. A finite sum of float64 cannot be infinite only for being divided last.
+template <class T> VKT_HD double divided(double total, double divisor) {
+    double const mean = total / divisor;
+    if constexpr (std::is_same_v<T, double>) {
+        constexpr double most = std::numeric_limits<double>::max();
+        double const kept = mean > most ? most : mean < -most ? -most : mean;
+        return total - total == 0 ? kept : mean;
+    }
+    return mean;
+}
+
+/// sum / divisor of whole numbers, halves to even.
+template <class T> VKT_HD T rounded_quotient(Int128 sum, std::int64_t divisor) {
+    Int128 quotient = sum / divisor, left = sum - quotient * divisor;
+    if (left < 0) {
+        quotient -= 1;
+        left += divisor;
+    }
+    left = 2 * left - divisor;
+    bool const up = left > 0 || (left == 0 && (quotient & 1) != 0);
+    return static_cast<T>(quotient + (up ? 1 : 0));
+}
+
 int log2_of(Index3 factors) { return static_cast<int>(factors.x + factors.y + factors.z - 3); }
 
 #ifdef __CUDACC__
@@ -77,13 +107,44 @@ template <class T> struct WeightedAt {
             double column = 0;
             for (std::int64_t k = 0; k < nz; ++k)
                 for (std::int64_t j = 0; j < ny; ++j)
-                    column +=
-                        sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * static_cast<double>(in(fx + i, fy + j, fz + k));
+                    column += sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * sum.unit *
+                              static_cast<double>(in(fx + i, fy + j, fz + k));
             total += sum.x_identity ? column : sum.x.weight[x0 + i] * column;
         }
-        return total / sum.divisor * sum.scale + sum.offset;
+        if (sum.reaches_border()) {
+            double const rest = sum.divisor - inside_of(sum.x, x) * (inside_of(sum.y, y) * inside_of(sum.z, z));
+            if (rest != 0) total += rest * sum.unit * sum.border;
+        }
+        return divided<T>(total, sum.divisor * sum.unit) * sum.scale + sum.offset;
     }
 };
+
+template <class T> struct WholeAt {
+    View<T const> in;
+    WeightedSum sum;
+    VKT_HD T operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        Int128 total = 0;
+        std::int64_t const fx = sum.x.first[x], fy = sum.y.first[y], fz = sum.z.first[z];
+        std::int64_t const x0 = sum.x.start[x], y0 = sum.y.start[y], z0 = sum.z.start[z];
+        std::int64_t const nx = sum.x.start[x + 1] - x0, ny = sum.y.start[y + 1] - y0, nz = sum.z.start[z + 1] - z0;
+        std::int64_t inside = 0;
+        for (std::int64_t i = 0; i < nx; ++i)
+            for (std::int64_t k = 0; k < nz; ++k)
+                for (std::int64_t j = 0; j < ny; ++j) {
+                    std::int64_t const weight = as_whole(sum.x.weight[x0 + i]) * as_whole(sum.y.weight[y0 + j]) *
+                                                as_whole(sum.z.weight[z0 + k]);
+                    inside += weight;
+                    total += Int128{weight} * in(fx + i, fy + j, fz + k);
+                }
+        std::int64_t const divisor = as_whole(sum.x.divisor) * as_whole(sum.y.divisor) * as_whole(sum.z.divisor);
+        if (inside != divisor) total += Int128{divisor - inside} * round_to<T>(sum.border);
+        return rounded_quotient<T>(total, divisor);
+    }
+};
+
+template <class T> void whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
+    gather(execution, out.box, out.as<T>(), WholeAt<T>{in.as<T>(), sum});
+}
 
 template <class T>
 void weighted_to_double(View<T const> in, View<double> out, Box const& box, WeightedSum const& sum,
@@ -220,7 +281,7 @@ void sum_rows(View<T const> in, WeightedSum const& sum, std::int64_t y, std::int
     for (std::int64_t k = 0; k < nz; ++k)
         for (std::int64_t j = 0; j < ny; ++j) {
             rows[pending] = &in(lower, sum.y.first[y] + j, sum.z.first[z] + k);
-            weights[pending++] = wz[k] * wy[j];
+            weights[pending++] = wz[k] * wy[j] * sum.unit;
             if (pending < 4) continue;
             first ? add_weighted4<true>(rows, weights, to, n) : add_weighted4<false>(rows, weights, to, n);
             first = false;
@@ -257,10 +318,20 @@ void sum_columns(Taps const& x, std::int64_t x0, std::int64_t x1, double const* 
     }
 }
 
-void scale_row(double* values, std::int64_t n, double divisor, double scale, double offset) {
+/// Adds what the weights of output row (y, z) that fall outside take from the border.
+void add_border(WeightedSum const& sum, std::int64_t x0, std::int64_t n, std::int64_t y, std::int64_t z,
+                double* values) {
+    double const rows = inside_of(sum.y, y) * inside_of(sum.z, z);
+    for (std::int64_t i = 0; i < n; ++i) {
+        double const rest = sum.divisor - inside_of(sum.x, x0 + i) * rows;
+        if (rest != 0) values[i] += rest * sum.unit * sum.border;
+    }
+}
+
+template <class T> void scale_row(double* values, std::int64_t n, double divisor, double scale, double offset) {
     if (divisor != 1) {
 #pragma omp simd
-        for (std::int64_t i = 0; i < n; ++i) values[i] /= divisor;
+        for (std::int64_t i = 0; i < n; ++i) values[i] = divided<T>(values[i], divisor);
     }
     if (scale != 1 || offset != 0) {
 #pragma omp simd
@@ -268,12 +339,17 @@ void scale_row(double* values, std::int64_t n, double divisor, double scale, dou
     }
 }
 
+/// Output voxels for whose columns there is room in the first cache.
+std::int64_t piece_length(ConstView in, Box const& box) {
+    std::int64_t const n_in = std::max<std::int64_t>(in.dims().x, 1), n_out = std::max<std::int64_t>(box.dims().x, 1);
+    return std::clamp<std::int64_t>(2 * row_piece * n_out / n_in, 32, 2 * row_piece);
+}
+
 template <class T>
 void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tally& tally, Execution const& execution) {
     View<T const> const in = from.as<T>();
     Box const box = out.box;
-    std::int64_t const n_in = std::max<std::int64_t>(from.dims().x, 1), n_out = std::max<std::int64_t>(box.dims().x, 1);
-    std::int64_t const length = std::clamp<std::int64_t>(2 * row_piece * n_out / n_in, 32, 2 * row_piece);
+    std::int64_t const length = piece_length(from, box);
     for_each_piece(execution, box, length, std::max(from.box.voxels(), box.voxels()), [&] {
         return [&, columns = std::vector<double>(), row = std::vector<double>(static_cast<std::size_t>(length))](
                    std::int64_t x0, std::int64_t x1, std::int64_t y, std::int64_t z) mutable {
@@ -290,8 +366,45 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tall
                 values = row.data();
             }
             std::int64_t const n = x1 - x0;
-            scale_row(values, n, sum.divisor, sum.scale, sum.offset);
+            if (sum.reaches_border()) add_border(sum, x0, n, y, z, values);
+            scale_row<T>(values, n, sum.divisor * sum.unit, sum.scale, sum.offset);
             driver::add(tally, store_row(out.type, static_cast<double const*>(values), out.at(x0, y, z), n));
+        };
+    });
+}
+
+/// The same in whole numbers: sums of 64-bit integers have more digits than a double.
+template <class T> void whole(ConstView from, AnyView to, WeightedSum const& sum, Execution const& execution) {
+    View<T const> const in = from.as<T>();
+    View<T> const out = to.as<T>();
+    std::int64_t const divisor = as_whole(sum.x.divisor) * as_whole(sum.y.divisor) * as_whole(sum.z.divisor);
+    Int128 const border = round_to<T>(sum.border);
+    for_each_piece(execution, to.box, piece_length(from, to.box), std::max(from.box.voxels(), to.box.voxels()), [&] {
+        return [&, columns = std::vector<Int128>()](std::int64_t x0, std::int64_t x1, std::int64_t y,
+                                                    std::int64_t z) mutable {
+            std::int64_t lower = sum.x.first[x0], upper = lower + 1;
+            for (std::int64_t o = x0; o < x1; ++o) {
+                lower = std::min(lower, sum.x.first[o]);
+                upper = std::max(upper, sum.x.first[o] + sum.x.start[o + 1] - sum.x.start[o]);
+            }
+            columns.assign(static_cast<std::size_t>(upper - lower), 0);
+            for (std::int64_t k = sum.z.start[z]; k < sum.z.start[z + 1]; ++k)
+                for (std::int64_t j = sum.y.start[y]; j < sum.y.start[y + 1]; ++j) {
+                    std::int64_t const weight = as_whole(sum.z.weight[k]) * as_whole(sum.y.weight[j]);
+                    T const* const row =
+                        &in(lower, sum.y.first[y] + j - sum.y.start[y], sum.z.first[z] + k - sum.z.start[z]);
+                    for (std::size_t i = 0; i < columns.size(); ++i) columns[i] += Int128{weight} * row[i];
+                }
+            std::int64_t const rows = as_whole(inside_of(sum.y, y)) * as_whole(inside_of(sum.z, z));
+            T* const row = &out(x0, y, z);
+            for (std::int64_t o = x0; o < x1; ++o) {
+                Int128 const* const c = columns.data() + (sum.x.first[o] - lower);
+                double const* const w = sum.x.weight + sum.x.start[o];
+                Int128 total = 0;
+                for (std::int64_t i = 0; i < sum.x.start[o + 1] - sum.x.start[o]; ++i) total += as_whole(w[i]) * c[i];
+                std::int64_t const rest = divisor - as_whole(inside_of(sum.x, o)) * rows;
+                row[o - x0] = rounded_quotient<T>(total + rest * border, divisor);
+            }
         };
     });
 }
@@ -306,6 +419,11 @@ void resample_nearest(ConstView in, AnyView out, WeightedSum const& sum, Executi
 
 void resample_halved(ConstView in, AnyView out, Index3 factors, Execution const& execution) {
     for_each_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
+}
+
+void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
+    if (in.type == DataType::int64) return whole<std::int64_t>(in, out, sum, execution);
+    whole<std::uint64_t>(in, out, sum, execution);
 }
 
 void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,

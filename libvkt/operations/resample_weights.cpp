@@ -30,10 +30,11 @@ struct Line {
 };
 
 /// Keys' cubic convolution kernel with a = -1/2 (IEEE Trans. ASSP 29(6), 1981), the Catmull-Rom spline.
-double cubic(double t) {
+/// In long double, as all on the way to a weight, so that weights are right to the last bit of double.
+long double cubic(long double t) {
     t = std::abs(t);
-    if (t < 1) return (1.5 * t - 2.5) * t * t + 1;
-    if (t < 2) return ((-0.5 * t + 2.5) * t - 4) * t + 2;
+    if (t < 1) return (1.5L * t - 2.5L) * t * t + 1;
+    if (t < 2) return ((-0.5L * t + 2.5L) * t - 4) * t + 2;
     return 0;
 }
 
@@ -66,18 +67,19 @@ Line linear_line(std::int64_t o, Ratio r) {
 Line cubic_line(std::int64_t o, Ratio r) {
     Int128 const position = (2 * Int128{o} + 1) * r.a - r.b, unit = 2 * Int128{r.b};
     std::int64_t const whole = floor_quotient(position, unit);
-    double const fraction = static_cast<double>(position - Int128{whole} * unit) / static_cast<double>(unit);
+    auto const fraction = static_cast<long double>(position - Int128{whole} * unit) / static_cast<long double>(unit);
     // When shrinking, the kernel is stretched by the ratio, so that it averages what falls between the new voxels.
-    double const stretch = std::max(1.0, static_cast<double>(r.a) / static_cast<double>(r.b));
+    long double const stretch = std::max(1.0L, static_cast<long double>(r.a) / static_cast<long double>(r.b));
     auto const reach = static_cast<std::int64_t>(std::ceil(2 * stretch)) + 1;
     Line line;
     line.lower = whole - reach;
-    double sum = 0;
+    std::vector<long double> weights;
+    long double sum = 0;
     for (std::int64_t i = -reach; i <= reach; ++i) {
-        line.weights.push_back(cubic((static_cast<double>(i) - fraction) / stretch));
-        sum += line.weights.back();
+        weights.push_back(cubic((static_cast<long double>(i) - fraction) / stretch));
+        sum += weights.back();
     }
-    for (double& w : line.weights) w /= sum;
+    for (long double const w : weights) line.weights.push_back(static_cast<double>(w / sum));
     return line;
 }
 
@@ -90,11 +92,18 @@ void trim(Line& line) {
     line.lower += static_cast<std::int64_t>(leading);
 }
 
+/// Leaves out the weights of voxels outside [0, n); half a voxel beyond the ends at most, some tap is always inside.
+Line clipped(Line const& line, std::int64_t n) {
+    auto const size = static_cast<std::int64_t>(line.weights.size());
+    std::int64_t const begin = std::max<std::int64_t>(line.lower, 0), end = std::min(line.lower + size, n);
+    return {begin, {line.weights.begin() + (begin - line.lower), line.weights.begin() + (end - line.lower)}};
+}
+
 /// Moves weights of voxels outside [0, n) to the voxels that stand for them.
 Line folded(Line const& line, std::int64_t n, Boundary boundary) {
     auto const size = static_cast<std::int64_t>(line.weights.size());
-    if ((line.lower >= 0 && line.lower + size <= n) || boundary == Boundary::wrap || boundary == Boundary::border)
-        return line;
+    if ((line.lower >= 0 && line.lower + size <= n) || boundary == Boundary::wrap) return line;
+    if (boundary == Boundary::border) return clipped(line, n);
     std::int64_t low = n, high = -1;
     for (std::int64_t i = 0; i < size; ++i) {
         std::int64_t const at = fold(line.lower + i, n, boundary);
@@ -145,12 +154,21 @@ WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, B
     divisor_ = divisor_of(ratio, kernel_);
     halving_ = kernel_ == Kernel::identity ? 1 : kernel_ == Kernel::area && ratio.a == 2 && ratio.b == 1 ? 2 : 0;
     std::vector<std::int64_t> first, start{0};
-    std::vector<double> weights;
+    std::vector<double> weights, inside;
     first.reserve(static_cast<std::size_t>(n_out));
     for (std::int64_t o = 0; o < n_out; ++o) {
         Line line = line_of(o, ratio, kernel_);
         trim(line);
+        double sum = 0;
+        for (double const w : line.weights) sum += std::abs(w);
+        gain_ = std::max(gain_, sum / divisor_);
+        std::size_t const taps = line.weights.size();
         line = folded(line, n_in, boundary);
+        if (boundary == Boundary::border) {
+            bool const whole = line.weights.size() == taps;
+            leaves_out_ = leaves_out_ || !whole;
+            inside.push_back(whole ? divisor_ : std::accumulate(line.weights.begin(), line.weights.end(), 0.0));
+        }
         if (weights.size() + line.weights.size() > static_cast<std::size_t>(2 * most_entries)) refuse(n_in, n_out);
         first.push_back(line.lower);
         weights.insert(weights.end(), line.weights.begin(), line.weights.end());
@@ -164,18 +182,23 @@ WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, B
             weights.push_back(weights[at]);
             weights.push_back(start[o + 1] - start[o] == 2 ? weights[at + 1] : 0.0);
         }
-    memory_.reserve((first.size() + start.size() + weights.size()) * 8);
+    if (!leaves_out_) inside.clear();
+    memory_.reserve((first.size() + start.size() + weights.size() + inside.size()) * 8);
     std::byte* const to = memory_.write(Space::host);
     std::memcpy(to, first.data(), first.size() * 8);
     std::memcpy(to + first.size() * 8, start.data(), start.size() * 8);
     std::memcpy(to + (first.size() + start.size()) * 8, weights.data(), weights.size() * 8);
+    if (leaves_out_)
+        std::memcpy(to + (first.size() + start.size() + weights.size()) * 8, inside.data(), inside.size() * 8);
 }
 
 Taps WeightTable::taps(Space space) const {
     auto const* const first = reinterpret_cast<std::int64_t const*>(memory_.read(space));
     auto const* const start = first + n_out_;
     auto const* const weight = reinterpret_cast<double const*>(start + n_out_ + 1);
-    return {first, start, weight, most_taps_ <= 2 ? weight + total_ : nullptr};
+    double const* const pair = most_taps_ <= 2 ? weight + total_ : nullptr;
+    double const* const inside = weight + total_ + (most_taps_ <= 2 ? 2 * n_out_ : 0);
+    return {first, start, weight, pair, leaves_out_ ? inside : nullptr, divisor_};
 }
 
 std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin, std::int64_t end) const {

@@ -20,14 +20,16 @@ struct Taps {
     double const* weight = nullptr;
     double const* pair =
         nullptr; ///< tables of at most two taps: both weights of every output, side by side, 0 for none
+    double const* inside = nullptr; ///< Boundary::border: sum of the weights of every output; the rest is the border's
+    double divisor = 1;
 };
 
 /// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational
 /// and kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer
 /// voxels in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are
-/// reproduced. Taps beyond the ends are folded back (mirror, clamp) or left outside for the engine to fill (wrap,
-/// border). Weights that are zero at either end are left out, so that a NaN spreads no further than the kernel's
-/// support.
+/// reproduced. Taps beyond the ends are folded back (mirror, clamp), left outside for the engine to fill (wrap), or
+/// left out (border). Weights that are zero at either end are left out, so that a NaN spreads no further than the
+/// kernel's support.
 class WeightTable {
 public:
     WeightTable() = default;
@@ -36,6 +38,10 @@ public:
 
     Kernel kernel() const { return kernel_; }
     double divisor() const { return divisor_; }
+    /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 unless cubic.
+    double gain() const { return gain_; }
+    /// True if some weights fall on a constant border: Taps::inside says how much stays in the volume.
+    bool leaves_out() const { return leaves_out_; }
     std::int64_t most_taps() const { return most_taps_; }
     std::size_t bytes() const { return memory_.bytes(); }
     /// 2 if every output is the plain mean of two neighbours, 1 for the identity, else 0.
@@ -47,9 +53,10 @@ public:
 private:
     Kernel kernel_ = Kernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
-    double divisor_ = 1;
+    double divisor_ = 1, gain_ = 1;
     int halving_ = 0;
-    mutable Buffer memory_; ///< first, start, weight, one after the other; reading may copy it to the device
+    bool leaves_out_ = false; ///< taps beyond the ends
+    mutable Buffer memory_;   ///< first, start, weight, inside, one after the other; reading may copy it to the device
 };
 
 } // namespace vkt

@@ -127,9 +127,10 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     plan.output = input_;
     plan.method =
         is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
-    plan.exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
-    plan.error_bound = plan.exact ? 0 : 1e-15;
-    plan.error_is_estimate = !plan.exact;
+    if (!is_integer(input_.dtype) || size_of(input_.dtype) > 4) {
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 1e-15;
+    }
     plan.cost = 4;
     return plan;
 }

@@ -29,6 +29,27 @@ TEST(WeightTable, WeightsSumToTheDivisor) {
             }
 }
 
+TEST(WeightTable, BordersKeepTapsInsideAndSayWhatIsMissing) {
+    for (Kernel const kernel : {Kernel::linear, Kernel::cubic})
+        for (auto const& [from, to] : {std::pair<int, int>{7, 3}, {3, 7}, {1, 5}, {50, 1}, {3, 2}}) {
+            WeightTable const table(from, to, kernel, Boundary::border);
+            auto const [low, high] = table.footprint(0, to);
+            EXPECT_GE(low, 0);
+            EXPECT_LE(high, from);
+            // Of the taps that wrap keeps, those in the volume.
+            WeightTable const all(from, to, kernel, Boundary::wrap);
+            Taps const t = table.taps(Space::host), whole = all.taps(Space::host);
+            for (std::int64_t o = 0; o < to; ++o) {
+                double inside = 0;
+                for (std::int64_t i = whole.start[o]; i < whole.start[o + 1]; ++i) {
+                    std::int64_t const at = whole.first[o] + i - whole.start[o];
+                    if (at >= 0 && at < from) inside += whole.weight[i];
+                }
+                EXPECT_NEAR(t.inside != nullptr ? t.inside[o] : t.divisor, inside, 1e-14);
+            }
+        }
+}
+
 TEST(WeightTable, ClampAndMirrorStayInside) {
     for (Kernel const kernel : {Kernel::nearest, Kernel::linear, Kernel::area, Kernel::cubic})
         for (Boundary const boundary : {Boundary::clamp, Boundary::mirror})
