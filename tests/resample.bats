@@ -127,7 +127,7 @@ def matrix(n, m):
     return out
 want = np.einsum("zc,yb,xa,cba->zyx", *[matrix(n, m) for n, m in zip(v.shape, dims)], v)
 error = abs(raw("out", "f8", dims).astype(np.longdouble) - want).max()
-step = .5 if "uint" in name and method != "cubic" else 0
+step = .5 + 1e-6 if "uint" in name and method != "cubic" else 0
 assert error <= share * v.max() + step, (name, method, dims, float(error), float(share * v.max()))'
         done
     done
@@ -177,8 +177,8 @@ for name, padded in (("wrap", np.pad(v, 1, "wrap")), ("two", np.pad(v, 1, consta
     vkt resample c.vkt --dims 8 6 4 --boundary border:-100.5 --method cubic --dtype float32 | raw >cubic
     vkt set c.vkt --slope 0.5 --intercept 1 | vkt resample --dims 8 3 2 --boundary border:-49 --strict | raw >mapped
     fails_with 3 'clipped to [0,255]' vkt resample c.vkt --dims 8 6 4 --boundary border:-1000 --strict -o out.vkt
-    vkt resample noise.vkt --dims 46 34 22 --method linear --boundary border:-7 --slab 3 --threads 2 | raw >cut
-    vkt resample noise.vkt --dims 46 34 22 --method linear --boundary border:-7 --slab 100 | cmp - <(vkt resample noise.vkt --dims 46 34 22 --method linear --boundary border:-7 --slab 1 --threads 2)
+    vkt resample labels.vkt --dims 46 34 22 --method linear --boundary border:-7.5 --slab 100 --threads 1 | raw >whole
+    vkt resample labels.vkt --dims 46 34 22 --method linear --boundary border:-7.5 --slab 3 --threads 2 | raw | cmp - whole
     check 'assert raw("far", "u1", (2, 3, 8))[0, 0].tolist() == [50, 100, 100, 100, 100, 100, 100, 50]
 assert (raw("mapped", "u1", (2, 3, 8)) == raw("far", "u1", (2, 3, 8))).all()
 assert raw("half", "f8", (2, 3, 8))[1, 2, [0, 1, 7]].tolist() == [75.125, 100, 75.125]

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/view.h"
 #include "libvkt/operations/resample_weights.h"
 
 namespace vkt {
@@ -15,7 +16,7 @@ struct WeightedSum {
     double border = 0;            ///< stored value outside, where a table says how much of the weights is inside
     bool x_identity = false;
 
-    bool reaches_border() const { return x.inside != nullptr || y.inside != nullptr || z.inside != nullptr; }
+    VKT_HD bool reaches_border() const { return x.inside != nullptr || y.inside != nullptr || z.inside != nullptr; }
 };
 
 } // namespace vkt

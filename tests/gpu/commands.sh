@@ -41,14 +41,21 @@ for type in uint8 uint16 int16 float32 float64; do
     case $type in float*) tolerance=1e-6 ;; *) tolerance=0 ;; esac
     for command in 'fill --value 7 --roi 10:100,5:,3:30' 'flip x' 'flip y' 'flip z' 'crop --roi 3:-2,1:,5:-1' \
         'resample --scale 0.5' 'resample --dims 77 91 53 --method linear' 'resample --dims 200 50 50 --method nearest' \
-        'resample --scale 0.7 --method cubic'; do
+        'resample --scale 0.7 --method cubic' 'resample --dims 150 90 50 --boundary border:30.5'; do
         same "$tolerance" "$vkt $command in_$type.nrrd"
     done
     # Integers may fall to the other side of a half.
     case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
+    same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2 --boundary border:30.5"
     same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
+done
+
+# Sums in 128 bits.
+for type in int64 uint64; do
+    "$vkt" make noise --dims 60 37 21 --dtype $type --high 9e18 --seed 3 -o in_$type.nrrd
+    same 0 "$vkt resample in_$type.nrrd --dims 77 20 53 --boundary border:12"
 done
 
 # The last GPU, which is another than the first where there are several, does it as well; one that is not there is said.
