@@ -22,6 +22,14 @@ struct Taps {
         nullptr; ///< tables of at most two taps: both weights of every output, side by side, 0 for none
 };
 
+/// Where the voxels of one axis lie on a line of n_in others: output o at scale * o + offset, scale not 0.
+struct LinePlacement {
+    std::int64_t n_in, n_out;
+    double scale, offset;
+    /// Within 1e-9 of a whole number it is whole.
+    double position(std::int64_t o) const;
+};
+
 /// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational
 /// and kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer
 /// voxels in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are
@@ -33,6 +41,9 @@ public:
     WeightTable() = default;
     /// Throws Error{resources} if the table would need more than 2 GiB.
     WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary);
+    /// At any position, with weights in double that sum to 1; identity copies from whole positions. What lies outside
+    /// at any distance is folded back, or moved to just outside for the engine to fill.
+    WeightTable(LinePlacement const& placement, Kernel kernel, Boundary boundary);
 
     Kernel kernel() const { return kernel_; }
     double divisor() const { return divisor_; }
@@ -42,9 +53,13 @@ public:
     int halving() const { return halving_; }
     /// The half-open input range that outputs [begin, end) need.
     std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
+    /// True if no output begins to look further back than the one before it.
+    bool ascends() const;
     Taps taps(Space space) const;
 
 private:
+    template <class LineAt> void build(std::int64_t n_in, std::int64_t n_out, LineAt const& line_at);
+
     Kernel kernel_ = Kernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
     double divisor_ = 1;
