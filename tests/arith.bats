@@ -123,3 +123,30 @@ for t in ("float32", "float64"):
     vkt arith div a.nrrd b.nrrd --slab 1 --threads 3 | raw >cut
     cmp all cut
 }
+
+@test "volumes in two frames are combined where they are the same place only" {
+    vkt make noise --dims 9 8 7 --seed 1 | vkt set --origin 1,2,3 --attribute space=left-posterior-superior -o lps.nrrd
+    vkt set lps.nrrd --attribute space=right-anterior-superior -o elsewhere.nrrd
+    vkt set lps.nrrd --origin=-1,-2,3 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=right-anterior-superior -o ras.nrrd
+    vkt write ras.mha ras.nrrd
+    for other in ras.nrrd ras.mha; do
+        vkt arith sub lps.nrrd $other -o zero.nrrd --force
+        vkt stats zero.nrrd --json | grep -q '"max": 0,'
+        vkt arith sub $other lps.nrrd | vkt stats --json | grep -q '"min": 0,'
+    done
+    vkt diff --geometry zero.nrrd lps.nrrd --tolerance 2
+    fails_with 2 'resample SECOND --like FIRST' vkt arith sub lps.nrrd elsewhere.nrrd -o x.nrrd
+    fails_with 2 'mean different things' vkt arith sub lps.nrrd <(vkt set lps.nrrd --attribute space=) -o x.nrrd
+    fails_with 2 'mean different things' vkt arith sub lps.nrrd <(vkt set lps.nrrd --attribute space=scanner-xyz) -o x.nrrd
+    [ ! -e x.nrrd ]
+    # What the hint says helps.
+    vkt resample elsewhere.nrrd --like lps.nrrd -o there.nrrd
+    vkt arith sub there.nrrd lps.nrrd -o x.nrrd
+}
+
+@test "hierarchical volumes in two frames likewise" {
+    vkt make amr --blocks 20 --levels 2 | vkt set --attribute space=LPS -o a.vkt
+    vkt set a.vkt --attribute space=RAS -o b.vkt
+    vkt arith sub a.vkt a.vkt -o x.vkt
+    fails_with 2 'different trees' vkt arith sub a.vkt b.vkt -o y.vkt
+}

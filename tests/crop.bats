@@ -79,3 +79,85 @@ np.fromfile('v_11x8x6_int16.raw', np.int16).reshape(6, 8, 11)[1:5, 2:8, 3:10].co
     fails_with 2 'no region given' vkt crop v.nrrd -o out.nrrd
     fails_with 2 'more than one region' vkt crop v.nrrd --roi 0:1,:,: --roi-world 0:1,:,: -o out.nrrd
 }
+
+# boxes PYTHON: runs it with crop(options), the box that vkt keeps of v.nrrd or another file, and centres(directions).
+boxes() {
+    python_with numpy
+    /usr/bin/python3 - <<PY
+import json, subprocess, numpy as np
+def run(*words): return subprocess.run(words, capture_output=True, text=True)
+def crop(file, *options):
+    "Dims and first voxel kept, or None if there is none."
+    done = run("vkt", "crop", file, *options, "-o", "part.vkt", "--force")
+    if done.returncode == 2: return None
+    assert done.returncode == 0, done.stderr
+    i = json.loads(run("vkt", "info", "part.vkt", "--json").stdout)
+    return i["dims"], i["origin"]
+def turned(random):
+    q = np.linalg.qr(random.normal(size=(3, 3)))[0]  # columns are world directions of the axes
+    return q, ",".join(repr(float(v)) for v in q.T.ravel())
+def centres(dims, origin, spacing, q):
+    at = np.indices(dims).reshape(3, -1)  # x, y, z
+    return at, np.array(origin)[:, None] + q @ (np.array(spacing)[:, None] * at)
+$1
+PY
+}
+
+@test "a region in world units keeps the smallest box of the voxels inside, however oblique" {
+    boxes '
+random = np.random.default_rng(5)
+tried = 0
+for n in range(12):
+    q, words = turned(random)
+    run("vkt", "set", "v.nrrd", "--direction", words, "-o", "o.nrrd", "--force")
+    at, world = centres((11, 8, 6), (10, 20, 30), (0.5, 1, 2), q)
+    middle = world[:, random.integers(world.shape[1])]
+    low, high = middle - random.uniform(0.1, 4, 3), middle + random.uniform(0.1, 4, 3)
+    inside = ((world > low[:, None]) & (world < high[:, None])).all(0)
+    for axes in ((0, 1, 2), (n % 3,)):  # the rest open
+        if len(axes) == 1: inside = (world[n % 3] > low[n % 3]) & (world[n % 3] < high[n % 3])
+        first, last = at[:, inside].min(1), at[:, inside].max(1)
+        region = ",".join(f"{low[a]!r}:{high[a]!r}".replace("np.float64(", "").replace(")", "") if a in axes else ":" for a in range(3))
+        dims, origin = crop("o.nrrd", "--roi-world=" + region)
+        assert dims == (last - first + 1).tolist(), (n, region, dims, first, last)
+        assert np.allclose(origin, np.array((10, 20, 30)) + q @ (first * (0.5, 1, 2))), (n, origin)
+        tried += 1
+# A region between voxels holds none.
+q, words = turned(random)
+run("vkt", "set", "v.nrrd", "--direction", words, "-o", "o.nrrd", "--force")
+at, world = centres((11, 8, 6), (10, 20, 30), (0.5, 1, 2), q)
+between = (np.array((10, 20, 30)) + q @ (np.array((4.5, 3.5, 2.5)) * (0.5, 1, 2))).tolist()
+assert crop("o.nrrd", "--roi-world=" + ",".join(f"{v - 0.05!r}:{v + 0.05!r}" for v in between)) is None
+assert tried == 24'
+}
+
+@test "like a turned volume: the smallest box of the voxels between its faces" {
+    boxes '
+random = np.random.default_rng(6)
+for n in range(8):
+    q, words = turned(random)
+    run("vkt", "set", "v.nrrd", "--direction", words, "-o", "o.nrrd", "--force")
+    p, words = turned(random)
+    origin = np.array((10, 20, 30)) + q @ (np.array((3, 3, 2)) * (0.5, 1, 2))
+    run("sh", "-c", "vkt make ramp --dims 3 2 4 --spacing 1,1.5,0.8 --origin=" + ",".join(repr(float(v)) for v in origin) +
+        " | vkt set --direction=" + words + " -o like.nrrd --force")
+    at, world = centres((11, 8, 6), (10, 20, 30), (0.5, 1, 2), q)
+    u = (p.T @ (world - origin[:, None])) / np.array((1, 1.5, 0.8))[:, None]
+    inside = ((u >= -0.5) & (u < np.array((3, 2, 4))[:, None] - 0.5)).all(0)
+    first, last = at[:, inside].min(1), at[:, inside].max(1)
+    dims, start = crop("o.nrrd", "--like", "like.nrrd")
+    assert dims == (last - first + 1).tolist(), (n, dims, first, last)'
+}
+
+@test "like a volume in another anatomical frame: the same part" {
+    vkt set v.nrrd --attribute space=left-posterior-superior -o v_lps.nrrd
+    vkt crop v_lps.nrrd --roi 3:10,2:7,1:4 -o part.nrrd
+    vkt set part.nrrd --origin -11.5,-22,32 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=RAS -o part_ras.nrrd
+    vkt crop v_lps.nrrd --like part_ras.nrrd | vkt diff part.nrrd --geometry
+    vkt write part_ras.mha part_ras.nrrd # in LPS
+    vkt set v.nrrd --origin -10,-20,30 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=right-anterior-superior -o v_ras.nrrd
+    vkt crop v_ras.nrrd --like part_ras.mha | vkt diff part.nrrd --geometry
+    fails_with 2 'mean different things' vkt crop v.nrrd --like part.nrrd -o out.nrrd
+    fails_with 2 'mean different things' vkt crop v_lps.nrrd --like v.nrrd -o out.nrrd
+    [ ! -e out.nrrd ]
+}

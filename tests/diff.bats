@@ -89,3 +89,42 @@ x = v.astype("f8"); x[:6] = [.25, -3, 2.**70, np.inf, np.nan, 7.5]; x.tofile("x_
     vkt diff ramp.nrrd ramp.nrrd | grep -Eq '^psnr +inf$'
     vkt diff ramp.nrrd ramp.nrrd --json | grep -q '"psnr": null' # JSON has no infinity
 }
+
+@test "geometry is compared in one frame, as ITK has it" {
+    vkt set a.vkt --origin 1,2,3 --spacing 0.5,1,2 --direction 0,1,0,1,0,0,0,0,-1 --attribute space=left-posterior-superior -o lps.nrrd
+    # The same numbers in another frame are another place.
+    vkt set lps.nrrd --attribute space=right-anterior-superior -o ras.nrrd
+    run -1 vkt diff --geometry lps.nrrd ras.nrrd --json
+    [[ "$output" == *'"max_abs": 0,'* && "$output" == *'"same_geometry": false'* ]]
+    # The same place in other numbers.
+    for brief in RAS right-anterior-superior-time; do
+        vkt set lps.nrrd --origin=-1,-2,3 --direction=0,-1,0,-1,0,0,0,0,-1 --attribute space=$brief -o same.nrrd --force
+        vkt diff --geometry lps.nrrd same.nrrd
+    done
+    vkt set lps.nrrd --origin 1,-2,3 --direction 0,-1,0,1,0,0,0,0,-1 --attribute space=LAS | vkt diff --geometry lps.nrrd
+    # MetaImage turns into LPS what lies elsewhere.
+    vkt write ras.mha ras.nrrd
+    vkt diff --geometry ras.nrrd ras.mha
+    run -1 vkt diff --geometry lps.nrrd ras.mha
+    # Known and unknown cannot be compared.
+    vkt set lps.nrrd --attribute space= -o unknown.nrrd
+    run -1 vkt diff --geometry lps.nrrd unknown.nrrd
+    vkt diff lps.nrrd unknown.nrrd
+    vkt diff --geometry unknown.nrrd unknown.nrrd
+    python_with SimpleITK
+    /usr/bin/python3 - <<'END'
+import SimpleITK
+def place(name):
+    image = SimpleITK.ReadImage(name)
+    return image.GetOrigin() + image.GetSpacing() + image.GetDirection()
+near = lambda a, b: max(abs(x - y) for x, y in zip(place(a), place(b))) < 1e-12
+assert near("lps.nrrd", "same.nrrd") and near("ras.nrrd", "ras.mha") and not near("lps.nrrd", "ras.nrrd")
+END
+}
+
+@test "a short frame name is turned in MetaImage, too" {
+    vkt set a.vkt --origin 1,2,3 --attribute space=RAS -o short.nrrd
+    vkt write short.mha short.nrrd
+    grep -a '^Offset = -1 -2 3$' short.mha
+    vkt diff --geometry short.nrrd short.mha
+}

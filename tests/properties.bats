@@ -5,6 +5,10 @@ setup_more() {
     cp "$VKT_ROOT/examples/data/phantom.nrrd" phantom.nrrd
     # Odd, unequal extents; three types.
     vkt crop phantom.nrrd --roi 1:60,5:58,20:57 -o volume.nrrd
+    # Other grids: fractions of voxels aside, turned, mirrored and with axes in another order.
+    vkt resample volume.nrrd --dims 40 50 30 | vkt crop --roi 3:,2:,5: -o aside.nrrd
+    vkt set volume.nrrd --direction 0.96,0.28,0,-0.28,0.96,0,0,0,1 -o turned.nrrd
+    vkt set volume.nrrd --direction 0,0,1,0,-1,0,1,0,0 -o swapped.nrrd
 }
 
 # Operations of every kind: pointwise, neighbourhood, scaled, jumping, two passes.
@@ -20,6 +24,9 @@ operations=(
     "resample --dims 33 71 20 --method nearest"
     "resample --dims 33 71 20 --method linear"
     "resample --dims 70 31 44 --method cubic"
+    "resample --like aside.nrrd"
+    "resample --like turned.nrrd --method cubic"
+    "resample --like swapped.nrrd --boundary mirror"
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"

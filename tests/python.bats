@@ -58,7 +58,10 @@ assert array.ctypes.data == v.array.ctypes.data and not array.flags.writeable an
 del v
 assert array.sum() == a[::2].sum()  # the array keeps the voxels alive
 like = vkt.Volume(a[:2], like=back, units="")
-assert like.dims == (6, 5, 2) and like.spacing == (1, 2, 3) and like.units == ""
+assert like.dims == (6, 5, 2) and like.spacing == (1, 2, 3) and like.units == "" and like.space == ""
+scan = back.apply("set", attribute="space=left-posterior-superior")
+mask = vkt.Volume(scan.array > 50, like=scan)  # lies where the scan does, in the same frame
+assert mask.space == "left-posterior-superior" and mask.header["attributes"]["space"] == mask.space
 EOF
     vkt info --json int16.nrrd | grep -q '"slope": 2'
 }

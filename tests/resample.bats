@@ -340,3 +340,300 @@ assert abs(s["max"] - 1) < 2e-5 and i["dtype"] == "uint16" and i["spacing"] == [
     fails_with 2 "did you mean 'linear'" vkt resample noise.vkt --scale 2 --method linaer
     fails_with 2 "voxels along an axis" vkt resample noise.vkt --scale 1e300 -o never.vkt
 }
+
+# onto PYTHON: runs it with lattices, vkt, ITK and SciPy at hand.
+onto() {
+    python_with SimpleITK scipy
+    /usr/bin/python3 - <<PY
+import subprocess, numpy as np, scipy.ndimage as nd, SimpleITK as itk
+random = np.random.default_rng(11)
+def vkt(*words, code=0):
+    done = subprocess.run(("vkt",) + words, capture_output=True, text=True, errors="replace")
+    assert done.returncode == code, (words, done.returncode, done.stderr)
+    return done
+def turned(): return np.linalg.qr(random.normal(size=(3, 3)))[0]
+def image(voxels, origin=(0, 0, 0), spacing=(1, 1, 1), direction=np.eye(3)):
+    i = itk.GetImageFromArray(voxels)
+    i.SetOrigin([float(v) for v in origin]); i.SetSpacing([float(v) for v in spacing])
+    i.SetDirection([float(v) for v in np.asarray(direction).ravel()])
+    return i
+def noise(dims, kind=np.float32):
+    values = random.uniform(-100, 100, dims[::-1])
+    return (values if np.dtype(kind).kind == "f" else np.rint(abs(values))).astype(kind)
+def read(name):
+    i = itk.ReadImage(name)
+    return itk.GetArrayFromImage(i), i
+def place(i): return np.array(i.GetOrigin() + i.GetSpacing() + i.GetDirection())
+def positions(ref, inp):
+    "Index coordinates (x, y, z) in inp of every voxel of ref."
+    d = lambda i: np.array(i.GetDirection()).reshape(3, 3) * np.array(i.GetSpacing())
+    at = np.indices(ref.GetSize()[::-1])[::-1].reshape(3, -1)
+    world = np.array(ref.GetOrigin())[:, None] + d(ref) @ at
+    return np.linalg.solve(d(inp), world - np.array(inp.GetOrigin())[:, None])
+def resample(inp, ref, *options, to="out.nrrd"):
+    itk.WriteImage(inp, "in.nrrd"); itk.WriteImage(ref, "ref.nrrd")
+    vkt("resample", "in.nrrd", "--like", "ref.nrrd", "-o", to, "--force", *options)
+    got, out = read(to)
+    assert out.GetSize() == ref.GetSize() and abs(place(out) - place(ref)).max() < 1e-12
+    return got
+def by_itk(inp, ref, how, background=0.0):
+    wide = itk.Cast(inp, itk.sitkFloat64)
+    return itk.GetArrayFromImage(itk.Resample(wide, ref, itk.Transform(), how, background))
+# Grids around a volume of 17 x 13 x 11 voxels: shifted, flipped, finer, with axes in another order, oblique.
+inp_origin, inp_spacing = (5, -3, 8), (0.7, 1.1, 1.6)
+def centre(direction): return np.array(inp_origin) + direction @ (np.array(inp_spacing) * (8, 6, 5))
+def lattices(direction):
+    flip, order = np.diag((1, -1, -1)), np.eye(3)[[2, 0, 1]]
+    for name, size, spacing, turn in (("shifted", (15, 14, 9), inp_spacing, np.eye(3)),
+                                      ("flipped", (15, 14, 9), inp_spacing, flip),
+                                      ("finer", (24, 23, 22), (0.6, 0.53, 0.81), np.eye(3)),
+                                      ("permuted", (12, 20, 14), (0.9, 0.5, 0.8), order),
+                                      ("oblique", (19, 18, 17), (0.6, 1.0, 1.4), turned()),
+                                      ("slightly oblique", (17, 13, 11), inp_spacing,
+                                       np.array(((np.cos(.1), -np.sin(.1), 0), (np.sin(.1), np.cos(.1), 0), (0, 0, 1))))):
+        q = direction @ turn
+        origin = centre(direction) + (0.31, 0.17, -0.23) - q @ (np.array(spacing) * (np.array(size) - 1) / 2)
+        yield name, image(np.zeros(size[::-1], np.uint8), origin, spacing, q)
+$1
+PY
+}
+
+@test "onto another's grid: linear and nearest agree with ITK on every kind of grid" {
+    onto '
+for base in (np.eye(3), turned()):
+    for kind in (np.float32, np.float64, np.uint8, np.int16):
+        inp = image(noise((17, 13, 11), kind), inp_origin, inp_spacing, base)
+        for name, ref in lattices(base):
+            p = positions(ref, inp).reshape((3,) + ref.GetSize()[::-1])
+            clear = np.ones(ref.GetSize()[::-1], bool)  # of faces, where rounding decides what is outside
+            for a, n in enumerate((17, 13, 11)): clear &= (abs(p[a] + .5) > 1e-5) & (abs(p[a] - n + .5) > 1e-5)
+            got = resample(inp, ref, "--method", "linear", "--background", "7")
+            want = by_itk(inp, ref, itk.sitkLinear, 7)
+            assert (want == 7).any() or name in ("finer", "permuted"), name
+            if np.dtype(kind).kind == "f":
+                assert abs(got - want)[clear].max() < (3e-5 if kind == np.float32 else 2e-6), (name, kind)
+            else:  # ties of rounding
+                assert (abs(got - want)[clear] <= 0.5 + 1e-6).all(), (name, kind)
+            got = resample(inp, ref, "--method", "nearest", "--background", "7")
+            tie = (abs(p - np.floor(p) - .5) < 1e-5).any(0)
+            want = by_itk(inp, ref, itk.sitkNearestNeighbor, 7).astype(kind)
+            assert (got == want)[clear & ~tie].all(), (name, kind)'
+}
+
+@test "onto another's grid: SciPy agrees with linear, and the definition with cubic" {
+    onto '
+def keys(t):
+    t = abs(t); return np.where(t < 1, 1.5*t**3 - 2.5*t**2 + 1, np.where(t < 2, -.5*t**3 + 2.5*t**2 - 4*t + 2, 0))
+base = turned()
+v = noise((17, 13, 11), np.float64)
+inp = image(v, inp_origin, inp_spacing, base)
+for name, ref in lattices(base):
+    p = positions(ref, inp)
+    inside = np.all([(p[a] > -.5 + 1e-5) & (p[a] < n - .5 - 1e-5) for a, n in enumerate((17, 13, 11))], 0)
+    got = resample(inp, ref, "--method", "linear").ravel()
+    d = lambda i: np.array(i.GetDirection()).reshape(3, 3) * np.array(i.GetSpacing())
+    m = np.linalg.solve(d(inp), d(ref))  # x, y, z
+    t = np.linalg.solve(d(inp), np.array(ref.GetOrigin()) - inp.GetOrigin())
+    want = nd.affine_transform(v, m[::-1, ::-1], t[::-1], ref.GetSize()[::-1], order=1, mode="nearest").ravel()
+    assert abs(got - want)[inside].max() < 2e-6, name
+    assert (got[np.any([(p[a] < -.5 - 1e-5) | (p[a] > n - .5 + 1e-5) for a, n in enumerate((17, 13, 11))], 0)] == 0).all()
+    if name in ("permuted", "finer", "oblique", "slightly oblique", "shifted", "flipped") and max(np.linalg.norm(m, axis=0)) <= 1:
+        got = resample(inp, ref, "--method", "cubic").ravel()
+        w = np.floor(p); total = 0
+        padded = np.pad(v, 3, "edge")
+        for k in range(-1, 3):
+            for j in range(-1, 3):
+                for i in range(-1, 3):
+                    at = [np.clip(w[a] + o + 3, 0, n + 5).astype(int) for a, (o, n) in enumerate(zip((i, j, k), (17, 13, 11)))]
+                    total = total + keys(p[0]-w[0]-i) * keys(p[1]-w[1]-j) * keys(p[2]-w[2]-k) * padded[at[2], at[1], at[0]]
+        assert abs(got - total)[inside].max() < 1e-5, name'
+}
+
+@test "onto another's grid: a smooth field agrees with ITK's B-spline" {
+    onto '
+z, y, x = np.indices((28, 30, 32))
+inp = image(np.sin(x / 4.) * np.cos(y / 5.) + np.sin(z / 6. + 1), (0, 0, 0), (1, 1, 1), turned())
+base = np.array(inp.GetDirection()).reshape(3, 3)
+ref = image(np.zeros((15, 15, 15)), base @ np.array((8.2, 7.7, 6.9)), (0.9, 0.8, 0.7), base @ np.array(((np.cos(.2), -np.sin(.2), 0), (np.sin(.2), np.cos(.2), 0), (0, 0, 1))))
+want = by_itk(inp, ref, itk.sitkBSpline)
+assert abs(resample(inp, ref, "--method", "cubic") - want).max() < 3e-3
+assert abs(resample(inp, ref, "--method", "linear") - want).max() > 1e-2'
+}
+
+@test "onto the same place every bit stays, whatever is asked and however it is said" {
+    python_with numpy
+    /usr/bin/python3 -c '
+import numpy as np
+bits = np.random.default_rng(3).integers(0, 256, 9 * 7 * 5 * 8, np.uint8)  # NaN payloads and all
+bits.tofile("b_9x7x5_float64.raw"); bits.tofile("b_9x7x5_uint64.raw")'
+    for type in float64 uint64; do
+        vkt set b_9x7x5_$type.raw --origin 1,2,3 --spacing 0.1,0.3,7 --direction 0.6,0.8,0,-0.8,0.6,0,0,0,1 --attribute space=LPS -o b.nrrd --force
+        vkt set b.nrrd --origin=-1,-2,3 --direction=-0.6,-0.8,0,0.8,-0.6,0,0,0,1 --attribute space=RAS -o ras.nrrd --force
+        for method in auto nearest linear area cubic; do
+            for like in b.nrrd ras.nrrd; do
+                vkt resample b.nrrd --like $like --method $method | tee out.vkt | raw | cmp - b_9x7x5_$type.raw
+                vkt diff --geometry out.vkt $like
+            done
+        done
+        vkt info ras.nrrd | grep '^direction' >want
+        vkt resample b.nrrd --like ras.nrrd | vkt info | grep '^direction' | cmp - want # as the other has it
+    done
+}
+
+@test "whole voxels aside, mirrored or with axes swapped, voxels are bytes that move" {
+    onto '
+for kind in (np.uint16, np.float64):
+    v = random.integers(0, 2**15, (11, 13, 17)).astype(kind)
+    if kind == np.float64: v.view(np.uint64)[0, 0, 0] = 0x7ff8000000001234
+    base = turned()
+    inp = image(v, inp_origin, inp_spacing, base)
+    padded = np.pad(v, 4)
+    step = base * np.array(inp_spacing)
+    for method in ("auto", "linear", "nearest", "cubic", "area"):
+        part = image(np.zeros((4, 5, 6)), np.array(inp_origin) + step @ (3, 2, 1), inp_spacing, base)
+        assert resample(inp, part, "--method", method).tobytes() == v[1:5, 2:7, 3:9].tobytes()
+        more = image(np.zeros((14, 16, 20)), np.array(inp_origin) + step @ (-2, -1, -4), inp_spacing, base)
+        assert resample(inp, more, "--method", method).tobytes() == padded[0:14, 3:19, 2:22].tobytes()
+        back = image(np.zeros((11, 13, 19)), np.array(inp_origin) + step @ (17, 12, 0), inp_spacing, base * (-1, -1, 1))
+        assert resample(inp, back, "--method", method).tobytes() == padded[4:-4, 4:-4, 3:-3][:, ::-1, ::-1][:, :, :19].tobytes()
+        swap = image(np.zeros((17, 11, 13)), inp_origin, np.array(inp_spacing)[[1, 2, 0]], base[:, [1, 2, 0]])
+        assert resample(inp, swap, "--method", method).tobytes() == v.transpose(2, 0, 1).tobytes()
+    assert "exact" in vkt("resample", "in.nrrd", "--like", "ref.nrrd", "-n").stderr'
+}
+
+@test "a coarser grid averages, along its axes exactly and turned by samples" {
+    onto '
+v = noise((24, 18, 12), np.float64)
+base = turned()
+inp = image(v, (1, 2, 3), (1, 1, 1), base)
+# Cells of 2 x 3 x 2 voxels, from voxel (2, 3, 2) on: their means.
+ref = image(np.zeros((4, 4, 8)), np.array((1, 2, 3)) + base @ (2.5, 4, 2.5), (2, 3, 2), base)
+want = v[2:10, 3:15, 2:18].reshape(4, 2, 4, 3, 8, 2).mean((1, 3, 5))
+assert abs(resample(inp, ref) - want).max() < 1e-5
+assert abs(resample(inp, ref, "--method", "area") - want).max() < 1e-5
+# The same cells, axes in another order.
+turn = [2, 0, 1]
+ref = image(np.zeros((4, 8, 4)), ref.GetOrigin(), np.array((2, 3, 2))[turn], base[:, turn])
+assert abs(resample(inp, ref) - want.transpose(1, 2, 0)).max() < 1e-5
+# Turned: the mean of 2 x 3 x 2 samples.
+q = base @ np.array(((np.cos(.3), -np.sin(.3), 0), (np.sin(.3), np.cos(.3), 0), (0, 0, 1)))
+ref = image(np.zeros((3, 3, 4)), np.array((1, 2, 3)) + base @ (8., 4, 3), (2, 3, 2), q)
+want = 0
+for k in range(2):
+    for j in range(3):
+        for i in range(2):
+            shifted = itk.Image(ref)
+            shifted.SetOrigin(np.array(ref.GetOrigin()) + q @ (np.array((2, 3, 2)) * ((i+.5)/2-.5, (j+.5)/3-.5, (k+.5)/2-.5)))
+            want = want + nd.map_coordinates(v, positions(shifted, inp)[::-1], order=1, mode="nearest") / 12
+assert abs(resample(inp, ref).ravel() - want).max() < 1e-5
+assert "mean of 2x3x2 samples" in vkt("resample", "in.nrrd", "--like", "ref.nrrd", "-n").stderr
+assert "samples" not in vkt("resample", "in.nrrd", "--like", "ref.nrrd", "-n", "--method", "linear").stderr'
+}
+
+@test "what lies outside another's grid: background, or as the boundary says" {
+    onto '
+v = noise((9, 8, 7), np.float64)
+for q in (np.eye(3), np.array(((np.cos(.3), -np.sin(.3), 0), (np.sin(.3), np.cos(.3), 0), (0, 0, 1)))):
+    inp = image(v, (0, 0, 0), (1, 1, 1), np.eye(3))
+    ref = image(np.zeros((25, 26, 27)), q @ (-9.3, -8.6, -9.1), (1, 1, 1), q)
+    p = positions(ref, inp)[::-1]
+    pad = 40
+    for rule, mode, more in (("mirror", "symmetric", {}), ("clamp", "edge", {}), ("wrap", "wrap", {}), ("border:3.5", "constant", {"constant_values": 3.5})):
+        want = nd.map_coordinates(np.pad(v, pad, mode, **more), p + pad, order=1)
+        got = resample(inp, ref, "--method", "linear", "--boundary", rule).ravel()
+        assert abs(got - want).max() < 2e-6, (rule, abs(got - want).max())
+    done = vkt("resample", "in.nrrd", "--like", "ref.nrrd", "-o", "out.nrrd", "--force", "--background=-2.5")
+    inside = np.all([(p[a] > -.5) & (p[a] < n - .5) for a, n in enumerate((7, 8, 9))], 0)
+    assert (read("out.nrrd")[0].ravel()[~inside] == -2.5).all()
+    assert f"{(~inside).sum()} of {inside.size} voxels" in done.stderr and "outside" in done.stderr, done.stderr
+    assert "outside" not in vkt("resample", "in.nrrd", "--like", "in.nrrd", "-o", "out.nrrd", "--force").stderr
+far = image(np.zeros((3, 3, 3)), (1000, 0, 0))
+assert (resample(inp, far, "--background", "4") == 4).all()
+small = image(noise((9, 8, 7), np.uint8))
+itk.WriteImage(small, "small.nrrd")
+assert "cannot be stored in uint8" in vkt("resample", "small.nrrd", "--like", "ref.nrrd", "--background=-1", "-o", "never.nrrd", code=2).stderr
+assert "does not apply" in vkt("resample", "small.nrrd", "--like", "ref.nrrd", "--background=1", "--boundary", "wrap", "-o", "never.nrrd", code=2).stderr
+import os; assert not os.path.exists("never.nrrd")'
+}
+
+@test "onto another's grid the frames count, and unknown ones are refused" {
+    vkt set noise.vkt --origin 1,2,3 --attribute space=left-posterior-superior -o lps.nrrd
+    vkt set lps.nrrd --attribute space=right-anterior-superior -o ras.nrrd # another place
+    vkt resample lps.nrrd --like ras.nrrd --background 9 -o there.nrrd 2>remark
+    vkt diff --geometry there.nrrd ras.nrrd --tolerance 9
+    grep -q outside remark
+    vkt write ras.mha ras.nrrd
+    vkt resample lps.nrrd --like ras.mha --background 9 | vkt diff there.nrrd --geometry
+    fails_with 2 'mean different things' vkt resample noise.vkt --like lps.nrrd -o out.nrrd
+    fails_with 2 'mean different things' vkt resample lps.nrrd --like noise.vkt -o out.nrrd
+    [ ! -e out.nrrd ]
+}
+
+@test "onto another's grid nothing depends on slabs, threads, pipes or memory" {
+    vkt make noise --dims 41 37 29 --seed 7 --spacing 1,1.2,1.4 -o in.vkt
+    vkt convert in.vkt --dtype uint8 --range 0:1 -o bytes.vkt
+    s=0.5 c=0.8660254037844386
+    vkt make ramp --dims 45 43 39 --spacing 0.9,1,1.1 --origin 3,-7,5 -o straight.vkt
+    vkt set straight.vkt --direction "$c,$s,0,-$s,$c,0,0,0,1" -o z.vkt
+    vkt set straight.vkt --direction "$c,0,$s,0,1,0,-$s,0,$c" -o y.vkt
+    vkt set straight.vkt --direction "0,0.6,0.8,1,0,0,0,-0.8,0.6" -o turned.vkt
+    vkt set straight.vkt --direction=0,0,1,1,0,0,0,1,0 -o swapped.vkt
+    vkt set straight.vkt --origin 3,-7,45 --direction=1,0,0,0,1,0,0,0,-1 -o down.vkt
+    for like in straight z y turned swapped down; do
+        for args in "" "--method cubic" "--method nearest" "--boundary mirror --method linear"; do
+            for file in in bytes; do
+                vkt resample $file.vkt --like $like.vkt $args --slab 100 --threads 1 -q | vkt write all.raw --force
+                for cut in "--slab 1 --threads 2" "--slab 7 --threads 3" "--slab 64 --memory 20k"; do
+                    vkt resample $file.vkt --like $like.vkt $args $cut -q | vkt write cut.raw --force
+                    cmp all.raw cut.raw
+                done
+                vkt read $file.vkt --slab 1 | vkt resample --like $like.vkt $args --slab 1 -q | vkt write cut.raw --force
+                cmp all.raw cut.raw
+                VKT_INSTRUCTION_SET=baseline vkt resample $file.vkt --like $like.vkt $args -q | vkt write cut.raw --force
+                cmp all.raw cut.raw
+            done
+        done
+    done
+}
+
+@test "onto another's grid: constants, holes and extremes" {
+    onto '
+q = turned()
+ref = image(np.zeros((20, 20, 20)), centre(q) - q @ (5, 5, 5.), (0.5, 0.5, 0.5), q)
+for kind, value in ((np.uint8, 255), (np.float32, np.float32(0.1)), (np.float64, 1.7e308), (np.int64, 2**62)):
+    for method in ("auto", "linear", "nearest", "area"):
+        got = resample(image(np.full((30, 30, 30), value, kind), centre(q) - (15, 15, 15)), ref, "--method", method)
+        assert (got == np.array(value, kind)).all(), (kind, method, got.min(), got.max())
+extreme = np.where(random.random((30, 30, 30)) < .5, -1.7e308, 1.7e308)
+got = resample(image(extreme, centre(q) - (15, 15, 15)), ref)
+assert np.isfinite(got).all() and abs(got).max() <= 1.7e308
+# On whole positions along z a NaN of the next slice is not looked at.
+v = np.ones((8, 8, 8)); v[4] = np.nan
+turn = np.array(((np.cos(.3), -np.sin(.3), 0), (np.sin(.3), np.cos(.3), 0), (0, 0, 1)))
+got = resample(image(v), image(np.zeros((8, 3, 3)), (3, 3, 0), (1, 1, 1), turn), "--method", "linear")
+assert np.isnan(got[4]).all() and (got[[0, 1, 2, 3, 5, 6, 7]] == 1).all()'
+}
+
+@test "another's grid with other options" {
+    vkt make ramp --dims 8 8 8 --dtype uint8 -o r.vkt
+    vkt make ramp --dims 4 4 4 --origin 1.3,1,1 -o g.vkt
+    vkt resample r.vkt --like g.vkt --dtype float32 | vkt dump 2>/dev/null | head -c 0
+    vkt resample r.vkt --like g.vkt --dtype float32 --method linear | vkt stats --json | tee s | grep -q '"max": 4.3'
+    vkt resample r.vkt --like g.vkt --voxel-mapping 0 510 --method linear -o v.vkt
+    vkt stats v.vkt --json | grep -q '"max": 4,' # 4.3 in steps of 2
+    fails_with 2 'do not apply' vkt resample r.vkt --like g.vkt --roi 0:1,0:1,0:1 -o x.vkt
+    fails_with 2 'with --like it says' vkt resample r.vkt --scale 2 --background 3 -o x.vkt
+    fails_with 2 'only one of' vkt resample r.vkt --like g.vkt --scale 2 -o x.vkt
+}
+
+@test "a hierarchical volume onto a grid" {
+    vkt make amr --blocks 50 --levels 3 -o tree.vkt
+    vkt resample tree.vkt --dims 40 40 40 --method average -o whole.vkt
+    vkt resample tree.vkt --like whole.vkt --method average | vkt diff --geometry whole.vkt
+    vkt crop whole.vkt --roi 5:20,10:30,7:33 -o part.vkt
+    for method in average basis nearest; do
+        vkt resample tree.vkt --dims 40 40 40 --method $method | vkt crop --roi 5:20,10:30,7:33 -o want.vkt --force
+        vkt resample tree.vkt --like part.vkt --method $method | vkt diff --geometry want.vkt --tolerance 1e-6
+    done
+    fails_with 2 'turned against' vkt resample tree.vkt --like <(vkt flip x whole.vkt) -o x.vkt
+}

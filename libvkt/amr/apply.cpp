@@ -5,6 +5,7 @@
 #include "libvkt/amr/ghost.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -94,7 +95,7 @@ void require_equal_trees(Operation const& operation, std::vector<Volume> const& 
     for (Volume const& other : inputs) {
         Header const &a = inputs[0].header(), &b = other.header();
         if (b.kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
-        if (!(a.dims == b.dims) || !same_geometry(a.geometry, b.geometry) || inputs[0].bricks() != other.bricks())
+        if (!(a.dims == b.dims) || !same_place(a, b) || inputs[0].bricks() != other.bricks())
             refuse(operation, "its inputs have different trees");
     }
 }

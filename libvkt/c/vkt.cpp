@@ -127,6 +127,7 @@ Header header_of(vkt_description const& d) {
     }
     header.values = {d.slope, d.intercept};
     header.units = d.units == nullptr ? "" : d.units;
+    if (d.space != nullptr && *d.space != 0) header.attributes["space"] = d.space;
     if (d.hierarchical != 0) throw Error(ErrorKind::usage, "only structured volumes can be created from voxels");
     return header;
 }
@@ -192,7 +193,7 @@ vkt_status vkt_read(char const* path, char const* const* words, size_t count, vk
 }
 
 void vkt_default_description(vkt_description* description) {
-    *description = {{1, 1, 1}, "uint8", {0, 0, 0}, {1, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 1, 0, "", 0};
+    *description = {{1, 1, 1}, "uint8", {0, 0, 0}, {1, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 1, 0, "", 0, ""};
 }
 
 vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume) {
@@ -229,6 +230,8 @@ vkt_status vkt_describe(vkt_volume const* volume, vkt_description* description) 
         d.intercept = header.values.intercept;
         d.units = header.units.c_str();
         d.hierarchical = header.kind == Kind::hierarchical ? 1 : 0;
+        auto const space = header.attributes.find("space");
+        d.space = space == header.attributes.end() ? "" : space->second.c_str();
     });
 }
 

@@ -41,6 +41,7 @@ typedef struct vkt_description {
     double slope, intercept;
     char const* units; /* of the physical values; "" if unknown */
     int hierarchical;  /* bricks of several resolutions: `apply` "resample" makes a grid of it */
+    char const* space; /* what the world's axes mean, for example "left-posterior-superior"; "" if unknown */
 } vkt_description;
 
 VKT_API char const* vkt_version(void);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/roi.h"
 
+#include "libvkt/core/affine.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -79,7 +80,6 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
         throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not name three ranges"),
                     "write X0:X1,Y0:Y1,Z0:Z1 in world units");
     Vec3 corner[2];
-    bool open[2][3];
     for (int axis = 0; axis < 3; ++axis) {
         auto const ends = split(ranges[static_cast<std::size_t>(axis)], ':');
         if (ends.size() != 2)
@@ -88,42 +88,22 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
             std::string const& end = ends[static_cast<std::size_t>(i)];
             double const edge = i == 0 ? -HUGE_VAL : HUGE_VAL;
             corner[i][axis] = end.empty() ? edge : parse_double(end);
-            open[i][axis] = corner[i][axis] == edge;
             if (corner[i][axis] == -edge)
                 throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not meet the volume"));
         }
     }
     for (int axis = 0; axis < 3; ++axis)
-        if (!open[0][axis] && !open[1][axis] && corner[0][axis] > corner[1][axis])
+        if (corner[0][axis] > corner[1][axis])
             throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' ends before it begins"));
-    // The index box that encloses the world box: its eight corners, or the volume's edge where a bound is open.
-    constexpr double infinity = 1e300;
-    Vec3 low{infinity, infinity, infinity}, high{-infinity, -infinity, -infinity};
+    // Bounds count as met within 1e-9 voxels.
+    Affine const map = index_to_world(geometry);
     for (int axis = 0; axis < 3; ++axis) {
-        if (!open[0][axis] && !open[1][axis]) continue;
-        // An open bound reaches beyond every voxel: take the extreme world coordinates of the volume's corners.
-        for (int c = 0; c < 8; ++c) {
-            Vec3 const index{(c & 1) != 0 ? static_cast<double>(dims.x) : -1.0,
-                             (c & 2) != 0 ? static_cast<double>(dims.y) : -1.0,
-                             (c & 4) != 0 ? static_cast<double>(dims.z) : -1.0};
-            double const w = index_to_world(geometry, index)[axis];
-            if (open[0][axis]) corner[0][axis] = c == 0 ? w : std::min(corner[0][axis], w);
-            if (open[1][axis]) corner[1][axis] = c == 0 ? w : std::max(corner[1][axis], w);
-        }
+        double const slack = 1e-9 * std::max({std::abs(map.column[0][axis]), std::abs(map.column[1][axis]),
+                                              std::abs(map.column[2][axis])});
+        corner[0][axis] -= slack;
+        corner[1][axis] += slack;
     }
-    for (int c = 0; c < 8; ++c) {
-        Vec3 const index = world_to_index(geometry, {corner[c & 1].x, corner[(c >> 1) & 1].y, corner[(c >> 2) & 1].z});
-        for (int axis = 0; axis < 3; ++axis) {
-            low[axis] = std::min(low[axis], index[axis]);
-            high[axis] = std::max(high[axis], index[axis]);
-        }
-    }
-    Box box;
-    for (int axis = 0; axis < 3; ++axis) {
-        double const n = static_cast<double>(dims[axis]);
-        box.lower[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(low[axis] - 1e-9), 0.0, n));
-        box.upper[axis] = static_cast<std::int64_t>(std::clamp(std::floor(high[axis] + 1e-9) + 1, 0.0, n));
-    }
+    Box const box = voxels_within(map, corner[0], corner[1], dims);
     if (box.empty()) throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not meet the volume"));
     return box;
 }

@@ -49,6 +49,10 @@ Execution resolve_device(Execution execution, Operation const& operation, Plan c
     return execution;
 }
 
+double bytes_of(Box const& box, Header const& header) {
+    return static_cast<double>(box.voxels()) * static_cast<double>(size_of(header.dtype));
+}
+
 } // namespace
 
 History history_step(StageInfo const& info, std::vector<Header> const& headers) {
@@ -259,6 +263,13 @@ ConstView Link::fetch(std::size_t i, Box const& footprint) {
     Input& input = *inputs_[i];
     if (input.space() == execution_.space() && box_of(input.header().dims).contains(footprint))
         if (auto const lent = input.borrow(footprint)) return *lent;
+    // Who jumps comes back: whole slices stay in the window where columns of them would be read again.
+    Box slices = box_of(input.header().dims);
+    slices.lower.z = footprint.lower.z;
+    slices.upper.z = footprint.upper.z;
+    if (plan_.access == Access::random && slices.contains(footprint) && box_of(input.header().dims).contains(slices) &&
+        bytes_of(slices, input.header()) <= share_of_memory())
+        return input.window.fetch(input, slices, execution_).part(footprint);
     return input.window.fetch(input, footprint, execution_);
 }
 
@@ -281,8 +292,26 @@ void Link::read(AnyView out) {
         Box slab = out.box;
         slab.lower.z = z;
         slab.upper.z = std::min(z + height, out.box.upper.z);
-        run(out.part(slab));
+        run_in_pieces(out.part(slab));
     }
+}
+
+/// What jumps may look at much of its input for a slab: then it is worked in pieces whose footprints fit the memory.
+void Link::run_in_pieces(AnyView out) {
+    Index3 const n = out.dims();
+    if (plan_.access == Access::random && !out.box.empty() && n.x * n.y * n.z > 1) {
+        double bytes = 0;
+        for (std::size_t i = 0; i < inputs_.size(); ++i)
+            bytes += bytes_of(operation_.footprint(out.box, static_cast<int>(i)), inputs_[i]->header());
+        if (bytes > share_of_memory()) {
+            int const axis = n.z > 1 ? 2 : n.y >= n.x ? 1 : 0;
+            Box first = out.box, second = out.box;
+            first.upper[axis] = second.lower[axis] = out.box.lower[axis] + n[axis] / 2;
+            run_in_pieces(out.part(first));
+            return run_in_pieces(out.part(second));
+        }
+    }
+    run(out);
 }
 
 void Link::run(AnyView out) {

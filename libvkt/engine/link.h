@@ -56,7 +56,10 @@ private:
     void plan_tree(std::vector<Header> const& headers);
     void make_tree();
     void scan();
+    void run_in_pieces(AnyView out);
     void run(AnyView out);
+    /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
+    double share_of_memory() const { return static_cast<double>(requested_.memory) / 4; }
     ConstView fetch(std::size_t i, Box const& footprint);
     Box moved(Box const& region) const { return {region.lower + *plan_.shift, region.upper + *plan_.shift}; }
 

@@ -3,6 +3,7 @@
 #include "libvkt/formats/header_text.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 
 #include <charconv>
@@ -139,7 +140,7 @@ void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what
 }
 
 bool same_lattice(Header const& a, Header const& b) {
-    return a.dims == b.dims && a.dtype == b.dtype && same_geometry(a.geometry, b.geometry) && a.values == b.values;
+    return a.dims == b.dims && a.dtype == b.dtype && same_place(a, b) && a.values == b.values;
 }
 
 std::string history_text(History const& history) {

@@ -1,6 +1,7 @@
 // MetaImage files: .mha with the voxels inside and .mhd beside a .raw or .zraw, as ITK and VTK write them.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/header_and_voxels.h"
@@ -31,27 +32,6 @@ bool is_metaimage(std::span<std::byte const> head) {
 std::unique_ptr<Source> open_metaimage(std::unique_ptr<ByteSource> bytes, ReadOptions const&) {
     RawLayout layout = metaimage_layout(read_metaimage_header(*bytes));
     return raw_source(std::move(bytes), std::move(layout));
-}
-
-/// MetaImage files lie in left-posterior-superior coordinates: other anatomical frames are turned into that one.
-Geometry in_lps(Header const& header) {
-    Geometry g = header.geometry;
-    auto const space = header.attributes.find("space");
-    if (space == header.attributes.end()) return g;
-    auto const flip = [&](int world) {
-        g.origin[world] = 0.0 - g.origin[world];
-        for (auto& direction : g.direction) direction[world] = 0.0 - direction[world];
-    };
-    if (space->second == "right-anterior-superior") flip(0);
-    if (space->second == "right-anterior-superior" || space->second == "left-anterior-superior") flip(1);
-    return g;
-}
-
-bool is_anatomical(Header const& header) {
-    auto const space = header.attributes.find("space");
-    return space != header.attributes.end() &&
-           (space->second == "left-posterior-superior" || space->second == "right-anterior-superior" ||
-            space->second == "left-anterior-superior");
 }
 
 /// For each axis the side of the body it comes from, e.g. RAI for axes along left, posterior, superior. `???` if two
@@ -86,7 +66,8 @@ bool is_writable_key(std::string const& key) {
 /// Everything before ElementDataFile. `compressed` < 0: not compressed.
 std::string metaimage_fields(Header const& header, std::int64_t volumes, std::int64_t compressed) {
     bool const series = volumes > 1;
-    Geometry const g = in_lps(header);
+    std::string const frame = frame_of(header);
+    Geometry const g = geometry_in(lps_frame, header); // where every anatomical MetaImage lies
     std::string result =
         text("ObjectType = Image\nNDims = ", series ? 4 : 3, "\nBinaryData = True\nBinaryDataByteOrderMSB = False\n");
     result += text("CompressedData = ", compressed < 0 ? "False" : "True", "\n");
@@ -95,13 +76,13 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
     for (auto const& d : g.direction) result += text(" ", d, series ? " 0" : "");
     result += series ? " 0 0 0 1\n" : "\n";
     result += text("Offset = ", g.origin, series ? " 0" : "", "\nCenterOfRotation = 0 0 0", series ? " 0" : "", "\n");
-    if (is_anatomical(header)) result += text("AnatomicalOrientation = ", orientation(g), "\n");
+    if (is_anatomical(frame)) result += text("AnatomicalOrientation = ", orientation(g), "\n");
     result += text("ElementSpacing = ", g.spacing, series ? " 1" : "", "\nDimSize = ", header.dims,
                    series ? text(" ", volumes) : "", "\n");
     if (header.values != ValueMap{})
         result += text("ElementToIntensityFunctionSlope = ", header.values.slope,
                        "\nElementToIntensityFunctionOffset = ", header.values.intercept, "\n");
-    if (auto const space = header.attributes.find("space"); space != header.attributes.end() && !is_anatomical(header))
+    if (auto const space = header.attributes.find("space"); space != header.attributes.end() && !is_anatomical(frame))
         result += text("VktSpace = ", one_line(space->second), "\n");
     if (!header.units.empty()) result += text("VktUnits = ", one_line(header.units), "\n");
     for (auto const& [key, value] : header.attributes)

@@ -1,6 +1,7 @@
 // NRRD files: attached (.nrrd) and detached (.nhdr), read in every encoding, written raw or gzip.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/header_and_voxels.h"
@@ -75,7 +76,7 @@ std::string nrrd_header_text(Header const& header, std::int64_t volumes, bool gz
     for (std::string const field : {"content", "old min", "old max"})
         if (auto const value = attribute(field); !value.empty()) result += text(field, ": ", value, "\n");
     result += text("type: ", nrrd_type_name(header.dtype), "\ndimension: ", series ? 4 : 3, "\n");
-    std::string const space = attribute("space");
+    std::string const space = one_line(frame_of(header)); // of three axes: time is the sequence's
     result += space.empty() ? "space dimension: 3\n" : text("space: ", space, "\n");
     result += text("sizes: ", header.dims, series ? text(" ", volumes) : "", "\n");
     result += text("space directions: ", vector_text(g.direction[0] * g.spacing.x), " ",

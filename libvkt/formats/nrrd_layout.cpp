@@ -1,6 +1,7 @@
 // What NRRD headers mean: axes, geometry, encodings, files.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
@@ -64,16 +65,6 @@ constexpr std::array type_names{
     TypeName{"float", DataType::float32},
     TypeName{"double", DataType::float64},
 };
-
-/// Space names by their short forms; the long form is kept as the attribute.
-constexpr std::array<std::pair<char const*, char const*>, 6> short_spaces{{
-    {"ras", "right-anterior-superior"},
-    {"las", "left-anterior-superior"},
-    {"lps", "left-posterior-superior"},
-    {"rast", "right-anterior-superior-time"},
-    {"last", "left-anterior-superior-time"},
-    {"lpst", "left-posterior-superior-time"},
-}};
 
 constexpr std::array kept_fields{"content", "old min", "old max", "measurement frame", "space units"};
 constexpr std::array kept_axis_fields{"kinds", "labels", "centers", "units", "thicknesses"};
@@ -373,11 +364,7 @@ void Interpreter::read_attributes(RawLayout& layout) const {
     Header& volume = layout.header;
     auto& attributes = volume.attributes;
     attributes = header_.pairs;
-    std::string space = lower_case(header_["space"]);
-    for (auto const& [brief, full] : short_spaces)
-        if (space == brief) space = full;
-    // Time is the sequence's; the volumes lie in the space.
-    if (space.ends_with("-time")) space.resize(space.size() - 5);
+    std::string const space = frame_name(header_["space"]);
     if (!space.empty()) attributes["space"] = space;
     for (std::string const field : kept_fields)
         if (header_.has(field)) attributes[field] = header_[field];

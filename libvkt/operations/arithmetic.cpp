@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/arithmetic.h"
 
+#include "libvkt/core/frame.h"
 #include "libvkt/operations/rows.h"
 #include "libvkt/operations/wide.h"
 
@@ -347,14 +348,13 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
         if (first.kind != second->kind)
             throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
                         "make it a grid first: vkt resample --cells 50M");
+        char const* const hint = "vkt resample SECOND --like FIRST puts the second onto the grid of the first";
         if (!(first.dims == second->dims))
             throw Error(ErrorKind::usage,
-                        text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"),
-                        text("vkt resample --dims ", first.dims, " brings the second to the first one's"));
-        if (!same_geometry(first.geometry, second->geometry))
+                        text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"), hint);
+        if (!same_geometry(first.geometry, geometry_beside(first, *second)))
             throw Error(ErrorKind::usage,
-                        "the volumes lie at different places in the world (origin, spacing or direction)",
-                        "vkt set --origin … --spacing … corrects a header");
+                        "the volumes lie at different places in the world (origin, spacing or direction)", hint);
     }
     Plan plan;
     plan.output = first;

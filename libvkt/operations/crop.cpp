@@ -3,41 +3,30 @@
 #include "libvkt/operations/crop.h"
 
 #include "libvkt/amr/edit.h"
+#include "libvkt/core/affine.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 
 #if VKT_HOST
 
-#include <array>
 #include <cmath>
-#include <limits>
 
 namespace vkt {
 namespace {
 
-/// Index-space bounds of the eight corners that `corner(low or high per axis)` gives in the world.
-template <class Corner> std::array<Vec3, 2> index_bounds(Geometry const& geometry, Corner const& corner) {
-    double const inf = std::numeric_limits<double>::infinity();
-    std::array<Vec3, 2> bounds{{{inf, inf, inf}, {-inf, -inf, -inf}}};
-    for (int i = 0; i < 8; ++i) {
-        Vec3 const index = world_to_index(geometry, corner((i & 1) != 0, (i & 2) != 0, (i & 4) != 0));
-        for (int axis = 0; axis < 3; ++axis) {
-            bounds[0][axis] = std::min(bounds[0][axis], index[axis]);
-            bounds[1][axis] = std::max(bounds[1][axis], index[axis]);
-        }
-    }
-    return bounds;
-}
-
-/// Voxels with centres in [lower, upper), cut to the volume; bounds within 1e-6 voxels of a centre count as on it.
-Box voxels_between(std::array<Vec3, 2> const& bounds, Index3 dims) {
-    Box box;
+/// Voxels whose centres lie between the outer faces of another lattice; centres within 1e-6 voxels of a face are on it,
+/// and belong to what lies behind a lower face.
+Box voxels_between_faces(Geometry const& geometry, Index3 dims, Geometry const& other, Index3 other_dims) {
+    Affine const map = index_to_index(geometry, other);
+    Vec3 lower, upper;
     for (int axis = 0; axis < 3; ++axis) {
-        double const n = static_cast<double>(dims[axis]);
-        box.lower[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(bounds[0][axis] - 1e-6), 0.0, n));
-        box.upper[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(bounds[1][axis] - 1e-6), 0.0, n));
+        double const slack = 1e-6 * std::max({std::abs(map.column[0][axis]), std::abs(map.column[1][axis]),
+                                              std::abs(map.column[2][axis])});
+        lower[axis] = -0.5 - slack;
+        upper[axis] = static_cast<double>(other_dims[axis]) - 0.5 - slack;
     }
-    return box;
+    return voxels_within(map, lower, upper, dims);
 }
 
 } // namespace
@@ -60,16 +49,8 @@ void Crop::check() const {
 /// The region in voxels, or in finest cells.
 Box Crop::wanted(Header const& in) {
     if (!like_.file.empty()) {
-        Geometry const& g = like_.header().geometry;
-        Index3 const n = like_.header().dims;
-        Box const box =
-            voxels_between(index_bounds(in.geometry,
-                                        [&](bool x, bool y, bool z) {
-                                            return index_to_world(g, {x ? static_cast<double>(n.x) - 0.5 : -0.5,
-                                                                      y ? static_cast<double>(n.y) - 0.5 : -0.5,
-                                                                      z ? static_cast<double>(n.z) - 0.5 : -0.5});
-                                        }),
-                           in.dims);
+        Header const& like = like_.header();
+        Box const box = voxels_between_faces(in.geometry, in.dims, geometry_beside(in, like), like.dims);
         if (box.empty())
             throw Error(ErrorKind::usage, text("the volume does not overlap ", like_.file),
                         "compare the extents with 'vkt info'");

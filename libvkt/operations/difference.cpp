@@ -4,6 +4,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/operations/rows.h"
 #include "libvkt/operations/wide.h"
@@ -188,7 +189,7 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     DifferenceResult r;
     r.same_dims = ha.dims == hb.dims;
     r.same_type = ha.dtype == hb.dtype;
-    r.same_geometry = r.same_dims && same_geometry(ha.geometry, hb.geometry);
+    r.same_geometry = r.same_dims && same_place(ha, hb);
     double low = std::numeric_limits<double>::infinity(), high = -low, squares = 0;
     if (r.same_dims) {
         Index3 const n = ha.dims;

@@ -1,4 +1,4 @@
-// The volume that --like names: its header says what region or how many voxels are wanted.
+// The volume that --like names: its header says what region or which grid is wanted.
 // SPDX-License-Identifier: MIT
 #pragma once
 

@@ -3,6 +3,7 @@
 #if VKT_HOST
 #include "libvkt/operations/resample.h"
 
+#include "libvkt/core/frame.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
@@ -33,17 +34,19 @@ void Resample::parameters(Parameters& p) {
     p.option("size", size, "N,auto,auto", "number of voxels along one axis, the others in proportion");
     p.option("spacing", spacing, "S|SX,SY,SZ",
              "size of the result's voxels in world units, met as nearly as whole voxels allow");
-    p.option("like", like_.file, "FILE", "as many voxels as this volume file has");
+    p.option("like", like_.file, "FILE", "the grid of this volume: numbers of voxels, spacing, place and directions");
     p.option("cells", cells, "N", "about this many voxels, as cubic as can be; 50M are 50 millions");
     p.option("method", method, "METHOD",
              "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
              "(default), nearest, average, or auto: average where a voxel covers several cells");
     p.option("roi", roi, "REGION", "hierarchical volumes: only this region, in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
-    p.option("background", background, "VALUE", "hierarchical volumes: value where there is no cell (0)");
+    p.option("background", background, "VALUE",
+             "with --like, and for hierarchical volumes: value where there is no voxel or cell (0)");
     p.flag("mask", mask, "hierarchical volumes: 1 where there are cells and 0 in holes, as uint8, instead of values");
     p.option("boundary", boundary, "RULE",
-             "how the volume continues outside, for linear and cubic: mirror, clamp (default), wrap or border[:VALUE]");
+             "how the volume continues outside, for linear, cubic and --like: mirror, clamp (default), wrap or "
+             "border[:VALUE]");
     p.option("dtype", dtype, "TYPE", "data type of the result, values kept").alias("data-format");
     p.option("bytes-per-voxel", bytes_per_voxel, "N", "unsigned integers of this many bytes (volkit)").alias("bpv");
     p.option("dist", dist, "X Y Z",
@@ -63,6 +66,10 @@ void Resample::check() const {
     if (mask && changes_values())
         throw Error(ErrorKind::usage, "--mask is 0 or 1 in uint8: options that change values do not apply");
     if (!roi.empty() && !world_roi.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
+    if (!like_.file.empty() && !(roi.empty() && world_roi.empty()))
+        throw Error(ErrorKind::usage, "--like says the region too: --roi and --roi-world do not apply");
+    if (boundary && background)
+        throw Error(ErrorKind::usage, "--boundary continues the volume everywhere: --background does not apply");
     if (scale)
         for (int axis = 0; axis < 3; ++axis)
             if (!std::isfinite((*scale)[axis]) || !((*scale)[axis] > 0))
@@ -77,7 +84,7 @@ void Resample::check() const {
                         text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
     }
     bool const looks_outside = !method || method == ResampleMethod::automatic || method == ResampleMethod::linear ||
-                               method == ResampleMethod::cubic;
+                               method == ResampleMethod::cubic || !like_.file.empty();
     if (boundary && !looks_outside)
         throw Error(ErrorKind::usage,
                     text("--boundary does not apply to --method ", enum_name(*method), ", which never looks outside"));
@@ -179,13 +186,25 @@ Kernel Resample::kernel_for(std::int64_t n_in, std::int64_t n_out) const {
     return n_out < n_in ? Kernel::area : Kernel::linear;
 }
 
-void Resample::choose_header(Header const& input, Header& output) {
+/// The grid of --like, as its own header has it.
+void Resample::take_grid(Header const& input, Header& output) const {
+    Header const& like = like_.header();
+    output.geometry = like.geometry;
+    output.attributes.erase("space");
+    if (auto const space = like.attributes.find("space"); space != like.attributes.end())
+        output.attributes["space"] = space->second;
+    if (!(like.dims == input.dims && same_place(like, input))) output.part.reset();
+}
+
+/// `moves`: no value is interpolated.
+void Resample::choose_header(Header const& input, bool moves, Header& output) {
     output = input;
     output.dims = to_;
     output.geometry = rescaled(input.geometry, from_, to_);
-    if (dist) output.geometry.spacing = *dist;
     if (!(from_ == to_)) output.part.reset();
-    bool const lobes = method == ResampleMethod::cubic && !(from_ == to_);
+    if (!like_.file.empty()) take_grid(input, output);
+    if (dist) output.geometry.spacing = *dist;
+    bool const lobes = method == ResampleMethod::cubic && !moves;
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
         output.dtype = size_of(input.dtype) <= 2 ? DataType::float32 : DataType::float64;
     if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
@@ -203,6 +222,7 @@ void Resample::choose_header(Header const& input, Header& output) {
 Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
     reconstructor_.reset();
+    onto_.reset();
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
@@ -212,7 +232,14 @@ Plan Resample::plan(std::span<Header const> inputs) {
     from_ = input.dims;
     to_ = target_dims(input);
     counts_ = {};
-    choose_header(input, plan.output);
+    if (!like_.file.empty()) {
+        Header const& like = like_.header();
+        Geometry const grid = geometry_beside(input, like);
+        bool const same = to_ == from_ && same_geometry(grid, input.geometry);
+        Placement const placement = place(grid, to_, input.geometry);
+        if (!same && !placement.keeps_extent(from_, to_)) return plan_onto(input, placement);
+    }
+    choose_header(input, from_ == to_, plan.output);
     checked(plan.output);
     out_type_ = plan.output.dtype;
 
@@ -283,6 +310,33 @@ ErrorBound Resample::error_of(Header const& input, Header const& output) const {
     return error;
 }
 
+/// The background as it is stored in the result.
+double Resample::stored_background(Header const& input, Header const& output) const {
+    double physical = background.value_or(0);
+    if (auto const known = input.attributes.find("background"); !background && known != input.attributes.end())
+        if (is_number(known->second)) physical = parse_double(known->second);
+    double const stored = output.values.stored(physical);
+    if (is_integer(output.dtype) && !(stored >= lowest_of(output.dtype) && stored <= highest_of(output.dtype)))
+        throw Error(ErrorKind::usage, text("the background ", physical, " cannot be stored in ", output.dtype),
+                    "choose another --background, or a type with --dtype");
+    return stored;
+}
+
+Plan Resample::plan_onto(Header const& input, Placement const& placement) {
+    Plan plan;
+    choose_header(input, placement.whole(), plan.output);
+    checked(plan.output);
+    out_type_ = plan.output.dtype;
+    OntoValues values{input.dtype, out_type_, scale_value_, offset_value_};
+    if (boundary)
+        values.border = input.values.stored(boundary->value);
+    else
+        values.background = stored_background(input, plan.output);
+    onto_.emplace(placement, from_, to_, method.value_or(ResampleMethod::automatic), boundary, values);
+    onto_->describe(plan);
+    return plan;
+}
+
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
 /// distance of a quotient from a tie, is beyond double.
 bool Resample::sums_exactly(DataType input) const {
@@ -308,14 +362,16 @@ void Resample::refuse_tree_options() const {
                     text("--method ", enum_name(*method), " is for hierarchical volumes, and this one is structured"),
                     method == ResampleMethod::average ? "--method area averages voxels" : "use --method linear");
     bool const region = !roi.empty() || !world_roi.empty();
-    if (region || background || mask)
+    if (region || mask || (background && like_.file.empty()))
         throw Error(ErrorKind::usage,
                     text(!roi.empty() ? "--roi"
                          : region     ? "--roi-world"
                          : mask       ? "--mask"
                                       : "--background",
                          " is for hierarchical volumes, and this one is structured"),
-                    region ? "use vkt crop before" : "");
+                    region ? "use vkt crop before"
+                    : mask ? ""
+                           : "with --like it says what lies outside");
 }
 
 Reconstruction Resample::reconstruction() const {
@@ -343,13 +399,28 @@ SampleGrid Resample::tree_grid(Header const& input) const {
     request.roi = roi;
     request.world_roi = world_roi;
     request.spacing = spacing;
+    if (!like_.file.empty()) return grid_like(input);
     if (cells) request.cells = cells->value;
-    if (scale || dims || !size.empty() || !like_.file.empty()) {
+    if (scale || dims || !size.empty()) {
         Header region = input;
         region.dims = plan_grid(input, request).dims; // without any of the others: the region's finest cells
         request.dims = target_dims(region);
     }
     return plan_grid(input, request);
+}
+
+/// The grid of --like in finest cells.
+SampleGrid Resample::grid_like(Header const& input) const {
+    Header const& like = like_.header();
+    Placement const p = place(geometry_beside(input, like), like.dims, input.geometry);
+    if (!p.upright())
+        throw Error(ErrorKind::usage, text("the grid of ", like_.file, " is turned against the bricks"),
+                    "make a grid first: vkt resample --cells 50M | vkt resample --like");
+    SampleGrid grid;
+    grid.dims = like.dims;
+    grid.step = p.scale;
+    for (int a = 0; a < 3; ++a) grid.lower[a] = p.offset[a] + 0.5 - 0.5 * p.scale[a];
+    return grid;
 }
 
 Plan Resample::plan_tree(Header const& input) {
@@ -359,6 +430,7 @@ Plan Resample::plan_tree(Header const& input) {
     Plan plan;
     grid_ = tree_grid(input);
     plan.output = gridded_header(input, grid_);
+    if (!like_.file.empty()) take_grid(input, plan.output);
     plan.method = enum_name(reconstruction());
     if (!mask && reconstruction() != Reconstruction::nearest) {
         bool const in_double = is_integer(input.dtype) || input.dtype == DataType::float64;
@@ -421,6 +493,7 @@ std::string Resample::describe() const {
 
 Box Resample::footprint(Box const& output, int) const {
     if (from_tree_) return {};
+    if (onto_) return onto_->footprint(output);
     Box result;
     for (int axis = 0; axis < 3; ++axis) {
         auto const range = tables_[static_cast<std::size_t>(axis)].footprint(output.lower[axis], output.upper[axis]);
@@ -434,6 +507,13 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (out.box.empty()) return;
     if (from_tree_) return run_tree(out, execution);
     ConstView const in = inputs.front();
+    if (onto_) {
+        Tally tally;
+        onto_->run(in, out, tally, execution);
+        counts_.clipped += tally.clipped;
+        counts_.nan += tally.nan;
+        return;
+    }
     if (way_ == Way::copy) return copy_region(in.part(out.box), out, execution);
     if (way_ == Way::halving) {
         Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
@@ -467,7 +547,11 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
 
 std::vector<Remark> Resample::remarks() const {
     if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
-    return store_remarks(counts_, to_.x * to_.y * to_.z, out_type_);
+    std::int64_t const voxels = to_.x * to_.y * to_.z;
+    std::vector<Remark> result = store_remarks(counts_, voxels, out_type_);
+    if (onto_ && onto_->outside() > 0)
+        result.push_back({text(share_text(onto_->outside(), voxels), " outside the input: background"), false});
+    return result;
 }
 
 } // namespace vkt

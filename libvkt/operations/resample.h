@@ -1,4 +1,4 @@
-// Resampling to another grid of the same extent: nearest, linear, area average or cubic, each axis on its own.
+// Resampling to another grid, of the same extent or another volume's: nearest, linear, area average or cubic.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -7,23 +7,14 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/like.h"
 #include "libvkt/operations/remarks.h"
-#include "libvkt/operations/resample_weights.h"
+#include "libvkt/operations/resample_method.h"
+#include "libvkt/operations/resample_onto.h"
 #include "libvkt/operations/volkit_header.h"
 
 #include <array>
 #include <memory>
 
 namespace vkt {
-
-enum class ResampleMethod : std::uint8_t { automatic, nearest, linear, area, cubic, basis, average };
-template <> struct EnumNames<ResampleMethod> {
-    static std::vector<std::pair<ResampleMethod, char const*>> all() {
-        return {{ResampleMethod::automatic, "auto"}, {ResampleMethod::nearest, "nearest"},
-                {ResampleMethod::linear, "linear"},  {ResampleMethod::area, "area"},
-                {ResampleMethod::cubic, "cubic"},    {ResampleMethod::basis, "basis"},
-                {ResampleMethod::average, "average"}};
-    }
-};
 
 /// A number of cells: "50000000", "50M" (k, M, G: thousands, millions, thousands of millions).
 struct CellCount {
@@ -40,8 +31,9 @@ template <> struct ValueText<CellCount> : OneWord {
 /// = -1/2, stretched when shrinking) can leave the range of its input, so that unsigned types become float32 (float64
 /// from 32 bits on) unless a type is given. Sums are in double, of 64-bit integers in 128-bit ones. A constant border
 /// enters the sums as it is, whatever the type. One pass: a row of output is the weighted sum of the input rows in its
-/// footprint, then of their voxels; about one multiply-add per input voxel when shrinking.
-/// Hierarchical volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
+/// footprint, then of their voxels; about one multiply-add per input voxel when shrinking. --like puts the volume onto
+/// another's grid, see Onto. Hierarchical volumes become structured ones: basis, nearest, average or auto, see
+/// Reconstruction; basis by default.
 class Resample : public Operation {
 public:
     std::optional<Vec3> scale;
@@ -52,7 +44,7 @@ public:
     std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones
     Roi roi;                              ///< hierarchical volumes: the region in finest cells
     WorldRoi world_roi;                   ///< the same in world units
-    std::optional<double> background;     ///< hierarchical volumes: physical value where there is no cell
+    std::optional<double> background;     ///< physical value where there is no cell, or no voxel under another's grid
     bool mask = false;                    ///< hierarchical volumes: 1 where there are cells, 0 in holes, as uint8
     std::optional<BoundaryRule> boundary;
     std::optional<DataType> dtype;
@@ -69,7 +61,7 @@ public:
     Box footprint(Box const& output, int input) const override;
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return way_ != Way::convert; }
+    bool runs_on_gpu() const override { return way_ != Way::convert && !onto_; }
     std::vector<Remark> remarks() const override;
 
 private:
@@ -78,10 +70,14 @@ private:
     Reconstruction reconstruction() const;
     void refuse_tree_options() const;
     Plan plan_tree(Header const& input);
+    Plan plan_onto(Header const& input, Placement const& placement);
+    SampleGrid grid_like(Header const& input) const;
+    void take_grid(Header const& input, Header& output) const;
+    double stored_background(Header const& input, Header const& output) const;
     void run_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
-    void choose_header(Header const& input, Header& output);
+    void choose_header(Header const& input, bool moves, Header& output);
     std::string describe() const;
     bool sums_exactly(DataType input) const;
     bool sums_in_integers(DataType input) const;
@@ -90,7 +86,8 @@ private:
     enum class Way : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
 
     Index3 from_, to_;
-    Like like_; ///< as many voxels as this volume has
+    Like like_;                ///< the grid of the result
+    std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
     std::array<WeightTable, 3> tables_;
     Way way_ = Way::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values

@@ -96,6 +96,7 @@ void trim(Line& line) {
 Line clipped(Line const& line, std::int64_t n) {
     auto const size = static_cast<std::int64_t>(line.weights.size());
     std::int64_t const begin = std::max<std::int64_t>(line.lower, 0), end = std::min(line.lower + size, n);
+    if (begin >= end) return {std::min(begin, n - 1), {0.0}}; // all of it is the border's, see reaches()
     return {begin, {line.weights.begin() + (begin - line.lower), line.weights.begin() + (end - line.lower)}};
 }
 
@@ -139,6 +140,52 @@ double divisor_of(Ratio ratio, Kernel kernel) {
     return 1;
 }
 
+/// Weights at a position that need not be rational.
+Line placed_line(LinePlacement const& placement, std::int64_t o, Kernel kernel) {
+    // Beyond that nothing is inside, and no index overflows.
+    double const far = 4 * static_cast<double>(std::int64_t{1} << 50);
+    double const p = std::clamp(placement.position(o), -far, far), width = std::abs(placement.scale);
+    auto const whole = static_cast<std::int64_t>(std::floor(p));
+    double const fraction = p - std::floor(p);
+    Line line{whole, {1.0}};
+    if (kernel == Kernel::nearest || kernel == Kernel::identity) { // ties that rounding broke are ties
+        line.lower = static_cast<std::int64_t>(std::floor(p + (0.5 + 1e-6)));
+    } else if (kernel == Kernel::linear) {
+        line.weights = {1 - fraction, fraction};
+    } else if (kernel == Kernel::area) {
+        double const begin = p - width / 2 + 0.5, end = p + width / 2 + 0.5; // in faces: voxel i lies in [i, i + 1)
+        line.lower = static_cast<std::int64_t>(std::floor(begin + 1e-9));
+        line.weights.clear();
+        double sum = 0;
+        for (std::int64_t i = line.lower; line.weights.empty() || static_cast<double>(i) < end - 1e-9; ++i) {
+            auto const face = static_cast<double>(i);
+            line.weights.push_back(std::min(end, face + 1) - std::max(begin, face));
+            sum += line.weights.back();
+        }
+        for (double& w : line.weights) w /= sum;
+    } else {
+        double const stretch = std::max(1.0, width);
+        auto const reach = static_cast<std::int64_t>(std::ceil(2 * stretch)) + 1;
+        line.lower = whole - reach;
+        line.weights.clear();
+        double sum = 0;
+        for (std::int64_t i = -reach; i <= reach; ++i) {
+            line.weights.push_back(cubic((static_cast<double>(i) - fraction) / stretch));
+            sum += line.weights.back();
+        }
+        for (double& w : line.weights) w /= sum;
+    }
+    return line;
+}
+
+/// What lies far outside a wrapped or bordered line reads the same nearby: no window shall reach out there.
+void brought_near(Line& line, std::int64_t n, Boundary boundary) {
+    auto const size = static_cast<std::int64_t>(line.weights.size());
+    if (boundary == Boundary::wrap && (line.lower < -size || line.lower >= n))
+        line.lower = fold(line.lower, n, boundary);
+    if (boundary == Boundary::border) line.lower = std::clamp(line.lower, -size, n);
+}
+
 [[noreturn]] void refuse(std::int64_t n_in, std::int64_t n_out) {
     throw Error(ErrorKind::resources, text("a line of ", n_in, " voxels is too long to be resampled to ", n_out),
                 "crop the volume first, or resample in several steps");
@@ -153,21 +200,44 @@ WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, B
     if (n_out > most_entries || n_in > 16 * most_entries) refuse(n_in, n_out);
     divisor_ = divisor_of(ratio, kernel_);
     halving_ = kernel_ == Kernel::identity ? 1 : kernel_ == Kernel::area && ratio.a == 2 && ratio.b == 1 ? 2 : 0;
+    build(n_in, n_out, boundary, [&](std::int64_t o) { return line_of(o, ratio, kernel_); });
+}
+
+double LinePlacement::position(std::int64_t o) const {
+    double const p = scale * static_cast<double>(o) + offset, r = std::nearbyint(p);
+    return std::abs(p - r) < 1e-9 ? r : p;
+}
+
+WeightTable::WeightTable(LinePlacement const& placement, Kernel kernel, Boundary boundary)
+    : kernel_(kernel), n_out_(placement.n_out) {
+    bool const wide = std::abs(placement.scale) > static_cast<double>(most_entries);
+    if (wide || placement.n_out > most_entries || placement.n_in > 16 * most_entries)
+        refuse(placement.n_in, placement.n_out);
+    halving_ = kernel_ == Kernel::identity ? 1 : 0;
+    build(placement.n_in, placement.n_out, boundary, [&](std::int64_t o) {
+        Line line = placed_line(placement, o, kernel_);
+        brought_near(line, placement.n_in, boundary);
+        return line;
+    });
+}
+
+template <class LineAt>
+void WeightTable::build(std::int64_t n_in, std::int64_t n_out, Boundary boundary, LineAt const& line_at) {
     std::vector<std::int64_t> first, start{0};
     std::vector<double> weights, inside;
     first.reserve(static_cast<std::size_t>(n_out));
     for (std::int64_t o = 0; o < n_out; ++o) {
-        Line line = line_of(o, ratio, kernel_);
+        Line line = line_at(o);
         trim(line);
         double sum = 0;
         for (double const w : line.weights) sum += std::abs(w);
         gain_ = std::max(gain_, sum / divisor_);
         std::size_t const taps = line.weights.size();
+        bool const crosses = line.lower < 0 || line.lower + static_cast<std::int64_t>(taps) > n_in;
         line = folded(line, n_in, boundary);
         if (boundary == Boundary::border) {
-            bool const whole = line.weights.size() == taps;
-            leaves_out_ = leaves_out_ || !whole;
-            inside.push_back(whole ? divisor_ : std::accumulate(line.weights.begin(), line.weights.end(), 0.0));
+            leaves_out_ = leaves_out_ || crosses;
+            inside.push_back(crosses ? std::accumulate(line.weights.begin(), line.weights.end(), 0.0) : divisor_);
         }
         if (weights.size() + line.weights.size() > static_cast<std::size_t>(2 * most_entries)) refuse(n_in, n_out);
         first.push_back(line.lower);
@@ -201,6 +271,11 @@ Taps WeightTable::taps(Space space) const {
     return {first, start, weight, pair, leaves_out_ ? inside : nullptr, divisor_};
 }
 
+bool WeightTable::reaches(std::int64_t o) const {
+    Taps const t = taps(Space::host);
+    return std::any_of(t.weight + t.start[o], t.weight + t.start[o + 1], [](double w) { return w != 0; });
+}
+
 std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin, std::int64_t end) const {
     Taps const t = taps(Space::host);
     std::int64_t low = t.first[begin], high = low;
@@ -209,6 +284,11 @@ std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin,
         high = std::max(high, t.first[o] + t.start[o + 1] - t.start[o]);
     }
     return {low, high};
+}
+
+bool WeightTable::ascends() const {
+    Taps const t = taps(Space::host);
+    return std::is_sorted(t.first, t.first + n_out_);
 }
 
 } // namespace vkt

@@ -24,6 +24,14 @@ struct Taps {
     double divisor = 1;
 };
 
+/// Where the voxels of one axis lie on a line of n_in others: output o at scale * o + offset, scale not 0.
+struct LinePlacement {
+    std::int64_t n_in, n_out;
+    double scale, offset;
+    /// Within 1e-9 of a whole number it is whole.
+    double position(std::int64_t o) const;
+};
+
 /// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational
 /// and kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer
 /// voxels in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are
@@ -35,6 +43,9 @@ public:
     WeightTable() = default;
     /// Throws Error{resources} if the table would need more than 2 GiB.
     WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary);
+    /// At any position, with weights in double that sum to 1; identity copies from whole positions. What lies outside
+    /// at any distance is folded back, or moved to just outside for the engine to fill.
+    WeightTable(LinePlacement const& placement, Kernel kernel, Boundary boundary);
 
     Kernel kernel() const { return kernel_; }
     double divisor() const { return divisor_; }
@@ -42,15 +53,21 @@ public:
     double gain() const { return gain_; }
     /// True if some weights fall on a constant border: Taps::inside says how much stays in the volume.
     bool leaves_out() const { return leaves_out_; }
+    /// False for an output all of whose weights fall on a constant border.
+    bool reaches(std::int64_t o) const;
     std::int64_t most_taps() const { return most_taps_; }
     std::size_t bytes() const { return memory_.bytes(); }
     /// 2 if every output is the plain mean of two neighbours, 1 for the identity, else 0.
     int halving() const { return halving_; }
     /// The half-open input range that outputs [begin, end) need.
     std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
+    /// True if no output begins to look further back than the one before it.
+    bool ascends() const;
     Taps taps(Space space) const;
 
 private:
+    template <class LineAt> void build(std::int64_t n_in, std::int64_t n_out, Boundary boundary, LineAt const& line_at);
+
     Kernel kernel_ = Kernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
     double divisor_ = 1, gain_ = 1;

@@ -33,6 +33,7 @@ class _Description(ctypes.Structure):
         ("intercept", ctypes.c_double),
         ("units", ctypes.c_char_p),
         ("hierarchical", ctypes.c_int),
+        ("space", ctypes.c_char_p),
     ]
 
 
@@ -251,6 +252,11 @@ class Volume:
     @property
     def units(self):
         return self._description.units.decode()
+
+    @property
+    def space(self):
+        """What the axes of the world mean, for example left-posterior-superior; empty if unknown."""
+        return self._description.space.decode()
 
     @property
     def hierarchical(self):

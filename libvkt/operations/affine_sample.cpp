@@ -1,0 +1,366 @@
+// Affine sampling: rows of output, in vectors where all that is looked at lies inside, voxel by voxel at the faces.
+// SPDX-License-Identifier: MIT
+#ifndef __CUDACC__
+#include "libvkt/operations/affine_sample.h"
+
+#include "libvkt/operations/rows.h"
+
+#include <cmath>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+constexpr double magic = 6755399441055744.0; // 1.5 * 2^52: adding it leaves no room for a fraction
+
+VKT_HD double nearest_whole(double p) { return (p + magic) - magic; }
+VKT_HD double floor_of(double p) {
+    double const r = nearest_whole(p);
+    return r > p ? r - 1 : r;
+}
+/// A whole number below 2^51 as an integer; vectorises everywhere, which conversions of doubles do not.
+VKT_HD std::int64_t integer_of(double whole) {
+    return detail::bits_as<std::int64_t>(whole + magic) - detail::bits_as<std::int64_t>(magic);
+}
+VKT_HD double snapped(double p) {
+    double const r = nearest_whole(p), d = p - r;
+    return d < 1e-9 && d > -1e-9 ? r : p;
+}
+
+/// Between a and b, never beyond either; at 0 all of a, whatever b is.
+VKT_HD double between(double a, double b, double f) {
+    double r = (1 - f) * a + f * b;
+    double const low = a < b ? a : b, high = a > b ? a : b;
+    r = r < low ? low : r;
+    r = r > high ? high : r;
+    return f == 0 ? a : r;
+}
+
+/// The interpolants, by the voxels around floor(position), v(i, j, k), and the fractions.
+struct Linear {
+    static constexpr Interpolant kind = Interpolant::linear;
+    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
+        return between(between(between(v(0, 0, 0), v(1, 0, 0), x), between(v(0, 1, 0), v(1, 1, 0), x), y),
+                       between(between(v(0, 0, 1), v(1, 0, 1), x), between(v(0, 1, 1), v(1, 1, 1), x), y), z);
+    }
+};
+
+struct Cubic {
+    static constexpr Interpolant kind = Interpolant::cubic;
+    VKT_HD static double term(double w, double v) { return w == 0 ? 0 : w * v; }
+    VKT_HD static double weight(int i, double f) {
+        return i == 0   ? ((-0.5 * f + 1) * f - 0.5) * f
+               : i == 1 ? (1.5 * f - 2.5) * f * f + 1
+               : i == 2 ? ((-1.5 * f + 2) * f + 0.5) * f
+                        : (0.5 * f - 0.5) * f * f;
+    }
+    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
+        double const x0 = weight(0, x), x1 = weight(1, x), x2 = weight(2, x), x3 = weight(3, x);
+        double total = 0;
+        for (int k = 0; k < 4; ++k) {
+            double slice = 0;
+            for (int j = 0; j < 4; ++j) {
+                double const row = (term(x0, v(-1, j - 1, k - 1)) + term(x1, v(0, j - 1, k - 1))) +
+                                   (term(x2, v(1, j - 1, k - 1)) + term(x3, v(2, j - 1, k - 1)));
+                slice += term(weight(j, y), row);
+            }
+            total += term(weight(k, z), slice);
+        }
+        return total;
+    }
+};
+
+struct Nearest {
+    static constexpr Interpolant kind = Interpolant::nearest;
+    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
+        double const half = 0.5 - face_slack;
+        return v(x >= half ? 1 : 0, y >= half ? 1 : 0, z >= half ? 1 : 0);
+    }
+};
+
+/// The positions of one row along one axis of the input: monotone in x.
+struct PositionLine {
+    double base = 0, step = 0;
+    VKT_HD double operator()(double x) const { return snapped(base + x * step); }
+};
+struct PositionRow {
+    PositionLine x, y, z;
+    PositionLine const& line(int axis) const { return axis == 0 ? x : axis == 1 ? y : z; }
+};
+
+struct XRange {
+    std::int64_t begin, end;
+};
+
+/// The first x of a range for which `true_from_there_on` says so.
+template <class F> std::int64_t first_x(XRange range, F const& true_from_there_on) {
+    while (range.begin < range.end) {
+        std::int64_t const middle = range.begin + (range.end - range.begin) / 2;
+        if (true_from_there_on(middle))
+            range.end = middle;
+        else
+            range.begin = middle + 1;
+    }
+    return range.begin;
+}
+
+/// The part of a range in which low <= position < high.
+XRange narrowed(XRange range, PositionLine const& line, double low, double high) {
+    auto const at = [&](std::int64_t x) { return line(static_cast<double>(x)); };
+    if (line.step >= 0) {
+        range.begin = first_x(range, [&](std::int64_t x) { return at(x) >= low; });
+        range.end = first_x(range, [&](std::int64_t x) { return at(x) >= high; });
+    } else {
+        range.begin = first_x(range, [&](std::int64_t x) { return at(x) < high; });
+        range.end = first_x(range, [&](std::int64_t x) { return at(x) < low; });
+    }
+    return range;
+}
+
+XRange inside(XRange range, PositionRow const& row, Index3 dims) {
+    for (int axis = 0; axis < 3; ++axis)
+        range = narrowed(range, row.line(axis), first_position(), end_position(dims[axis]));
+    return range;
+}
+
+/// Where the interpolant looks at nothing beyond the volume.
+XRange interior(XRange range, PositionRow const& row, Index3 dims, Interpolant interpolant) {
+    Reach const reach = reach_of(interpolant);
+    for (int axis = 0; axis < 3; ++axis)
+        range = narrowed(range, row.line(axis), static_cast<double>(reach.before),
+                         static_cast<double>(dims[axis] - reach.after));
+    return range;
+}
+
+/// Positions of output row (y, z), `shift` voxels of the input aside.
+PositionRow row_of(Affine const& map, Vec3 shift, std::int64_t y, std::int64_t z) {
+    auto const line = [&](int axis) {
+        double const base = map.offset[axis] + map.column[1][axis] * static_cast<double>(y) +
+                            map.column[2][axis] * static_cast<double>(z);
+        return PositionLine{base + shift[axis], map.column[0][axis]};
+    };
+    return {line(0), line(1), line(2)};
+}
+
+/// A sample whose voxels all lie in the view.
+template <class T, class Kernel> struct SampleInside {
+    T const* data;
+    double lower_x, lower_y, lower_z, row_length, slice_length;
+    std::int64_t row, slice;
+    PositionRow at;
+
+    SampleInside(View<T const> const& in, PositionRow const& positions)
+        : data(in.data), lower_x(static_cast<double>(in.lower.x)), lower_y(static_cast<double>(in.lower.y)),
+          lower_z(static_cast<double>(in.lower.z)), row_length(static_cast<double>(in.row)),
+          slice_length(static_cast<double>(in.slice)), row(in.row), slice(in.slice), at(positions) {}
+
+    /// Where the voxel at the floor of the position of x lies, and the fractions beyond it.
+    VKT_HD std::int64_t place(double x, double& fx, double& fy, double& fz) const {
+        double const px = at.x(x), py = at.y(x), pz = at.z(x);
+        double const wx = floor_of(px), wy = floor_of(py), wz = floor_of(pz);
+        fx = px - wx, fy = py - wy, fz = pz - wz;
+        return integer_of((wx - lower_x) + (wy - lower_y) * row_length + (wz - lower_z) * slice_length);
+    }
+
+    VKT_HD double operator()(double x) const {
+        double fx, fy, fz;
+        T const* const c = data + place(x, fx, fy, fz);
+        auto const voxel = [=, this](int i, int j, int k) { return static_cast<double>(c[i + j * row + k * slice]); };
+        return Kernel::value(voxel, fx, fy, fz);
+    }
+};
+
+/// The same anywhere: what lies outside the volume is folded back or is the border.
+template <class T, class Kernel>
+double sample_anywhere(View<T const> const& in, PositionRow const& at, double x, AffineSampling const& rule) {
+    double const px = at.x(x), py = at.y(x), pz = at.z(x);
+    double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
+    Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
+    auto const index = [&](double whole, int i, std::int64_t n) {
+        double const limit = 0x1p60; // positions may be anything that a header can say
+        return fold(static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i, n, boundary);
+    };
+    auto const voxel = [&](int i, int j, int k) {
+        std::int64_t const vx = index(wx, i, rule.dims.x), vy = index(wy, j, rule.dims.y),
+                           vz = index(wz, k, rule.dims.z);
+        return vx < 0 || vy < 0 || vz < 0 ? rule.border : static_cast<double>(in(vx, vy, vz));
+    };
+    return Kernel::value(voxel, px - wx, py - wy, pz - wz);
+}
+
+/// The functor arrives by value, as in the drivers.
+template <class F> void sample_run(std::int64_t x, std::int64_t n, double* to, F const f) {
+    auto const first = static_cast<double>(x);
+#pragma omp simd
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) to[i] = f(first + i);
+}
+
+/// Linear in strips: positions in vectors, then the loads one by one, then the sums in vectors. As one loop it would
+/// vectorise where there are gathers of 64-bit offsets only.
+template <class T> void sample_run(std::int64_t x, std::int64_t n, double* to, SampleInside<T, Linear> const f) {
+    constexpr std::int32_t strip = 64;
+    double fx[strip], fy[strip], fz[strip], v[8][strip];
+    std::int64_t index[strip];
+    for (std::int64_t begin = 0; begin < n; begin += strip) {
+        auto const m = static_cast<std::int32_t>(std::min<std::int64_t>(strip, n - begin));
+        auto const first = static_cast<double>(x + begin);
+#pragma omp simd
+        for (std::int32_t i = 0; i < m; ++i) index[i] = f.place(first + i, fx[i], fy[i], fz[i]);
+        for (std::int32_t i = 0; i < m; ++i) {
+            T const* const c = f.data + index[i];
+            T const* const d = c + f.slice;
+            v[0][i] = static_cast<double>(c[0]), v[1][i] = static_cast<double>(c[1]);
+            v[2][i] = static_cast<double>(c[f.row]), v[3][i] = static_cast<double>(c[f.row + 1]);
+            v[4][i] = static_cast<double>(d[0]), v[5][i] = static_cast<double>(d[1]);
+            v[6][i] = static_cast<double>(d[f.row]), v[7][i] = static_cast<double>(d[f.row + 1]);
+        }
+        double* const result = to + begin;
+#pragma omp simd
+        for (std::int32_t i = 0; i < m; ++i)
+            result[i] =
+                between(between(between(v[0][i], v[1][i], fx[i]), between(v[2][i], v[3][i], fx[i]), fy[i]),
+                        between(between(v[4][i], v[5][i], fx[i]), between(v[6][i], v[7][i], fx[i]), fy[i]), fz[i]);
+    }
+}
+
+/// Samples of a row for x in `range`; to[0] belongs to its first.
+template <class T, class Kernel>
+void sample_row(View<T const> const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
+    XRange const quick = interior(range, at, rule.dims, Kernel::kind);
+    auto const slowly = [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t x = begin; x < end; ++x)
+            to[x - range.begin] = sample_anywhere<T, Kernel>(in, at, static_cast<double>(x), rule);
+    };
+    if (quick.begin >= quick.end) return slowly(range.begin, range.end);
+    slowly(range.begin, quick.begin);
+    sample_run(quick.begin, quick.end - quick.begin, to + (quick.begin - range.begin), SampleInside<T, Kernel>(in, at));
+    slowly(quick.end, range.end);
+}
+
+/// to becomes the mean of `count` samples, of which `sample` is the last: by steps that neither overflow nor leave the
+/// range of the samples.
+void join_mean(double const* sample, double* to, std::int64_t n, std::int64_t count) {
+    double const share = 1 / static_cast<double>(count);
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) to[i] = between(to[i], sample[i], share);
+}
+
+template <class T, class Kernel>
+void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
+                Execution const& execution) {
+    Index3 const k = rule.samples;
+    auto const aside = [](std::int64_t i, std::int64_t n) {
+        return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
+    };
+    for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
+        alignas(64) double values[row_piece], sample[row_piece];
+        Tally mine;
+        std::int64_t beyond = 0;
+        for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
+            XRange const piece{x, std::min(x + row_piece, x0 + length)};
+            std::int64_t const n = piece.end - piece.begin;
+            PositionRow const centres = row_of(rule.map, {}, y, z);
+            XRange const in_it = rule.boundary ? piece : inside(piece, centres, rule.dims);
+            std::int64_t const m = std::max<std::int64_t>(in_it.end - in_it.begin, 0);
+            double* const there = values + (m > 0 ? in_it.begin - piece.begin : 0);
+            if (m < n) std::fill_n(values, n, rule.background);
+            beyond += n - m;
+            if (m > 0) {
+                std::int64_t count = 0;
+                for (std::int64_t kz = 0; kz < k.z; ++kz)
+                    for (std::int64_t ky = 0; ky < k.y; ++ky)
+                        for (std::int64_t kx = 0; kx < k.x; ++kx) {
+                            Vec3 const shift = rule.map.column[0] * aside(kx, k.x) +
+                                               rule.map.column[1] * aside(ky, k.y) +
+                                               rule.map.column[2] * aside(kz, k.z);
+                            PositionRow const at = row_of(rule.map, shift, y, z);
+                            sample_row<T, Kernel>(in, at, in_it, rule, ++count == 1 ? there : sample);
+                            if (count > 1) join_mean(sample, there, m, count);
+                        }
+                if (rule.scale != 1 || rule.offset != 0)
+                    for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+            }
+            mine += store_row(out.type, static_cast<double const*>(values), out.at(x, y, z), n);
+        }
+        driver::add(tally, mine);
+        if (beyond == 0) return;
+#pragma omp atomic
+        outside += beyond;
+    });
+}
+
+template <class U>
+void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, U background,
+                   AffineSampling const& rule, std::int64_t& outside, Execution const& execution) {
+    Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
+    auto const index = [&](double p, std::int64_t n) {
+        double const limit = 0x1p60;
+        return fold(static_cast<std::int64_t>(std::clamp(std::floor(p + (0.5 + face_slack)), -limit, limit)), n,
+                    boundary);
+    };
+    for_each_segment(execution, box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t n) {
+        PositionRow const at = row_of(rule.map, {}, y, z);
+        XRange const all{x0, x0 + n}, in_it = rule.boundary ? all : inside(all, at, rule.dims);
+        std::int64_t const m = std::max<std::int64_t>(in_it.end - in_it.begin, 0);
+        U* const to = &out(x0, y, z);
+        if (m < n) std::fill_n(to, n, background);
+        for (std::int64_t x = in_it.begin; x < in_it.end; ++x) {
+            auto const fx = static_cast<double>(x);
+            std::int64_t const vx = index(at.x(fx), rule.dims.x), vy = index(at.y(fx), rule.dims.y),
+                               vz = index(at.z(fx), rule.dims.z);
+            to[x - x0] = vx < 0 || vy < 0 || vz < 0 ? background : in(vx, vy, vz);
+        }
+        if (m == n) return;
+#pragma omp atomic
+        outside += n - m;
+    });
+}
+
+} // namespace
+
+void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
+                   Execution const& execution) {
+    for_each_type(in.type, [&]<class T>(T) {
+        View<T const> const from = in.as<T>();
+        switch (rule.interpolant) {
+        case Interpolant::nearest:
+            return sample_box<T, Nearest>(from, out, rule, tally, outside, execution);
+        case Interpolant::linear:
+            return sample_box<T, Linear>(from, out, rule, tally, outside, execution);
+        case Interpolant::cubic:
+            return sample_box<T, Cubic>(from, out, rule, tally, outside, execution);
+        }
+    });
+}
+
+void affine_nearest(ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
+                    Execution const& execution) {
+    VoxelBytes const voxel = voxel_bytes(out.type, rule.boundary ? rule.border : rule.background);
+    for_each_size(size_of(in.type), [&]<class U>(U) {
+        U background;
+        std::memcpy(&background, voxel.data(), sizeof background);
+        nearest_bytes<U>(in.as<U>(), out.as<U>(), out.box, background, rule, outside, execution);
+    });
+}
+
+/// Axis a of `out` is axis axes[a] of `in`; lower corners correspond.
+void permute_axes(ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution) {
+    for_each_size(size_of(in.type), [&]<class U>(U) {
+        std::array<std::int64_t, 3> const strides{1, in.row, in.slice};
+        auto const stride = [&](std::size_t a) { return strides[static_cast<std::size_t>(axes[a])]; };
+        std::int64_t const sx = stride(0), sy = stride(1), sz = stride(2);
+        auto const* const from = reinterpret_cast<U const*>(in.data);
+        View<U> const to = out.as<U>();
+        for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+            U const* const row =
+                from + (x - out.box.lower.x) * sx + (y - out.box.lower.y) * sy + (z - out.box.lower.z) * sz;
+            U* const first = &to(x, y, z);
+            for (std::int64_t i = 0; i < n; ++i) first[i] = row[i * sx];
+        });
+    });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt
+#endif

@@ -1,0 +1,49 @@
+// Sampling a volume at positions that an affine map gives: what the kernel is told.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/affine.h"
+#include "libvkt/kernel/kernel.h"
+
+#include <optional>
+
+namespace vkt {
+
+enum class Interpolant : std::uint8_t {
+    nearest, ///< the voxel whose cell holds the position; of two the later one
+    linear,  ///< between the 8 voxels around it
+    cubic,   ///< Keys' cubic convolution with a = -1/2, of 64 voxels
+};
+
+/// Voxels around a position that the interpolant looks at: `before` below its floor, `after` above.
+struct Reach {
+    std::int64_t before, after;
+};
+inline Reach reach_of(Interpolant interpolant) {
+    if (interpolant == Interpolant::cubic) return {1, 2};
+    return {0, 1}; // nearest: the floor or the one above
+}
+
+/// Output voxel o is the interpolated value at map(o), in voxels of the input. Positions are computed anew for every
+/// voxel, so that results do not depend on how the output is cut; within 1e-9 of a whole number they are whole, so that
+/// what rounding leaves lets no voxel take part that should not.
+struct AffineSampling {
+    Affine map;
+    Interpolant interpolant = Interpolant::linear;
+    Index3 dims;             ///< of the input volume
+    Index3 samples{1, 1, 1}; ///< more than one: the mean of so many samples spread evenly over the output voxel's cell
+    /// How the input continues outside. Without it the voxels at its faces do so for half a voxel, and voxels whose
+    /// centres lie beyond become the background.
+    std::optional<Boundary> boundary;
+    double border = 0;            ///< stored value, for Boundary::border
+    double background = 0;        ///< stored value of the result
+    double scale = 1, offset = 0; ///< from stored values of the input to those of the result
+};
+
+/// Half-open range [-1/2, n - 1/2) of positions that lie in a line of n cells. What rounding moves from one side of a
+/// face to the other is taken as lying on it, like a tie between two voxels.
+inline constexpr double face_slack = 1e-6;
+VKT_HD double first_position() { return -0.5 - face_slack; }
+VKT_HD double end_position(std::int64_t n) { return static_cast<double>(n) - 0.5 - face_slack; }
+
+} // namespace vkt

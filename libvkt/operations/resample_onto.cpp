@@ -1,0 +1,338 @@
+// Resampling onto another volume's grid.
+// SPDX-License-Identifier: MIT
+#if VKT_HOST
+#include "libvkt/operations/resample_onto.h"
+
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/resample_kernels.h"
+
+#include <cmath>
+
+namespace vkt {
+
+VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
+               (in, out, tally, execution))
+VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
+           (in, out, sum, execution))
+VKT_KERNEL(resample_weighted,
+           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+            Execution const& execution),
+           (in, out, sum, scratch, tally, execution))
+VKT_CPU_KERNEL(affine_sample,
+               (ConstView in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
+                Execution const& execution),
+               (in, out, rule, tally, outside, execution))
+VKT_CPU_KERNEL(affine_nearest,
+               (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
+                Execution const& execution),
+               (in, out, rule, outside, execution))
+VKT_CPU_KERNEL(permute_axes, (ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution),
+               (in, out, axes, execution))
+
+namespace {
+
+constexpr double same_voxel = 1e-6;    ///< positions so near are the same where voxels are copied
+constexpr double same_position = 1e-9; ///< … where they are interpolated
+
+Vec3& column(Affine& map, int axis) { return map.column[static_cast<std::size_t>(axis)]; }
+
+/// Entries that move no voxel of n by more than the tolerance from what whole numbers would, become these.
+void round_entries(Affine& map, Index3 n, double tolerance) {
+    auto const rounded = [&](double& v, double reach) {
+        if (double const r = std::nearbyint(v); std::abs(v - r) * reach < tolerance) v = r + 0.0;
+    };
+    for (int b = 0; b < 3; ++b) {
+        for (int a = 0; a < 3; ++a) rounded(column(map, a)[b], static_cast<double>(n[a]));
+        rounded(map.offset[b], 1);
+    }
+}
+
+/// True if every entry is whole and the columns are the axes of the input in some order, either way along them.
+bool is_signed_permutation(Affine const& map) {
+    int used = 0;
+    for (auto const& c : map.column) {
+        int here = 0;
+        for (int b = 0; b < 3; ++b) {
+            if (c[b] == 0) continue;
+            if (std::abs(c[b]) != 1) return false;
+            here += 1 << b;
+        }
+        if (here != 1 && here != 2 && here != 4) return false;
+        used |= here;
+    }
+    Vec3 const& o = map.offset;
+    return used == 7 && o.x == std::nearbyint(o.x) && o.y == std::nearbyint(o.y) && o.z == std::nearbyint(o.z);
+}
+
+double length(Vec3 v) { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
+
+std::string name_of(Interpolant interpolant) {
+    return interpolant == Interpolant::nearest ? "nearest" : interpolant == Interpolant::linear ? "linear" : "cubic";
+}
+
+} // namespace
+
+bool Placement::whole() const { return aligned && is_signed_permutation(map); }
+
+bool Placement::keeps_extent(Index3 from, Index3 to) const {
+    if (!upright()) return false;
+    for (int a = 0; a < 3; ++a) {
+        double const n = static_cast<double>(from[a]), m = static_cast<double>(to[a]);
+        if (std::abs(scale[a] * m - n) > same_voxel || std::abs(offset[a] - (0.5 * n / m - 0.5)) > same_voxel)
+            return false;
+    }
+    return true;
+}
+
+Placement place(Geometry const& grid, Index3 dims, Geometry const& input) {
+    Placement p;
+    p.map = index_to_index(grid, input);
+    for (Vec3 const v : {p.map.column[0], p.map.column[1], p.map.column[2], p.map.offset})
+        if (!(std::abs(v.x) < 1e30 && std::abs(v.y) < 1e30 && std::abs(v.z) < 1e30))
+            throw Error(ErrorKind::data, "the grids' positions and spacings have no common scale");
+    Affine lattice = p.map;
+    round_entries(lattice, dims, same_voxel / 4);
+    if (is_signed_permutation(lattice))
+        p.map = lattice;
+    else
+        round_entries(p.map, dims, same_position / 4);
+    int used = 0;
+    for (int a = 0; a < 3; ++a) {
+        Vec3 const c = column(p.map, a);
+        for (int b = 0; b < 3; ++b) {
+            if (c[b] == 0) continue;
+            p.axis[static_cast<std::size_t>(a)] = b;
+            p.scale[a] = c[b];
+            p.offset[a] = p.map.offset[b];
+            used += 1 << (4 * b);
+        }
+    }
+    p.aligned = used == 0x111; // nine entries, of which one of each row and column is not zero
+    for (auto const& c : p.map.column) p.aligned = p.aligned && (c.x != 0) + (c.y != 0) + (c.z != 0) == 1;
+    return p;
+}
+
+Onto::Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, std::optional<BoundaryRule> boundary,
+           OntoValues const& values)
+    : placement_(std::move(placement)), from_(from), to_(to), method_(method), boundary_(boundary), values_(values) {
+    if (placement_.aligned)
+        plan_aligned();
+    else
+        plan_turned();
+}
+
+Kernel Onto::kernel_for(double scale) const {
+    switch (method_) {
+    case ResampleMethod::nearest:
+        return Kernel::nearest;
+    case ResampleMethod::linear:
+        return Kernel::linear;
+    case ResampleMethod::area:
+        return Kernel::area;
+    case ResampleMethod::cubic:
+        return Kernel::cubic;
+    default:
+        return std::abs(scale) > 1 ? Kernel::area : Kernel::linear;
+    }
+}
+
+void Onto::plan_aligned() {
+    bool all_single = true;
+    for (int a = 0; a < 3; ++a) {
+        LinePlacement const line{from_[placement_.axis[static_cast<std::size_t>(a)]], to_[a], placement_.scale[a],
+                                 placement_.offset[a]};
+        bool const on_lattice = std::abs(line.scale) == 1 && line.offset == std::nearbyint(line.offset);
+        Kernel kernel = on_lattice ? Kernel::nearest : kernel_for(line.scale);
+        all_single = all_single && kernel == Kernel::nearest;
+        if (on_lattice && line.scale == 1 && !boundary_) kernel = Kernel::identity;
+        tables_[static_cast<std::size_t>(a)] =
+            WeightTable(line, kernel, boundary_ ? boundary_->boundary : Boundary::clamp);
+        inner_.lower[a] = 0;
+        inner_.upper[a] = to_[a];
+        // What lies outside altogether is stored without being computed.
+        bool const border = boundary_ && boundary_->boundary == Boundary::border;
+        if (boundary_ && !border) continue;
+        auto const inside = [&](std::int64_t o) {
+            if (border) return tables_[static_cast<std::size_t>(a)].reaches(o);
+            double const p = line.position(o);
+            return p >= first_position() && p < end_position(line.n_in);
+        };
+        while (inner_.lower[a] < to_[a] && !inside(inner_.lower[a])) ++inner_.lower[a];
+        while (inner_.upper[a] > inner_.lower[a] && !inside(inner_.upper[a] - 1)) --inner_.upper[a];
+    }
+    if (inner_.empty()) inner_ = {};
+    bool const same_map = values_.scale == 1 && values_.offset == 0;
+    bool const in_place = placement_.whole() && placement_.upright() && !boundary_;
+    way_ = in_place && same_map                                  ? Way::convert
+           : all_single && same_map && values_.in == values_.out ? Way::nearest
+                                                                 : Way::weighted;
+    if (way_ == Way::convert && values_.in == values_.out) way_ = Way::copy;
+}
+
+void Onto::plan_turned() {
+    sampling_.map = placement_.map;
+    sampling_.interpolant = method_ == ResampleMethod::nearest ? Interpolant::nearest
+                            : method_ == ResampleMethod::cubic ? Interpolant::cubic
+                                                               : Interpolant::linear;
+    sampling_.dims = from_;
+    if (method_ != ResampleMethod::nearest && method_ != ResampleMethod::linear)
+        for (int a = 0; a < 3; ++a) {
+            double const width = length(column(sampling_.map, a));
+            sampling_.samples[a] = static_cast<std::int64_t>(std::ceil(std::min(width, 1e6) - 1e-6));
+            sampling_.samples[a] = std::max<std::int64_t>(sampling_.samples[a], 1);
+        }
+    if (boundary_) sampling_.boundary = boundary_->boundary;
+    sampling_.border = values_.border;
+    sampling_.background = values_.background;
+    sampling_.scale = values_.scale;
+    sampling_.offset = values_.offset;
+    bool const same_values = values_.scale == 1 && values_.offset == 0 && values_.in == values_.out;
+    way_ = same_values && method_ == ResampleMethod::nearest ? Way::turned_nearest : Way::turned;
+}
+
+/// Positions are good to 1e-9 voxels, and a voxel's width changes a value by no more than a few ranges; the rest is the
+/// rounding of so many steps in double, of which cubic weights make up to twice as much, and of storing.
+ErrorBound Onto::error_of(Header const& output, double steps) const {
+    ErrorBound error;
+    error.kind = ErrorBound::Kind::bound;
+    error.range = 1e-8;
+    error.magnitude = 2 * (steps * 0x1p-53 + storing_error(output.dtype));
+    error.absolute =
+        std::abs(output.values.slope) *
+        (storing_floor(output.dtype) + std::abs(values_.offset) * (4 * 0x1p-53 + storing_error(output.dtype)));
+    return error;
+}
+
+void Onto::describe(Plan& plan) const {
+    bool const exact = way_ != Way::weighted && way_ != Way::turned;
+    if (!placement_.aligned) {
+        Index3 const k = sampling_.samples;
+        double const count = static_cast<double>(k.x) * static_cast<double>(k.y) * static_cast<double>(k.z);
+        plan.access = Access::random;
+        plan.method = text("onto a turned grid: ", name_of(sampling_.interpolant),
+                           count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");
+        if (!exact) plan.error = error_of(plan.output, 64 + 2 * count);
+        plan.cost = exact ? 0 : count * (sampling_.interpolant == Interpolant::cubic ? 84 : 14);
+        return;
+    }
+    static char const* const names[] = {"copy", "nearest", "linear", "area", "cubic"};
+    double taps = 1;
+    plan.method = "onto another grid: ";
+    for (std::size_t a = 0; a < 3; ++a) {
+        plan.method += text(a == 0 ? "" : ", ", names[static_cast<std::size_t>(tables_[a].kernel())]);
+        plan.state_bytes += tables_[a].bytes();
+        taps *= static_cast<double>(tables_[a].most_taps());
+    }
+    if (way_ == Way::copy) plan.method = "copy";
+    if (way_ == Way::convert) plan.method = "rounded half to even, saturated";
+    if (!exact) plan.error = error_of(plan.output, 12 + 2 * taps);
+    plan.cost = exact ? 0 : taps;
+    bool const forward = placement_.axis[2] == 2 && tables_[2].ascends();
+    plan.access = forward ? Access::forward : Access::random;
+    if (boundary_) plan.boundary = boundary_->boundary;
+    if (way_ == Way::copy && inner_ == box_of(to_)) {
+        auto const whole = [](double v) { return static_cast<std::int64_t>(v); };
+        plan.shift = Index3{whole(placement_.offset.x), whole(placement_.offset.y), whole(placement_.offset.z)};
+    }
+}
+
+Box Onto::footprint(Box const& output) const {
+    if (!placement_.aligned) return turned_footprint(output);
+    Box const part = intersect(output, inner_);
+    if (part.empty()) return {};
+    Box result;
+    for (int a = 0; a < 3; ++a) {
+        int const b = placement_.axis[static_cast<std::size_t>(a)];
+        auto const range = tables_[static_cast<std::size_t>(a)].footprint(part.lower[a], part.upper[a]);
+        result.lower[b] = range.first;
+        result.upper[b] = range.second;
+    }
+    return result;
+}
+
+/// What the samples of an output region look at: around the corners' images, cut to the volume. What a boundary folds
+/// back from outside may be anywhere along the axis.
+Box Onto::turned_footprint(Box const& output) const {
+    Reach const reach = reach_of(sampling_.interpolant);
+    Box result;
+    for (int b = 0; b < 3; ++b) {
+        double low = placement_.map.offset[b], high = low;
+        for (int a = 0; a < 3; ++a) {
+            double const step = placement_.map.column[static_cast<std::size_t>(a)][b];
+            double const first = static_cast<double>(output.lower[a]), last = static_cast<double>(output.upper[a] - 1);
+            auto const k = static_cast<double>(sampling_.samples[a]);
+            double const aside = 0.5 * (1 - 1 / k); // of the samples in a voxel's cell
+            low += std::min(step * (first - aside), step * (last + aside));
+            high += std::max(step * (first - aside), step * (last + aside));
+        }
+        double const n = static_cast<double>(from_[b]);
+        low = std::floor(low - face_slack) - static_cast<double>(reach.before);
+        high = std::floor(high + face_slack) + static_cast<double>(reach.after) + 1;
+        bool const leaves = low < 0 || high > n;
+        bool const folds =
+            boundary_ && (boundary_->boundary == Boundary::wrap || boundary_->boundary == Boundary::mirror);
+        if (!boundary_ && (high <= 0 || low >= n)) return {};
+        result.lower[b] = leaves && folds ? 0 : static_cast<std::int64_t>(std::clamp(low, 0.0, n - 1));
+        result.upper[b] = leaves && folds ? from_[b] : static_cast<std::int64_t>(std::clamp(high, 1.0, n));
+    }
+    return result;
+}
+
+void Onto::run(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+    if (out.box.empty()) return;
+    if (placement_.aligned) return run_aligned(in, out, tally, execution);
+    if (way_ == Way::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
+    affine_sample(in, out, sampling_, tally, outside_, execution);
+}
+
+ConstView Onto::with_axes_in_order(ConstView in, Execution const& execution) {
+    if (placement_.axis == std::array<int, 3>{0, 1, 2}) return in;
+    Box box;
+    for (int a = 0; a < 3; ++a) {
+        box.lower[a] = in.box.lower[placement_.axis[static_cast<std::size_t>(a)]];
+        box.upper[a] = in.box.upper[placement_.axis[static_cast<std::size_t>(a)]];
+    }
+    ordered_.reserve(in.bytes());
+    AnyView const ordered = dense_view(ordered_.write(Space::host), in.type, box);
+    permute_axes(in, ordered, placement_.axis, execution);
+    return ordered;
+}
+
+void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+    Box part = intersect(out.box, inner_);
+    if (part.empty()) part = {};
+    if (!(part == out.box)) {
+        // As a window around the part: outside of it lies the border.
+        double const beyond = boundary_ ? values_.border * values_.scale + values_.offset : values_.background;
+        fill_border(out.moved_to(out.box.lower - part.lower), box_of(part.dims()), part.dims(), Boundary::border,
+                    beyond, execution);
+        std::int64_t const voxels = out.box.voxels() - part.voxels();
+        bool const fits = !is_integer(out.type) || (beyond >= lowest_of(out.type) && beyond <= highest_of(out.type));
+        if (!fits) tally.clipped += voxels;
+        if (!boundary_) outside_ += voxels;
+    }
+    if (part.empty()) return;
+    AnyView const to = out.part(part);
+    ConstView const from = with_axes_in_order(in, execution);
+    if (way_ == Way::copy || way_ == Way::convert) {
+        ConstView const same = from.moved_to(part.lower); // its footprint is the part, elsewhere
+        if (way_ == Way::copy) return copy_region(same, to, execution);
+        return convert_values(same, to, tally, execution);
+    }
+    WeightedSum sum;
+    sum.x = tables_[0].taps(Space::host);
+    sum.y = tables_[1].taps(Space::host);
+    sum.z = tables_[2].taps(Space::host);
+    if (way_ == Way::nearest) return resample_nearest(from, to, sum, execution);
+    sum.divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
+    sum.scale = values_.scale;
+    sum.offset = values_.offset;
+    sum.border = values_.border;
+    if (in.type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
+    sum.x_identity = tables_[0].kernel() == Kernel::identity;
+    resample_weighted(from, to, sum, scratch_, tally, execution);
+}
+
+} // namespace vkt
+#endif

@@ -1,0 +1,89 @@
+// Resampling onto another volume's grid: how the two grids lie to each other, and the way that takes.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/boundary_rule.h"
+#include "libvkt/engine/error_bound.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/affine_sample.h"
+#include "libvkt/operations/resample_method.h"
+#include "libvkt/operations/resample_weights.h"
+
+#include <array>
+#include <optional>
+
+namespace vkt {
+
+/// An output grid in voxels of the input.
+struct Placement {
+    Affine map; ///< output index to input index
+    /// Every axis of the output runs along one of the input: position along axis[a] = scale[a] * o[a] + offset[a].
+    bool aligned = false;
+    std::array<int, 3> axis{0, 1, 2};
+    Vec3 scale{1, 1, 1}, offset;
+
+    /// Aligned, axes in order and direction kept.
+    bool upright() const {
+        return aligned && axis == std::array<int, 3>{0, 1, 2} && scale.x > 0 && scale.y > 0 && scale.z > 0;
+    }
+    /// Aligned, and every output voxel is one of the input's lattice.
+    bool whole() const;
+    /// Upright, and the outer faces of both are the same.
+    bool keeps_extent(Index3 from, Index3 to) const;
+};
+
+/// How a grid of `dims` voxels lies in an input. Positions within 1e-6 voxels of the input's lattice, all of them, are
+/// on it; what else rounding left in the map is taken out where it moves no voxel by more than 1e-9. Throws Error{data}
+/// if the map is not finite.
+Placement place(Geometry const& grid, Index3 dims, Geometry const& input);
+
+/// What values are on either side.
+struct OntoValues {
+    DataType in = DataType::uint8, out = DataType::uint8;
+    double scale = 1, offset = 0; ///< from stored values of the input to those of the result
+    double background = 0;        ///< stored in the result where its voxels have their centres outside the input
+    double border = 0;            ///< stored in the input, for Boundary::border
+};
+
+/// Puts a volume onto a grid. Along aligned axes, with weights in tables, each axis on its own: nearest, linear, area
+/// (where an axis shrinks, by default) or cubic, as on grids of the same extent; axes that changed places are put back
+/// first. Turned grids sample nearest, linear or cubic at any position; where their voxels are wider than the input's
+/// the mean of several samples is taken, except for nearest and linear. Without a boundary rule the voxels at the faces
+/// continue for half a voxel, and beyond there is background.
+class Onto {
+public:
+    Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, std::optional<BoundaryRule> boundary,
+         OntoValues const& values);
+
+    /// Method, error, cost, state, shift and order of access.
+    void describe(Plan& plan) const;
+    Box footprint(Box const& output) const;
+    void run(ConstView in, AnyView out, Tally& tally, Execution const& execution);
+    /// Voxels of what was computed that became background.
+    std::int64_t outside() const { return outside_; }
+
+private:
+    enum class Way : std::uint8_t { copy, convert, nearest, weighted, turned_nearest, turned };
+
+    ErrorBound error_of(Header const& output, double steps) const;
+    void plan_aligned();
+    void plan_turned();
+    Kernel kernel_for(double scale) const;
+    Box turned_footprint(Box const& output) const;
+    void run_aligned(ConstView in, AnyView out, Tally& tally, Execution const& execution);
+    ConstView with_axes_in_order(ConstView in, Execution const& execution);
+
+    Placement placement_;
+    Index3 from_, to_;
+    ResampleMethod method_;
+    std::optional<BoundaryRule> boundary_;
+    OntoValues values_;
+    Way way_ = Way::turned;
+    std::array<WeightTable, 3> tables_; ///< aligned: of the output's axes
+    Box inner_;               ///< aligned: output voxels with centres in the input, or that follow the boundary
+    AffineSampling sampling_; ///< turned
+    std::int64_t outside_ = 0;
+    Buffer ordered_, scratch_;
+};
+
+} // namespace vkt
