@@ -23,7 +23,6 @@ extern "C" vkt::ModuleExport const vkt_module_openvdb;
 namespace vkt {
 namespace {
 
-#ifndef VKT_STATIC_MODULES
 /// The folder of the program or shared library that this code is part of.
 std::filesystem::path own_folder() {
     Dl_info info{};
@@ -50,6 +49,7 @@ std::vector<std::filesystem::path> folders() {
     return list;
 }
 
+#ifndef VKT_STATIC_MODULES
 ModuleExport const* load(std::string const& name, std::string& reason) {
     for (auto const& folder : folders()) {
         std::filesystem::path const file = folder / text("vkt_", name, ".so");
@@ -79,31 +79,52 @@ bool built([[maybe_unused]] std::string_view name) {
     return false;
 }
 
+Error missing(std::string const& what, std::string const& reason) {
+    return Error(ErrorKind::failure, text(what, ": ", reason), "install vkt again, with its folder lib/vkt");
+}
+
+void require_built(std::string const& name, std::string const& what) {
+    if (!built(name))
+        throw Error(ErrorKind::failure, text(what, ": this build is without it"),
+                    text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name));
+}
+
+ModuleExport const& module_named(std::string const& name, std::string const& what) {
+    require_built(name, what);
+    ModuleExport const* module = nullptr;
+    std::string reason;
+#ifndef VKT_STATIC_MODULES
+    module = load(name, reason);
+#else
+#ifdef VKT_HAVE_HDF5
+    if (name == "hdf5") module = &vkt_module_hdf5;
+#endif
+#ifdef VKT_HAVE_OPENVDB
+    if (name == "openvdb") module = &vkt_module_openvdb;
+#endif
+#endif
+    if (module == nullptr) throw missing(what, reason);
+    if (std::string_view(module->version) != VKT_VERSION)
+        throw missing(what, text("its module is of version ", module->version, ", this is ", VKT_VERSION));
+    return *module;
+}
+
 } // namespace
 
 void const* module_functions(std::string const& name, std::string const& what) {
-    ModuleExport const* module = nullptr;
-    std::string reason = "this build is without it";
-    std::string hint = text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name);
-    if (built(name)) {
-        hint = "install vkt again, with its folder lib/vkt";
-#ifndef VKT_STATIC_MODULES
-        module = load(name, reason);
-#else
-#ifdef VKT_HAVE_HDF5
-        if (name == "hdf5") module = &vkt_module_hdf5;
-#endif
-#ifdef VKT_HAVE_OPENVDB
-        if (name == "openvdb") module = &vkt_module_openvdb;
-#endif
-#endif
-        if (module != nullptr && std::string_view(module->version) != VKT_VERSION) {
-            reason = text("its module is of version ", module->version, ", this is ", VKT_VERSION);
-            module = nullptr;
-        }
+    return module_named(name, what).functions;
+}
+
+ParserOpen module_parser(std::string const& name, std::string const& what) { return module_named(name, what).parse; }
+
+std::string parser_program(std::string const& name, std::string const& what) {
+    require_built(name, what);
+    for (auto const& folder : folders()) {
+        std::filesystem::path const file = folder / "vkt_parser";
+        std::error_code ignored;
+        if (std::filesystem::exists(file, ignored)) return file;
     }
-    if (module == nullptr) throw Error(ErrorKind::failure, text(what, ": ", reason), hint);
-    return module->functions;
+    throw missing(what, text("no vkt_parser in ", folders().front().lexically_normal().string()));
 }
 
 } // namespace vkt
