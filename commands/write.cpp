@@ -64,9 +64,7 @@ public:
     }
 
 private:
-    std::string const& out() const {
-        return !output_.empty() ? output_ : !second_.empty() ? second_ : first_;
-    }
+    std::string const& out() const { return !output_.empty() ? output_ : !second_.empty() ? second_ : first_; }
     bool stream() const {
         std::string const format = request_.options().format;
         return format == "vkt" || (format.empty() && lower_case(out()).ends_with(".vkt"));

@@ -382,7 +382,8 @@ std::vector<std::string> named_inputs(Invocation& stage) {
 }
 
 bool same_file(std::string const& a, std::string const& b) {
-    struct stat one {}, other {};
+    struct stat one {
+    }, other{};
     return ::stat(a.c_str(), &one) == 0 && ::stat(b.c_str(), &other) == 0 && one.st_dev == other.st_dev &&
            one.st_ino == other.st_ino;
 }
@@ -424,7 +425,8 @@ void Runner::spare_inputs() {
                 if (same_file(input, file))
                     throw Error(ErrorKind::usage,
                                 text("'", input, "' is read and would be replaced, but not in one step: ",
-                                     series ? "a series is" : "header and voxels are", " written one file after the other"),
+                                     series ? "a series is" : "header and voxels are",
+                                     " written one file after the other"),
                                 "write under another name");
         }
         if (!any) break;

@@ -170,8 +170,8 @@ print(f"{name}{h:08x}")')
     vkt write ramp.vkt a.nrrd
     [ "$(stat -c %a a.nrrd)" = 644 ]
     library="$VKT_BUILD/tests/vkt_named_files.so"
+    chmod 600 a.nrrd
     if [ -z "${VKT_SANITIZED:-}" ] && [ -e "$library" ]; then # where the file system has no unnamed files
-        chmod 600 a.nrrd
         LD_PRELOAD="$library" vkt flip x ramp.vkt -o a.nrrd --force
         [ "$(stat -c %a a.nrrd)" = 600 ]
     fi

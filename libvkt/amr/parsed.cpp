@@ -75,8 +75,7 @@ class Answers {
 public:
     explicit Answers(std::shared_ptr<TreeParser> file) : file_(std::move(file)) {}
 
-    Message operator()(Message request, std::span<std::byte> window) {
-        Message answer;
+    void operator()(Message& request, std::span<std::byte> window, Message& answer) {
         switch (request.number()) {
         case list_request:
             put(answer, file_->listing());
@@ -90,7 +89,6 @@ public:
             tree_.cells(first, count, window.data() + request.number());
         }
         }
-        return answer;
     }
 
 private:
@@ -179,7 +177,7 @@ public:
         if (places.empty())
             return {std::move(header), std::move(bricks),
                     [file = shared_from_this(), reading, sizes = std::move(sizes)](std::size_t first, std::size_t count,
-                                                                                  std::byte* to) {
+                                                                                   std::byte* to) {
                         file->read_through_child(reading, sizes, first, first + count, to);
                     }};
         if (places.size() != bricks.size() || *std::min_element(places.begin(), places.end()) < 0)
@@ -198,7 +196,8 @@ private:
                             std::byte* to) {
         std::scoped_lock const lock(mutex_);
         if (reading != readings_)
-            throw Error(ErrorKind::failure, text("'", bytes_->name(), "': another of its variables was read meanwhile"));
+            throw Error(ErrorKind::failure,
+                        text("'", bytes_->name(), "': another of its variables was read meanwhile"));
         if (window_.empty()) {
             half_ = std::max(half_, *std::max_element(sizes.begin(), sizes.end()));
             window_ = child_.share(2 * half_);

@@ -200,8 +200,8 @@ public:
             kept.push_back(i);
         }
         if (bricks.empty()) throw Error(ErrorKind::usage, text(path_, ": the region meets no node of the grid"));
-        auto const cells = [reader = this->shared_from_this(), kept = std::move(kept)](
-                               std::size_t first, std::size_t count, std::byte* to) {
+        auto const cells = [reader = this->shared_from_this(),
+                            kept = std::move(kept)](std::size_t first, std::size_t count, std::byte* to) {
             auto* next = reinterpret_cast<T*>(to);
             for (std::size_t i = first; i < first + count; ++i) {
                 Node const& node = reader->nodes_[kept[i]];

@@ -44,8 +44,8 @@ std::optional<int> threads_from(char const* name) {
     throw Error(ErrorKind::usage, text(name, "='", *value, "' is not a number of threads"));
 }
 
-/// How many threads have room in the address space, if that is limited (ulimit -v): a quarter of it may be their stacks.
-/// OpenMP ends the program where it cannot start those that it is asked for.
+/// How many threads have room in the address space, if that is limited (ulimit -v): a quarter of it may be their
+/// stacks. OpenMP ends the program where it cannot start those that it is asked for.
 int threads_with_room() {
     rlimit space{};
     if (::getrlimit(RLIMIT_AS, &space) != 0 || space.rlim_cur == RLIM_INFINITY) return std::numeric_limits<int>::max();

@@ -25,8 +25,8 @@ void const* module_functions(std::string const& name, std::string const& what);
 /// Who reads files in the module NAME; throws the same.
 ParserOpen module_parser(std::string const& name, std::string const& what);
 
-/// The program that runs such a reader, vkt_parser beside the modules. Throws Error{failure} if the build is without the
-/// module or the program is not there.
+/// The program that runs such a reader, vkt_parser beside the modules. Throws Error{failure} if the build is without
+/// the module or the program is not there.
 std::string parser_program(std::string const& name, std::string const& what);
 
 } // namespace vkt

@@ -47,7 +47,8 @@ bool link_without_overwriting(std::string const& from, std::string const& to, bo
 std::string followed(std::string const& path) {
     std::string name = path;
     for (int links = 0; links < 40; ++links) {
-        struct stat link {}, folder {};
+        struct stat link {
+        }, folder{};
         if (::lstat(name.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) {
             struct stat seen {};
             // Names below /proc lead to files that may have lost their own.
@@ -59,8 +60,9 @@ std::string followed(std::string const& path) {
         bool const shared = ::stat(directory_of(name).c_str(), &folder) == 0 && (folder.st_mode & S_ISVTX) != 0 &&
                             (folder.st_mode & S_IWOTH) != 0;
         if (shared && link.st_uid != ::geteuid() && link.st_uid != folder.st_uid)
-            throw Error(ErrorKind::io, text("cannot write '", path, "': it is a link that another user made in a folder "
-                                                                    "where all may write"));
+            throw Error(ErrorKind::io, text("cannot write '", path,
+                                            "': it is a link that another user made in a folder "
+                                            "where all may write"));
         std::error_code failure;
         std::string const to = std::filesystem::read_symlink(name, failure).string();
         if (failure) throw system_error(text("cannot write '", path, "'"), failure.value());
@@ -201,7 +203,8 @@ void OutputFile::keep_existing(std::string const& from, bool unnamed) {
 
 /// Who may read and write the old file may do so with the new one, and nobody else.
 void OutputFile::keep_mode() {
-    struct stat old {}, now {};
+    struct stat old {
+    }, now{};
     if (::stat(target_.c_str(), &old) != 0 || ::fstat(descriptor_, &now) != 0) return;
     mode_t mode = old.st_mode & 0777;
     bool const other_group = old.st_gid != now.st_gid;

@@ -38,8 +38,8 @@ std::string prefix_of(std::string const& path) {
     return text(".", std::filesystem::path(path).filename().string().substr(0, 200), ".vkt-");
 }
 
-/// Four bytes that follow from the rest of a temporary name, and that nobody else's name ends in but by a chance of 2^-32:
-/// FNV-1a.
+/// Four bytes that follow from the rest of a temporary name, and that nobody else's name ends in but by a chance of
+/// 2^-32: FNV-1a.
 std::string check_of(std::string_view name) {
     std::uint32_t hash = 2166136261U;
     for (char const c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 16777619U;

@@ -117,7 +117,8 @@ std::optional<Received> receive_message(int socket) {
     Received received;
     std::uint64_t size = 0;
     std::string bytes;
-    bool whole = receive_all(socket, reinterpret_cast<char*>(&size), sizeof size, received.descriptor) && size <= longest;
+    bool whole =
+        receive_all(socket, reinterpret_cast<char*>(&size), sizeof size, received.descriptor) && size <= longest;
     // A piece at a time: memory is taken for what has come, not for what was said to come.
     constexpr std::uint64_t piece = std::uint64_t{16} << 20;
     while (whole && bytes.size() < size) {

@@ -24,6 +24,7 @@ public:
     void put(std::string_view text);
     /// A table of records without pointers, as they lie in memory.
     template <class T> void put_table(std::span<T const> records) {
+        bytes_.reserve(bytes_.size() + sizeof(std::int64_t) + records.size_bytes());
         put(std::string_view(reinterpret_cast<char const*>(records.data()), records.size_bytes()));
     }
 

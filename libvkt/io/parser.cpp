@@ -131,8 +131,8 @@ Parser::Parser(std::string const& program, std::string module, int file, std::st
                                      text(limits_.seconds)};
     std::array<char*, words.size() + 1> arguments{};
     for (std::size_t i = 0; i < words.size(); ++i) arguments[i] = words[i].data();
-    int const failure = ::posix_spawn(&process_, program.c_str(), &settings.actions, &settings.attributes,
-                                      arguments.data(), environ);
+    int const failure =
+        ::posix_spawn(&process_, program.c_str(), &settings.actions, &settings.attributes, arguments.data(), environ);
     if (failure != 0) {
         process_ = -1;
         if (failure == EAGAIN || failure == ENOMEM)

@@ -74,9 +74,9 @@ public:
         try {
             if (received.descriptor >= 0) return share(received.descriptor);
             if (!handler_) handler_ = load_()(path_);
-            Message const content = handler_(std::move(received.message), window_);
             result.put(std::int64_t{0});
-            return Message(result.bytes() + content.bytes());
+            handler_(received.message, window_, result);
+            return result;
         } catch (Error const& e) {
             return error(e.kind(), renamed(e.what(), path_, task_.name), renamed(e.hint(), path_, task_.name));
         } catch (std::bad_alloc const&) {

@@ -30,18 +30,19 @@ inline constexpr bool sanitized_build = false;
 inline constexpr bool sanitized_build = false;
 #endif
 
-/// Answers one request; `window` is the shared memory, empty before there is any. What it throws is the answer too.
-using ParserHandler = std::function<Message(Message request, std::span<std::byte> window)>;
+/// Adds what answers one request; `window` is the shared memory, empty before there is any. What it throws is an answer
+/// too.
+using ParserHandler = std::function<void(Message& request, std::span<std::byte> window, Message& answer)>;
 
 /// What a module does for a file: opens it by name and returns who answers questions about it.
 using ParserOpen = ParserHandler (*)(std::string const& path);
 
 /// What is said to a child when it starts.
 struct ParserTask {
-    std::string name;        ///< of the file in messages
-    int parent = 0;          ///< process with which it ends
-    std::size_t memory = 0;  ///< most bytes
-    int seconds = 0;         ///< of processor time
+    std::string name;       ///< of the file in messages
+    int parent = 0;         ///< process with which it ends
+    std::size_t memory = 0; ///< most bytes
+    int seconds = 0;        ///< of processor time
 };
 
 /// Takes the limits on, sees to it that this process ends with its parent, and answers until nobody asks any more.

@@ -3,9 +3,10 @@
 #include "libvkt/formats/module.h"
 #include "libvkt/io/parser_child.h"
 
-#include <cstdlib>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
+#include <malloc.h>
 #include <string>
 
 int main(int argc, char** argv) {
@@ -13,6 +14,9 @@ int main(int argc, char** argv) {
         std::fputs("vkt_parser is started by vkt and its library; see vkt(7)\n", stderr);
         return vkt::parser_unusable;
     }
+    // Tables come and go in megabytes: pages that were touched once are kept.
+    ::mallopt(M_MMAP_THRESHOLD, 1 << 30);
+    ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
     try {
         std::string const module = argv[1];
         vkt::ParserTask const task{argv[2], std::atoi(argv[3]), std::strtoull(argv[4], nullptr, 10),
