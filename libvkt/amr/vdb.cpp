@@ -18,6 +18,7 @@
 #include <openvdb/io/File.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/openvdb.h>
+#include <tbb/global_control.h>
 #pragma GCC diagnostic pop
 
 #include <filesystem>
@@ -349,6 +350,8 @@ private:
 namespace openvdb_module {
 
 std::shared_ptr<TreeParser> open(std::string const& path) {
+    // Files are read by one thread; others would only need memory for their stacks, and wait for it where it is short.
+    static tbb::global_control const alone(tbb::global_control::max_allowed_parallelism, 1);
     openvdb::initialize();
     return std::make_shared<VdbParser>(path);
 }

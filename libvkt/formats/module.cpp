@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <link.h>
 #include <string_view>
+#include <sys/resource.h>
 #include <vector>
 
 #ifdef VKT_STATIC_MODULES
@@ -50,11 +51,12 @@ std::vector<std::filesystem::path> folders() {
 }
 
 #ifndef VKT_STATIC_MODULES
-ModuleExport const* load(std::string const& name, std::string& reason) {
+ModuleExport const* load(std::string const& name, std::string& reason, bool& found) {
     for (auto const& folder : folders()) {
         std::filesystem::path const file = folder / text("vkt_", name, ".so");
         std::error_code ignored;
         if (!std::filesystem::exists(file, ignored)) continue;
+        found = true;
         // Never closed: objects with code in the module may live until the process ends.
         void* const module = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
         void const* const symbol = module != nullptr ? ::dlsym(module, text("vkt_module_", name).c_str()) : nullptr;
@@ -93,8 +95,9 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
     require_built(name, what);
     ModuleExport const* module = nullptr;
     std::string reason;
+    bool found = false; // it is there, but may not fit
 #ifndef VKT_STATIC_MODULES
-    module = load(name, reason);
+    module = load(name, reason, found);
 #else
 #ifdef VKT_HAVE_HDF5
     if (name == "hdf5") module = &vkt_module_hdf5;
@@ -103,6 +106,11 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
     if (name == "openvdb") module = &vkt_module_openvdb;
 #endif
 #endif
+    rlimit space{};
+    bool const limited = ::getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
+    if (module == nullptr && found && limited)
+        throw Error(ErrorKind::resources, text(what, ": ", reason),
+                    "the limits of this shell or job are tight (ulimit -a)");
     if (module == nullptr) throw missing(what, reason);
     if (std::string_view(module->version) != VKT_VERSION)
         throw missing(what, text("its module is of version ", module->version, ", this is ", VKT_VERSION));

@@ -299,6 +299,11 @@ void Parser::lost(std::string reason) {
             } else
                 reason = text("its reader ended (exit ", WEXITSTATUS(status), ")");
         }
+        // Libraries take a want of memory badly; whoever limits it more than we do hears of that first.
+        if (limited && kind == ErrorKind::data && space.rlim_cur < limits_.memory) {
+            kind = ErrorKind::resources;
+            reason += ", within the memory of this shell or job (ulimit -v)";
+        }
         lost_ = text("'", name_, "': ", kind == ErrorKind::data ? "damaged: " : "", reason);
         lost_kind_ = kind;
     }
