@@ -15,15 +15,29 @@ namespace {
 class Write : public Consumer {
 public:
     void parameters(Parameters& p) override {
-        p.positional("out", path_, "output: a file whose extension tells the format, or '-' for standard output")
+        // Two words are IN and OUT, one is OUT; with -o it is IN.
+        p.positional("in", first_, "input: a file of any known format, a stream, or '-' (the default)").optional();
+        p.positional("out", second_, "output: a file whose extension tells the format, or '-' for standard output")
             .optional();
-        p.option("output", output_, "OUT", "the output, said as an option; the first argument is then the input")
+        p.option("output", output_, "OUT", "the output, said as an option; the only argument is then the input")
             .short_form('o');
         request_.declare(p);
     }
 
+    std::vector<std::string> input_names() const override {
+        bool const named = !second_.empty() || !output_.empty();
+        return {named && !first_.empty() ? first_ : "-"};
+    }
+
     void check() const override {
+        if (!output_.empty() && !second_.empty())
+            throw Error(ErrorKind::usage, text("two outputs: '", second_, "' and '", output_, "'"));
         if (out().empty()) throw Error(ErrorKind::usage, "missing OUT: the file to write", "e.g. vkt write out.nrrd");
+        std::string const in = input_names().front();
+        if (in != "-" && ::access(in.c_str(), F_OK) != 0 && ::access(out().c_str(), F_OK) == 0 &&
+            in.find_first_of("*?[") == std::string::npos)
+            throw Error(ErrorKind::io, text("cannot open '", in, "': there is no such file"),
+                        "the input comes first: vkt write IN OUT");
         request_.check(out());
         if (stream() && request_.options().compress)
             throw Error(ErrorKind::usage, "--compress: streams are not compressed");
@@ -50,7 +64,7 @@ public:
     }
 
 private:
-    std::string const& out() const { return output_.empty() ? path_ : output_; }
+    std::string const& out() const { return !output_.empty() ? output_ : !second_.empty() ? second_ : first_; }
     bool stream() const {
         std::string const format = request_.options().format;
         return format == "vkt" || (format.empty() && lower_case(out()).ends_with(".vkt"));
@@ -71,7 +85,7 @@ private:
         return std::make_unique<ipc::StreamSink>(STDOUT_FILENO, stream_options);
     }
 
-    std::string path_, output_;
+    std::string first_, second_, output_;
     WriteRequest request_;
 };
 
@@ -84,6 +98,7 @@ Command write_command() {
          "file\n"
          "appears when it is complete; an existing one is replaced only with --force.",
          {{"NRRD, compressed", "vkt read volume.nrrd | vkt write small.nrrd --compress"},
+          {"One file into another format", "vkt write volume.nrrd volume.mha"},
           {"MetaImage with the voxels in a file beside it", "vkt read volume.nrrd | vkt write volume.mhd"},
           {"Bare voxels, x fastest, to another program", "vkt read volume.nrrd | vkt write - --format raw | wc -c"}}});
 }

@@ -63,6 +63,8 @@ public:
     virtual void parameters(Parameters&) {}
     virtual void check() const {}
     virtual int inputs() const { return 1; }
+    /// The inputs, where parameters of its own name them; never empty then.
+    virtual std::vector<std::string> input_names() const { return {}; }
     /// True if `--json` has a meaning. Adds the option.
     virtual bool reports() const { return false; }
     /// True if -o names a file that this command writes itself (picture, volume file). Adds -o and --force.

@@ -55,6 +55,7 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         consumer_ = c.consumer();
         consumer_->parameters(own_);
         inputs = consumer_->inputs();
+        inputs_are_parameters_ = !consumer_->input_names().empty();
         kind.file_output = consumer_->writes() && own_.find("output") == nullptr;
         kind.report = consumer_->reports();
     } else if (c.opener) {
@@ -102,12 +103,7 @@ void Invocation::resolve_inputs() {
         while (inputs_.size() < n) inputs_.emplace_back("-");
     }
     if (consumer_) {
-        inputs_ = given_inputs_;
-        // Where an option says the output, the word taken for it is the input: write -o OUT IN.
-        if (own_.given("out") && own_.given("output")) {
-            if (!inputs_.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", inputs_.front(), "'"));
-            inputs_ = own_.find("out")->get();
-        }
+        inputs_ = inputs_are_parameters_ ? consumer_->input_names() : given_inputs_;
         auto const n = static_cast<std::size_t>(consumer_->inputs());
         // A missing first of two inputs would be surprising; a missing last one is standard input.
         while (inputs_.size() < n) inputs_.emplace_back("-");

@@ -1,5 +1,6 @@
 // Where the process begins: words in, exit code out.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
 #include "libvkt/formats/temporaries.h"
 #include "shell/help.h"
 #include "shell/run.h"
@@ -39,20 +40,35 @@ void handle_signals() {
     std::signal(SIGXFSZ, SIG_IGN);
 }
 
+/// OpenMP's runtime ends the program where it cannot start a thread, with a line of its own and exit code 1. What was
+/// missing is a resource.
+void watch_for_foreign_exits(bool& finished) {
+    ::on_exit(
+        [](int, void* ended_by_us) {
+            if (*static_cast<bool*>(ended_by_us)) return;
+            vkt::remove_temporaries();
+            ::_exit(static_cast<int>(vkt::ErrorKind::resources));
+        },
+        &finished);
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
+    static bool finished = false; // looked at after main() has returned
     make_threads_sleep(argv);
     handle_signals();
+    watch_for_foreign_exits(finished);
     std::vector<std::string> const words(argv + 1, argv + argc);
+    int code = 0;
     if (words.empty() || words.front() == "--help" || words.front() == "-h") {
-        std::FILE* const where = words.empty() ? stderr : stdout;
-        std::fputs(vkt::shell::overview().c_str(), where);
-        return words.empty() ? 2 : 0;
-    }
-    if (words.front() == "--version") {
+        std::fputs(vkt::shell::overview().c_str(), words.empty() ? stderr : stdout);
+        code = words.empty() ? 2 : 0;
+    } else if (words.front() == "--version") {
         std::puts("vkt " VKT_VERSION);
-        return 0;
+    } else {
+        code = vkt::shell::guarded("vkt " + words.front(), [&] { return vkt::shell::run_words(words); });
     }
-    return vkt::shell::guarded("vkt " + words.front(), [&] { return vkt::shell::run_words(words); });
+    finished = true;
+    return code;
 }

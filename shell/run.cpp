@@ -9,6 +9,7 @@
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/formats/system_error.h"
 #include "libvkt/operations/like.h"
 #include "shell/help.h"
 #include "shell/plan_text.h"
@@ -20,6 +21,8 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
+#include <sys/stat.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
 
@@ -158,6 +161,7 @@ private:
     }
     Execution execution_of(Invocation const& stage) const;
     void check_ends();
+    void spare_inputs();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
     void look_at_like(Invocation const& stage);
@@ -275,7 +279,8 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (told == nullptr && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        ReadOptions const options = told != nullptr ? *told : ReadOptions{};
+        ReadOptions options = told != nullptr ? *told : ReadOptions{};
+        options.memory = execution_of(stage).memory;
         if (log_.verbosity() == Verbosity::verbose) format = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
@@ -361,6 +366,71 @@ void Runner::check_ends() {
     if (reads_stdin && input_is_terminal())
         throw Error(ErrorKind::usage, "no input: standard input is a terminal",
                     text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
+}
+
+/// The files that a stage names as inputs.
+std::vector<std::string> named_inputs(Invocation& stage) {
+    std::vector<std::string> names = stage.inputs();
+    if (stage.opener() != nullptr)
+        for (char const* const name : {"in", "input"})
+            if (stage.own_parameters().given(name)) names = stage.own_parameters().find(name)->get();
+    std::vector<std::string> files;
+    for (auto const& name : names)
+        if (name != "-")
+            for (auto& file : matching_files(name)) files.push_back(std::move(file));
+    return files;
+}
+
+bool same_file(std::string const& a, std::string const& b) {
+    struct stat one {
+    }, other{};
+    return ::stat(a.c_str(), &one) == 0 && ::stat(b.c_str(), &other) == 0 && one.st_dev == other.st_dev &&
+           one.st_ino == other.st_ino;
+}
+
+bool is_pair(std::string const& path) {
+    std::string const lower = lower_case(path);
+    return lower.ends_with(".nhdr") || lower.ends_with(".mhd");
+}
+
+/// A file, and where formats of two files keep the voxels of a header by this name.
+std::vector<std::string> files_of(std::string const& path) {
+    std::vector<std::string> files{path};
+    if (is_pair(path))
+        for (char const* const data : {".raw", ".raw.gz", ".zraw"})
+            files.push_back(path.substr(0, path.rfind('.')) + data);
+    return files;
+}
+
+/// One file is replaced in one step, when what it held has been read. What lies in several files is not: an input among
+/// them could end as neither what it was nor what it was to become.
+void Runner::spare_inputs() {
+    std::string output = last_.common().output;
+    if (last_.consumer() != nullptr && last_.own_parameters().find("out") != nullptr)
+        for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
+            if (last_.own_parameters().given(name)) output = last_.own_parameters().find(name)->get().front();
+    bool const series = is_numbered(output);
+    if (output == "-" || dry_run_ || (!series && !is_pair(output))) return;
+    std::vector<std::string> inputs;
+    for (auto& stage : stages_)
+        for (auto const& name : named_inputs(stage))
+            for (auto& file : files_of(name)) inputs.push_back(std::move(file));
+    if (inputs.empty()) return;
+    constexpr std::int64_t most_files = std::int64_t{1} << 20;
+    for (std::int64_t i = 0; i < (series ? most_files : 1); ++i) {
+        bool any = false;
+        for (auto const& file : files_of(numbered_path(output, i))) {
+            any = any || ::access(file.c_str(), F_OK) == 0;
+            for (auto const& input : inputs)
+                if (same_file(input, file))
+                    throw Error(ErrorKind::usage,
+                                text("'", input, "' is read and would be replaced, but not in one step: ",
+                                     series ? "a series is" : "header and voxels are",
+                                     " written one file after the other"),
+                                "write under another name");
+        }
+        if (!any) break;
+    }
 }
 
 std::unique_ptr<Sink> Runner::make_sink() {
@@ -492,6 +562,7 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
 int Runner::run() {
     for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
     check_ends();
+    spare_inputs();
     std::unique_ptr<Source> source;
     try {
         for (auto& stage : stages_) {
@@ -576,6 +647,11 @@ int guarded(std::string const& stage, std::function<int()> const& body) {
     } catch (std::bad_alloc const&) {
         report("out of memory", "lower --memory, or work on a part with 'vkt crop'");
         return static_cast<int>(ErrorKind::resources);
+    } catch (std::system_error const& e) {
+        bool const resources = is_shortage(e);
+        report(resources ? text("cannot start a thread: ", e.code().message()) : e.what(),
+               resources ? "the limits of this shell or job are tight (ulimit -a); fewer --threads need less" : "");
+        return static_cast<int>(resources ? ErrorKind::resources : ErrorKind::failure);
     } catch (std::exception const& e) {
         report(e.what(), "");
         return static_cast<int>(ErrorKind::failure);

@@ -162,8 +162,8 @@ assert abs(d[0] * d[1] * d[2] - 20000) < 1500 and d[0] == d[1] == d[2], d"
     fails_with 2 'is for hierarchical volumes' vkt resample s.vkt --scale 2 --method basis -o x.vkt
     fails_with 2 'vkt crop' vkt resample s.vkt --scale 2 --roi 0:4,:,: -o x.vkt
     fails_with 2 '--background is for hierarchical' vkt resample s.vkt --scale 2 --background 3 -o x.vkt
-    fails_with 2 'is for OpenVDB' vkt write s.nrrd s.vkt --prune 1
-    vkt write s.nrrd s.vkt
+    fails_with 2 'is for OpenVDB' vkt write s.vkt s.nrrd --prune 1
+    vkt write s.vkt s.nrrd
     fails_with 2 'one unnamed variable' vkt read s.nrrd --variable dens -o x.vkt
 }
 

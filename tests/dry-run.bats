@@ -25,7 +25,7 @@ setup_more() {
         [ "$command" = info ] || grep -q "^vkt ${command%% *}: " plan || { echo "$command" >&2; cat plan >&2; false; }
         [ "$command" = info ] || [ ! -s out ] || { echo "$command:" >&2; cat out >&2; false; }
     done
-    vkt write x.nrrd v.nrrd -n 2>plan
+    vkt write v.nrrd x.nrrd -n 2>plan
     grep -q -e '-> x.nrrd' plan
     vkt stats v.nrrd -n 2>plan >out
     grep -q 'vkt stats: 20x30x40 uint8, peak memory' plan

@@ -182,8 +182,8 @@ END
     have_unu
     vkt read a.nrrd -o whole.vkt
     for encoding in raw gzip bzip2 ascii hex; do "$unu" save -f nrrd -e $encoding -i a.nrrd -o e_$encoding.nrrd; done
-    for name in b.mha b.mhd c.nhdr; do vkt write $name whole.vkt; done
-    vkt write z.mha whole.vkt --compress
+    for name in b.mha b.mhd c.nhdr; do vkt write whole.vkt $name; done
+    vkt write whole.vkt z.mha --compress
     for roi in 1:4,2:5,3:6 :,:,2 0,0,0 4:,5:,6: :,3:4,: 2:4,:,:; do
         vkt read whole.vkt --roi $roi | voxels >expected
         for name in e_*.nrrd b.mha b.mhd c.nhdr z.mha; do

@@ -67,3 +67,31 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
         vkt $stage in.nrrd | vkt diff - out.vkt
     done
 }
+
+@test "what does not fit into the address space is exit 5, wherever it is missed" {
+    export VKT_PARSER_PATIENCE=2
+    vkt make noise --dims 64 64 64 -o in.nrrd
+    vkt write in.nrrd in.vdb 2>/dev/null || cp in.nrrd in.vdb
+    fitted=0 refused=0
+    for room in 16000 18000 20000 25000 30000 40000 60000 100000 200000; do
+        (ulimit -v $room && vkt --version >/dev/null 2>&1) || continue # the system's loader says so itself
+        for command in 'flip x in.nrrd' 'flip x in.nrrd --threads 16' 'filter gaussian in.nrrd --sigma 2' 'stats in.nrrd' \
+            'read in.vdb' 'read in.nrrd' 'render in.nrrd -o out.png --force'; do
+            code=0
+            # shellcheck disable=SC2086
+            (ulimit -v $room && vkt $command >/dev/null 2>err) || code=$?
+            case $code in
+            0) fitted=$((fitted + 1)) ;;
+            5)
+                refused=$((refused + 1))
+                [ "$(grep -v 'hint:' err | grep -c .)" -eq 1 ] || { cat err >&2; false; }
+                ;;
+            *)
+                echo "$room kB, $command: exit $code, $(cat err)" >&2
+                false
+                ;;
+            esac
+        done
+    done
+    [ $fitted -gt 0 ] && [ $refused -gt 0 ]
+}

@@ -3,23 +3,23 @@ load helper
 
 setup_more() {
     vkt make sphere --dims 12 10 8 --dtype float32 -o probe.nrrd
-    vkt write probe.vdb probe.nrrd 2>err || { grep -q 'OpenVDB' err && skip 'built without OpenVDB'; cat err >&2; false; }
+    vkt write probe.nrrd probe.vdb 2>err || { grep -q 'OpenVDB' err && skip 'built without OpenVDB'; cat err >&2; false; }
     vkt make sphere --dims 40 36 32 --dtype float32 | vkt set --spacing 0.5,1,2 --origin 3,-4,5 -o sphere.nrrd
 }
 
 dense() { vkt read "$1" | vkt resample --method nearest; }
 
 @test "a volume comes back whole, background and geometry included" {
-    vkt write sphere.vdb sphere.nrrd
+    vkt write sphere.nrrd sphere.vdb
     vkt info sphere.vdb --json | grep -q '"kind": "hierarchical"'
     dense sphere.vdb | vkt diff - sphere.nrrd --json | tee diff.json | grep -q '"max_abs": 0'
     grep -q '"same_geometry": true' diff.json
 }
 
 @test "equal volumes make equal files, different ones files that differ in their UUID" {
-    vkt write a.vdb sphere.nrrd
+    vkt write sphere.nrrd a.vdb
     sleep 1
-    vkt write b.vdb sphere.nrrd
+    vkt write sphere.nrrd b.vdb
     cmp a.vdb b.vdb
     vkt read a.vdb | vkt write c.vdb
     vkt read b.vdb | vkt write d.vdb
@@ -48,22 +48,22 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
 
 @test "value map, units and attributes come back" {
     vkt convert sphere.nrrd --dtype float32 | vkt set --slope 2 --intercept -10 --units HU --attribute patient=none -o mapped.nrrd
-    vkt write mapped.vdb mapped.nrrd
+    vkt write mapped.nrrd mapped.vdb
     vkt info mapped.vdb --json >info.json
     grep -q '"slope": 2.0' info.json && grep -q '"intercept": -10.0' info.json
     grep -q '"units": "HU"' info.json && grep -q '"patient":"none"' info.json
     # Stored zeros are left out, which stand for -10.
     grep -q '"background":"-10' info.json
     dense mapped.vdb | vkt diff - mapped.nrrd
-    vkt write all.vdb mapped.nrrd --background 5000
+    vkt write mapped.nrrd all.vdb --background 5000
     [ "$(stat -c %s mapped.vdb)" -lt "$(stat -c %s all.vdb)" ]
     vkt read mapped.vdb | vkt flip x | vkt info --json | grep -q '"slope": 2.0'
 }
 
 @test "a background other than 0 is left out and comes back" {
     vkt arith add sphere.nrrd 5 -o five.nrrd
-    vkt write zero.vdb five.nrrd
-    vkt write five.vdb five.nrrd --background 5
+    vkt write five.nrrd zero.vdb
+    vkt write five.nrrd five.vdb --background 5
     [ "$(stat -c %s five.vdb)" -lt "$(stat -c %s zero.vdb)" ]
     dense five.vdb | vkt diff - five.nrrd
     dense zero.vdb | vkt diff - five.nrrd
@@ -71,25 +71,25 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
 
 @test "pruning stays within its tolerance and saves room" {
     vkt make marschner-lobb --dims 48 48 48 -o ml.nrrd
-    vkt write whole.vdb ml.nrrd
-    vkt write pruned.vdb ml.nrrd --prune 0.125
+    vkt write ml.nrrd whole.vdb
+    vkt write ml.nrrd pruned.vdb --prune 0.125
     [ "$(stat -c %s pruned.vdb)" -lt "$(stat -c %s whole.vdb)" ]
     dense pruned.vdb | vkt diff - ml.nrrd --tolerance 0.125
     run vkt diff --tolerance 0.01 <(dense pruned.vdb) ml.nrrd
     [ "$status" -eq 1 ]
-    fails_with 2 'prune' vkt write bad.vdb ml.nrrd --prune -1
+    fails_with 2 'prune' vkt write ml.nrrd bad.vdb --prune -1
     [ ! -e bad.vdb ]
 }
 
 @test "options of OpenVDB are refused elsewhere" {
-    fails_with 2 '' vkt write out.nrrd sphere.nrrd --prune 0.1
-    fails_with 2 '' vkt write out.nrrd sphere.nrrd --background 1
+    fails_with 2 '' vkt write sphere.nrrd out.nrrd --prune 0.1
+    fails_with 2 '' vkt write sphere.nrrd out.nrrd --background 1
     [ ! -e out.nrrd ]
 }
 
 @test "OpenVDB's Python module reads what vkt writes" {
     python_with pyopenvdb numpy
-    vkt write sphere.vdb sphere.nrrd
+    vkt write sphere.nrrd sphere.vdb
     vkt read sphere.nrrd | vkt write - --format raw >sphere.raw
     /usr/bin/python3 -c "
 import numpy as np, pyopenvdb as vdb

@@ -21,6 +21,20 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 : >"$scratch/failures"
 
+# Names in /dev/shm that are ours or an OpenMP runtime's and belong to no living process.
+left_in_shm() {
+    for name in $(ls -A /dev/shm 2>/dev/null); do
+        case $name in
+        *vkt*) echo "$name" ;;
+        __KMP_REGISTERED_LIB_*)
+            process=${name#__KMP_REGISTERED_LIB_}
+            [ -d "/proc/${process%%_*}" ] || echo "$name"
+            ;;
+        esac
+    done | sort
+}
+left_in_shm >"$scratch/shm.before"
+
 say() { printf '\n=== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 pass() { passed=$((passed + 1)); }
 fail() {
@@ -145,6 +159,19 @@ if has lint; then
         *) fail "lint: $what" ;;
         esac
     done <"$scratch/lint"
+fi
+
+say 'leftovers'
+# Whoever is killed leaves nothing: not the commands, not the sanitized builds, not the fuzz targets.
+left_in_shm | comm -13 "$scratch/shm.before" - >"$scratch/shm.left"
+if [ -s "$scratch/shm.left" ]; then
+    while read -r name; do
+        fail "left in /dev/shm: $name"
+        rm -f "/dev/shm/$name"
+    done <"$scratch/shm.left"
+else
+    pass
+    echo '/dev/shm is as it was'
 fi
 
 say 'done'

@@ -14,7 +14,7 @@ count_files() { find . -mindepth 1 | wc -l; }
         for flag in "" --compress; do
             if [ "$name$flag" = a.vkt--compress ]; then continue; fi
             # shellcheck disable=SC2086
-            vkt write "$name" ramp.vkt --force $flag
+            vkt write ramp.vkt "$name" --force $flag
             vkt read "$name" | voxels | cmp - ramp_7x5x3_int16.raw
             vkt info "$name" --json | python3 -c '
 import json, sys
@@ -22,19 +22,19 @@ info = json.load(sys.stdin)
 assert info["dims"] == [7, 5, 3] and info["dtype"] == "int16" and info["spacing"] == [0.5, 1, 2], info'
         done
     done
-    vkt write b_7x5x3_int16.raw ramp.vkt
+    vkt write ramp.vkt b_7x5x3_int16.raw
     cmp b_7x5x3_int16.raw ramp_7x5x3_int16.raw
-    vkt write b_7x5x3_int16.raw.gz ramp.vkt
+    vkt write ramp.vkt b_7x5x3_int16.raw.gz
     gzip -dc b_7x5x3_int16.raw.gz | cmp - ramp_7x5x3_int16.raw
 }
 
 @test "standard output takes a named format" {
-    vkt write - ramp.vkt --format nrrd | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
-    vkt write - ramp.vkt --format metaimage | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
-    vkt write - ramp.vkt --format vkt | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
-    vkt write - ramp.vkt --format nrrd --compress | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
-    fails_with 2 "cannot tell the format" vkt write - ramp.vkt
-    fails_with 2 "its size comes first" vkt write - ramp.vkt --format metaimage --compress
+    vkt write ramp.vkt - --format nrrd | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
+    vkt write ramp.vkt - --format metaimage | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
+    vkt write ramp.vkt - --format vkt | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
+    vkt write ramp.vkt - --format nrrd --compress | vkt read | voxels | cmp - ramp_7x5x3_int16.raw
+    fails_with 2 "cannot tell the format" vkt write ramp.vkt -
+    fails_with 2 "its size comes first" vkt write ramp.vkt - --format metaimage --compress
 }
 
 @test "the value map, units and history survive NRRD and MetaImage" {
@@ -52,13 +52,13 @@ assert info["history"]["command"][0] == "read", info'
 
 @test "an existing file is kept, unless --force says otherwise" {
     echo precious >a.nrrd
-    fails_with 4 "--force" vkt write a.nrrd ramp.vkt
+    fails_with 4 "--force" vkt write ramp.vkt a.nrrd
     [ "$(cat a.nrrd)" = precious ]
-    vkt write a.nrrd ramp.vkt --force
+    vkt write ramp.vkt a.nrrd --force
     vkt read a.nrrd | voxels | cmp - ramp_7x5x3_int16.raw
     # A file that appears meanwhile is kept as well.
     mkfifo slow
-    vkt write b.nrrd slow 2>err &
+    vkt write slow b.nrrd 2>err &
     writer=$!
     { sleep 0.3; echo precious >b.nrrd; cat ramp.vkt; } >slow
     status=0
@@ -71,20 +71,150 @@ assert info["history"]["command"][0] == "read", info'
     vkt read a.nrrd | voxels | cmp - ramp_7x5x3_int16.raw
 }
 
+@test "the input comes first, and is not what is overwritten" {
+    vkt flip x ramp.vkt -o first.nrrd
+    cp first.nrrd kept.nrrd
+    vkt flip y ramp.vkt -o second.nrrd
+    vkt write first.nrrd second.nrrd --force
+    cmp first.nrrd kept.nrrd
+    vkt diff first.nrrd second.nrrd
+    vkt write first.nrrd -o third.nrrd
+    vkt diff first.nrrd third.nrrd
+    # Whoever is used to the other order is told, and nothing is touched.
+    fails_with 4 "vkt write IN OUT" vkt write new.nrrd first.nrrd --force
+    cmp first.nrrd kept.nrrd
+    [ ! -e new.nrrd ]
+    fails_with 2 "two outputs" vkt write first.nrrd a.nrrd -o b.nrrd
+    fails_with 2 "unexpected argument" vkt write first.nrrd a.nrrd b.nrrd
+    vkt pipe 'read ramp.vkt | write one.nrrd'
+    vkt read one.nrrd | voxels | cmp - ramp_7x5x3_int16.raw
+    fails_with 2 "does not read what the stage before it writes" vkt pipe 'read ramp.vkt | write one.nrrd two.nrrd'
+}
+
+@test "a file may become what is made of it, in one step or not at all" {
+    vkt read ramp.vkt -o a.nrrd
+    vkt flip x ramp.vkt -o flipped.nrrd
+    for name in a.nrrd ./a.nrrd "$PWD/a.nrrd"; do
+        vkt read ramp.vkt -o a.nrrd --force
+        vkt flip x a.nrrd -o "$name" --force
+        vkt diff a.nrrd flipped.nrrd
+    done
+    vkt write a.nrrd a.nrrd --force
+    vkt diff a.nrrd flipped.nrrd
+    # What fails on the way leaves the input as it was.
+    vkt read ramp.vkt -o a.mha
+    head -c -7 a.mha >cut.mha
+    cp cut.mha kept.mha
+    fails_with 3 "" vkt flip x cut.mha -o cut.mha --force
+    cmp cut.mha kept.mha
+}
+
+@test "an input that lies in several files is not overwritten" {
+    vkt read ramp.vkt -o a.nhdr
+    vkt read ramp.vkt -o c.mhd
+    mkdir kept && cp a.* c.* kept
+    ln a.nhdr other.nhdr
+    fails_with 2 "not in one step" vkt convert a.nhdr --dtype uint8 -o a.nhdr --force
+    fails_with 2 "not in one step" vkt convert a.nhdr --dtype uint8 -o other.nhdr --force
+    fails_with 2 "a.raw" vkt convert a.nhdr --dtype uint8 -o a.mhd --force -q
+    fails_with 2 "not in one step" vkt write c.mhd c.mhd --force
+    fails_with 2 "not in one step" vkt pipe 'read c.mhd | convert --dtype uint8 | write c.mhd --force'
+    for file in kept/*; do cmp "$file" "${file#kept/}"; done
+    vkt write a.nhdr b.nhdr
+    vkt write a.nhdr b.nhdr --force
+    vkt diff a.nhdr b.nhdr
+    # Series: files that are read would go one after the other.
+    for i in 0 1 2; do vkt read ramp.vkt -o s_$i.nrrd; done
+    fails_with 2 "one file after the other" vkt flip x 's_*.nrrd' -o 's_%d.nrrd' --force
+    vkt flip x 's_*.nrrd' -o 't_%d.nrrd'
+    [ -e t_2.nrrd ]
+}
+
+@test "--force removes nobody's files, only what killed writers left" {
+    vkt write ramp.vkt a.nrrd
+    echo mine | tee .a.nrrd.vkt-notes .a.nrrd.vkt-1-0123456789abcdef .a.nrrd.vkt- .a.nrrd.vkt-12-01234567.bak >/dev/null
+    vkt write ramp.vkt a.nrrd --force
+    for name in .a.nrrd.vkt-notes .a.nrrd.vkt-1-0123456789abcdef .a.nrrd.vkt- .a.nrrd.vkt-12-01234567.bak; do
+        [ "$(cat $name)" = mine ]
+    done
+    # What FNV-1a says of the rest of the name is the proof: here computed by somebody else.
+    leftover=$(python3 -c '
+name = ".a.nrrd.vkt-4194303-89abcdef"
+h = 2166136261
+for c in name.encode(): h = (h ^ c) * 16777619 % 2**32
+print(f"{name}{h:08x}")')
+    echo dead >"$leftover"
+    exec 9<"$leftover"
+    flock -x 9 # a living writer
+    vkt write ramp.vkt a.nrrd --force
+    [ -e "$leftover" ]
+    exec 9<&-
+    vkt write ramp.vkt a.nrrd --force
+    [ ! -e "$leftover" ]
+}
+
+@test "a file that is replaced keeps its mode" {
+    umask 022
+    for mode in 600 640 664 400 755; do
+        vkt write ramp.vkt a.nrrd --force
+        chmod $mode a.nrrd
+        vkt flip x ramp.vkt -o a.nrrd --force
+        [ "$(stat -c %a a.nrrd)" = $mode ]
+        vkt write ramp.vkt b.mhd --force
+        chmod $mode b.mhd b.raw
+        vkt write ramp.vkt b.mhd --force
+        [ "$(stat -c %a b.mhd)$(stat -c %a b.raw)" = $mode$mode ]
+        chmod 600 a.nrrd
+    done
+    rm a.nrrd
+    vkt write ramp.vkt a.nrrd
+    [ "$(stat -c %a a.nrrd)" = 644 ]
+    library="$VKT_BUILD/tests/vkt_named_files.so"
+    chmod 600 a.nrrd
+    if [ -z "${VKT_SANITIZED:-}" ] && [ -e "$library" ]; then # where the file system has no unnamed files
+        LD_PRELOAD="$library" vkt flip x ramp.vkt -o a.nrrd --force
+        [ "$(stat -c %a a.nrrd)" = 600 ]
+    fi
+    if [ "$(id -u)" -eq 0 ]; then # who may give files away does so
+        chown 65534:65533 a.nrrd
+        vkt flip x ramp.vkt -o a.nrrd --force
+        [ "$(stat -c %u:%g:%a a.nrrd)" = 65534:65533:600 ]
+    fi
+}
+
+@test "a link stays, and what it leads to is replaced" {
+    mkdir there
+    vkt write ramp.vkt there/real.nrrd
+    ln -s there/real.nrrd link.nrrd
+    ln -s link.nrrd again.nrrd
+    fails_with 4 "--force" vkt flip x ramp.vkt -o again.nrrd
+    vkt flip x ramp.vkt -o again.nrrd --force
+    [ -L link.nrrd ] && [ -L again.nrrd ] && [ ! -L there/real.nrrd ]
+    vkt flip x ramp.vkt | vkt diff - there/real.nrrd
+    # To nothing yet; with the voxels beside the header, where readers look for them.
+    ln -s there/new.mhd new.mhd
+    vkt write ramp.vkt new.mhd
+    [ -L new.mhd ] && [ -e there/new.raw ] && [ ! -e new.raw ]
+    vkt diff there/new.mhd ramp.vkt
+    ln -s round.nrrd round.nrrd
+    fails_with 4 "round.nrrd" vkt write ramp.vkt round.nrrd --force
+    [ "$(find . there -name '.*vkt-*' | wc -l)" -eq 0 ]
+}
+
 @test "what goes wrong leaves nothing" {
     mkdir d && cd d
     for n in 0 10 100 300 $(($(stat -c %s ../ramp.vkt) - 1)); do
         for name in a.nrrd a.nhdr a.mha a.mhd a.raw a.vkt a.raw.gz; do
             head -c "$n" ../ramp.vkt >../cut
-            fails_with 3 "" vkt write $name - <../cut
+            fails_with 3 "" vkt write - $name <../cut
         done
     done
     [ "$(count_files)" -eq 0 ]
-    fails_with 4 "no such file or directory" vkt write no/such/directory/a.nrrd ../ramp.vkt
-    fails_with 4 "is a directory" vkt write . ../ramp.vkt --format raw
-    fails_with 4 "no space left" vkt write /dev/full ../ramp.vkt --format raw
-    fails_with 2 "--format" vkt write a.unknown ../ramp.vkt
-    fails_with 2 "did you mean 'nrrd'" vkt write a.x ../ramp.vkt --format nrdd
+    fails_with 4 "no such file or directory" vkt write ../ramp.vkt no/such/directory/a.nrrd
+    fails_with 4 "is a directory" vkt write ../ramp.vkt . --format raw
+    fails_with 4 "no space left" vkt write ../ramp.vkt /dev/full --format raw
+    fails_with 2 "--format" vkt write ../ramp.vkt a.unknown
+    fails_with 2 "did you mean 'nrrd'" vkt write ../ramp.vkt a.x --format nrdd
     fails_with 2 "missing OUT" vkt write
     [ "$(count_files)" -eq 0 ]
 }
@@ -95,7 +225,7 @@ assert info["history"]["command"][0] == "read", info'
     truncate -s 1M big_128x128x64_uint8.raw
     failed=0
     for name in a.nrrd a.nhdr a.mha a.mhd a.raw a.vkt; do
-        fails_with 4 "space left" vkt write small/$name big_128x128x64_uint8.raw || failed=1
+        fails_with 4 "space left" vkt write big_128x128x64_uint8.raw small/$name || failed=1
         [ -z "$(ls -A small)" ] || failed=1
     done
     umount small
@@ -106,7 +236,7 @@ assert info["history"]["command"][0] == "read", info'
     mkdir d
     mkfifo slow
     for name in a.nrrd a.mhd a.raw; do
-        vkt write d/$name slow &
+        vkt write slow d/$name &
         writer=$!
         { head -c 400 ramp.vkt; sleep 0.2; kill -9 $writer; } >slow || true
         wait $writer || true
@@ -115,9 +245,9 @@ assert info["history"]["command"][0] == "read", info'
 }
 
 @test "devices and pipes are written as they are" {
-    vkt write /dev/null ramp.vkt --format raw
-    vkt write /dev/stdout ramp.vkt --format raw | cmp - ramp_7x5x3_int16.raw
-    vkt write >(cat >copy) ramp.vkt --format raw
+    vkt write ramp.vkt /dev/null --format raw
+    vkt write ramp.vkt /dev/stdout --format raw | cmp - ramp_7x5x3_int16.raw
+    vkt write ramp.vkt >(cat >copy) --format raw
     for _ in $(seq 50); do
         if cmp -s copy ramp_7x5x3_int16.raw; then break; fi
         sleep 0.1
@@ -141,8 +271,8 @@ assert info["history"]["command"][0] == "read", info'
 
 @test "types that a format cannot hold are named" {
     head -c 210 /dev/zero >half_7x5x3_float16.raw
-    fails_with 2 "NRRD cannot hold float16" vkt write a.nrrd half_7x5x3_float16.raw
-    fails_with 2 "MetaImage cannot hold float16" vkt write a.mha half_7x5x3_float16.raw
+    fails_with 2 "NRRD cannot hold float16" vkt write half_7x5x3_float16.raw a.nrrd
+    fails_with 2 "MetaImage cannot hold float16" vkt write half_7x5x3_float16.raw a.mha
     [ ! -e a.nrrd ] && [ ! -e a.mha ]
 }
 
@@ -150,8 +280,8 @@ assert info["history"]["command"][0] == "read", info'
     vkt make noise --dims 12 10 8 -o v.nrrd
     for turn in 1 2; do
         mkdir $turn
-        for name in a.nrrd a.mha a.vkt a.raw a.raw.gz; do vkt write $turn/$name v.nrrd; done
-        vkt write $turn/b.nrrd v.nrrd --compress
+        for name in a.nrrd a.mha a.vkt a.raw a.raw.gz; do vkt write v.nrrd $turn/$name; done
+        vkt write v.nrrd $turn/b.nrrd --compress
         vkt render v.nrrd --size 8 -o $turn/a.png
         sleep 1.1
     done

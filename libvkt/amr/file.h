@@ -44,7 +44,8 @@ public:
     virtual ~AmrFile() = default;
     virtual AmrListing const& listing() const = 0;
     /// One variable, or the bricks of it whose domain meets the region: the header's attributes "variable" and "roi"
-    /// name them. Throws Error{usage} for variables and types the file does not have. The sequence keeps the file open.
+    /// name them. Throws Error{usage} for variables and types the file does not have. The sequence keeps the file open,
+    /// and gives no more cells once another is read.
     virtual BrickSequence read(AmrReadOptions const& options, Execution const& execution) = 0;
 };
 

@@ -96,7 +96,7 @@ std::vector<Run> runs_of(std::span<std::int64_t const> blocks) {
 
 hid_t native_type(DataType dtype) { return dtype == DataType::float32 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE; }
 
-class FlashFile : public AmrFile, public std::enable_shared_from_this<FlashFile> {
+class FlashFile : public TreeParser {
 public:
     explicit FlashFile(std::string const& path) : path_(path), file_(open(path)) {
         read_sizes();
@@ -104,15 +104,10 @@ public:
         read_blocks();
         place_blocks();
     }
-    ~FlashFile() override {
-        LibraryGuard const guard;
-        data_.reset();
-        file_.reset();
-    }
     FlashFile(FlashFile const&) = delete;
 
     AmrListing const& listing() const override { return listing_; }
-    BrickSequence read(AmrReadOptions const& options, Execution const& execution) override;
+    ParsedTree read(AmrReadOptions const& options) override;
 
 private:
     [[noreturn]] void refuse(std::string const& why, std::string hint = {}) const {
@@ -223,8 +218,6 @@ private:
     Index3 roots() const;
     Index3 guard_cells(hid_t data, std::string const& name) const;
     std::size_t block_cells() const { return static_cast<std::size_t>(cells_.x * cells_.y * cells_.z); }
-    void read_in_place(ByteSource const& bytes, haddr_t offset, DataType dtype, std::span<std::int64_t const> blocks,
-                       std::byte* to, Execution const& execution) const;
     void read_by_library(Index3 guards, DataType dtype, std::span<std::int64_t const> blocks, std::byte* to) const;
 
     std::string path_;
@@ -447,27 +440,6 @@ Index3 FlashFile::guard_cells(hid_t data, std::string const& name) const {
     return guards;
 }
 
-void FlashFile::read_in_place(ByteSource const& bytes, haddr_t offset, DataType dtype,
-                              std::span<std::int64_t const> blocks, std::byte* to, Execution const& execution) const {
-    std::size_t const block_bytes = block_cells() * size_of(dtype);
-    std::vector<Run> const list = runs_of(blocks);
-    std::exception_ptr failure;
-    auto const count = static_cast<std::int64_t>(list.size());
-#pragma omp parallel for num_threads(execution.threads) schedule(dynamic, 16)
-    for (std::int64_t r = 0; r < count; ++r) {
-        Run const& run = list[static_cast<std::size_t>(r)];
-        try {
-            bytes.read_at(static_cast<std::int64_t>(offset + static_cast<haddr_t>(run.block) * block_bytes),
-                          to + static_cast<std::size_t>(run.brick) * block_bytes,
-                          static_cast<std::size_t>(run.count) * block_bytes);
-        } catch (...) {
-#pragma omp critical(vkt_flash)
-            failure = std::current_exception();
-        }
-    }
-    if (failure) std::rethrow_exception(failure);
-}
-
 void FlashFile::read_by_library(Index3 guards, DataType dtype, std::span<std::int64_t const> blocks,
                                 std::byte* to) const {
     LibraryGuard const guard;
@@ -493,7 +465,7 @@ void FlashFile::read_by_library(Index3 guards, DataType dtype, std::span<std::in
         }
 }
 
-BrickSequence FlashFile::read(AmrReadOptions const& options, Execution const& execution) {
+ParsedTree FlashFile::read(AmrReadOptions const& options) {
     LibraryGuard const guard;
     std::size_t const v = choose_variable(listing_.variables, options.variable, path_);
     AmrVariable const& variable = listing_.variables[v];
@@ -521,33 +493,26 @@ BrickSequence FlashFile::read(AmrReadOptions const& options, Execution const& ex
     bool const in_place = H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
                           H5Tequal(type, native_type(dtype)) > 0 && offset != HADDR_UNDEF && user_block == 0 &&
                           guards == Index3{0, 0, 0};
-    if (!in_place)
-        return {std::move(header), std::move(bricks),
-                [file = shared_from_this(), blocks = std::move(blocks), guards,
-                 dtype](std::size_t first, std::size_t count, std::byte* to) {
-                    file->read_by_library(guards, dtype, std::span(blocks).subspan(first, count), to);
-                }};
-    return {std::move(header), std::move(bricks),
-            [file = shared_from_this(), blocks = std::move(blocks),
-             bytes = std::shared_ptr<ByteSource const>(open_bytes(path_)), offset, dtype,
-             execution](std::size_t first, std::size_t count, std::byte* to) {
-                file->read_in_place(*bytes, offset, dtype, std::span(blocks).subspan(first, count), to, execution);
-            }};
+    ParsedTree tree{std::move(header), std::move(bricks), {}, {}};
+    if (in_place) {
+        auto const block_bytes = static_cast<haddr_t>(block_cells() * size_of(dtype));
+        tree.places = collect(blocks, [&](std::int64_t block) {
+            return static_cast<std::int64_t>(offset + static_cast<haddr_t>(block) * block_bytes);
+        });
+    } else {
+        tree.cells = [this, blocks = std::move(blocks), guards, dtype](std::size_t first, std::size_t count,
+                                                                       std::byte* to) {
+            read_by_library(guards, dtype, std::span(blocks).subspan(first, count), to);
+        };
+    }
+    return tree;
 }
 
 } // namespace
 
 namespace flash {
 
-bool recognises(std::string const& path) {
-    LibraryGuard const guard;
-    if (H5Fis_hdf5(path.c_str()) <= 0) return false;
-    Handle const file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-    return file && H5Lexists(file, "unknown names", H5P_DEFAULT) > 0 &&
-           H5Lexists(file, "refine level", H5P_DEFAULT) > 0;
-}
-
-std::shared_ptr<AmrFile> open(std::string const& path) {
+std::shared_ptr<TreeParser> open(std::string const& path) {
     LibraryGuard const guard;
     return std::make_shared<FlashFile>(path);
 }

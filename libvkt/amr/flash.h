@@ -5,6 +5,7 @@
 #include "libvkt/amr/file.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
+#include "libvkt/formats/format.h"
 
 #include <memory>
 #include <string>
@@ -14,9 +15,6 @@ namespace vkt {
 /// True if this build reads and writes HDF5.
 bool built_with_hdf5();
 
-/// True if the file is HDF5 and has FLASH's "unknown names" or block tree. Never throws for other files.
-bool is_flash(std::string const& path);
-
 /// Variables with their types and stated ranges, the tree of leaf blocks, the geometry.
 /// Throws Error{data} for files that are no FLASH files or contradict themselves, Error{io} if it cannot be opened.
 AmrListing list_flash(std::string const& path);
@@ -25,7 +23,9 @@ AmrListing list_flash(std::string const& path);
 /// The tree must cover the domain once; with a region only blocks whose domain meets it are read, and the header's
 /// attribute "roi" names it. Memory: about 100 bytes a block, and the cells asked for. Data that lies contiguous in the
 /// machine's own number format is read straight into place by all threads, everything else by HDF5, a run of leaves at
-/// a time. Format: FLASH User's Guide 4, chapter "IO unit", and files. Throws what list_flash throws.
+/// a time. Format: FLASH User's Guide 4, chapter "IO unit", and files. Throws what list_flash throws. HDF5 runs in a
+/// child (libvkt/io/parser.h), which may take as much memory as parser_limits says for this budget.
+std::shared_ptr<AmrFile> open_flash(std::shared_ptr<ByteSource const> bytes, std::size_t memory);
 std::shared_ptr<AmrFile> open_flash(std::string const& path);
 
 /// All cells of one variable: open_flash(path)->read(…) as a whole.

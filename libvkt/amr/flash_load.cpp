@@ -1,16 +1,9 @@
-// flash.h, through the module hdf5.
+// flash.h: reading by a child, writing through the module hdf5.
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/flash_module.h"
 #include "libvkt/core/text.h"
 
 namespace vkt {
-namespace {
-
-FlashFunctions const& hdf5(std::string const& path) {
-    return *static_cast<FlashFunctions const*>(module_functions("hdf5", text(path, ": reading and writing HDF5")));
-}
-
-} // namespace
 
 bool built_with_hdf5() {
 #ifdef VKT_HAVE_HDF5
@@ -20,9 +13,12 @@ bool built_with_hdf5() {
 #endif
 }
 
-bool is_flash(std::string const& path) { return built_with_hdf5() && hdf5(path).recognises(path); }
+std::shared_ptr<AmrFile> open_flash(std::shared_ptr<ByteSource const> bytes, std::size_t memory) {
+    std::string const what = text(bytes->name(), ": reading and writing HDF5");
+    return parsed_file("hdf5", what, std::move(bytes), memory);
+}
 
-std::shared_ptr<AmrFile> open_flash(std::string const& path) { return hdf5(path).open(path); }
+std::shared_ptr<AmrFile> open_flash(std::string const& path) { return open_flash(open_bytes(path), default_memory()); }
 
 AmrListing list_flash(std::string const& path) { return open_flash(path)->listing(); }
 
@@ -32,7 +28,8 @@ Volume read_flash(std::string const& path, AmrReadOptions const& options, Execut
 
 void write_flash(Volume const& volume, std::string const& path, std::string const& variable,
                  FlashWriteOptions const& options) {
-    hdf5(path).write(volume, path, variable, options);
+    void const* const functions = module_functions("hdf5", text(path, ": reading and writing HDF5"));
+    static_cast<FlashFunctions const*>(functions)->write(volume, path, variable, options);
 }
 
 } // namespace vkt

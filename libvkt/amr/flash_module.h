@@ -3,19 +3,18 @@
 #pragma once
 
 #include "libvkt/amr/flash.h"
+#include "libvkt/amr/parsed.h"
 #include "libvkt/formats/module.h"
 
 namespace vkt {
 
 struct FlashFunctions {
-    decltype(is_flash)* recognises;
-    decltype(open_flash)* open;
     decltype(write_flash)* write;
 };
 
 namespace flash {
-bool recognises(std::string const& path);
-std::shared_ptr<AmrFile> open(std::string const& path);
+/// The reader, which runs in a child.
+std::shared_ptr<TreeParser> open(std::string const& path);
 void write(Volume const& volume, std::string const& path, std::string const& variable,
            FlashWriteOptions const& options);
 } // namespace flash

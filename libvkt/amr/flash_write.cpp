@@ -289,12 +289,13 @@ void write(Volume const& volume, std::string const& path, std::string const& var
 } // namespace flash
 
 namespace {
-FlashFunctions const functions{flash::recognises, flash::open, flash::write};
+FlashFunctions const functions{flash::write};
+ParserHandler parse(std::string const& path) { return answer_about(flash::open(path)); }
 } // namespace
 
 } // namespace vkt
 
 extern "C" {
 __attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_hdf5;
-vkt::ModuleExport const vkt_module_hdf5{VKT_VERSION, &vkt::functions};
+vkt::ModuleExport const vkt_module_hdf5{VKT_VERSION, &vkt::functions, &vkt::parse};
 }

@@ -152,17 +152,19 @@ void check_overlap_by_index(Index3 logical_dims, std::span<Brick const> bricks) 
 
 } // namespace
 
-void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage) {
+void check_bricks(Index3 logical_dims, std::span<Brick const> bricks) {
     for (int a = 0; a < 3; ++a)
         if (logical_dims[a] < 1 || logical_dims[a] > max_extent)
             throw Error(ErrorKind::data, text("logical grid of ", logical_dims, " is not one of 1…2^40 cells an axis"));
     if (bricks.empty()) throw Error(ErrorKind::data, "hierarchical volume has no bricks");
-    double covered = 0;
-    for (std::size_t i = 0; i < bricks.size(); ++i) {
-        check_brick(i, bricks[i], logical_dims);
-        covered += volume_of(bounds_of(bricks[i], logical_dims).dims());
-    }
+    for (std::size_t i = 0; i < bricks.size(); ++i) check_brick(i, bricks[i], logical_dims);
     check_lattices(logical_dims, bricks);
+}
+
+void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage) {
+    check_bricks(logical_dims, bricks);
+    double covered = 0;
+    for (Brick const& brick : bricks) covered += volume_of(bounds_of(brick, logical_dims).dims());
     if (auto intervals = curve_intervals(logical_dims, bricks); !intervals.empty())
         check_overlap_on_curve(bricks, intervals);
     else

@@ -42,6 +42,10 @@ enum class Coverage : std::uint8_t { complete, may_have_holes };
 /// O(n log n); trees of equal blocks on the block lattice (FLASH) take one sort of integers.
 void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage);
 
+/// The part of it that takes O(n): each brick for itself and the lattices, not overlaps. For tables from readers that
+/// may have lost their mind.
+void check_bricks(Index3 logical_dims, std::span<Brick const> bricks);
+
 /// What one level of a tree holds. Cell volumes are counted in finest cells.
 struct LevelSummary {
     int level = 0;

@@ -18,6 +18,7 @@
 #include <openvdb/io/File.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/openvdb.h>
+#include <tbb/global_control.h>
 #pragma GCC diagnostic pop
 
 #include <filesystem>
@@ -59,7 +60,10 @@ public:
         std::int32_t const count = openvdb::io::Archive::readGridCount(file);
         for (std::int32_t i = 0; i < count; ++i) {
             openvdb::io::GridDescriptor descriptor;
+            std::streamoff const begin = file.tellg();
             descriptor.read(file);
+            if (descriptor.getEndPos() <= begin) // it would be read again and again
+                throw Error(ErrorKind::data, text(path, ": the table of grids goes in circles"));
             if (descriptor.getGridPos() < 0 || descriptor.getGridPos() > descriptor.getEndPos() ||
                 descriptor.getEndPos() > size)
                 throw Error(ErrorKind::data,
@@ -119,7 +123,7 @@ private:
         } catch (Error const&) {
             throw;
         } catch (std::bad_alloc const&) {
-            throw Error(ErrorKind::resources, text(path_, ": not enough memory"));
+            throw; // the limits of this process are known to whoever runs it
         } catch (std::exception const& error) {
             throw Error(ErrorKind::data, text(path_, ": ", error.what()));
         }
@@ -169,14 +173,16 @@ template <class T, class V> T cell_of(V const& value) {
         return static_cast<T>(value);
 }
 
-template <class GridType, class T> class GridReader {
+template <class GridType, class T> class GridReader : public std::enable_shared_from_this<GridReader<GridType, T>> {
 public:
-    GridReader(GridType const& grid, std::string const& path, DataType dtype) : grid_(grid), path_(path) {
+    /// `owner` keeps the grid.
+    GridReader(GridType const& grid, openvdb::GridBase::ConstPtr owner, std::string const& path, DataType dtype)
+        : grid_(grid), owner_(std::move(owner)), path_(path) {
         header_.kind = Kind::hierarchical;
         header_.dtype = dtype;
     }
 
-    Volume read(AmrReadOptions const& options) {
+    ParsedTree read(AmrReadOptions const& options) {
         collect();
         describe();
         std::optional<Box> const region = wanted_box(options, header_);
@@ -195,10 +201,16 @@ public:
             kept.push_back(i);
         }
         if (bricks.empty()) throw Error(ErrorKind::usage, text(path_, ": the region meets no node of the grid"));
-        Volume volume(header_, std::move(bricks));
-        T* const cells = reinterpret_cast<T*>(volume.buffer().write(Space::host));
-        for (std::size_t i = 0; i < kept.size(); ++i) fill(nodes_[kept[i]], cells + volume.brick_offset(i));
-        return volume;
+        auto const cells = [reader = this->shared_from_this(),
+                            kept = std::move(kept)](std::size_t first, std::size_t count, std::byte* to) {
+            auto* next = reinterpret_cast<T*>(to);
+            for (std::size_t i = first; i < first + count; ++i) {
+                Node const& node = reader->nodes_[kept[i]];
+                reader->fill(node, next);
+                next += node.cells * node.cells * node.cells;
+            }
+        };
+        return {header_, std::move(bricks), {}, cells};
     }
 
 private:
@@ -287,6 +299,7 @@ private:
     }
 
     GridType const& grid_;
+    openvdb::GridBase::ConstPtr owner_;
     std::string path_;
     Header header_;
     std::vector<Node> nodes_;
@@ -295,38 +308,52 @@ private:
 };
 
 template <class GridType, class T>
-std::optional<Volume> read_as(openvdb::GridBase const& grid, std::string const& path, AmrReadOptions const& options,
-                              DataType dtype) {
-    if (!grid.isType<GridType>()) return std::nullopt;
-    return GridReader<GridType, T>(static_cast<GridType const&>(grid), path, dtype).read(options);
+std::optional<ParsedTree> read_as(openvdb::GridBase::ConstPtr const& grid, std::string const& path,
+                                  AmrReadOptions const& options, DataType dtype) {
+    if (!grid->isType<GridType>()) return std::nullopt;
+    auto const& typed = static_cast<GridType const&>(*grid);
+    return std::make_shared<GridReader<GridType, T>>(typed, grid, path, dtype)->read(options);
 }
+
+class VdbParser : public TreeParser {
+public:
+    explicit VdbParser(std::string const& path) : path_(path), file_(path), listing_(file_.list()) {}
+
+    AmrListing const& listing() const override { return listing_; }
+
+    ParsedTree read(AmrReadOptions const& options) override {
+        if (options.dtype)
+            throw Error(ErrorKind::usage, text(path_, ": grids are read in their own type"),
+                        "convert afterwards: vkt convert");
+        openvdb::GridBase::ConstPtr const grid = file_.grid(options.variable);
+        DataType const dtype = *dtype_of(*grid);
+        if (dtype == DataType::float16)
+            if (auto tree = read_as<openvdb::FloatGrid, Half>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::FloatGrid, float>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::DoubleGrid, double>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::Int32Grid, std::int32_t>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::Int64Grid, std::int64_t>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::BoolGrid, std::uint8_t>(grid, path_, options, dtype)) return *std::move(tree);
+        if (auto tree = read_as<openvdb::MaskGrid, std::uint8_t>(grid, path_, options, dtype)) return *std::move(tree);
+        throw Error(ErrorKind::data,
+                    text(path_, ": grid '", grid->getName(), "' has another node layout than OpenVDB's usual one"));
+    }
+
+private:
+    std::string path_;
+    VdbFile file_;
+    AmrListing listing_;
+};
 
 } // namespace
 
 namespace openvdb_module {
 
-AmrListing list(std::string const& path) {
+std::shared_ptr<TreeParser> open(std::string const& path) {
+    // Files are read by one thread; others would only need memory for their stacks, and wait for it where it is short.
+    static tbb::global_control const alone(tbb::global_control::max_allowed_parallelism, 1);
     openvdb::initialize();
-    return VdbFile(path).list();
-}
-
-Volume read(std::string const& path, AmrReadOptions const& options, Execution const&) {
-    openvdb::initialize();
-    if (options.dtype)
-        throw Error(ErrorKind::usage, text(path, ": grids are read in their own type"),
-                    "convert afterwards: vkt convert");
-    openvdb::GridBase::Ptr const grid = VdbFile(path).grid(options.variable);
-    DataType const dtype = *dtype_of(*grid);
-    if (dtype == DataType::float16)
-        if (auto volume = read_as<openvdb::FloatGrid, Half>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::FloatGrid, float>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::DoubleGrid, double>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::Int32Grid, std::int32_t>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::Int64Grid, std::int64_t>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::BoolGrid, std::uint8_t>(*grid, path, options, dtype)) return *volume;
-    if (auto volume = read_as<openvdb::MaskGrid, std::uint8_t>(*grid, path, options, dtype)) return *volume;
-    throw Error(ErrorKind::data,
-                text(path, ": grid '", grid->getName(), "' has another node layout than OpenVDB's usual one"));
+    return std::make_shared<VdbParser>(path);
 }
 
 } // namespace openvdb_module

@@ -5,6 +5,7 @@
 #include "libvkt/amr/file.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
+#include "libvkt/formats/format.h"
 
 #include <memory>
 #include <optional>
@@ -27,7 +28,9 @@ AmrListing list_vdb(std::string const& path);
 /// points, strings and transforms that are not linear.
 Volume read_vdb(std::string const& path, AmrReadOptions const& options, Execution const& execution);
 
-/// The same file, open; grids are read as a whole.
+/// The same file, open. OpenVDB runs in a child (libvkt/io/parser.h), which may take as much memory as parser_limits
+/// says for this budget and holds the grid; its voxels come when they are asked for.
+std::shared_ptr<AmrFile> open_vdb(std::shared_ptr<ByteSource const> bytes, std::size_t memory);
 std::shared_ptr<AmrFile> open_vdb(std::string const& path);
 
 struct VdbWriteOptions {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/amr/parsed.h"
 #include "libvkt/amr/vdb.h"
 #include "libvkt/formats/module.h"
 
@@ -13,14 +14,12 @@ inline constexpr char const *box_min_name = "volume_box_min", *box_max_name = "v
 inline constexpr char const* header_name = "vkt_header";
 
 struct VdbFunctions {
-    decltype(list_vdb)* list;
-    decltype(read_vdb)* read;
     decltype(write_vdb)* write;
 };
 
 namespace openvdb_module {
-AmrListing list(std::string const& path);
-Volume read(std::string const& path, AmrReadOptions const& options, Execution const& execution);
+/// The reader, which runs in a child.
+std::shared_ptr<TreeParser> open(std::string const& path);
 void write(Volume const& volume, std::string const& path, VdbWriteOptions const& options);
 } // namespace openvdb_module
 

@@ -235,12 +235,13 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
 } // namespace openvdb_module
 
 namespace {
-VdbFunctions const functions{openvdb_module::list, openvdb_module::read, openvdb_module::write};
+VdbFunctions const functions{openvdb_module::write};
+ParserHandler parse(std::string const& path) { return answer_about(openvdb_module::open(path)); }
 } // namespace
 
 } // namespace vkt
 
 extern "C" {
 __attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_openvdb;
-vkt::ModuleExport const vkt_module_openvdb{VKT_VERSION, &vkt::functions};
+vkt::ModuleExport const vkt_module_openvdb{VKT_VERSION, &vkt::functions, &vkt::parse};
 }

@@ -6,12 +6,14 @@
 #include "libvkt/core/execution_options.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
+#include "libvkt/formats/system_error.h"
 #include "libvkt/operations/statistics.h"
 
 #include <cstdlib>
 #include <cstring>
 #include <new>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <unistd.h>
 #include <utility>
@@ -57,6 +59,8 @@ template <class F> LastError attempt(F const& body) noexcept {
         return failed(static_cast<vkt_status>(e.kind()), e.what(), e.hint().c_str());
     } catch (std::bad_alloc const&) {
         return failed(VKT_RESOURCES, "out of memory");
+    } catch (std::system_error const& e) {
+        return failed(is_shortage(e) ? VKT_RESOURCES : VKT_FAILURE, e.what());
     } catch (std::exception const& e) {
         return failed(VKT_FAILURE, e.what());
     } catch (...) {

@@ -9,9 +9,12 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
+#include <limits>
 #include <optional>
 #include <sched.h>
 #include <string>
+#include <sys/resource.h>
 #include <unistd.h>
 
 namespace vkt {
@@ -39,6 +42,21 @@ std::optional<int> threads_from(char const* name) {
     } catch (Error const&) {
     }
     throw Error(ErrorKind::usage, text(name, "='", *value, "' is not a number of threads"));
+}
+
+/// How many threads have room in the address space, if that is limited (ulimit -v): a quarter of it may be their
+/// stacks. OpenMP ends the program where it cannot start those that it is asked for.
+int threads_with_room() {
+    rlimit space{};
+    if (::getrlimit(RLIMIT_AS, &space) != 0 || space.rlim_cur == RLIM_INFINITY) return std::numeric_limits<int>::max();
+    std::size_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    std::size_t const used = pages * static_cast<std::size_t>(std::max(1L, sysconf(_SC_PAGESIZE)));
+    rlimit stack{};
+    bool const stated = ::getrlimit(RLIMIT_STACK, &stack) == 0 && stack.rlim_cur != RLIM_INFINITY;
+    std::size_t const each = std::max<std::size_t>(stated ? stack.rlim_cur : 0, std::size_t{1} << 20);
+    std::size_t const room = space.rlim_cur > used ? (space.rlim_cur - used) / 4 / each : 0;
+    return static_cast<int>(std::clamp<std::size_t>(room, 1, 1 << 20));
 }
 
 } // namespace
@@ -80,7 +98,7 @@ int default_threads() {
     int n =
         sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
     if (double const quota = own_limits().cpus; quota > 0 && quota < n) n = static_cast<int>(quota);
-    return std::max(1, n);
+    return std::max(1, std::min(n, threads_with_room()));
 }
 
 std::size_t default_memory() {

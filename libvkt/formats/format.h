@@ -71,6 +71,8 @@ struct ReadOptions {
     std::optional<Vec3> spacing;
     std::string format;   ///< forces a format by name; empty: detect
     std::string variable; ///< dataset or grid by name, for files that hold several
+    /// Budget of foreign libraries that hold a file's tables or grids (libvkt/io/parser.h); none: default_memory().
+    std::optional<std::size_t> memory;
 };
 
 struct WriteOptions {
@@ -109,7 +111,8 @@ class Guard;
 /// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
 /// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
 /// name at all (O_TMPFILE) until then; while it has one, another process stands by to remove it, so that kill -9 leaves
-/// nothing either.
+/// nothing either. What it replaces hands on its mode, and its owner and group where this process may give files away.
+/// A symbolic link stays, and what it leads to is replaced; not one that somebody else made where all may write.
 class OutputFile {
 public:
     OutputFile(std::string path, bool force);
@@ -119,6 +122,8 @@ public:
 
     int descriptor() const { return descriptor_; }
     std::string const& path() const { return path_; }
+    /// Where it will lie: the path, or what it leads to if it is a symbolic link.
+    std::string const& target() const { return target_; }
     /// Pipes, devices and standard output are written as they are: there is nothing to replace and nothing to seek in.
     bool in_place() const { return in_place_; }
     void write(void const* data, std::size_t n); ///< all of it, or Error{io} with the reason (disk full, …)
@@ -129,8 +134,9 @@ private:
     void open_temporary();
     void keep_existing(std::string const& from, bool unnamed);
     void replace(std::string const& from, bool unnamed);
+    void keep_mode();
 
-    std::string path_;
+    std::string path_, target_;
     std::string temporary_; ///< empty for an unnamed file
     bool force_ = false;
     bool in_place_ = false;

@@ -15,9 +15,11 @@ namespace vkt {
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
     : format_(std::move(format)), compress_(options.compress), force_(options.force) {
     if (lower_case(path).ends_with(format_.detached)) {
-        std::string const data = path.substr(0, path.size() - format_.detached.size()) +
-                                 (compress_ ? format_.compressed_data : format_.data);
         header_file_.emplace(path, force_);
+        // Beside the header: that is where readers look for it.
+        std::string data = header_file_->target();
+        if (lower_case(data).ends_with(format_.detached)) data.resize(data.size() - format_.detached.size());
+        data += compress_ ? format_.compressed_data : format_.data;
         data_file_.emplace(data, force_);
         data_name_ = std::filesystem::path(data).filename().string();
         return;
@@ -90,7 +92,7 @@ void HeaderAndVoxelsWriter::close() {
         header_file_->commit();
     } catch (...) {
         // Nor should data stay without its header, unless it has replaced other data anyway.
-        if (!force_) ::unlink(data_file_->path().c_str());
+        if (!force_) ::unlink(data_file_->target().c_str());
         throw;
     }
 }

@@ -38,13 +38,11 @@ void describe(AmrListing const& listing, Header& header) {
 /// One volume of a file, or the bricks of it that a region needs. Cells are read when somebody asks for them.
 class TreeSource : public Source {
 public:
-    using Open = std::shared_ptr<AmrFile> (*)(std::string const& path);
+    using Open = std::shared_ptr<AmrFile> (*)(std::shared_ptr<ByteSource const> bytes, std::size_t memory);
 
     TreeSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options, Open open)
-        : bytes_(std::move(bytes)), open_(open) {
+        : bytes_(std::move(bytes)), open_(open), memory_(options.memory.value_or(default_memory())) {
         wanted_.variable = options.variable;
-        // Libraries open files by name; a descriptor has one where the system lends it.
-        path_ = bytes_->name() == "standard input" ? text("/dev/fd/", bytes_->descriptor()) : bytes_->name();
     }
 
     bool narrow(Roi const& roi, WorldRoi const& world_roi) override {
@@ -55,7 +53,7 @@ public:
 
     bool next_volume() override {
         if (file_) return false;
-        file_ = open_(path_);
+        file_ = open_(bytes_, memory_);
         AmrListing const& listing = file_->listing();
         // Nobody said which of several variables: the header describes all of them, which is enough for who asks for no
         // cells (info); the others are told to choose.
@@ -76,7 +74,7 @@ public:
     Access access() const override { return Access::random; }
 
     void read(AnyView) override {
-        throw Error(ErrorKind::usage, text(path_, ": a hierarchical volume has no voxels on one grid"),
+        throw Error(ErrorKind::usage, text(bytes_->name(), ": a hierarchical volume has no voxels on one grid"),
                     "make it a grid first: vkt resample --cells 50M");
     }
 
@@ -90,10 +88,10 @@ public:
     void finish() override {} // bricks come whole or not at all
 
 private:
-    std::unique_ptr<ByteSource> bytes_;
+    std::shared_ptr<ByteSource const> bytes_;
     Open open_;
+    std::size_t memory_;
     AmrReadOptions wanted_;
-    std::string path_;
     Header header_;
     std::shared_ptr<AmrFile> file_;
     std::optional<BrickSequence> bricks_;
@@ -107,16 +105,18 @@ void require_seekable(ByteSource const& bytes, char const* what) {
 
 std::unique_ptr<Source> flash_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     require_seekable(*bytes, "HDF5 files");
-    return std::make_unique<TreeSource>(std::move(bytes), options, open_flash);
+    return std::make_unique<TreeSource>(std::move(bytes), options, static_cast<TreeSource::Open>(open_flash));
 }
 
 std::unique_ptr<Source> vdb_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     require_seekable(*bytes, "OpenVDB files");
-    return std::make_unique<TreeSource>(std::move(bytes), options, open_vdb);
+    return std::make_unique<TreeSource>(std::move(bytes), options, static_cast<TreeSource::Open>(open_vdb));
 }
 
 std::unique_ptr<Source> amrex_source(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    return std::make_unique<TreeSource>(std::move(bytes), options, open_amrex);
+    return std::make_unique<TreeSource>(
+        std::move(bytes), options,
+        [](std::shared_ptr<ByteSource const> folder, std::size_t) { return open_amrex(folder->name()); });
 }
 
 bool begins_with(std::span<std::byte const> head, std::string_view magic) {

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <link.h>
 #include <string_view>
+#include <sys/resource.h>
 #include <vector>
 
 #ifdef VKT_STATIC_MODULES
@@ -23,7 +24,6 @@ extern "C" vkt::ModuleExport const vkt_module_openvdb;
 namespace vkt {
 namespace {
 
-#ifndef VKT_STATIC_MODULES
 /// The folder of the program or shared library that this code is part of.
 std::filesystem::path own_folder() {
     Dl_info info{};
@@ -50,11 +50,13 @@ std::vector<std::filesystem::path> folders() {
     return list;
 }
 
-ModuleExport const* load(std::string const& name, std::string& reason) {
+#ifndef VKT_STATIC_MODULES
+ModuleExport const* load(std::string const& name, std::string& reason, bool& found) {
     for (auto const& folder : folders()) {
         std::filesystem::path const file = folder / text("vkt_", name, ".so");
         std::error_code ignored;
         if (!std::filesystem::exists(file, ignored)) continue;
+        found = true;
         // Never closed: objects with code in the module may live until the process ends.
         void* const module = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
         void const* const symbol = module != nullptr ? ::dlsym(module, text("vkt_module_", name).c_str()) : nullptr;
@@ -79,31 +81,58 @@ bool built([[maybe_unused]] std::string_view name) {
     return false;
 }
 
+Error missing(std::string const& what, std::string const& reason) {
+    return Error(ErrorKind::failure, text(what, ": ", reason), "install vkt again, with its folder lib/vkt");
+}
+
+void require_built(std::string const& name, std::string const& what) {
+    if (!built(name))
+        throw Error(ErrorKind::failure, text(what, ": this build is without it"),
+                    text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name));
+}
+
+ModuleExport const& module_named(std::string const& name, std::string const& what) {
+    require_built(name, what);
+    ModuleExport const* module = nullptr;
+    std::string reason;
+    bool found = false; // it is there, but may not fit
+#ifndef VKT_STATIC_MODULES
+    module = load(name, reason, found);
+#else
+#ifdef VKT_HAVE_HDF5
+    if (name == "hdf5") module = &vkt_module_hdf5;
+#endif
+#ifdef VKT_HAVE_OPENVDB
+    if (name == "openvdb") module = &vkt_module_openvdb;
+#endif
+#endif
+    rlimit space{};
+    bool const limited = ::getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
+    if (module == nullptr && found && limited)
+        throw Error(ErrorKind::resources, text(what, ": ", reason),
+                    "the limits of this shell or job are tight (ulimit -a)");
+    if (module == nullptr) throw missing(what, reason);
+    if (std::string_view(module->version) != VKT_VERSION)
+        throw missing(what, text("its module is of version ", module->version, ", this is ", VKT_VERSION));
+    return *module;
+}
+
 } // namespace
 
 void const* module_functions(std::string const& name, std::string const& what) {
-    ModuleExport const* module = nullptr;
-    std::string reason = "this build is without it";
-    std::string hint = text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name);
-    if (built(name)) {
-        hint = "install vkt again, with its folder lib/vkt";
-#ifndef VKT_STATIC_MODULES
-        module = load(name, reason);
-#else
-#ifdef VKT_HAVE_HDF5
-        if (name == "hdf5") module = &vkt_module_hdf5;
-#endif
-#ifdef VKT_HAVE_OPENVDB
-        if (name == "openvdb") module = &vkt_module_openvdb;
-#endif
-#endif
-        if (module != nullptr && std::string_view(module->version) != VKT_VERSION) {
-            reason = text("its module is of version ", module->version, ", this is ", VKT_VERSION);
-            module = nullptr;
-        }
+    return module_named(name, what).functions;
+}
+
+ParserOpen module_parser(std::string const& name, std::string const& what) { return module_named(name, what).parse; }
+
+std::string parser_program(std::string const& name, std::string const& what) {
+    require_built(name, what);
+    for (auto const& folder : folders()) {
+        std::filesystem::path const file = folder / "vkt_parser";
+        std::error_code ignored;
+        if (std::filesystem::exists(file, ignored)) return file;
     }
-    if (module == nullptr) throw Error(ErrorKind::failure, text(what, ": ", reason), hint);
-    return module->functions;
+    throw missing(what, text("no vkt_parser in ", folders().front().lexically_normal().string()));
 }
 
 } // namespace vkt

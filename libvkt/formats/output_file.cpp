@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <filesystem>
 #include <utility>
 
 #include <fcntl.h>
@@ -41,6 +42,35 @@ bool link_without_overwriting(std::string const& from, std::string const& to, bo
     return false;
 }
 
+/// What a chain of symbolic links leads to, which need not exist. Links that somebody else put where all may write are
+/// refused, as Linux itself refuses to follow them (protected_symlinks).
+std::string followed(std::string const& path) {
+    std::string name = path;
+    for (int links = 0; links < 40; ++links) {
+        struct stat link {
+        }, folder{};
+        if (::lstat(name.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) {
+            struct stat seen {};
+            // Names below /proc lead to files that may have lost their own.
+            if (links > 0 && ::stat(path.c_str(), &seen) == 0 &&
+                (seen.st_dev != link.st_dev || seen.st_ino != link.st_ino))
+                throw Error(ErrorKind::io, text("cannot write '", path, "': the file it leads to has no name"));
+            return name;
+        }
+        bool const shared = ::stat(directory_of(name).c_str(), &folder) == 0 && (folder.st_mode & S_ISVTX) != 0 &&
+                            (folder.st_mode & S_IWOTH) != 0;
+        if (shared && link.st_uid != ::geteuid() && link.st_uid != folder.st_uid)
+            throw Error(ErrorKind::io, text("cannot write '", path,
+                                            "': it is a link that another user made in a folder "
+                                            "where all may write"));
+        std::error_code failure;
+        std::string const to = std::filesystem::read_symlink(name, failure).string();
+        if (failure) throw system_error(text("cannot write '", path, "'"), failure.value());
+        name = to.starts_with('/') ? to : text(directory_of(name), "/", to);
+    }
+    throw system_error(text("cannot write '", path, "'"), ELOOP);
+}
+
 /// Whether the name is that of something to be written in place. Throws for names that are no file's or taken.
 bool check_name(std::string const& path, bool force) {
     if (path.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");
@@ -62,10 +92,11 @@ Error unwritable(std::string const& path, int code) {
 
 void check_output(std::string const& path, bool force) {
     if (path == "-" || check_name(path, force)) return;
-    if (::faccessat(AT_FDCWD, directory_of(path).c_str(), W_OK | X_OK, AT_EACCESS) != 0) throw unwritable(path, errno);
+    if (::faccessat(AT_FDCWD, directory_of(followed(path)).c_str(), W_OK | X_OK, AT_EACCESS) != 0)
+        throw unwritable(path, errno);
 }
 
-OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), force_(force) {
+OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), target_(path_), force_(force) {
     if (path_ == "-") {
         in_place_ = true;
         descriptor_ = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
@@ -74,6 +105,7 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
     }
     in_place_ = check_name(path_, force_);
     if (!in_place_) {
+        target_ = followed(path_);
         open_temporary();
         return;
     }
@@ -82,17 +114,20 @@ OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), f
 }
 
 void OutputFile::open_temporary() {
-    std::string const directory = directory_of(path_);
+    std::string const directory = directory_of(target_);
+    // Nobody reads the new voxels who may not read the old ones, not even before the file has its name.
+    struct stat old {};
+    mode_t const mode = ::stat(target_.c_str(), &old) == 0 ? old.st_mode & 0666 : 0666;
     if (::access("/proc/self/fd", X_OK) == 0)
-        descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+        descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
     bool const unnamed = descriptor_ >= 0;
     // Of unnamed files only those that displace another are ever named besides.
-    if (force_ || !unnamed) remove_leftovers(path_);
+    if (force_ || !unnamed) remove_leftovers(target_);
     if (unnamed) return mark_alive(descriptor_);
     // EISDIR and EOPNOTSUPP say that there are no unnamed files; whatever else is wrong will be wrong here as well.
-    temporary_ = temporary_name(path_);
+    temporary_ = temporary_name(target_);
     guard_ = std::make_unique<Guard>(temporary_);
-    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0666);
+    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, mode);
     if (descriptor_ < 0) throw unwritable(path_, errno);
     mark_alive(descriptor_);
     slot_ = remember_temporary(temporary_);
@@ -157,28 +192,43 @@ void OutputFile::commit() {
 }
 
 void OutputFile::keep_existing(std::string const& from, bool unnamed) {
-    if (link_without_overwriting(from, path_, unnamed)) return;
-    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0) return;
+    if (link_without_overwriting(from, target_, unnamed)) return;
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, target_.c_str(), RENAME_NOREPLACE) == 0) return;
     if (errno == EEXIST) throw exists_already(path_);
     if (errno != EINVAL && errno != ENOSYS) throw system_error(text("cannot write '", path_, "'"));
     // A file system with neither links nor exclusive renaming: look before renaming is the best there is.
-    if (::access(path_.c_str(), F_OK) == 0) throw exists_already(path_);
-    if (::rename(from.c_str(), path_.c_str()) != 0) throw system_error(text("cannot write '", path_, "'"));
+    if (::access(target_.c_str(), F_OK) == 0) throw exists_already(path_);
+    if (::rename(from.c_str(), target_.c_str()) != 0) throw system_error(text("cannot write '", path_, "'"));
+}
+
+/// Who may read and write the old file may do so with the new one, and nobody else.
+void OutputFile::keep_mode() {
+    struct stat old {
+    }, now{};
+    if (::stat(target_.c_str(), &old) != 0 || ::fstat(descriptor_, &now) != 0) return;
+    mode_t mode = old.st_mode & 0777;
+    bool const other_group = old.st_gid != now.st_gid;
+    if ((old.st_uid != now.st_uid || other_group) && ::fchown(descriptor_, old.st_uid, old.st_gid) != 0 &&
+        other_group && ::fchown(descriptor_, static_cast<uid_t>(-1), old.st_gid) != 0)
+        mode = (mode & 0707) | (mode & mode << 3 & 070); // another group gets no more than everybody
+    if ((now.st_mode & 0777) != mode && ::fchmod(descriptor_, mode) != 0 && (now.st_mode & 0777 & ~mode) != 0)
+        throw system_error(text("cannot write '", path_, "': it cannot be given the mode of the file it replaces"));
 }
 
 /// In one step: an unnamed file takes a free name at once, and is named aside first where it has to displace another.
 void OutputFile::replace(std::string const& from, bool unnamed) {
+    keep_mode();
     std::string aside = temporary_;
     if (unnamed) {
-        if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, path_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
+        if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, target_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
         if (errno != EEXIST) throw system_error(text("cannot write '", path_, "'"));
-        aside = temporary_name(path_);
+        aside = temporary_name(target_);
         slot_ = remember_temporary(aside);
         guard_ = std::make_unique<Guard>(aside);
         if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, aside.c_str(), AT_SYMLINK_FOLLOW) != 0)
             throw system_error(text("cannot write '", path_, "'"));
     }
-    if (::rename(aside.c_str(), path_.c_str()) == 0) return;
+    if (::rename(aside.c_str(), target_.c_str()) == 0) return;
     int const reason = errno;
     ::unlink(aside.c_str());
     throw system_error(text("cannot write '", path_, "'"), reason);

@@ -19,4 +19,9 @@ inline Error system_error(std::string const& what, int code = errno, std::string
     return Error(limit ? ErrorKind::resources : ErrorKind::io, what + ": " + reason, std::move(hint));
 }
 
+/// Whether the system had no room for what the standard library wanted, most often a thread.
+inline bool is_shortage(std::system_error const& error) {
+    return error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
+}
+
 } // namespace vkt

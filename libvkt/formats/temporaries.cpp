@@ -7,6 +7,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -14,6 +15,7 @@
 #include <filesystem>
 #include <memory>
 #include <random>
+#include <string_view>
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -34,6 +36,25 @@ std::array<std::atomic<char*>, slots> temporaries{};
 /// What all temporary names for `path` begin with. A name may not be longer than file systems take.
 std::string prefix_of(std::string const& path) {
     return text(".", std::filesystem::path(path).filename().string().substr(0, 200), ".vkt-");
+}
+
+/// Four bytes that follow from the rest of a temporary name, and that nobody else's name ends in but by a chance of
+/// 2^-32: FNV-1a.
+std::string check_of(std::string_view name) {
+    std::uint32_t hash = 2166136261U;
+    for (char const c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 16777619U;
+    std::array<char, 9> digits{};
+    std::snprintf(digits.data(), digits.size(), "%08x", hash);
+    return digits.data();
+}
+
+/// Whether a name that begins with prefix_of(…) was made by temporary_name: PID-XXXXXXXX and the check.
+bool is_temporary_name(std::string_view name, std::size_t prefix) {
+    constexpr std::size_t random = 8, check = 8;
+    if (name.size() < prefix + 1 + 1 + random + check) return false;
+    std::string_view const rest = name.substr(0, name.size() - check);
+    return rest.find_first_not_of("0123456789", prefix) == rest.size() - random - 1 &&
+           rest[rest.size() - random - 1] == '-' && name.substr(rest.size()) == check_of(rest);
 }
 
 /// True if the file is one of ours whose owner is gone.
@@ -74,9 +95,10 @@ std::string directory_of(std::string const& path) {
 
 std::string temporary_name(std::string const& path) {
     std::random_device random;
-    std::array<char, 17> nonce{};
-    std::snprintf(nonce.data(), nonce.size(), "%08x%08x", random(), random());
-    return text(directory_of(path), "/", prefix_of(path), static_cast<std::int64_t>(::getpid()), "-", nonce.data());
+    std::array<char, 9> nonce{};
+    std::snprintf(nonce.data(), nonce.size(), "%08x", random());
+    std::string const name = text(prefix_of(path), static_cast<std::int64_t>(::getpid()), "-", nonce.data());
+    return text(directory_of(path), "/", name, check_of(name));
 }
 
 int remember_temporary(std::string const& path) {
@@ -131,6 +153,8 @@ void remove_leftovers(std::string const& path) {
     if (!folder) return;
     while (dirent const* const entry = ::readdir(folder.get())) {
         if (std::strncmp(entry->d_name, prefix.c_str(), prefix.size()) != 0) continue;
+        // Whatever else begins so is somebody's own.
+        if (!is_temporary_name(entry->d_name, prefix.size())) continue;
         int const descriptor =
             ::openat(::dirfd(folder.get()), entry->d_name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
         if (descriptor < 0) continue;

@@ -39,7 +39,8 @@ private:
     int process_ = -1;
 };
 
-/// Removes what killed processes left beside `path` under names from temporary_name(path).
+/// Removes what killed processes left beside `path`: files of this user whose name temporary_name(path) made, as the
+/// check in it proves, and that no living process has marked.
 void remove_leftovers(std::string const& path);
 
 } // namespace vkt

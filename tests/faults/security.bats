@@ -91,14 +91,26 @@ PY
     [ ! -s left ]
 }
 
-@test "a link planted under the output's name is replaced, not followed" {
+@test "a link that somebody else planted where all may write is not followed" {
+    [ "$(id -u)" -eq 0 ] || skip "only root can act as another user"
+    mkdir shared
+    chmod 1777 shared
     echo precious >victim
-    ln -s victim out.nrrd
-    run vkt flip x in.nrrd -o out.nrrd
-    [ "$status" -ne 0 ]
+    ln -s ../victim shared/out.nrrd
+    chown -h 65534 shared/out.nrrd
+    for force in '' --force; do
+        # shellcheck disable=SC2086
+        run vkt flip x in.nrrd -o shared/out.nrrd $force
+        [ "$status" -eq 4 ]
+        [ "$(cat victim)" = precious ]
+    done
+    # One's own link is meant: it stays, and what it leads to is replaced, if that was allowed.
+    chown -h 0 shared/out.nrrd
+    run vkt flip x in.nrrd -o shared/out.nrrd
+    [ "$status" -eq 4 ]
     [ "$(cat victim)" = precious ]
-    vkt flip x in.nrrd -o out.nrrd --force
-    [ "$(cat victim)" = precious ]
-    [ ! -L out.nrrd ]
-    vkt flip x out.nrrd | vkt diff - in.nrrd
+    vkt flip x in.nrrd -o shared/out.nrrd --force
+    [ -L shared/out.nrrd ]
+    mv victim victim.nrrd
+    vkt flip x victim.nrrd | vkt diff - in.nrrd
 }

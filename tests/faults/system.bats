@@ -113,7 +113,7 @@ soon_no_leftovers() {
     [ -e "$library" ] || skip "vkt_named_files is not built"
     mkfifo pipe
     # In a session of its own, so that the whole group can be killed: also then nothing stays.
-    LD_PRELOAD="$library" setsid vkt write out.nrrd pipe 3>&- &
+    LD_PRELOAD="$library" setsid vkt write pipe out.nrrd 3>&- &
     local writer=$!
     exec 9>pipe
     vkt read in.nrrd | head -c 20000 >&9
