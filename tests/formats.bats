@@ -311,6 +311,16 @@ END
     vkt info mars.nrrd --json | grep -q '"labels":"none","space":"mars"'
 }
 
+@test "a measurement frame is turned with the frame of the world" {
+    vkt read a.raw --dims 5 6 7 --dtype int16 | vkt set --attribute space=right-anterior-superior \
+        --attribute 'measurement frame=(0,1,0) (-0.6,0,0.8) (0.8,0,0.6)' -o ras.nrrd
+    grep -aqx 'measurement frame: (0,1,0) (-0.6,0,0.8) (0.8,0,0.6)' ras.nrrd
+    vkt read ras.nrrd | vkt write lps.mha
+    vkt read lps.mha | vkt write lps.nrrd
+    grep -aqx 'space: left-posterior-superior' lps.nrrd
+    grep -aqx 'measurement frame: (0,-1,0) (0.6,0,0.8) (-0.8,0,0.6)' lps.nrrd
+}
+
 @test "attributes that a format has no place for come back" {
     /usr/bin/python3 - >odd.nrrd <<'END'
 import sys

@@ -14,6 +14,7 @@
 #include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace vkt {
 
@@ -36,18 +37,41 @@ std::unique_ptr<Source> open_metaimage(std::unique_ptr<ByteSource> bytes, ReadOp
     return raw_source(std::move(bytes), std::move(layout));
 }
 
-/// MetaImage files lie in left-posterior-superior coordinates: other anatomical frames are turned into that one.
+/// Where the axes of the header's world point in left-posterior-superior coordinates, in which MetaImage files lie:
+/// other anatomical frames are turned into that one.
+Vec3 signs_in_lps(Header const& header) {
+    auto const space = header.attributes.find("space");
+    Vec3 signs{1, 1, 1};
+    if (space == header.attributes.end()) return signs;
+    if (space->second == "right-anterior-superior") signs.x = -1;
+    if (space->second == "right-anterior-superior" || space->second == "left-anterior-superior") signs.y = -1;
+    return signs;
+}
+
+Vec3 turned(Vec3 v, Vec3 signs) { return {v.x * signs.x + 0.0, v.y * signs.y + 0.0, v.z * signs.z + 0.0}; }
+
 Geometry in_lps(Header const& header) {
     Geometry g = header.geometry;
-    auto const space = header.attributes.find("space");
-    if (space == header.attributes.end()) return g;
-    auto const flip = [&](int world) {
-        g.origin[world] = 0.0 - g.origin[world];
-        for (auto& direction : g.direction) direction[world] = 0.0 - direction[world];
-    };
-    if (space->second == "right-anterior-superior") flip(0);
-    if (space->second == "right-anterior-superior" || space->second == "left-anterior-superior") flip(1);
+    Vec3 const signs = signs_in_lps(header);
+    g.origin = turned(g.origin, signs);
+    for (auto& direction : g.direction) direction = turned(direction, signs);
     return g;
+}
+
+/// A measurement frame, which lies in the same world: "(a,b,c) (d,e,f) (g,h,i)". Empty if it is none.
+std::string turned_frame(std::string frame, Vec3 signs) {
+    for (char& c : frame)
+        if (c == '(' || c == ')' || c == ',') c = ' ';
+    std::vector<double> numbers;
+    for (auto const& word : words_of(frame))
+        if (auto const number = number_in(word)) numbers.push_back(*number);
+    if (numbers.size() != 9) return {};
+    std::string result;
+    for (std::size_t i = 0; i < 9; i += 3) {
+        Vec3 const v = turned({numbers[i], numbers[i + 1], numbers[i + 2]}, signs);
+        result += text(i > 0 ? " " : "", "(", v.x, ",", v.y, ",", v.z, ")");
+    }
+    return result;
 }
 
 bool is_anatomical(Header const& header) {
@@ -117,6 +141,11 @@ std::string attribute_fields(Header const& header, bool in_series, std::string c
                           (key == "space units" && !unit.empty()) ||
                           (in_series && (key == "sequence step" || key == "sequence position"));
         if (said) continue;
+        if (key == "measurement frame") {
+            std::string const frame = turned_frame(value, signs_in_lps(header));
+            if (!frame.empty()) others.emplace(key, frame);
+            continue;
+        }
         bool const plain = !value.empty() && trimmed(value) == value && one_line(value) == value;
         if (key == "space" && plain)
             result += text("VktSpace = ", value, "\n");
