@@ -16,6 +16,8 @@ public:
         request_.declare(p);
     }
 
+    bool reads() const override { return true; }
+
     void check() const override {
         if (!path_.empty() && !input_.empty())
             throw Error(ErrorKind::usage, text("two inputs: '", path_, "' and '", input_, "'"),
@@ -28,9 +30,7 @@ public:
         if (path == "-" && input_is_terminal())
             throw Error(ErrorKind::usage, "no input: standard input is a terminal",
                         "name a file; see 'vkt read --help'");
-        // What nobody described may be a stream as well as a file.
-        ReadOptions const told = request_.options();
-        return request_.region_of(context.open(path, request_.told() ? &told : nullptr),
+        return request_.region_of(context.open(path, request_.options()),
                                   [detail = context.detail()](Box const& region) { detail(text("region ", region)); });
     }
 

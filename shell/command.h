@@ -52,8 +52,8 @@ public:
     virtual void lossy(std::string const& message) = 0;
     /// One line on standard error with --verbose. May be called for as long as the stage runs.
     virtual std::function<void(std::string const& message)> detail() = 0;
-    /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`, if anything is.
-    virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const* told = nullptr) = 0;
+    /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`.
+    virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told = {}) = 0;
 };
 
 /// Reads volumes and reports on them or turns them into something that is no volume.
@@ -87,6 +87,8 @@ public:
     virtual ~Opener() = default;
     virtual void parameters(Parameters&) {}
     virtual void check() const {}
+    /// True if it opens what others made. Adds the options about inputs.
+    virtual bool reads() const { return false; }
     virtual std::unique_ptr<Source> open(Context& context) = 0;
 };
 

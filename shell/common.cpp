@@ -3,6 +3,7 @@
 #include "shell/common.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/formats/request.h"
 
 #include <cstdlib>
 
@@ -31,6 +32,7 @@ void Common::declare(Parameters& p, CommonKind kind) {
         p.option("transport", transport, "T", "how voxels travel to the next stage: pipe or shm (VKT_TRANSPORT)")
             .not_in_history();
     }
+    if (kind.input) ReadRequest::declare_trust(p, trust_paths);
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
     ExecutionOptions::declare(p);
     p.flag("dry-run", dry_run, "print the plan, move no voxels").short_form('n').not_in_history();

@@ -23,11 +23,13 @@ struct CommonKind {
     bool volume_output = false; ///< writes volumes: -o, --force, --format, --no-checksum
     bool file_output = false;   ///< writes its own file: -o, --force
     bool report = false;        ///< --json
+    bool input = false;         ///< reads volumes: --trust-paths
 };
 
 struct Common : ExecutionOptions {
     std::optional<ipc::Transport> transport;
     bool dry_run = false, explain = false, timing = false, strict = false, quiet = false, verbose = false, json = false;
+    bool trust_paths = false;
     bool force = false, no_checksum = false, no_history = false, compress = false;
     std::string output = "-";
     std::string format;

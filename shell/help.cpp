@@ -171,7 +171,7 @@ std::string command_help(Invocation& invocation) {
 std::string common_help() {
     Common common;
     Parameters parameters;
-    common.declare(parameters, {true, false, true});
+    common.declare(parameters, {true, false, true, true});
     return option_lines(parameters);
 }
 

@@ -51,6 +51,7 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         inputs = operation_->inputs();
         inputs_are_parameters_ = !operation_->input_names().empty();
         kind.volume_output = true;
+        kind.input = inputs > 0 || operation_->like() != nullptr;
     } else if (c.consumer) {
         consumer_ = c.consumer();
         consumer_->parameters(own_);
@@ -58,10 +59,12 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         inputs_are_parameters_ = !consumer_->input_names().empty();
         kind.file_output = consumer_->writes() && own_.find("output") == nullptr;
         kind.report = consumer_->reports();
+        kind.input = true;
     } else if (c.opener) {
         opener_ = c.opener();
         opener_->parameters(own_);
         kind.volume_output = true;
+        kind.input = opener_->reads();
     }
     common_.declare(shared_, kind);
     // A command that gives an option its own meaning (read --format) takes it from the common ones.

@@ -134,7 +134,7 @@ public:
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
     std::function<void(std::string const&)> detail() override;
-    std::unique_ptr<Source> open(std::string const& path, ReadOptions const* told) override;
+    std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told) override;
 
 private:
     Runner& runner_;
@@ -149,8 +149,8 @@ public:
     int run();
 
     StageInfo stage_info(Invocation const& stage);
-    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions const* told = nullptr);
-    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const* told);
+    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions told = {});
+    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& told);
     Log const& log() const { return log_; }
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
@@ -197,7 +197,7 @@ std::function<void(std::string const&)> StageContext::detail() {
     return
         [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };
 }
-std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const* told) {
+std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& told) {
     return runner_.open(invocation_, path, told);
 }
 
@@ -251,22 +251,23 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
                stderr);
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions const* told) {
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions told) {
+    told.trust_paths = told.trust_paths || stage.common().trust_paths;
     auto const paths = matching_files(path);
     if (paths.size() == 1) return open(stage, open_bytes(paths.front()), told);
-    ReadOptions const options = told != nullptr ? *told : ReadOptions{};
-    return series_source(paths, [this, &stage, options, is_told = told != nullptr](std::string const& one) {
-        return open(stage, open_bytes(one), is_told ? &options : nullptr);
-    });
+    return series_source(paths,
+                         [this, &stage, told](std::string const& one) { return open(stage, open_bytes(one), told); });
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
-                                     ReadOptions const* told) {
+                                     ReadOptions const& told) {
     std::unique_ptr<Source> source;
     std::string const name = bytes->name();
     std::string format = "vkt";
     bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
-    if (told == nullptr && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+    // What nobody described may be a stream as well as a file.
+    bool const described = told.describes();
+    if (!described && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
@@ -276,10 +277,10 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();
         source = std::move(stream);
     } else {
-        if (told == nullptr && !directory && bytes->peek(1).empty() && !bytes->seekable())
+        if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         "an upstream command failed before it wrote anything");
-        ReadOptions options = told != nullptr ? *told : ReadOptions{};
+        ReadOptions options = told;
         options.memory = execution_of(stage).memory;
         if (log_.verbosity() == Verbosity::verbose) format = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);

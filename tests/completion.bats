@@ -32,6 +32,10 @@ completes() {
     [[ "$output" == *--roi* ]]
     run completes crop --th
     [ "$output" = --threads ]
+    for verb in info read "flip x" diff; do
+        # shellcheck disable=SC2086
+        [ "$(completes $verb --tru)" = --trust-paths ]
+    done
 }
 
 @test "options of a sub-verb are completed" {

@@ -178,6 +178,248 @@ for name in ("f.mha", "g.mhd", "f2.nrrd", "f2.nhdr"):
 END
 }
 
+@test "what unu makes of a volume with a space and spacings is a volume" {
+    have_unu
+    # teem writes "space directions: none none none" beside the spacings.
+    "$unu" make -i a.raw -t short -s 5 6 7 -e raw -en little -spc lps -sp 0.5 1.5 2 -o s.nrrd
+    "$unu" make -i a.raw -t short -s 5 6 7 -e raw -en little -spc lps -sp 0.5 1.5 2 -k space space space -o k.nrrd
+    grep -aq '^space directions: none none none' s.nrrd
+    for name in s.nrrd k.nrrd; do
+        vkt read $name | voxels | cmp - a.raw
+        geometry $name "[0.5, 1.5, 2]" "[0, 0, 0]" "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+        vkt info $name | grep -q 'space: left-posterior-superior'
+        "$unu" crop -min 1 0 2 -max M M M-1 -i $name | vkt info --json >crop.json
+        "$unu" resample -s 10 = = -i $name | vkt info --json >resample.json
+        for axis in 0 1 2; do
+            "$unu" slice -a $axis -p 2 -i $name | "$unu" axinsert -a $axis | vkt info --json >slice$axis.json
+        done
+        python3 - <<'END'
+import json
+def load(name):
+    info = json.load(open(name + ".json"))
+    return info["dims"], info["spacing"]
+assert load("crop") == ([4, 6, 4], [0.5, 1.5, 2]), load("crop")
+assert load("resample") == ([10, 6, 7], [0.25, 1.5, 2]), load("resample")
+assert load("slice0") == ([1, 6, 7], [1, 1.5, 2]), load("slice0")
+assert load("slice1") == ([5, 1, 7], [0.5, 1, 2]), load("slice1")
+assert load("slice2") == ([5, 6, 1], [0.5, 1.5, 1]), load("slice2")
+END
+        "$unu" slice -a 1 -p 2 -i $name | "$unu" data - >expected
+        "$unu" slice -a 1 -p 2 -i $name | "$unu" axinsert -a 1 | vkt read - | voxels | cmp - expected
+    done
+    # With vectors the slice lies where it was cut out, and its third axis is perpendicular.
+    "$unu" slice -a 2 -p 2 -i a.nrrd | "$unu" axinsert -a 2 -o z.nrrd
+    geometry z.nrrd "[0.5, 1.5, 1]" "[1, -2, 7.25]" "[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]"
+    "$unu" slice -a 1 -p 2 -i a.nrrd | "$unu" axinsert -a 1 -o y.nrrd
+    geometry y.nrrd "[0.5, 1, 2]" "[-2, -2, 3.25]" "[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]"
+    # An axis may have a spacing, but no direction of its own.
+    "$unu" axinfo -a 2 -sp 4 -i z.nrrd -o thick.nrrd
+    geometry thick.nrrd "[0.5, 1.5, 4]" "[1, -2, 7.25]" "[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]"
+}
+
+@test "colours along the last axis are refused, not taken for z or for time" {
+    have_unu
+    head -c 54 /dev/zero >rgb.raw
+    "$unu" make -i rgb.raw -t uchar -s 6 3 3 -e raw -k domain domain RGB-color -o rgb.nrrd
+    fails_with 3 "axis 2 holds 3 values for each voxel (rgb-color)" vkt info rgb.nrrd
+    [[ "$stderr" == *"unu slice -a 2"* ]]
+    "$unu" make -i rgb.raw -t uchar -s 3 3 2 3 -e raw -k domain domain domain 3-color -o series.nrrd
+    fails_with 3 "axis 3 holds 3 values for each voxel" vkt info series.nrrd
+    "$unu" slice -a 2 -p 0 -i rgb.nrrd | vkt info --json | grep -q '"dims": \[6,3,1\]'
+}
+
+@test "voxels that come last in a compressed file: NRRD around NIfTI" {
+    python_with nibabel
+    /usr/bin/python3 - <<'END'
+import bz2, gzip, nibabel, numpy
+voxels = numpy.fromfile("a.raw", "<i2").reshape(7, 6, 5).T
+nibabel.save(nibabel.Nifti1Image(voxels, numpy.diag([0.5, 1.5, 2, 1])), "a.nii.gz")
+whole = gzip.open("a.nii.gz").read()
+open("two.gz", "wb").write(gzip.compress(whole[:500]) + gzip.compress(whole[500:]))  # as bgzip writes
+open("a.nii.bz2", "wb").write(bz2.compress(whole))
+for name, encoding in (("a.nii.gz", "gzip"), ("two.gz", "gzip"), ("a.nii.bz2", "bzip2")):
+    open(name + ".nhdr", "w").write("NRRD0004\ntype: short\ndimension: 3\nsizes: 5 6 7\nspacings: 0.5 1.5 2\n"
+        f"encoding: {encoding}\nendian: little\nbyte skip: -1\ndata file: {name}\n")
+open("attached.nrrd", "wb").write(b"NRRD0004\ntype: short\ndimension: 3\nsizes: 5 6 7\nencoding: gzip\nendian: little\n"
+    b"byte skip: -1\n\n" + open("a.nii.gz", "rb").read())
+open("short.nii.gz", "wb").write(gzip.compress(whole[-300:]))
+END
+    vkt read a.raw --dims 5 6 7 --dtype int16 --roi 1:3,2:5,2:6 | voxels >expected
+    for name in a.nii.gz.nhdr two.gz.nhdr a.nii.bz2.nhdr attached.nrrd; do
+        vkt read $name | voxels | cmp - a.raw || { echo "$name" >&2; false; }
+        vkt read $name --roi 1:3,2:5,2:6 | voxels | cmp - expected
+    done
+    sed 's/a.nii.gz/short.nii.gz/' a.nii.gz.nhdr >short.nhdr
+    fails_with 3 "420 bytes expected, 300 found" bash -c 'vkt read short.nhdr >/dev/null'
+    fails_with 3 "needs a file" vkt read - < <(cat attached.nrrd)
+}
+
+@test "matrix rows of MetaImage that are not unit vectors scale the spacing, as in ITK" {
+    python_with SimpleITK
+    /usr/bin/python3 - <<'END'
+def write(name, fields):
+    open(name, "wb").write(("ObjectType = Image\nNDims = 3\nDimSize = 5 6 7\nElementType = MET_SHORT\n" + fields +
+        "ElementDataFile = LOCAL\n").encode() + open("a.raw", "rb").read())
+write("rows.mha", "ElementSpacing = 1 2 3\nTransformMatrix = 0 2 0 -3 0 0 0 0 0.5\nOffset = 10 20 30\n")
+write("negative.mha", "ElementSpacing = 1 -2 3\nOffset = 10 20 30\n")
+write("oblique.mha", "ElementSpacing = 0.5 2 3\nTransformMatrix = 1.2 1.6 0 -4 3 0 0.3 0 0.4\nOffset = 10 20 30\n")
+END
+    for name in rows negative oblique; do
+        vkt info $name.mha --json >$name.json
+        vkt read $name.mha | vkt write back_$name.mha
+    done
+    /usr/bin/python3 - <<'END'
+import itertools, json, numpy, SimpleITK
+for name in ("rows", "negative", "oblique"):
+    info = json.load(open(name + ".json"))
+    for image in (SimpleITK.ReadImage(name + ".mha"), SimpleITK.ReadImage("back_" + name + ".mha")):
+        for index in itertools.product((0, 3), repeat=3):
+            ours = numpy.array(info["origin"]) + sum(i * s * numpy.array(d) for i, s, d in
+                                                    zip(index, info["spacing"], info["direction"]))
+            assert numpy.allclose(ours, image.TransformIndexToPhysicalPoint(index), atol=1e-12), (name, index)
+END
+}
+
+@test "units, thicknesses and labels survive" {
+    have_unu
+    "$unu" make -i a.raw -t short -s 5 6 7 -e raw -en little -sp 0.5 1.5 2 -th 0.25 1 2 -o plain.nrrd
+    "$unu" axinfo -a 2 -l depth -i plain.nrrd | "$unu" axinfo -a 0 -l 'a "quoted" \ one' -o labels.nrrd
+    # unu reads units of axes, but writes empty ones.
+    LC_ALL=C sed '/^labels/a units: "mm" "mm" "mm"' labels.nrrd >axes.nrrd
+    "$unu" data axes.nrrd | cmp - a.raw
+    vkt read axes.nrrd | vkt write o.nrrd
+    vkt read o.nrrd | vkt write p.nrrd
+    vkt read o.nrrd | vkt write o.mha
+    vkt read o.mha | vkt write q.nrrd
+    for name in o p q; do
+        "$unu" head $name.nrrd >head
+        grep -qFx 'space units: "mm" "mm" "mm"' head
+        grep -qFx "$(grep -a '^labels' axes.nrrd)" head
+        grep -qFx 'thicknesses: 0.25 1 2' head
+        "$unu" data $name.nrrd | cmp - a.raw
+    done
+    grep -aqx 'DistanceUnits = mm' o.mha
+    # Units that MetaImage has no name for are kept as well.
+    LC_ALL=C sed '/^units/s/"mm"$/"s"/' axes.nrrd | vkt write t.mha
+    run ! grep -aq '^DistanceUnits' t.mha
+    vkt read t.mha | vkt write - --format nrrd | grep -aqFx 'space units: "mm" "mm" "s"'
+    # What fits no field of NRRD is a pair of key and value.
+    vkt set a.nrrd --attribute space=mars --attribute labels=none -o mars.nrrd
+    "$unu" head mars.nrrd >head
+    grep -qx 'space:=mars' head
+    grep -qx 'labels:=none' head
+    vkt info mars.nrrd --json | grep -q '"labels":"none","space":"mars"'
+}
+
+@test "a measurement frame is turned with the frame of the world" {
+    vkt read a.raw --dims 5 6 7 --dtype int16 | vkt set --attribute space=right-anterior-superior \
+        --attribute 'measurement frame=(0,1,0) (-0.6,0,0.8) (0.8,0,0.6)' -o ras.nrrd
+    grep -aqx 'measurement frame: (0,1,0) (-0.6,0,0.8) (0.8,0,0.6)' ras.nrrd
+    vkt read ras.nrrd | vkt write lps.mha
+    vkt read lps.mha | vkt write lps.nrrd
+    grep -aqx 'space: left-posterior-superior' lps.nrrd
+    grep -aqx 'measurement frame: (0,-1,0) (0.6,0,0.8) (-0.8,0,0.6)' lps.nrrd
+}
+
+@test "attributes that a format has no place for come back" {
+    /usr/bin/python3 - >odd.nrrd <<'END'
+import sys
+sys.stdout.buffer.write(b"NRRD0004\ntype: short\ndimension: 3\nsizes: 5 6 7\nencoding: raw\nendian: little\n"
+    b"two words:=a value\nlines:=one\\ntwo\nold max: 7\nquotes:=say \"so\" \\\\ or not\nElementType:=none\n"
+    b"Ma\xc3\x9f:=gr\xc3\xb6\xc3\x9fe\n\n" + open("a.raw", "rb").read())
+END
+    vkt read odd.nrrd | vkt write odd.mha
+    vkt read odd.mha | vkt write odd.vkt
+    vkt read odd.vkt | vkt write back.nrrd
+    for name in odd.mha odd.vkt back.nrrd; do
+        vkt info $name --json | python3 -c '
+import json, sys
+a = json.load(sys.stdin)["attributes"]
+expected = {"two words": "a value", "lines": "one\ntwo", "old max": "7", "quotes": "say \"so\" \\ or not",
+            "ElementType": "none", "Ma\u00df": "gr\u00f6\u00dfe"}
+assert a == expected, a'
+    done
+}
+
+@test "Latin-1 text is the same by way of a pipe and without one" {
+    have_unu
+    vkt set a.nrrd --attribute "$(printf 'name=M\374ller')" --units "$(printf '\265g')" -o direct.nrrd
+    vkt set a.nrrd --attribute "$(printf 'name=M\374ller')" --units "$(printf '\265g')" | vkt write piped.nrrd
+    for volume in direct piped; do
+        vkt info $volume.nrrd --json | python3 -c '
+import json, sys
+info = json.load(sys.stdin)
+assert info["attributes"]["name"] == "M\u00fcller" and info["units"] == "\u00b5g", info'
+    done
+    cmp direct.nrrd piped.nrrd
+    printf 'NRRD0004\ntype: short\ndimension: 3\nsizes: 5 6 7\nencoding: raw\nendian: little\ncontent: caf\351\nname:=M\374ller \303\274\n\n' | cat - a.raw >latin.nrrd
+    printf 'NDims = 3\nDimSize = 5 6 7\nElementType = MET_SHORT\nName = M\374ller\nElementDataFile = LOCAL\n' | cat - a.raw >latin.mha
+    for name in latin.nrrd latin.mha; do
+        for format in nrrd metaimage; do
+            vkt write - $name --format $format >direct
+            vkt read $name --no-history | vkt write - --format $format | cmp - direct
+            vkt read $name | vkt info --json | iconv -f utf-8 -t utf-8 | grep -q 'Müller'
+        done
+    done
+    vkt info latin.nrrd | iconv -f utf-8 -t utf-8 | grep -q 'name: Müller ü'
+}
+
+@test "images of four dimensions go from SimpleITK to vkt and back" {
+    python_with SimpleITK
+    /usr/bin/python3 - <<'END'
+import numpy, SimpleITK
+voxels = numpy.fromfile("a.raw", "<i2")[:120].reshape(5, 4, 3, 2)
+for step in (0.5, -2, 1):
+    image = SimpleITK.GetImageFromArray(voxels, isVector=False)
+    image.SetSpacing((1, 2, 3, abs(step)))
+    image.SetOrigin((1, 2, 3, 7.5))
+    image.SetDirection((0.6, -0.8, 0, 0, 0.8, 0.6, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 if step > 0 else -1))
+    for extension in ("nrrd", "mha"):
+        SimpleITK.WriteImage(image, f"in{step}.{extension}")
+END
+    for step in 0.5 -2 1; do
+        for from in nrrd mha; do
+            for to in nrrd nhdr mha mhd; do
+                vkt read "in$step.$from" | vkt write "out$step$from$to.$to"
+                vkt read "in$step.$from" | vkt write "packed$step$from$to.$to" --compress
+            done
+        done
+    done
+    /usr/bin/python3 - <<'END'
+import numpy, SimpleITK
+for step in (0.5, -2, 1):
+    for source in ("nrrd", "mha"):
+        image = SimpleITK.ReadImage(f"in{step}.{source}")
+        for prefix in ("out", "packed"):
+            for target in ("nrrd", "nhdr", "mha", "mhd"):
+                back = SimpleITK.ReadImage(f"{prefix}{step}{source}{target}.{target}")
+                assert (SimpleITK.GetArrayFromImage(back) == SimpleITK.GetArrayFromImage(image)).all()
+                for a, b in ((back.GetOrigin(), image.GetOrigin()), (back.GetSpacing(), image.GetSpacing()),
+                             (back.GetDirection(), image.GetDirection())):
+                    assert numpy.allclose(a, b, atol=1e-12), (step, source, target, prefix, a, b)
+END
+    # Each volume knows where it lies, alone as well, and together they make the series again.
+    vkt info in0.5.nrrd --json | python3 -c '
+import json, sys
+positions = [v["attributes"]["sequence position"] for v in json.load(sys.stdin)]
+assert positions == ["7.5", "8", "8.5", "9", "9.5"], positions'
+    vkt read in0.5.nrrd | vkt write part_%d.nrrd
+    vkt read 'part_*.nrrd' | vkt write again.nrrd
+    vkt info again.nrrd --json | grep -q '"sequence position":"9.5","sequence step":"0.5"'
+    rm part_2.nrrd
+    vkt read 'part_*.nrrd' -o gap.vkt
+    fails_with 2 "one NRRD file cannot say" vkt write gap.nrrd gap.vkt
+    [ ! -e gap.nrrd ]
+    # A series of which nobody said where its volumes lie stays one.
+    vkt read a.raw --dims 5 6 7 --dtype int16 -o s0.nrrd
+    cp s0.nrrd s1.nrrd
+    vkt read 's?.nrrd' | vkt write none.mha
+    vkt info none.mha --json >info.json
+    run ! grep -q sequence info.json
+    vkt read none.mha -o none.nrrd
+    grep -aq '^kinds: domain domain domain list' none.nrrd
+}
+
 @test "regions of every file equal that part of the whole" {
     have_unu
     vkt read a.nrrd -o whole.vkt

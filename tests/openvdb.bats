@@ -128,6 +128,35 @@ a.transpose(2, 1, 0).tofile('first.raw')"
     fails_with 2 'third' vkt read two.vdb --variable third
 }
 
+@test "what others say of a grid or its file is read, and written again with its type" {
+    python_with pyopenvdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+grid = vdb.FloatGrid(background=0)
+grid.fill((0, 0, 0), (7, 7, 7), 3.0)
+grid.name, grid.creator = 'smoke', 'a program'
+for key, value in {'author': 'somebody', 'exposure': 0.1, 'frame': 7, 'looped': True, 'wind': (0.1, 0.2, -3.0)}.items():
+    grid[key] = value
+vdb.write('foreign.vdb', grids=[grid], metadata={'scene': 'kitchen', 'author': 'of the file'})"
+    vkt info foreign.vdb --json | python3 -c '
+import json, sys
+a = json.load(sys.stdin)["attributes"]
+expected = {"author": "somebody", "scene": "kitchen", "frame": "7", "looped": "true", "creator": "a program"}
+assert expected.items() <= a.items() and float(a["exposure"]) == 0.1, a
+assert [float(w) for w in a["wind"].split()] == [0.1, 0.2, -3], a'
+    vkt read foreign.vdb | vkt set --attribute note=new | vkt write back.vdb
+    vkt read foreign.vdb | vkt resample --method nearest | vkt write dense.vdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+before = vdb.readAllGridMetadata('foreign.vdb')[0]
+for name in ('back.vdb', 'dense.vdb'):
+    grid = vdb.readAllGridMetadata(name)[0]
+    for key in ('author', 'exposure', 'frame', 'looped', 'wind', 'creator'):
+        assert grid[key] == before[key] and type(grid[key]) == type(before[key]), (name, key, grid[key])
+    assert grid['scene'] == 'kitchen'
+    assert name != 'back.vdb' or grid['note'] == 'new'"
+}
+
 @test "damaged files are refused" {
     head -c 300 probe.vdb >cut.vdb
     fails_with 3 'cut.vdb' vkt read cut.vdb

@@ -82,6 +82,17 @@ try:
     assert False
 except vkt.Error as e:
     assert "several" in str(e) and e.exit_code == 2
+
+# Headers may name files beside them, and elsewhere if they are trusted.
+import pathlib
+pathlib.Path("set").mkdir()
+pathlib.Path("set/h.nhdr").write_text("NRRD0004\ntype: uchar\ndimension: 1\nsizes: 24\nencoding: raw\ndata file: ../bare\n")
+try:
+    vkt.read("set/h.nhdr")
+    assert False
+except vkt.Error as e:
+    assert "leads out of its directory" in str(e) and e.exit_code == 3
+assert vkt.read("set/h.nhdr", trust_paths=True).array.tobytes() == pathlib.Path("bare").read_bytes()
 EOF
 }
 

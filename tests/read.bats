@@ -40,6 +40,82 @@ sys.stdout.buffer.write(data)' >big
     vkt info a.vkt --json | python3 -c 'import json, sys; assert json.load(sys.stdin)["spacing"] == [0.5, 1, 2]'
 }
 
+@test "the byte order stands in the name as well, also of what is written" {
+    python_with numpy
+    /usr/bin/python3 - <<'END'
+import numpy
+a = numpy.arange(-12, 12, dtype=">i2") * 300
+for name in ("x_4x3x2_int16_be.raw", "x_int16_be_4x3x2.raw", "x_int16be_4x3x2.raw", "x_4x3x2_int16_msb.raw",
+             "x_4x3x2_int16_big-endian.raw", "X_4X3X2_INT16_BigEndian.raw"):
+    a.astype(">i2").tofile(name)
+for name in ("expected", "x_4x3x2_int16_le.raw", "to_be_or_not_4x3x2_int16.raw", "x_4x3x2_int16le.raw",
+             "x_4x3x2_int16_little_endian.raw", "maybe_4x3x2_int16.raw"):
+    a.astype("<i2").tofile(name)
+END
+    for name in *4[xX]3[xX]2*.raw; do
+        vkt read "$name" | vkt write - --format raw | cmp - expected || { echo "$name" >&2; false; }
+        vkt read "$name" | vkt write "out_$name"
+        cmp "$name" "out_$name"
+    done
+    # What is said beats the name.
+    vkt read x_4x3x2_int16_be.raw --endian little | vkt write - --format raw | cmp - x_4x3x2_int16_be.raw
+    vkt read expected --dims 4 3 2 --dtype int16 | vkt write y_4x3x2_int16_be.raw.gz
+    gzip -dc y_4x3x2_int16_be.raw.gz | cmp - x_4x3x2_int16_be.raw
+    # More than is written at once.
+    vkt make noise --dims 100 90 17 --dtype float32 | vkt write n_100x90x17_float32_be.raw
+    vkt make noise --dims 100 90 17 --dtype float32 | vkt write n.raw
+    /usr/bin/python3 -c '
+import numpy
+assert (numpy.fromfile("n_100x90x17_float32_be.raw", ">f4") == numpy.fromfile("n.raw", "<f4")).all()'
+}
+
+@test "detached headers stay in their directory and with regular files, unless paths are trusted" {
+    mkdir set elsewhere
+    printf 'abcdefgh' | tee set/in.raw >elsewhere/secret.raw
+    mkfifo set/fifo
+    ln -s ../elsewhere/secret.raw set/leaves.raw
+    ln -s in.raw set/stays.raw
+    nrrd() { printf 'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: %b\n' "$1" >set/h.nhdr; }
+    metaimage() { printf 'NDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = %b\n' "$1" >set/h.mhd; }
+    for outside in "$PWD/elsewhere/secret.raw" ../elsewhere/secret.raw leaves.raw 'LIST 3\nleaves.raw'; do
+        nrrd "$outside"
+        metaimage "${outside/LIST 3/LIST 3D}"
+        for name in set/h.nhdr set/h.mhd; do
+            for command in info read "flip x" "write - --format raw" stats "diff $name"; do
+                # shellcheck disable=SC2086
+                fails_with 3 "$name" vkt $command $name
+                [[ "$stderr" == *"--trust-paths"* ]] || { echo "$command $outside: $stderr" >&2; false; }
+            done
+            vkt read $name --trust-paths | vkt write - --format raw | cmp - set/in.raw
+            vkt flip x $name --trust-paths | vkt flip x | vkt write - --format raw | cmp - set/in.raw
+            vkt pipe --trust-paths "read $name | write - --format raw" | cmp - set/in.raw
+            vkt make constant --dims 4 4 4 | vkt crop --like $name --trust-paths | vkt info | grep -q 'dims  *2 2 2'
+            (cd set && fails_with 3 trust-paths vkt read - <"../$name")
+        done
+    done
+    # None of these waits for a writer or reads without end.
+    for special in fifo /dev/zero . /etc/passwd; do
+        nrrd "$special"
+        metaimage "$special"
+        fails_with 3 "$special" timeout 20 vkt info set/h.nhdr
+        fails_with 3 "$special" timeout 20 vkt info set/h.mhd
+    done
+    nrrd fifo
+    cat set/in.raw >set/fifo &
+    vkt read set/h.nhdr --trust-paths | vkt write - --format raw | cmp - set/in.raw
+    wait
+    for inside in in.raw stays.raw ./in.raw ../set/in.raw; do
+        nrrd "$inside"
+        vkt read set/h.nhdr | vkt write - --format raw | cmp - set/in.raw
+    done
+    # Of no use where nothing is read, and no part of the history.
+    fails_with 2 trust-paths vkt make constant --trust-paths
+    nrrd ../elsewhere/secret.raw
+    vkt read set/h.nhdr --trust-paths | vkt history >steps
+    grep -q read steps
+    run ! grep -q trust steps
+}
+
 @test "wrong byte counts name both numbers" {
     head -c 209 ramp_7x5x3_int16.raw >short_7x5x3_int16.raw
     fails_with 3 "210 bytes expected, 209 found" vkt info short_7x5x3_int16.raw

@@ -23,6 +23,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <type_traits>
 
 namespace vkt {
 
@@ -112,7 +114,13 @@ public:
         });
         name = variables[choose_variable(variables, wanted, path_)].name;
         openvdb::GridBase::Ptr result;
-        guarded([&] { result = file_.readGrid(name); });
+        guarded([&] {
+            result = file_.readGrid(name);
+            // What is said of the whole file is said of the grid, too.
+            openvdb::MetaMap::Ptr const common = file_.getMetadata();
+            for (auto meta = common->beginMeta(); common && meta != common->endMeta(); ++meta)
+                if (meta->second && !(*result)[meta->first]) result->insertMeta(meta->first, *meta->second);
+        });
         return result;
     }
 
@@ -139,6 +147,38 @@ private:
     std::string path_;
     openvdb::io::File file_;
 };
+
+template <class T> std::optional<std::string> value_text(openvdb::Metadata const& meta) {
+    if (meta.typeName() != openvdb::TypedMetadata<T>::staticTypeName()) return std::nullopt;
+    T const& value = static_cast<openvdb::TypedMetadata<T> const&>(meta).value();
+    if constexpr (std::is_same_v<T, bool>)
+        return std::string(value ? "true" : "false");
+    else if constexpr (std::is_arithmetic_v<T>)
+        return to_text(value);
+    else
+        return text(value[0], " ", value[1], " ", value[2]);
+}
+
+/// Numbers that read back to the same value; nullopt for types that vkt cannot write again.
+std::optional<std::string> number_text(openvdb::Metadata const& meta) {
+    for (auto const function :
+         {value_text<bool>, value_text<std::int32_t>, value_text<std::int64_t>, value_text<float>, value_text<double>,
+          value_text<openvdb::Vec3i>, value_text<openvdb::Vec3s>, value_text<openvdb::Vec3d>})
+        if (auto result = function(meta)) return result;
+    return std::nullopt;
+}
+
+/// What others have to say about the grid.
+void read_metadata(openvdb::MetaMap const& grid, std::map<std::string, std::string>& attributes) {
+    std::map<std::string, std::string> types;
+    for (auto meta = grid.beginMeta(); meta != grid.endMeta(); ++meta) {
+        if (!meta->second || is_own_metadata(meta->first)) continue;
+        auto const number = number_text(*meta->second);
+        attributes[meta->first] = number ? *number : meta->second->str();
+        if (number) types.emplace(meta->first, meta->second->typeName());
+    }
+    if (!types.empty()) attributes[types_name] = attributes_text(types);
+}
 
 /// A leaf node or tile on its way to a brick; coordinates are OpenVDB's.
 struct Node {
@@ -185,6 +225,7 @@ public:
     ParsedTree read(AmrReadOptions const& options) {
         collect();
         describe();
+        header_ = in_utf8(std::move(header_));
         std::optional<Box> const region = wanted_box(options, header_);
         if (region) header_.attributes["roi"] = to_text(*region);
         std::vector<Brick> bricks;
@@ -277,6 +318,7 @@ private:
             attributes = std::move(kept.attributes);
             for (char const* own : {"class", "roi"}) attributes.erase(own); // the grid itself says them
         }
+        read_metadata(grid_, attributes);
         attributes["variable"] = grid_.getName();
         attributes["background"] = to_text(header_.values.physical(static_cast<double>(grid_.background())));
         if (grid_.getGridClass() != openvdb::GRID_UNKNOWN)

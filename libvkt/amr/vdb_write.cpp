@@ -15,12 +15,15 @@
 #include <openvdb/tools/Prune.h>
 #pragma GCC diagnostic pop
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <map>
+#include <type_traits>
 #include <vector>
 
 namespace vkt {
@@ -188,6 +191,60 @@ void replace_uuid(std::string const& path) {
     file.close();
 }
 
+template <class T> bool put_as(openvdb::MetaMap& grid, std::string const& name, std::string const& value) {
+    std::vector<double> numbers;
+    for (auto const& word : words_of(value))
+        if (auto const number = number_in(word)) numbers.push_back(*number);
+    if constexpr (std::is_same_v<T, bool>) {
+        if (value != "true" && value != "false") return false;
+        grid.insertMeta(name, openvdb::BoolMetadata(value == "true"));
+    } else if constexpr (std::is_integral_v<T>) {
+        auto const number = integer_in(value);
+        if (!number || *number != static_cast<T>(*number)) return false;
+        grid.insertMeta(name, openvdb::TypedMetadata<T>(static_cast<T>(*number)));
+    } else if constexpr (std::is_floating_point_v<T>) {
+        if (numbers.size() != 1) return false;
+        grid.insertMeta(name, openvdb::TypedMetadata<T>(static_cast<T>(numbers[0])));
+    } else {
+        using E = typename T::value_type;
+        auto const holds = [](double number) {
+            return !std::is_integral_v<E> || (std::trunc(number) == number && std::abs(number) < 0x1p31);
+        };
+        if (numbers.size() != 3 || !std::all_of(numbers.begin(), numbers.end(), holds)) return false;
+        auto const element = [&](std::size_t i) { return static_cast<E>(numbers[i]); };
+        grid.insertMeta(name, openvdb::TypedMetadata<T>(T(element(0), element(1), element(2))));
+    }
+    return true;
+}
+
+/// As the type of that name if the value still is one.
+bool put_typed(openvdb::MetaMap& grid, std::string const& type, std::string const& name, std::string const& value) {
+    if (type == "bool") return put_as<bool>(grid, name, value);
+    if (type == "int32") return put_as<std::int32_t>(grid, name, value);
+    if (type == "int64") return put_as<std::int64_t>(grid, name, value);
+    if (type == "float") return put_as<float>(grid, name, value);
+    if (type == "double") return put_as<double>(grid, name, value);
+    if (type == "vec3i") return put_as<openvdb::Vec3i>(grid, name, value);
+    if (type == "vec3s") return put_as<openvdb::Vec3s>(grid, name, value);
+    if (type == "vec3d") return put_as<openvdb::Vec3d>(grid, name, value);
+    return false;
+}
+
+/// Moves attributes to metadata, where other programs find them; those that are not the user's stay.
+void write_attributes(std::map<std::string, std::string>& attributes, openvdb::MetaMap& grid) {
+    std::map<std::string, std::string> types, own;
+    if (auto const found = attributes.find(types_name); found != attributes.end())
+        types = parse_attributes(found->second);
+    for (auto const& [name, value] : attributes) {
+        if (name == types_name) continue; // the metadata say it
+        if (name.empty() || is_own_metadata(name))
+            own.emplace(name, value);
+        else if (auto const type = types.find(name); type == types.end() || !put_typed(grid, type->second, name, value))
+            grid.insertMeta(name, openvdb::StringMetadata(value));
+    }
+    attributes = std::move(own);
+}
+
 } // namespace
 
 namespace openvdb_module {
@@ -216,8 +273,9 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
         grid->insertMeta(box_max_name, openvdb::Vec3IMetadata(openvdb::Vec3i(static_cast<int>(header.dims.x - 1),
                                                                              static_cast<int>(header.dims.y - 1),
                                                                              static_cast<int>(header.dims.z - 1))));
-        Header kept = header;
+        Header kept = in_utf8(header);
         kept.timing = false;
+        write_attributes(kept.attributes, *grid);
         grid->insertMeta(header_name, openvdb::StringMetadata(to_json(kept)));
         openvdb::io::File file(path);
         file.write(openvdb::GridCPtrVec{grid});

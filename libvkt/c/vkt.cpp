@@ -179,11 +179,14 @@ vkt_status vkt_read(char const* path, char const* const* words, size_t count, vk
         ExecutionOptions options;
         Parameters parameters, own, shared;
         std::int64_t index = -1;
+        bool trust_paths = false;
         request.declare(parameters);
+        ReadRequest::declare_trust(own, trust_paths);
         own.option("index", index, "N", "which volume of a file that holds several, counted from 0");
         options.declare(shared);
         read_options(words, count, {&parameters, &own, &shared});
         request.check();
+        request.trust(trust_paths);
         if (own.given("index") && index < 0) throw Error(ErrorKind::usage, text("--index ", index, " is negative"));
         auto const source = request.region_of(request.open(path));
         Volume result = read_one(*source, path, index, options.execution());

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -27,6 +28,11 @@ Json to_value(History const& history) {
         for (auto const& input : history.inputs) result["inputs"].push_back(to_value(input));
     }
     return result;
+}
+
+void to_utf8(History& history) {
+    for (auto& word : history.command) word = in_utf8(word);
+    for (auto& input : history.inputs) to_utf8(input);
 }
 
 [[noreturn]] void malformed(std::string const& what) { throw Error(ErrorKind::data, text("the header's ", what)); }
@@ -156,7 +162,17 @@ void check(Header const& header) {
         throw Error(ErrorKind::data, "the value map's slope or intercept is not finite, or the slope is zero");
 }
 
-std::string to_json(Header const& header) {
+Header in_utf8(Header header) {
+    header.units = in_utf8(header.units);
+    std::map<std::string, std::string> attributes;
+    for (auto const& [key, value] : header.attributes) attributes[in_utf8(key)] = in_utf8(value);
+    header.attributes = std::move(attributes);
+    if (header.history) to_utf8(*header.history);
+    return header;
+}
+
+std::string to_json(Header const& given) {
+    Header const header = in_utf8(given);
     Json result;
     result["kind"] = header.kind == Kind::structured ? "structured" : "hierarchical";
     result["dims"] = to_value(header.dims);
@@ -185,8 +201,7 @@ std::string to_json(Header const& header) {
     // One key a line: a person who looks into a stream shall see what it is.
     std::string text = "{";
     for (auto const& [key, value] : result.items())
-        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ",
-                          value.dump(-1, ' ', false, Json::error_handler_t::replace));
+        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ", value.dump());
     return text + "\n}";
 }
 

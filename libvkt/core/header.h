@@ -75,7 +75,11 @@ inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
 /// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
 void check(Header const& header);
 
-std::string to_json(Header const& header);      ///< one object, one key a line, fixed order
+/// The header with all of its text in UTF-8 (see text.h), as streams and files carry it: what goes through a pipe and
+/// what does not says the same.
+Header in_utf8(Header header);
+
+std::string to_json(Header const& header);      ///< one object, one key a line, fixed order; text in UTF-8
 Header header_from_json(std::string_view text); ///< throws Error{data}; unknown keys are ignored
 
 /// The pipeline that a history tree describes, as a line a POSIX shell (with process substitution) runs.

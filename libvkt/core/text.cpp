@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -88,6 +89,22 @@ std::vector<std::vector<std::string>> words_of(std::string_view line, bool bars)
     return stages;
 }
 
+/// Length of the valid UTF-8 sequence that the text begins with; 0 if there is none (RFC 3629: no surrogates, shortest
+/// forms only, up to U+10FFFF).
+std::size_t sequence_length(std::string_view s) {
+    auto const byte = [&](std::size_t i) { return static_cast<unsigned char>(s[i]); };
+    unsigned char const first = byte(0);
+    if (first < 0x80) return 1;
+    std::size_t const n = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
+    if (first < 0xC2 || first > 0xF4 || s.size() < n) return 0;
+    for (std::size_t i = 1; i < n; ++i)
+        if ((byte(i) & 0xC0U) != 0x80) return 0;
+    unsigned char const second = byte(1);
+    bool const bad = (first == 0xE0 && second < 0xA0) || (first == 0xED && second > 0x9F) ||
+                     (first == 0xF0 && second < 0x90) || (first == 0xF4 && second > 0x8F);
+    return bad ? 0 : n;
+}
+
 } // namespace
 
 std::string to_text(double value) { return chars(value); }
@@ -115,6 +132,23 @@ std::string bytes_text(double bytes) {
 std::string lower_case(std::string_view word) {
     std::string result(word);
     for (char& c : result) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c + 32 : c);
+    return result;
+}
+
+std::string in_utf8(std::string_view s) {
+    std::string result;
+    result.reserve(s.size());
+    while (!s.empty()) {
+        std::size_t const n = sequence_length(s);
+        if (n > 0) {
+            result += s.substr(0, n);
+        } else {
+            auto const code = static_cast<unsigned char>(s.front());
+            result += static_cast<char>(0xC0U | code >> 6U);
+            result += static_cast<char>(0x80U | (code & 0x3FU));
+        }
+        s.remove_prefix(std::max<std::size_t>(n, 1));
+    }
     return result;
 }
 

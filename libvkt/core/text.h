@@ -32,6 +32,8 @@ template <class... Args> std::string text(Args const&... args) {
 
 std::string bytes_text(double bytes); ///< "12.0 MiB"
 std::string lower_case(std::string_view text);
+/// The same text in UTF-8: bytes that are not part of a valid sequence are taken as Latin-1. Valid text stays as it is.
+std::string in_utf8(std::string_view text);
 std::vector<std::string> split(std::string_view text, char separator);
 std::string join(std::vector<std::string> const& parts, std::string_view separator);
 /// Quotes a word for a POSIX shell if it needs quoting.

@@ -172,6 +172,13 @@ void ByteSource::skip(std::int64_t n) {
     }
 }
 
+void ByteSource::seek(std::int64_t position) {
+    if (::lseek(descriptor_, position, SEEK_SET) < 0) throw system_error(text("cannot seek in '", name_, "'"));
+    ahead_.clear();
+    ahead_begin_ = 0;
+    position_ = position;
+}
+
 void ByteSource::read_at(std::int64_t position, void* to, std::size_t n) const {
     auto* const bytes = static_cast<std::byte*>(to);
     int const parts = static_cast<int>(std::clamp<std::size_t>(n / least_share, 1, static_cast<std::size_t>(readers_)));

@@ -21,25 +21,44 @@ constexpr std::size_t longest_word = 400; // the longest exact double takes fewe
 
 bool separates(char c) { return c == ' ' || (c >= '\t' && c <= '\r') || c == ','; }
 
-template <class T> bool parse_exactly(std::string_view word, T& value) {
-    auto const result = std::from_chars(word.data(), word.data() + word.size(), value);
-    return result.ec == std::errc{} && result.ptr == word.data() + word.size();
+/// What a decimal that no T can hold rounds to: infinity or zero, as strtod and every other reader of text say. `word`
+/// is a number with a magnitude far from 1, so that the sign of its decimal exponent decides.
+template <class T> T rounded_far(std::string_view word) {
+    bool const negative = word.front() == '-';
+    std::size_t const e = std::min(word.find_first_of("eE"), word.size());
+    std::int64_t exponent = 0;
+    if (e < word.size()) {
+        std::size_t const digits = e + (word[e + 1] == '+' ? 2 : 1);
+        auto const result = std::from_chars(word.data() + digits, word.data() + word.size(), exponent);
+        if (result.ec != std::errc{}) exponent = word[e + 1] == '-' ? -1'000'000 : 1'000'000;
+    }
+    std::string_view const mantissa = word.substr(0, e);
+    auto const point = static_cast<std::int64_t>(std::min(mantissa.find('.'), mantissa.size()));
+    exponent += point - static_cast<std::int64_t>(mantissa.find_first_of("123456789"));
+    T const far = exponent > 0 ? std::numeric_limits<T>::infinity() : T{0};
+    return negative ? -far : far;
 }
 
 /// False if the word is no number of this type.
 template <class T> bool parse_sample(std::string_view word, T& value) {
     if (!word.empty() && word.front() == '+') word.remove_prefix(1);
-    if (parse_exactly(word, value)) return true;
+    char const* const end = word.data() + word.size();
+    auto const result = std::from_chars(word.data(), end, value);
+    if (result.ptr == end && result.ec == std::errc{}) return true;
     if constexpr (std::is_integral_v<T>) {
         double number = 0;
-        if (!parse_exactly(word, number) || std::trunc(number) != number) return false;
+        auto const fraction = std::from_chars(word.data(), end, number);
+        if (fraction.ptr != end || fraction.ec != std::errc{} || std::trunc(number) != number) return false;
         // 2^digits is exact in double, unlike the largest value of 64-bit types.
         double const limit = std::ldexp(1.0, std::numeric_limits<T>::digits);
         if (number >= limit || number < (std::is_signed_v<T> ? -limit : 0.0)) return false;
         value = static_cast<T>(number);
         return true;
+    } else {
+        if (result.ptr != end || result.ec != std::errc::result_out_of_range) return false;
+        value = rounded_far<T>(word);
+        return true;
     }
-    return false;
 }
 
 template <class T> class TextStream : public ByteStream {

@@ -40,7 +40,7 @@ Format const& by_format_name(std::string const& name) {
 
 /// The user describes bare voxels; that beats what the bytes look like.
 bool describes_raw(ReadOptions const& options) {
-    return options.dims || options.dtype || options.skip != 0 || options.big_endian;
+    return options.dims || options.dtype || options.skip != 0 || options.big_endian.has_value();
 }
 
 std::string writable_extensions() {
@@ -71,6 +71,8 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
 }
 
 } // namespace
+
+bool ReadOptions::describes() const { return describes_raw(*this) || spacing || !format.empty() || !variable.empty(); }
 
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 

@@ -40,6 +40,8 @@ public:
     std::optional<std::string> read_line();
     /// Skips forward n bytes.
     void skip(std::int64_t n);
+    /// Moves to an absolute position of a seekable file.
+    void seek(std::int64_t position);
     /// Reads at an absolute position of a seekable file without moving; throws Error{data} if the file is too short.
     /// Threads share large reads of large files.
     void read_at(std::int64_t position, void* to, std::size_t n) const;
@@ -67,12 +69,16 @@ struct ReadOptions {
     std::optional<Index3> dims;
     std::optional<DataType> dtype;
     std::int64_t skip = 0; ///< bytes before the first voxel
-    bool big_endian = false;
+    std::optional<bool> big_endian;
     std::optional<Vec3> spacing;
     std::string format;   ///< forces a format by name; empty: detect
     std::string variable; ///< dataset or grid by name, for files that hold several
     /// Budget of foreign libraries that hold a file's tables or grids (libvkt/io/parser.h); none: default_memory().
     std::optional<std::size_t> memory;
+    bool trust_paths = false; ///< follow headers out of their directory, and to pipes and devices
+
+    /// True if anything is said about what the file holds.
+    bool describes() const;
 };
 
 struct WriteOptions {

@@ -6,11 +6,24 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 
+#include <cmath>
 #include <filesystem>
 #include <unistd.h>
 #include <utility>
 
 namespace vkt {
+
+namespace {
+
+std::optional<double> number_of(Header const& header, char const* attribute) {
+    auto const found = header.attributes.find(attribute);
+    return found == header.attributes.end() ? std::nullopt : number_in(found->second);
+}
+
+/// Along the axis that enumerates volumes.
+std::optional<double> position_of(Header const& header) { return number_of(header, "sequence position"); }
+
+} // namespace
 
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
     : format_(std::move(format)), compress_(options.compress), force_(options.force) {
@@ -51,6 +64,14 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
         throw Error(ErrorKind::usage,
                     text("one ", format_.name, " file cannot hold volumes of different dims, types or geometry"),
                     "write one file each: " + each);
+    if (std::optional<double> const at = position_of(header), first = position_of(first_); at && first) {
+        auto const step = number_of(first_, "sequence step");
+        if (step && std::abs(*first + *step * static_cast<double>(volumes_) - *at) > 1e-3 * std::abs(*step))
+            throw Error(ErrorKind::usage,
+                        text("volume ", volumes_, " lies at ", *at, ", not ", *step,
+                             " behind the one before it, which one ", format_.name, " file cannot say"),
+                        "write one file each: " + each);
+    }
     if (!header_file_ && data_file_->in_place())
         throw Error(ErrorKind::usage,
                     text(format_.name, " on a pipe cannot hold several volumes, since their number comes first"),
@@ -66,7 +87,7 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
     if (volumes_++ > 0) return;
-    first_ = header;
+    first_ = in_utf8(header);
     if (!header_file_) {
         std::string const head = header_text(0);
         header_length_ = head.size();

@@ -6,6 +6,7 @@
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -67,6 +68,12 @@ std::vector<std::string> words_of(std::string_view s) {
     return words;
 }
 
+std::string one_line(std::string s) {
+    for (char& c : s)
+        if (c == '\n' || c == '\r') c = ' ';
+    return s;
+}
+
 std::optional<double> number_in(std::string_view word) {
     if (!word.empty() && word.front() == '+') word.remove_prefix(1);
     double value = 0;
@@ -111,22 +118,32 @@ std::vector<std::string> numbered_files(std::string const& pattern, std::int64_t
     return names;
 }
 
-void complete_directions(Geometry& geometry, int known) {
+void complete_directions(Geometry& geometry, std::array<bool, 3> known) {
     auto& d = geometry.direction;
-    if (known == 0) d[0] = {1, 0, 0};
-    if (known < 2) {
-        // The unit vector least along the first axis, made perpendicular to it.
-        Vec3 const helper = std::abs(d[0].y) <= std::abs(d[0].x) ? Vec3{0, 1, 0} : Vec3{-1, 0, 0};
-        double const along = helper.x * d[0].x + helper.y * d[0].y + helper.z * d[0].z;
-        Vec3 const v = helper - d[0] * along;
-        d[1] = v * (1 / length(v));
+    auto const count = std::count(known.begin(), known.end(), true);
+    if (count == 0) d = Geometry{}.direction;
+    if (count == 1) {
+        // The next axis along its own coordinate, made perpendicular to the one that is there.
+        auto const given = static_cast<std::size_t>(std::find(known.begin(), known.end(), true) - known.begin());
+        std::size_t const next = (given + 1) % 3;
+        Vec3 helper;
+        if (std::abs(d[given][static_cast<int>(next)]) < 0.9)
+            helper[static_cast<int>(next)] = 1;
+        else
+            helper[static_cast<int>(given)] = -1;
+        double const along = helper.x * d[given].x + helper.y * d[given].y + helper.z * d[given].z;
+        Vec3 const v = helper - d[given] * along;
+        d[next] = v * (1 / length(v));
+        known[next] = true;
     }
-    if (known < 3) {
-        Vec3 const v = cross(d[0], d[1]);
+    if (count == 1 || count == 2) {
+        auto const missing = static_cast<std::size_t>(std::find(known.begin(), known.end(), false) - known.begin());
+        Vec3 const v = cross(d[(missing + 1) % 3], d[(missing + 2) % 3]);
         double const l = length(v);
-        if (!(l > 1e-9)) throw Error(ErrorKind::data, "the directions of the first two axes are parallel");
-        d[2] = v * (1 / l);
+        if (!(l > 1e-9)) throw Error(ErrorKind::data, "the directions of two axes are parallel");
+        d[missing] = v * (1 / l);
     }
+    for (auto& direction : d) direction = direction + Vec3{}; // no negative zeros
 }
 
 void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what) {
@@ -148,6 +165,21 @@ std::string history_text(History const& history) {
     header.history = history;
     auto const object = nlohmann::ordered_json::parse(to_json(header));
     return object.at("history").dump();
+}
+
+std::string attributes_text(std::map<std::string, std::string> const& attributes) {
+    return nlohmann::ordered_json(attributes).dump();
+}
+
+std::map<std::string, std::string> parse_attributes(std::string const& json) {
+    // Through the header's own reader, which guards against nesting and wrong types.
+    std::string header = to_json(Header{});
+    header.resize(header.rfind('}'));
+    try {
+        return header_from_json(header + ", \"attributes\": " + json + "}").attributes;
+    } catch (Error const&) {
+        return {};
+    }
 }
 
 std::optional<History> parse_history(std::string const& json) {

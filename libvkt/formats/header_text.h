@@ -4,7 +4,9 @@
 
 #include "libvkt/core/header.h"
 
+#include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +17,9 @@ namespace vkt {
 std::string_view trimmed(std::string_view text);
 /// Words separated by blanks.
 std::vector<std::string> words_of(std::string_view text);
+
+/// With blanks for ends of lines.
+std::string one_line(std::string text);
 
 /// The whole word as a number (also nan, inf, a leading +), or nullopt.
 std::optional<double> number_in(std::string_view word);
@@ -27,8 +32,9 @@ std::vector<std::string> numbered_files(std::string const& pattern, std::int64_t
 /// True if the text contains a %d conversion.
 bool is_numbered(std::string_view text);
 
-/// Three axes of unit length of which the first `known` are given: the others become perpendicular ones.
-void complete_directions(Geometry& geometry, int known);
+/// Three axes of unit length of which some are given: the others become perpendicular ones. Throws Error{data} if two
+/// that are given are parallel.
+void complete_directions(Geometry& geometry, std::array<bool, 3> known);
 /// Splits a vector into its length and direction. Throws Error{data} naming `what` if it is zero or not finite.
 void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what);
 
@@ -38,5 +44,9 @@ bool same_lattice(Header const& a, Header const& b);
 /// The history as one line of JSON, and back; text that is no history is nullopt.
 std::string history_text(History const& history);
 std::optional<History> parse_history(std::string const& text);
+
+/// Attributes that a format has no other place for as one line of JSON, and back; text that is none is empty.
+std::string attributes_text(std::map<std::string, std::string> const& attributes);
+std::map<std::string, std::string> parse_attributes(std::string const& text);
 
 } // namespace vkt

@@ -7,11 +7,15 @@
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/metaimage_header.h"
+#include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <utility>
+#include <vector>
 
 namespace vkt {
 
@@ -29,9 +33,35 @@ bool is_metaimage(std::span<std::byte const> head) {
     return false;
 }
 
-std::unique_ptr<Source> open_metaimage(std::unique_ptr<ByteSource> bytes, ReadOptions const&) {
-    RawLayout layout = metaimage_layout(read_metaimage_header(*bytes));
+std::unique_ptr<Source> open_metaimage(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    RawLayout layout = metaimage_layout(read_metaimage_header(*bytes), options.trust_paths);
     return raw_source(std::move(bytes), std::move(layout));
+}
+
+Vec3 turned(Vec3 v, Vec3 signs) { return {v.x * signs.x + 0.0, v.y * signs.y + 0.0, v.z * signs.z + 0.0}; }
+
+/// Where the axes of the header's world point in left-posterior-superior coordinates.
+Vec3 signs_in_lps(Header const& header) {
+    Header unit;
+    unit.attributes = header.attributes;
+    unit.geometry.origin = {1, 1, 1};
+    return geometry_in(lps_frame, unit).origin;
+}
+
+/// A measurement frame, which lies in the same world: "(a,b,c) (d,e,f) (g,h,i)". Empty if it is none.
+std::string turned_frame(std::string frame, Vec3 signs) {
+    for (char& c : frame)
+        if (c == '(' || c == ')' || c == ',') c = ' ';
+    std::vector<double> numbers;
+    for (auto const& word : words_of(frame))
+        if (auto const number = number_in(word)) numbers.push_back(*number);
+    if (numbers.size() != 9) return {};
+    std::string result;
+    for (std::size_t i = 0; i < 9; i += 3) {
+        Vec3 const v = turned({numbers[i], numbers[i + 1], numbers[i + 2]}, signs);
+        result += text(i > 0 ? " " : "", "(", v.x, ",", v.y, ",", v.z, ")");
+    }
+    return result;
 }
 
 /// For each axis the side of the body it comes from, e.g. RAI for axes along left, posterior, superior. `???` if two
@@ -49,12 +79,6 @@ std::string orientation(Geometry const& lps) {
     return seen == 7 ? letters : "???";
 }
 
-std::string one_line(std::string s) {
-    for (char& c : s)
-        if (c == '\n' || c == '\r') c = ' ';
-    return s;
-}
-
 /// Only what MetaIO's own parser reads as a field goes into the file as one.
 bool is_writable_key(std::string const& key) {
     return !key.empty() && !is_metaimage_field(key) && std::all_of(key.begin(), key.end(), [](char c) {
@@ -63,31 +87,87 @@ bool is_writable_key(std::string const& key) {
     });
 }
 
+/// MetaIO's name of the unit that all three axes have; empty if it has none.
+std::string distance_unit(Header const& header) {
+    auto const found = header.attributes.find("space units");
+    auto const entries = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    if (!entries || entries->size() != 3) return {};
+    for (std::string const unit : {"um", "mm", "cm"})
+        if (std::all_of(entries->begin(), entries->end(), [&](auto const& e) { return e == text("\"", unit, "\""); }))
+            return unit;
+    return {};
+}
+
+/// Where volumes lie along the fourth axis, as numbers that MetaIO takes; by default those of a file that does not say.
+struct Sequence {
+    explicit Sequence(Header const& header) {
+        auto const number = [&](char const* key) {
+            auto const found = header.attributes.find(key);
+            return found == header.attributes.end() ? std::nullopt : number_in(found->second);
+        };
+        auto const said = number("sequence step"), position = number("sequence position");
+        known = said && *said != 0 && std::isfinite(*said) && (!position || std::isfinite(*position));
+        if (!known) return;
+        step = *said;
+        origin = position.value_or(0);
+    }
+    bool known;
+    double step = 1, origin = 0;
+};
+
+/// Attributes as fields of their own where their names and values can be, the others together.
+std::string attribute_fields(Header const& header, bool in_series, std::string const& unit) {
+    std::string result;
+    std::map<std::string, std::string> others;
+    for (auto const& [key, value] : header.attributes) {
+        bool const said = key == "Comment" || (key == "space" && is_anatomical(frame_of(header))) ||
+                          (key == "space units" && !unit.empty()) ||
+                          (in_series && (key == "sequence step" || key == "sequence position"));
+        if (said) continue;
+        if (key == "measurement frame") {
+            std::string const frame = turned_frame(value, signs_in_lps(header));
+            if (!frame.empty()) others.emplace(key, frame);
+            continue;
+        }
+        bool const plain = !value.empty() && trimmed(value) == value && one_line(value) == value;
+        if (key == "space" && plain)
+            result += text("VktSpace = ", value, "\n");
+        else if (plain && is_writable_key(key))
+            result += text(key, " = ", value, "\n");
+        else
+            others.emplace(key, value);
+    }
+    if (!others.empty()) result += text("VktAttributes = ", attributes_text(others), "\n");
+    return result;
+}
+
 /// Everything before ElementDataFile. `compressed` < 0: not compressed.
 std::string metaimage_fields(Header const& header, std::int64_t volumes, std::int64_t compressed) {
     bool const series = volumes > 1;
     std::string const frame = frame_of(header);
     Geometry const g = geometry_in(lps_frame, header); // where every anatomical MetaImage lies
+    Sequence const along(header);
+    std::string const unit = distance_unit(header);
     std::string result =
         text("ObjectType = Image\nNDims = ", series ? 4 : 3, "\nBinaryData = True\nBinaryDataByteOrderMSB = False\n");
     result += text("CompressedData = ", compressed < 0 ? "False" : "True", "\n");
     if (compressed >= 0) result += text("CompressedDataSize = ", compressed, "\n");
     result += "TransformMatrix =";
     for (auto const& d : g.direction) result += text(" ", d, series ? " 0" : "");
-    result += series ? " 0 0 0 1\n" : "\n";
-    result += text("Offset = ", g.origin, series ? " 0" : "", "\nCenterOfRotation = 0 0 0", series ? " 0" : "", "\n");
+    // The sign of the step is its direction.
+    result += series ? text(" 0 0 0 ", along.step < 0 ? -1 : 1, "\n") : "\n";
+    result += text("Offset = ", g.origin, series ? text(" ", along.origin) : "", "\nCenterOfRotation = 0 0 0",
+                   series ? " 0" : "", "\n");
     if (is_anatomical(frame)) result += text("AnatomicalOrientation = ", orientation(g), "\n");
-    result += text("ElementSpacing = ", g.spacing, series ? " 1" : "", "\nDimSize = ", header.dims,
-                   series ? text(" ", volumes) : "", "\n");
+    if (!unit.empty()) result += text("DistanceUnits = ", unit, "\n");
+    result += text("ElementSpacing = ", g.spacing, series ? text(" ", std::abs(along.step)) : "",
+                   "\nDimSize = ", header.dims, series ? text(" ", volumes) : "", "\n");
     if (header.values != ValueMap{})
         result += text("ElementToIntensityFunctionSlope = ", header.values.slope,
                        "\nElementToIntensityFunctionOffset = ", header.values.intercept, "\n");
-    if (auto const space = header.attributes.find("space"); space != header.attributes.end() && !is_anatomical(frame))
-        result += text("VktSpace = ", one_line(space->second), "\n");
+    if (series && !along.known) result += text(unknown_sequence, " = unknown\n");
     if (!header.units.empty()) result += text("VktUnits = ", one_line(header.units), "\n");
-    for (auto const& [key, value] : header.attributes)
-        if (key != "space" && key != "Comment" && is_writable_key(key))
-            result += text(key, " = ", one_line(value), "\n");
+    result += attribute_fields(header, series && along.known, unit);
     if (header.history) result += text("VktHistory = ", history_text(*header.history), "\n");
     return result + text("ElementType = ", metaimage_type_name(header.dtype), "\n");
 }

@@ -70,11 +70,12 @@ constexpr std::array known_fields{
     "ElementOrigin",
     "ElementDirection",
     "SequenceID",
+    unknown_sequence,
 };
 
 class Interpreter {
 public:
-    explicit Interpreter(MetaImageHeader const& header) : header_(header) {}
+    Interpreter(MetaImageHeader const& header, bool trust_paths) : header_(header), trust_paths_(trust_paths) {}
     RawLayout layout();
 
 private:
@@ -92,10 +93,11 @@ private:
     DataType type() const;
     void read_encoding(RawLayout& layout) const;
     void read_files(RawLayout& layout) const;
-    void read_geometry(Header& volume) const;
+    void read_geometry(RawLayout& layout) const;
     void read_attributes(Header& volume) const;
 
     MetaImageHeader const& header_;
+    bool trust_paths_;
     std::size_t dimension_ = 0;
     std::vector<std::int64_t> sizes_;
 };
@@ -207,31 +209,36 @@ void Interpreter::read_files(RawLayout& layout) const {
     } else {
         layout.files = {field};
     }
-    for (auto& file : layout.files) file = beside(header_.name, file);
+    for (auto& file : layout.files) file = beside(header_.name, file, trust_paths_);
 }
 
-void Interpreter::read_geometry(Header& volume) const {
-    Geometry& geometry = volume.geometry;
+void Interpreter::read_geometry(RawLayout& layout) const {
+    Geometry& geometry = layout.header.geometry;
     // Old files have only ElementSize, the size of a voxel; with ElementSpacing it is something else.
     auto const spacing = numbers({"ElementSpacing", "ElementSize"}, dimension_);
     auto const matrix = numbers({"TransformMatrix", "Rotation", "Orientation"}, dimension_ * dimension_);
     auto const offset = numbers({"Offset", "Position", "Origin"}, dimension_);
+    // Row i is the direction of axis i. What it lacks to unit length, and the sign of the spacing, count as well.
+    auto const row = [&](std::size_t i, std::size_t j) {
+        return (spacing.empty() ? 1 : spacing[i]) * (matrix.empty() ? i == j : matrix[i * dimension_ + j]);
+    };
     std::size_t const axes = std::min<std::size_t>(dimension_, 3);
+    std::array<bool, 3> known{};
     for (std::size_t i = 0; i < axes; ++i) {
         int const axis = static_cast<int>(i);
-        Vec3 direction;
-        direction[axis] = 1;
-        // Row i is the direction of axis i; it need not have unit length.
-        if (!matrix.empty())
-            for (std::size_t j = 0; j < axes; ++j) direction[static_cast<int>(j)] = matrix[i * dimension_ + j];
-        set_axis(geometry, axis, direction, text("'", header_.name, "': the direction"));
-        double const step = spacing.empty() ? 1 : spacing[i];
-        geometry.spacing[axis] = std::abs(step);
-        Vec3& unit = geometry.direction[i];
-        if (step < 0) unit = Vec3{} - unit;
+        Vec3 along;
+        for (std::size_t j = 0; j < axes; ++j) along[static_cast<int>(j)] = row(i, j);
+        set_axis(geometry, axis, along, text("'", header_.name, "': the direction or spacing"));
         if (!offset.empty()) geometry.origin[axis] = offset[i];
+        known[i] = true;
     }
-    complete_directions(geometry, static_cast<int>(axes));
+    complete_directions(geometry, known);
+    if (dimension_ < 4) return;
+    for (std::size_t i = 0; i < 3; ++i)
+        if (row(i, 3) != 0 || row(3, i) != 0) fail("the fourth axis is not perpendicular to the others");
+    if (find({unknown_sequence})) return;
+    layout.sequence = SequenceAxis{offset.empty() ? 0 : offset[3], row(3, 3)};
+    if (layout.sequence->step == 0) fail("the step of the fourth axis is zero");
 }
 
 void Interpreter::read_attributes(Header& volume) const {
@@ -262,7 +269,12 @@ void Interpreter::read_attributes(Header& volume) const {
     if (auto const offset = numbers({"ElementToIntensityFunctionOffset"}, 1); !offset.empty())
         volume.values.intercept = offset[0];
     volume.units = take("VktUnits");
+    if (std::string const others = take("VktAttributes"); !others.empty()) {
+        auto kept = parse_attributes(others);
+        attributes.merge(kept);
+    }
     if (std::string const history = take("VktHistory"); !history.empty()) volume.history = parse_history(history);
+    volume = in_utf8(std::move(volume));
 }
 
 RawLayout Interpreter::layout() {
@@ -271,7 +283,7 @@ RawLayout Interpreter::layout() {
     layout.header.dtype = type();
     read_encoding(layout);
     read_files(layout);
-    read_geometry(layout.header);
+    read_geometry(layout);
     read_attributes(layout.header);
     return layout;
 }
@@ -309,7 +321,9 @@ MetaImageHeader read_metaimage_header(ByteSource& bytes) {
     throw Error(ErrorKind::data, text("'", header.name, "' ended early: MetaImage field ElementDataFile is missing"));
 }
 
-RawLayout metaimage_layout(MetaImageHeader const& header) { return Interpreter(header).layout(); }
+RawLayout metaimage_layout(MetaImageHeader const& header, bool trust_paths) {
+    return Interpreter(header, trust_paths).layout();
+}
 
 std::string metaimage_type_name(DataType type) {
     for (auto const& entry : type_names)

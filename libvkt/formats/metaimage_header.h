@@ -21,12 +21,16 @@ struct MetaImageHeader {
 /// Throws Error{data} for lines without "=", repeated fields, and headers over 16 MiB.
 MetaImageHeader read_metaimage_header(ByteSource& bytes);
 
-/// Dims, type, geometry and place of the voxels; a fourth dimension becomes a sequence of volumes.
-/// Throws Error{data}, also for several channels, with a hint what to do.
-RawLayout metaimage_layout(MetaImageHeader const& header);
+/// Dims, type, geometry and place of the voxels; a fourth dimension becomes a sequence of volumes. As in ITK the rows
+/// of the matrix need not have unit length: their lengths are factors of the spacing. Throws Error{data}, also for
+/// several channels, with a hint what to do, and for files elsewhere, unless the header is trusted.
+RawLayout metaimage_layout(MetaImageHeader const& header, bool trust_paths);
 
 /// MetaImage's name of a type; empty if it has none.
 std::string metaimage_type_name(DataType type);
+
+/// Field of a series of which nobody said where its volumes lie along the fourth axis.
+inline constexpr char const* unknown_sequence = "VktSequence";
 
 /// True for keys that MetaImage itself gives a meaning, so that they cannot be attributes.
 bool is_metaimage_field(std::string const& key);

@@ -6,7 +6,9 @@
 #include "libvkt/formats/raw_source.h"
 
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace vkt {
@@ -26,14 +28,25 @@ struct NrrdHeader {
 /// Throws Error{data} for unknown and repeated fields, and for headers over 16 MiB.
 NrrdHeader read_nrrd_header(ByteSource& bytes);
 
-/// Dims, type, geometry and place of the voxels. Axes of one sample that are not spatial are dropped; a fourth axis at
-/// the end becomes a sequence of volumes. Throws Error{data}, also for vectors and colours, with a hint what to do.
-RawLayout nrrd_layout(NrrdHeader const& header);
+/// Dims, type, geometry and place of the voxels. Axes of one sample that are not spatial are dropped where there are
+/// more than three; a fourth axis at the end becomes a sequence of volumes. Throws Error{data}, also for vectors and
+/// colours, with a hint what to do, and for files elsewhere, unless the header is trusted.
+RawLayout nrrd_layout(NrrdHeader const& header, bool trust_paths);
 
 /// NRRD's name of a type; empty if it has none.
 std::string nrrd_type_name(DataType type);
 
-/// Names of attributes that stand for NRRD fields in Header::attributes, each under the field's own name.
-bool is_nrrd_attribute(std::string const& key);
+/// The full name of a three-dimensional space that NRRD knows, also for a short one ("RAS") and for one with time;
+/// empty for all others.
+std::string nrrd_space(std::string_view name);
+
+/// The entries of a list like `"mm" "a \" b"`, with their quotes and backslashes; nullopt if one has no quotes or no
+/// end.
+std::optional<std::vector<std::string>> quoted_entries(std::string_view list);
+
+/// Attributes of the axis that enumerates volumes, besides those in raw_source.h. The first is an NRRD kind, the others
+/// are text in quotes.
+inline constexpr char const *sequence_kind = "sequence kind", *sequence_units = "sequence units",
+                            *sequence_label = "sequence label";
 
 } // namespace vkt

@@ -6,8 +6,10 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -66,15 +68,28 @@ constexpr std::array type_names{
     TypeName{"double", DataType::float64},
 };
 
-constexpr std::array kept_fields{"content", "old min", "old max", "measurement frame", "space units"};
-constexpr std::array kept_axis_fields{"kinds", "labels", "centers", "units", "thicknesses"};
+/// All of them exist with time as well.
+constexpr std::array nrrd_spaces{"right-anterior-superior", "left-anterior-superior",
+                                 "left-posterior-superior", "scanner-xyz",
+                                 "3d-right-handed",         "3d-left-handed"};
+
+constexpr std::array kept_fields{"content", "old min", "old max"};
+/// What an axis that the file does not have is given in fields that list axes.
+constexpr std::array<std::pair<char const*, char const*>, 4> kept_axis_fields{
+    {{"kinds", "domain"}, {"labels", "\"\""}, {"centers", "???"}, {"thicknesses", "nan"}}};
 
 /// One entry of "(a,b,c) none (d,e,f)"; nullopt for none.
 using MaybeVector = std::optional<std::vector<double>>;
 
+/// Kinds whose samples are positions, of space or of anything else, or that say nothing; all others are the components
+/// of one value.
+bool enumerates(std::string_view kind) {
+    return kind == "domain" || kind == "space" || kind == "time" || kind == "list" || kind == "???" || kind == "none";
+}
+
 class Interpreter {
 public:
-    explicit Interpreter(NrrdHeader const& header) : header_(header) {}
+    Interpreter(NrrdHeader const& header, bool trust_paths) : header_(header), trust_paths_(trust_paths) {}
     RawLayout layout();
 
 private:
@@ -97,6 +112,8 @@ private:
 
     void read_axes();
     bool spatial(std::size_t axis) const;
+    bool holds_samples(std::size_t axis) const;
+    bool is_placeholder(std::size_t axis) const;
     void choose_axes(RawLayout& layout);
     [[noreturn]] void refuse_samples(std::size_t axis) const;
     DataType type() const;
@@ -105,11 +122,16 @@ private:
     Vec3 space_vector(std::vector<double> const& v) const;
     void read_geometry(Header& volume) const;
     void read_origin(Header& volume) const;
-    double spacing_from_ends(std::size_t axis) const;
+    void read_sequence(RawLayout& layout) const;
+    std::optional<double> spacing_of(std::size_t axis) const;
     double first_sample(std::size_t axis, double spacing) const;
     void read_attributes(RawLayout& layout) const;
+    void read_axis_attributes(std::map<std::string, std::string>& attributes) const;
+    void read_space_units(std::map<std::string, std::string>& attributes) const;
+    void read_frame(std::map<std::string, std::string>& attributes) const;
 
     NrrdHeader const& header_;
+    bool trust_paths_;
     std::vector<std::int64_t> sizes_;
     std::vector<std::string> kinds_, centers_;
     std::vector<MaybeVector> directions_;
@@ -127,19 +149,12 @@ std::vector<std::string> Interpreter::axis_words(std::string const& field) const
     return words;
 }
 
-/// One "quoted" entry for each axis, quotes included.
+/// One "quoted" entry for each axis, quotes included; empty if the field is absent.
 std::vector<std::string> Interpreter::axis_quoted(std::string const& field) const {
-    std::vector<std::string> entries;
-    std::string_view rest = header_[field];
-    while (!(rest = trimmed(rest)).empty()) {
-        if (rest.front() != '"') fail(text("'", field, "' has an entry without quotes"));
-        std::size_t end = 1;
-        while (end < rest.size() && rest[end] != '"') end += rest[end] == '\\' ? 2 : 1;
-        if (end >= rest.size()) fail(text("'", field, "' has an open quote"));
-        entries.emplace_back(rest.substr(0, end + 1));
-        rest.remove_prefix(end + 1);
-    }
-    return entries;
+    if (!header_.has(field)) return {};
+    auto entries = quoted_entries(header_[field]);
+    if (!entries) fail(text("'", field, "' has an entry without quotes, or an open quote"));
+    return *entries;
 }
 
 std::vector<double> Interpreter::axis_numbers(std::string const& field) const {
@@ -196,6 +211,9 @@ void Interpreter::read_axes() {
     if (header_.has("space directions") && directions_.size() != sizes_.size())
         fail(text("'space directions' has ", static_cast<std::int64_t>(directions_.size()), " entries for ", dimension,
                   " axes"));
+    // teem writes "none" for every axis of a volume that has a space but only spacings: that is no more than silence.
+    if (std::none_of(directions_.begin(), directions_.end(), [](MaybeVector const& v) { return v.has_value(); }))
+        directions_.clear();
 }
 
 /// What the kinds and directions say; unknown counts as spatial.
@@ -204,6 +222,16 @@ bool Interpreter::spatial(std::size_t axis) const {
     if (kinds_.empty()) return true;
     std::string const& kind = kinds_[axis];
     return kind == "domain" || kind == "space" || kind == "???" || kind == "none";
+}
+
+/// The samples along the axis are the components of one value, which several volumes are not.
+bool Interpreter::holds_samples(std::size_t axis) const {
+    return sizes_[axis] > 1 && !kinds_.empty() && !enumerates(kinds_[axis]);
+}
+
+/// An axis of one sample that stands where a slice was taken out.
+bool Interpreter::is_placeholder(std::size_t axis) const {
+    return sizes_[axis] == 1 && (kinds_.empty() || kinds_[axis] == "stub" || enumerates(kinds_[axis]));
 }
 
 void Interpreter::refuse_samples(std::size_t axis) const {
@@ -217,20 +245,25 @@ void Interpreter::refuse_samples(std::size_t axis) const {
 }
 
 void Interpreter::choose_axes(RawLayout& layout) {
+    bool const few = sizes_.size() <= 3; // each can keep its place
     for (std::size_t i = 0; i < sizes_.size(); ++i)
-        if (spatial(i) || sizes_[i] > 1) chosen_.push_back(i);
+        if (spatial(i) || sizes_[i] > 1 || (few && is_placeholder(i))) chosen_.push_back(i);
     // More axes than a series has: those of one sample say nothing.
     for (std::size_t i = chosen_.size(); i-- > 0 && chosen_.size() > 4;)
         if (sizes_[chosen_[i]] == 1) chosen_.erase(chosen_.begin() + static_cast<std::ptrdiff_t>(i));
     // Nor does a first of four, which older writers give to scalars.
-    if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && spatial(chosen_[3])) chosen_.erase(chosen_.begin());
+    bool const unexplained = kinds_.empty() && directions_.empty();
+    if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && unexplained) chosen_.erase(chosen_.begin());
+    for (std::size_t const axis : chosen_)
+        if (holds_samples(axis)) refuse_samples(axis);
     // The fourth axis enumerates volumes. With fewer, a last axis that is a list or time is as good as z.
     if (chosen_.size() == 4 && (spatial(chosen_[0]) || !spatial(chosen_[3]))) {
         sequence_ = chosen_.back();
         chosen_.pop_back();
     }
     for (std::size_t i = 0; i < chosen_.size(); ++i)
-        if (!spatial(chosen_[i]) && !(i > 0 && i + 1 == chosen_.size() && !sequence_)) refuse_samples(chosen_[i]);
+        if (!spatial(chosen_[i]) && sizes_[chosen_[i]] > 1 && !(i > 0 && i + 1 == chosen_.size() && !sequence_))
+            refuse_samples(chosen_[i]);
     if (chosen_.size() > 3)
         fail(text("it has ", static_cast<std::int64_t>(chosen_.size()), " axes; at most four make volumes"),
              "take a slice: unu slice -a AXIS -p POSITION");
@@ -299,25 +332,26 @@ void Interpreter::read_files(RawLayout& layout) const {
             fail(text(pieces, " data files of dimension ", axes, " needed, ",
                       static_cast<std::int64_t>(layout.files.size()), " named"));
     }
-    for (auto& file : layout.files) file = beside(header_.name, file);
+    for (auto& file : layout.files) file = beside(header_.name, file, trust_paths_);
 }
 
 Vec3 Interpreter::space_vector(std::vector<double> const& v) const {
-    // A fourth component is time, which the sequence has.
     if (v.empty() || v.size() > 4) fail("vectors of space need one to four components");
     Vec3 result;
     for (std::size_t i = 0; i < std::min<std::size_t>(v.size(), 3); ++i) result[static_cast<int>(i)] = v[i];
     return result;
 }
 
-/// From "axis mins" and "axis maxs" alone; 1 if they say nothing.
-double Interpreter::spacing_from_ends(std::size_t axis) const {
+/// What the axis' own fields say: its spacing, or else its ends.
+std::optional<double> Interpreter::spacing_of(std::size_t axis) const {
+    auto const spacings = axis_numbers("spacings");
+    if (!spacings.empty() && !std::isnan(spacings[axis])) return spacings[axis];
     auto const lowest = axis_numbers("axis mins"), highest = axis_numbers("axis maxs");
-    if (lowest.empty() || highest.empty()) return 1;
+    if (lowest.empty() || highest.empty()) return std::nullopt;
     bool const node = !centers_.empty() && centers_[axis] == "node";
     double const intervals = static_cast<double>(sizes_[axis]) - (node ? 1 : 0);
     double const spacing = (highest[axis] - lowest[axis]) / intervals;
-    return std::isfinite(spacing) && spacing != 0 ? spacing : 1;
+    return std::isfinite(spacing) && spacing != 0 ? std::optional(spacing) : std::nullopt;
 }
 
 /// "axis mins" is where the first cell begins, or the first sample itself when samples are nodes.
@@ -330,27 +364,47 @@ double Interpreter::first_sample(std::size_t axis, double spacing) const {
 
 void Interpreter::read_geometry(Header& volume) const {
     Geometry& geometry = volume.geometry;
-    auto const spacings = axis_numbers("spacings");
-    int known = 0;
+    std::array<bool, 3> known{};
     for (std::size_t i = 0; i < chosen_.size(); ++i) {
         std::size_t const axis = chosen_[i];
         int const a = static_cast<int>(i);
-        if (!directions_.empty() && directions_[axis]) {
-            set_axis(geometry, a, space_vector(*directions_[axis]), text("'", header_.name, "': the space direction"));
-            known = a + 1;
-            continue;
-        }
-        if (!directions_.empty()) break; // the last axis may be a list: it becomes perpendicular to the others
-        double const spacing =
-            spacings.empty() || std::isnan(spacings[axis]) ? spacing_from_ends(axis) : spacings[axis];
+        bool const has_direction = !directions_.empty() && directions_[axis];
+        known[i] = has_direction || directions_.empty(); // what has none among others becomes perpendicular to them
         Vec3 along;
-        along[a] = spacing;
-        set_axis(geometry, a, along, text("'", header_.name, "': the spacing"));
-        if (!header_.has("space origin")) geometry.origin[a] = first_sample(axis, spacing);
-        known = a + 1;
+        if (has_direction) {
+            along = space_vector(*directions_[axis]);
+            if (directions_[axis]->size() == 4 && directions_[axis]->back() != 0)
+                fail(text("axis ", static_cast<std::int64_t>(axis), " leans into the fourth dimension of the space"));
+        } else {
+            along[a] = spacing_of(axis).value_or(1);
+            if (directions_.empty() && !header_.has("space origin")) geometry.origin[a] = first_sample(axis, along[a]);
+        }
+        set_axis(geometry, a, along, text("'", header_.name, "': the ", has_direction ? "space direction" : "spacing"));
     }
     complete_directions(geometry, known);
     read_origin(volume);
+}
+
+/// Where along the fourth axis the volumes lie, if that is said: in a space of four dimensions, or by the axis'
+/// spacing.
+void Interpreter::read_sequence(RawLayout& layout) const {
+    if (!sequence_) return;
+    SequenceAxis along;
+    if (!directions_.empty() && directions_[*sequence_]) {
+        auto const& v = *directions_[*sequence_];
+        if (v.size() != 4) return;
+        if (!(space_vector(v) == Vec3{}))
+            fail("the space direction of the fourth axis moves the volume, which those of a series share");
+        along.step = v[3];
+        if (auto const origin = vectors("space origin"); origin.size() == 1 && origin[0] && origin[0]->size() == 4)
+            along.origin = (*origin[0])[3];
+    } else {
+        auto const step = spacing_of(*sequence_);
+        if (!step) return;
+        along.step = *step;
+        along.origin = first_sample(*sequence_, along.step);
+    }
+    if (std::isfinite(along.step) && along.step != 0 && std::isfinite(along.origin)) layout.sequence = along;
 }
 
 void Interpreter::read_origin(Header& volume) const {
@@ -360,28 +414,72 @@ void Interpreter::read_origin(Header& volume) const {
     if (origin[0]) volume.geometry.origin = space_vector(*origin[0]);
 }
 
-void Interpreter::read_attributes(RawLayout& layout) const {
-    Header& volume = layout.header;
-    auto& attributes = volume.attributes;
-    attributes = header_.pairs;
-    std::string const space = frame_name(header_["space"]);
-    if (!space.empty()) attributes["space"] = space;
-    for (std::string const field : kept_fields)
-        if (header_.has(field)) attributes[field] = header_[field];
-    for (std::string const field : kept_axis_fields) {
+void Interpreter::read_axis_attributes(std::map<std::string, std::string>& attributes) const {
+    for (auto const& [name, nothing] : kept_axis_fields) {
+        std::string const field = name;
         if (!header_.has(field)) continue;
-        bool const quoted = field == "labels" || field == "units";
-        auto const entries = quoted ? axis_quoted(field) : axis_words(field);
+        auto entries = field == "labels" ? axis_quoted(field) : axis_words(field);
         if (entries.size() < sizes_.size()) fail(text("'", field, "' has too few entries"));
         std::vector<std::string> kept;
         bool plain = field == "kinds";
         for (std::size_t const axis : chosen_) {
-            kept.push_back(entries[axis]);
-            plain = plain && spatial(axis);
+            bool const placeholder = plain && is_placeholder(axis); // whose place other samples may take
+            kept.push_back(placeholder ? nothing : entries[axis]);
+            plain = plain && (placeholder || spatial(axis));
         }
+        kept.resize(3, nothing);
         if (!plain) attributes[field] = join(kept, " ");
+        if (sequence_ && field == "labels" && entries[*sequence_] != nothing)
+            attributes[sequence_label] = entries[*sequence_];
     }
-    if (sequence_ && !kinds_.empty() && kinds_[*sequence_] != "list") attributes["sequence kind"] = kinds_[*sequence_];
+    if (sequence_ && !kinds_.empty() && kinds_[*sequence_] != "list") attributes[sequence_kind] = kinds_[*sequence_];
+}
+
+/// Of the space's axes, or of the file's: without space directions those are the same.
+void Interpreter::read_space_units(std::map<std::string, std::string>& attributes) const {
+    std::string const nothing = "\"\"";
+    auto const of_space = axis_quoted("space units"), of_axes = axis_quoted("units");
+    if (!of_axes.empty() && of_axes.size() < sizes_.size()) fail("'units' has too few entries");
+    std::vector<std::string> units = of_space;
+    if (of_space.empty() && !of_axes.empty())
+        for (std::size_t const axis : chosen_) units.push_back(of_axes[axis]);
+    std::string along = sequence_ && !of_axes.empty() ? of_axes[*sequence_] : nothing;
+    if (of_space.size() == 4 && along == nothing) along = of_space[3];
+    units.resize(3, nothing);
+    if (std::any_of(units.begin(), units.end(), [&](auto const& u) { return u != nothing; }))
+        attributes["space units"] = join(units, " ");
+    if (sequence_ && along != nothing) attributes[sequence_units] = along;
+}
+
+/// The columns of the measurement frame, of their first three components.
+void Interpreter::read_frame(std::map<std::string, std::string>& attributes) const {
+    if (!header_.has("measurement frame")) return;
+    auto const columns = vectors("measurement frame");
+    attributes["measurement frame"] = header_["measurement frame"];
+    if (columns.size() != 4) return;
+    std::vector<std::string> kept;
+    for (std::size_t i = 0; i < 3; ++i) {
+        Vec3 const v = columns[i] ? space_vector(*columns[i]) : Vec3{};
+        kept.push_back(columns[i] ? text("(", v.x, ",", v.y, ",", v.z, ")") : "none");
+    }
+    attributes["measurement frame"] = join(kept, " ");
+}
+
+void Interpreter::read_attributes(RawLayout& layout) const {
+    Header& volume = layout.header;
+    auto& attributes = volume.attributes;
+    attributes = header_.pairs;
+    if (auto const found = attributes.find("vkt attributes"); found != attributes.end()) {
+        auto others = parse_attributes(found->second);
+        attributes.erase(found);
+        attributes.merge(others);
+    }
+    if (std::string const space = frame_name(header_["space"]); !space.empty()) attributes["space"] = space;
+    for (std::string const field : kept_fields)
+        if (header_.has(field)) attributes[field] = header_[field];
+    read_axis_attributes(attributes);
+    read_space_units(attributes);
+    read_frame(attributes);
     volume.units = header_["sample units"];
     if (volume.units.size() >= 2 && volume.units.front() == '"' && volume.units.back() == '"')
         volume.units = volume.units.substr(1, volume.units.size() - 2);
@@ -399,6 +497,7 @@ void Interpreter::read_attributes(RawLayout& layout) const {
         volume.history = parse_history(found->second);
         if (volume.history) attributes.erase(found);
     }
+    volume = in_utf8(std::move(volume));
 }
 
 RawLayout Interpreter::layout() {
@@ -409,13 +508,14 @@ RawLayout Interpreter::layout() {
     read_encoding(layout);
     read_files(layout);
     read_geometry(layout.header);
+    read_sequence(layout);
     read_attributes(layout);
     return layout;
 }
 
 } // namespace
 
-RawLayout nrrd_layout(NrrdHeader const& header) { return Interpreter(header).layout(); }
+RawLayout nrrd_layout(NrrdHeader const& header, bool trust_paths) { return Interpreter(header, trust_paths).layout(); }
 
 std::string nrrd_type_name(DataType type) {
     for (auto const& entry : type_names)
@@ -423,13 +523,23 @@ std::string nrrd_type_name(DataType type) {
     return {};
 }
 
-bool is_nrrd_attribute(std::string const& key) {
-    if (key == "space" || key == "sequence kind") return true;
-    for (std::string const field : kept_fields)
-        if (key == field) return true;
-    for (std::string const field : kept_axis_fields)
-        if (key == field) return true;
-    return false;
+std::string nrrd_space(std::string_view name) {
+    std::string const frame = frame_name(name);
+    bool const known = std::find(nrrd_spaces.begin(), nrrd_spaces.end(), frame) != nrrd_spaces.end();
+    return known ? frame : std::string();
+}
+
+std::optional<std::vector<std::string>> quoted_entries(std::string_view list) {
+    std::vector<std::string> entries;
+    while (!(list = trimmed(list)).empty()) {
+        if (list.front() != '"') return std::nullopt;
+        std::size_t end = 1;
+        while (end < list.size() && list[end] != '"') end += list[end] == '\\' ? 2 : 1;
+        if (end >= list.size()) return std::nullopt;
+        entries.emplace_back(list.substr(0, end + 1));
+        list.remove_prefix(end + 1);
+    }
+    return entries;
 }
 
 } // namespace vkt

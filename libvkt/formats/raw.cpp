@@ -1,4 +1,4 @@
-// Bare voxels: dims and type stand in the name, as in the Open SciVis data sets, or come from the user.
+// Bare voxels: dims, type and byte order stand in the name, as in the Open SciVis data sets, or come from the user.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -8,6 +8,7 @@
 #include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/slab_sink.h"
 
+#include <algorithm>
 #include <charconv>
 #include <optional>
 #include <vector>
@@ -39,6 +40,16 @@ std::optional<DataType> parse_type(std::string_view word) {
     }
 }
 
+/// What a word says of the byte order; `behind` is true if the word before was a type or extents, without which two
+/// letters mean anything.
+std::optional<bool> parse_order(std::string const& word, std::string const& before, bool behind) {
+    bool const pair = word == "endian";
+    if (word == "bigendian" || word == "msb" || (pair && before == "big") || (behind && word == "be")) return true;
+    if (word == "littleendian" || word == "lsb" || (pair && before == "little") || (behind && word == "le"))
+        return false;
+    return std::nullopt;
+}
+
 bool is_gzip(std::string const& name) { return lower_case(name).ends_with(".gz"); }
 
 std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
@@ -56,14 +67,15 @@ std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions 
     if (options.spacing) layout.header.geometry.spacing = *options.spacing;
     layout.encoding = is_gzip(bytes->name()) ? Encoding::deflate : Encoding::raw;
     layout.byte_skip = options.skip;
-    layout.big_endian = options.big_endian;
+    layout.big_endian = options.big_endian.value_or(name.big_endian.value_or(false));
     layout.exact = true;
     return raw_source(std::move(bytes), std::move(layout));
 }
 
 class RawWriter : public VolumeWriter {
 public:
-    RawWriter(std::string const& path, WriteOptions const& options) : file_(path, options.force) {
+    RawWriter(std::string const& path, WriteOptions const& options)
+        : file_(path, options.force), big_endian_(parse_raw_name(path).big_endian.value_or(false)) {
         if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip);
     }
     void begin(Header const& header) override {
@@ -76,10 +88,15 @@ public:
         begun_ = true;
     }
     void write(std::byte const* voxels, std::size_t n) override {
-        if (deflate_)
-            deflate_->write(voxels, n);
-        else
-            file_.write(voxels, n);
+        std::size_t const size = size_of(dtype_);
+        if (!big_endian_ || size == 1) return put(voxels, n);
+        for (std::size_t done = 0; done < n;) {
+            std::size_t const count = std::min(n - done, piece);
+            swapped_.assign(voxels + done, voxels + done + count);
+            swap_bytes(swapped_.data(), count / size, size);
+            put(swapped_.data(), count);
+            done += count;
+        }
     }
     void close() override {
         if (deflate_) deflate_->finish();
@@ -87,7 +104,18 @@ public:
     }
 
 private:
+    static constexpr std::size_t piece = std::size_t{256} << 10; ///< whole voxels of any type
+
+    void put(std::byte const* bytes, std::size_t n) {
+        if (deflate_)
+            deflate_->write(bytes, n);
+        else
+            file_.write(bytes, n);
+    }
+
     OutputFile file_;
+    bool big_endian_; ///< the name says so, and a reader will believe it
+    std::vector<std::byte> swapped_;
     std::optional<DeflateWriter> deflate_;
     Index3 dims_;
     DataType dtype_ = DataType::uint8;
@@ -105,19 +133,35 @@ RawName parse_raw_name(std::string_view path) {
     std::size_t const slash = path.rfind('/');
     std::string_view const name = slash == std::string_view::npos ? path : path.substr(slash + 1);
     constexpr std::string_view separators = "_-. ,()[]";
+    std::string before;
+    bool behind = false; // a word that describes voxels
     for (std::size_t begin = 0; begin < name.size();) {
         std::size_t const end = std::min(name.find_first_of(separators, begin), name.size());
-        std::string_view const word = name.substr(begin, end - begin);
+        std::string const word = lower_case(name.substr(begin, end - begin));
         // The last word of its kind wins: a name may begin with anything.
-        if (auto const dims = parse_extents(word)) result.dims = dims;
-        if (auto const type = parse_type(word)) result.dtype = type;
+        if (auto const order = parse_order(word, before, behind)) result.big_endian = order;
+        auto const dims = parse_extents(word);
+        auto type = parse_type(word);
+        if (!type && (word.ends_with("be") || word.ends_with("le"))) {
+            type = parse_type(word.substr(0, word.size() - 2));
+            if (type) result.big_endian = word.ends_with("be");
+        }
+        if (dims) result.dims = dims;
+        if (type) result.dtype = type;
+        behind = dims || type;
+        before = word;
         begin = end + 1;
     }
     return result;
 }
 
 Format raw_format() {
-    return {"raw", "bare voxels, little-endian, x fastest", {".raw", ".raw.gz"}, nullptr, open_raw, create_raw};
+    return {"raw",
+            "bare voxels, x fastest, little-endian unless the name says be",
+            {".raw", ".raw.gz"},
+            nullptr,
+            open_raw,
+            create_raw};
 }
 
 } // namespace vkt

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <filesystem>
 #include <limits>
 
 #include <sys/stat.h>
@@ -60,6 +61,9 @@ private:
     std::size_t file_count() const { return std::max<std::size_t>(layout_.files.size(), 1); }
     std::string const& file_name(std::size_t i) const { return layout_.files.empty() ? name_ : layout_.files[i]; }
     bool all_regular() const;
+    /// Compressed files are skipped once decoded, plain and text files as they are.
+    bool skips_decoded() const { return layout_.encoding == Encoding::deflate || layout_.encoding == Encoding::bzip2; }
+    std::int64_t bytes_before_voxels();
     void check_sizes();
     void check_size(std::string const& name, std::int64_t available) const;
     void open(std::size_t file);
@@ -90,18 +94,20 @@ private:
 RawSource::RawSource(std::unique_ptr<ByteSource> bytes, RawLayout layout)
     : layout_(std::move(layout)), name_(bytes->name()), bytes_(std::move(bytes)) {
     check(layout_.header);
+    if (layout_.sequence) layout_.header.attributes["sequence step"] = to_text(layout_.sequence->step);
     if (layout_.volumes < 1 || layout_.line_skip < 0 || layout_.byte_skip < -1)
         throw Error(ErrorKind::data, text("'", name_, "': a negative count in the header"));
-    if (layout_.byte_skip == -1 && layout_.encoding != Encoding::raw)
-        throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs plain raw data"));
+    if (layout_.byte_skip == -1 && layout_.encoding != Encoding::raw && !skips_decoded())
+        throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs binary data"));
     volume_bytes_ = static_cast<std::int64_t>(layout_.header.bytes());
     std::int64_t const total = product(volume_bytes_, layout_.volumes, name_);
     if (total % static_cast<std::int64_t>(file_count()) != 0)
         throw Error(ErrorKind::data, text("'", name_, "': the voxels cannot be shared out evenly among ",
                                           static_cast<std::int64_t>(file_count()), " files"));
     share_ = total / static_cast<std::int64_t>(file_count());
-    random_ = layout_.encoding == Encoding::raw && (layout_.files.empty() ? bytes_->seekable() : all_regular());
-    if (layout_.byte_skip == -1 && !random_)
+    bool const files = layout_.files.empty() ? bytes_->seekable() : all_regular();
+    random_ = layout_.encoding == Encoding::raw && files;
+    if (layout_.byte_skip == -1 && !files)
         throw Error(ErrorKind::data, text("'", name_, "': a skip of -1 needs a file, not a pipe"));
 }
 
@@ -157,15 +163,26 @@ void RawSource::open(std::size_t file) {
     }
 }
 
+/// Of the open file once decoded. Where voxels come last it is decoded to find out, and left as it was.
+std::int64_t RawSource::bytes_before_voxels() {
+    if (layout_.byte_skip >= 0) return layout_.byte_skip;
+    std::int64_t const begin = bytes_->position();
+    auto const stream = decode(*bytes_, layout_.encoding, layout_.header.dtype);
+    std::vector<std::byte> waste(static_cast<std::size_t>(waste_block));
+    std::int64_t total = 0;
+    while (std::size_t const got = stream->read(waste.data(), waste.size())) total += static_cast<std::int64_t>(got);
+    if (total < share_) ended_early(total);
+    bytes_->seek(begin);
+    return total - share_;
+}
+
 void RawSource::start_stream(std::size_t file) {
     open(file);
-    // Plain and text files are skipped as they are, the others once decoded.
-    bool const decoded = layout_.encoding == Encoding::deflate || layout_.encoding == Encoding::bzip2;
-    if (!decoded) bytes_->skip(layout_.byte_skip);
+    std::int64_t const skip = skips_decoded() ? bytes_before_voxels() : 0;
+    if (!skips_decoded()) bytes_->skip(layout_.byte_skip);
     stream_ = decode(*bytes_, layout_.encoding, layout_.header.dtype);
-    if (!decoded) return;
-    std::vector<std::byte> waste(static_cast<std::size_t>(std::min(layout_.byte_skip, waste_block)));
-    for (std::int64_t left = layout_.byte_skip; left > 0;) {
+    std::vector<std::byte> waste(static_cast<std::size_t>(std::min(skip, waste_block)));
+    for (std::int64_t left = skip; left > 0;) {
         std::size_t const want = static_cast<std::size_t>(std::min(left, waste_block));
         if (stream_->read(waste.data(), want) < want) ended_early(0);
         left -= static_cast<std::int64_t>(want);
@@ -198,6 +215,9 @@ bool RawSource::next_volume() {
         return false;
     }
     ++index_;
+    if (layout_.sequence)
+        layout_.header.attributes["sequence position"] =
+            to_text(layout_.sequence->origin + static_cast<double>(index_) * layout_.sequence->step);
     return true;
 }
 
@@ -321,10 +341,29 @@ void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {
     if (size == 8) swap_all<std::uint64_t>(data, n);
 }
 
-std::string beside(std::string const& header_name, std::string const& file) {
+std::string beside(std::string const& header_name, std::string const& file, bool trusted) {
+    namespace fs = std::filesystem;
     std::size_t const slash = header_name.rfind('/');
-    if (file.starts_with('/') || slash == std::string::npos) return file;
-    return header_name.substr(0, slash + 1) + file;
+    std::string const folder = slash == std::string::npos ? "" : header_name.substr(0, slash + 1);
+    std::string path = file.starts_with('/') ? file : folder + file;
+    if (trusted) return path;
+    auto const refuse = [&](char const* what) {
+        throw Error(ErrorKind::data, text("'", header_name, "' names '", file.substr(0, 200), "', which ", what),
+                    "if you know what it is and trust the header: --trust-paths");
+    };
+    if (file.starts_with('/')) refuse("is an absolute path, not a file beside it");
+    std::error_code error;
+    fs::file_status const itself = fs::symlink_status(path, error);
+    // A plain name of a plain file cannot lead anywhere else; everything else is followed to its end.
+    bool const plain = file.find('/') == std::string::npos && file != "..";
+    if (!plain || itself.type() == fs::file_type::symlink) {
+        fs::path const home = fs::weakly_canonical(folder.empty() ? "." : fs::path(folder).parent_path(), error);
+        fs::path const end = error ? fs::path() : fs::weakly_canonical(path, error);
+        if (error || std::mismatch(home.begin(), home.end(), end.begin(), end.end()).first != home.end())
+            refuse("leads out of its directory");
+    }
+    if (fs::exists(itself) && !fs::is_regular_file(path, error)) refuse("is no regular file");
+    return path;
 }
 
 } // namespace vkt

@@ -8,21 +8,30 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace vkt {
 
+/// Where the volumes of a series lie along the axis that enumerates them. Of volume i, attribute "sequence position" is
+/// origin + i * step, and "sequence step" the step.
+struct SequenceAxis {
+    double origin = 0, step = 1;
+};
+
 /// Where the voxels of one or several equal volumes lie.
 struct RawLayout {
     Header header;            ///< of every volume
     std::int64_t volumes = 1; ///< that follow one another
+    std::optional<SequenceAxis> sequence;
     Encoding encoding = Encoding::raw;
     bool big_endian = false; ///< no meaning for text
     /// Files that hold equal shares, in order; empty if the voxels are in the file that was opened, at its position.
     std::vector<std::string> files;
     std::int64_t line_skip = 0; ///< lines before the voxels of each file, of the encoded file
-    /// Bytes before the voxels of each file, of the decoded file; -1 (raw only): the voxels are the file's last bytes.
+    /// Bytes before the voxels of each file, of the decoded file; -1 (not for hex and text): the voxels are the file's
+    /// last bytes. Files that are compressed are decoded twice then, since only their end tells where that is.
     std::int64_t byte_skip = 0;
     bool exact = false; ///< bytes behind the last voxel are an error
 };
@@ -34,7 +43,9 @@ std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout 
 /// Reverses the bytes of n samples of `size` bytes each, in place.
 void swap_bytes(std::byte* data, std::size_t n, std::size_t size);
 
-/// `file` as seen from the directory of `header_name`; absolute names stay.
-std::string beside(std::string const& header_name, std::string const& file);
+/// `file`, which a header names, as seen from the header's directory. Headers come from anywhere, and what they name is
+/// read: unless they are `trusted`, Error{data} is thrown for absolute names, for those that leave that directory (also
+/// through symbolic links), and for what is there but is no regular file.
+std::string beside(std::string const& header_name, std::string const& file, bool trusted);
 
 } // namespace vkt

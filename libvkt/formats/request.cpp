@@ -20,6 +20,11 @@ void ReadRequest::declare(Parameters& p) {
     p.option("roi-world", world_roi_, "R", "read only this region, in world units");
 }
 
+void ReadRequest::declare_trust(Parameters& p, bool& trust_paths) {
+    p.flag("trust-paths", trust_paths, "follow the names in detached headers to other directories, pipes and devices")
+        .not_in_history(); // trust is the reader's, not the volume's
+}
+
 void ReadRequest::check() const {
     if (!roi_.empty() && !world_roi_.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
     if (options_.skip < 0) throw Error(ErrorKind::usage, text("--skip ", options_.skip, " is negative"));
@@ -27,15 +32,11 @@ void ReadRequest::check() const {
         throw Error(ErrorKind::usage, text("--endian describes raw files, not ", options_.format));
 }
 
-bool ReadRequest::told() const {
-    return options_.dims || options_.dtype || options_.skip != 0 || endian_ || options_.spacing ||
-           !options_.format.empty() || !options_.variable.empty();
-}
-
 ReadOptions ReadRequest::options() const {
     ReadOptions options = options_;
+    if (!endian_) return options;
     options.big_endian = endian_ == Endian::big;
-    if (endian_) options.format = "raw";
+    options.format = "raw";
     return options;
 }
 

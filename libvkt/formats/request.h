@@ -22,9 +22,10 @@ template <> struct EnumNames<Endian> {
 class ReadRequest {
 public:
     void declare(Parameters& p);
+    /// The option that commands share and others add; see ReadOptions.
+    static void declare_trust(Parameters& p, bool& trust_paths);
+    void trust(bool paths) { options_.trust_paths = paths; }
     void check() const; ///< throws Error{usage}
-    /// True if anything is said about what the file holds, besides the region wanted.
-    bool told() const;
     /// All volumes of a file, or of the files that a pattern matches, as they were described.
     std::unique_ptr<Source> open(std::string const& path) const;
     /// What is said about the file.

@@ -35,7 +35,7 @@ TEST(MetaImage, Geometry) {
         header_of(local("TransformMatrix = 0 1 0 -1 0 0 0 0 2\nOffset = 1 2 -3e0\nElementSpacing = 0.5 1.5 2\n"
                         "ElementSize = 9 9 9\nAnatomicalOrientation = PRI\n"));
     EXPECT_EQ(a.dims, (Index3{5, 4, 3}));
-    EXPECT_EQ(a.geometry.spacing, (Vec3{0.5, 1.5, 2}));
+    EXPECT_EQ(a.geometry.spacing, (Vec3{0.5, 1.5, 4})); // the last row is two long
     EXPECT_EQ(a.geometry.origin, (Vec3{1, 2, -3}));
     EXPECT_EQ(a.geometry.direction[0], (Vec3{0, 1, 0}));
     EXPECT_EQ(a.geometry.direction[1], (Vec3{-1, 0, 0}));

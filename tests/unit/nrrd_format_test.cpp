@@ -7,11 +7,20 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
+
+#include <sys/stat.h>
 
 namespace vkt::testing {
 namespace {
 
 std::string string_of(Bytes const& bytes) { return {reinterpret_cast<char const*>(bytes.data()), bytes.size()}; }
+
+ReadOptions trusting() {
+    ReadOptions options;
+    options.trust_paths = true;
+    return options;
+}
 
 std::unique_ptr<Source> opened(std::string const& contents) {
     auto source = open_volume(memory_file(contents), {});
@@ -133,6 +142,24 @@ TEST(Nrrd, TextKeepsAllDigits) {
     EXPECT_EQ(values[2], 9007199254740993);
     auto const floats =
         opened("NRRD0001\ntype: double\ndimension: 1\nsizes: 4\nencoding: text\n\n0.1 nan -inf +1e-300");
+    // What is too large or too small for the type rounds to infinity or zero.
+    auto const far = opened("NRRD0001\ntype: double\ndimension: 1\nsizes: 8\nencoding: text\n\n"
+                            "1e400 -1e400 1e-400 -0.1e-99999999999999999999 5e-324 1E+99999999999999999999 0.00001e405 "
+                            "-100000e-405");
+    double ends[8];
+    std::memcpy(ends, read_volume(*far).data(), sizeof ends);
+    double const infinity = std::numeric_limits<double>::infinity();
+    double const expected[8] = {infinity, -infinity, 0.0, -0.0, 5e-324, infinity, infinity, -0.0};
+    EXPECT_EQ(std::memcmp(ends, expected, sizeof ends), 0);
+    auto const narrow = opened("NRRD0001\ntype: float\ndimension: 1\nsizes: 3\nencoding: text\n\n1e39 -1e-60 1e38");
+    float narrow_ends[3];
+    std::memcpy(narrow_ends, read_volume(*narrow).data(), sizeof narrow_ends);
+    EXPECT_EQ(narrow_ends[0], std::numeric_limits<float>::infinity());
+    EXPECT_TRUE(narrow_ends[1] == 0 && std::signbit(narrow_ends[1]));
+    EXPECT_EQ(narrow_ends[2], 1e38F);
+    for (std::string const word : {"1e400", "1e-400", "-1e400"})
+        EXPECT_EQ(refused("NRRD0001\ntype: int\ndimension: 1\nsizes: 1\nencoding: text\n\n" + word).kind,
+                  ErrorKind::data);
     Bytes const bytes = read_volume(*floats);
     double numbers[4];
     std::memcpy(numbers, bytes.data(), sizeof numbers);
@@ -164,9 +191,9 @@ struct Detached {
                      "data file: " + data + "\n");
         return scratch / "a.nhdr";
     }
-    void expect_same(std::string const& data, std::string const& more = "") {
+    void expect_same(std::string const& data, std::string const& more = "", ReadOptions const& options = {}) {
         std::string const path = open_with(data, more);
-        auto const open = [&] { return open_volume(open_bytes(path), {}); };
+        auto const open = [&] { return open_volume(open_bytes(path), options); };
         auto const source = open();
         ASSERT_TRUE(source->next_volume());
         EXPECT_EQ(source->access(), Access::random);
@@ -182,7 +209,7 @@ TEST(Nrrd, DetachedAndSeveralFiles) {
     Detached d;
     put_file(d.scratch / "a b.raw", string_of(d.whole));
     d.expect_same("a b.raw");
-    d.expect_same(d.scratch / "a b.raw");
+    d.expect_same(d.scratch / "a b.raw", "", trusting());
     put_file(d.scratch / "s.raw", "skip me\nxyz" + string_of(d.whole));
     d.expect_same("s.raw", "line skip: 1\nbyte skip: 3\n");
     d.expect_same("s.raw", "byte skip: -1\n");
@@ -209,6 +236,38 @@ TEST(Nrrd, DetachedFailuresNameTheFile) {
           "x%d.raw 0 3 0", "x%d.raw 0 3 -1", "x%d.raw 0 9999999999 1", "x%d.raw 0 3 1 9", "x%d.raw 0 3 1 1"})
         EXPECT_EQ(caught([&] { open_volume(open_bytes(d.open_with(bad)), {})->next_volume(); }).kind, ErrorKind::data)
             << bad;
+}
+
+TEST(Nrrd, DataFilesElsewhereNeedTrust) {
+    Detached d;
+    Scratch const elsewhere;
+    put_file(elsewhere / "secret.raw", string_of(d.whole));
+    std::filesystem::create_directory(d.scratch / "sub");
+    std::filesystem::create_directory(elsewhere / "sub");
+    put_file(d.scratch / "sub/inside.raw", string_of(d.whole));
+    std::filesystem::create_symlink("sub/inside.raw", d.scratch / "stays.raw");
+    std::filesystem::create_symlink(d.scratch / "sub", d.scratch / "link");
+    std::filesystem::create_symlink(elsewhere / "secret.raw", d.scratch / "leaves.raw");
+    std::filesystem::create_directory_symlink(elsewhere.path(), d.scratch / "out");
+    ASSERT_EQ(::mkfifo((d.scratch / "fifo").c_str(), 0600), 0);
+    for (std::string const inside : {"sub/inside.raw", "./sub/../sub/inside.raw", "stays.raw", "link/inside.raw"})
+        d.expect_same(inside);
+    std::string const up = "../" + std::filesystem::path(elsewhere.path()).filename().string();
+    for (std::string const& outside :
+         {elsewhere / "secret.raw", d.scratch / "sub/inside.raw", up + "/secret.raw", std::string("leaves.raw"),
+          std::string("out/secret.raw"),
+          "out/../" + std::filesystem::path(elsewhere.path()).filename().string() + "/secret.raw"}) {
+        auto const failure = caught([&] { open_volume(open_bytes(d.open_with(outside)), {}); });
+        EXPECT_EQ(failure.kind, ErrorKind::data) << outside;
+        EXPECT_NE(failure.hint.find("--trust-paths"), std::string::npos) << outside;
+        d.expect_same(outside, "", trusting());
+    }
+    // Neither waits nor reads without end.
+    for (std::string const special : {"fifo", "/dev/zero", ".", "..", "LIST\nfifo"}) {
+        auto const failure = caught([&] { open_volume(open_bytes(d.open_with(special)), {}); });
+        EXPECT_EQ(failure.kind, ErrorKind::data) << special;
+        EXPECT_NE(failure.hint.find("--trust-paths"), std::string::npos) << special;
+    }
 }
 
 TEST(Nrrd, NumberedFiles) {
@@ -244,6 +303,13 @@ TEST(Nrrd, SamplesOfSeveralValuesAreRefusedWithAHint) {
          {"dimension: 4\nsizes: 3 2 3 4\nkinds: RGB-color domain domain domain\n",
           "dimension: 4\nsizes: 3 2 3 4\nkinds: list domain domain domain\n",
           "dimension: 3\nsizes: 3 2 12\nkinds: vector domain domain\n",
+          "dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\n",
+          "dimension: 3\nsizes: 6 4 3\nkinds: domain domain RGB-color\nspace dimension: 2\n"
+          "space directions: (1,0) (0,1) none\n",
+          "dimension: 3\nsizes: 6 6 2\nkinds: space space complex\n",
+          "dimension: 4\nsizes: 2 3 4 3\nkinds: domain domain domain 3-color\n",
+          "dimension: 4\nsizes: 2 3 4 3\nkinds: space space space vector\nspace dimension: 3\n"
+          "space directions: (1,0,0) (0,1,0) (0,0,1) none\n",
           "dimension: 4\nsizes: 3 2 3 4\nspace dimension: 3\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\n"}) {
         auto const failure = refused(head + fields + "\n" + std::string(72, 'a'));
         EXPECT_EQ(failure.kind, ErrorKind::data);
