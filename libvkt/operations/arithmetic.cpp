@@ -10,6 +10,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace vkt {
 
@@ -144,6 +145,22 @@ template <class T, class C> bool may_round_twice(C v) {
     }
 }
 
+/// True if r is a op b without rounding, which a real half-way value often is. False says nothing.
+template <class C> bool is_exact(ArithmeticOp op, C a, C b, C r) {
+    if (op == ArithmeticOp::sub) b = -b;
+    if (op == ArithmeticOp::add || op == ArithmeticOp::sub) { // the error of a sum (Knuth, TAOCP 2, 4.2.2)
+        C const back = r - a;
+        return (a - (r - back)) + (b - back) == C(0);
+    }
+    if (op == ArithmeticOp::div) std::swap(a, r); // a = r * b
+    if constexpr (sizeof(C) == 4) {
+        return static_cast<double>(a) * static_cast<double>(b) == static_cast<double>(r);
+    } else {
+        bool const has_room = (r < 0 ? -r : r) > 0x1p-900; // for the last bit of the product
+        return has_room && __builtin_fma(a, b, -r) == 0;
+    }
+}
+
 ExactNumber exact_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z) {
     ExactNumber result = operand.exact_number;
     if (operand.view == nullptr) return result;
@@ -202,9 +219,12 @@ void settle_row(ArithmeticTask const& task, C const* u, C const* v, C const* res
                 Index3 at, Tally& tally) {
     C const from_a = static_cast<C>(task.a.inexact_from), from_b = static_cast<C>(task.b.inexact_from);
     bool const picks = task.op == ArithmeticOp::min || task.op == ArithmeticOp::max;
+    auto const inexact = [=](C a, C b) {
+        return ((a < C(0) ? -a : a) >= from_a ? 1 : 0) | ((b < C(0) ? -b : b) >= from_b ? 1 : 0);
+    };
     auto const doubtful = [=](C a, C b, C r) {
         int const twice = may_round_twice<T>(r) && !picks;
-        return twice | ((a < C(0) ? -a : a) >= from_a ? 1 : 0) | ((b < C(0) ? -b : b) >= from_b ? 1 : 0);
+        return twice | inexact(a, b);
     };
     std::int32_t count = 0;
 #pragma omp simd reduction(+ : count)
@@ -213,6 +233,7 @@ void settle_row(ArithmeticTask const& task, C const* u, C const* v, C const* res
     T* const to = reinterpret_cast<T*>(out.at(at.x, at.y, at.z));
     for (std::int64_t i = 0; i < n; ++i) {
         if (doubtful(u[i], v[i], result[i]) == 0) continue;
+        if (inexact(u[i], v[i]) == 0 && is_exact(task.op, u[i], v[i], result[i])) continue;
         tally.clipped -= is_clipped<T>(result[i]);
         tally.nan -= is_lost_nan<T>(result[i]);
         to[i] =
