@@ -65,6 +65,135 @@ for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64".split():
         assert np.fromfile(f"{name}.{t}.raw", t).tolist() == want, (t, name)'
 }
 
+# exactly.py: what real arithmetic gives, rounded once, of the values in exactly.json; values(type): those that are hard.
+exactly() {
+    cat >exactly.py <<'PYTHON'
+import math
+from fractions import Fraction
+import numpy as np
+TYPES = "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split()
+DIGITS = dict(float16=(11, -24), float32=(24, -149), float64=(53, -1074))
+OPS = "add sub mul div min max".split()
+
+def values(t):
+    if t in DIGITS:
+        i = np.finfo(t)
+        some = [0, -0.0, 0.5, 1, 1.5, 2.5, -0.5, -3.5, 1e-8, 1 / 3, 7, 100.25, 254.5, 255.5, 2049, 65504, 65519, 2**24 + 2, -2**31 - 0.5,
+                2**31 - 0.5, 2**32 - 0.5, 2.0**51 + 0.5, 2.0**53 - 1, 2.0**53 + 2, 2.0**63, 2.0**64, 1e30, 1 + 2**-10, 1 + 2**-23, 1 + 2**-52,
+                2**-24 + 2**-60, 2.0**-149, 3 * 2.0**-150, 2.0**-1074, i.tiny, i.eps, i.max, -i.max, np.inf, -np.inf, np.nan]
+    else:
+        i = np.iinfo(t)
+        some = [0, 1, 2, 3, 5, 7, 100, 127, 255, 1000, 2049, 4097, 65535, 2**24 + 1, 2**24 + 3, 2**31 - 1, 2**32 - 1, 2**52 + 1, 2**53 - 1,
+                2**53 + 1, 2**54 + 2, 2**60 + 129, 2**62 - 1, 2**63 - 1, 2**63 + 1025, -1, -2, -7, -129, -2**31, -2**53 - 1, -2**62 - 511,
+                int(i.min), int(i.max), int(i.max) - 1]
+        some = [v for v in some if i.min <= v <= i.max]
+    with np.errstate(over="ignore"):
+        return np.unique(np.array(some, t))
+
+def to_type(x, t):
+    """The Fraction or special double x as t, rounded once."""
+    if t in DIGITS:
+        if not isinstance(x, Fraction): return float(x)
+        if x == 0: return 0.0
+        digits, least = DIGITS[t]
+        exponent = abs(x.numerator).bit_length() - x.denominator.bit_length()
+        if abs(x) < Fraction(2) ** exponent: exponent -= 1
+        unit = Fraction(2) ** max(exponent - digits + 1, least)
+        result = round(x / unit) * unit
+        return (math.inf if x > 0 else -math.inf) if abs(result) > Fraction(float(np.finfo(t).max)) else float(result)
+    i = np.iinfo(t)
+    if not isinstance(x, Fraction):
+        if math.isnan(x): return 0
+        if math.isinf(x): return int(i.max) if x > 0 else int(i.min)
+        x = Fraction(x)
+    return min(max(round(x), int(i.min)), int(i.max))
+
+def exactly(op, a, b, integers, t):
+    """a and b are integers, floats or Fractions; integers: the types of operands and result."""
+    fa, fb = (float(v) if not isinstance(v, float) else v for v in (a, b))
+    special = not (math.isfinite(fa) and math.isfinite(fb))
+    if op in ("min", "max"):
+        if special: x = a if math.isnan(fa) or (not math.isnan(fb) and (fa < fb if op == "min" else fa > fb)) else b
+        else: x = min(a, b) if op == "min" else max(a, b)
+        return to_type(Fraction(x) if not isinstance(x, float) or math.isfinite(x) else x, t)
+    if op == "div" and fb == 0 and integers:
+        i = np.iinfo(t)
+        return 0 if a == 0 else int(i.max) if a > 0 else int(i.min)
+    if special or (op == "div" and fb == 0):
+        with np.errstate(all="ignore"):
+            x = float(getattr(np, dict(add="add", sub="subtract", mul="multiply", div="divide")[op])(fa, fb))
+        return to_type(x, t)
+    a, b = Fraction(a), Fraction(b)
+    return to_type(dict(add=a + b, sub=a - b, mul=a * b).get(op) if op != "div" else a / b, t)
+
+def same(got, want):
+    return got == want or (got != got and want != want)
+PYTHON
+}
+
+@test "every pair of types is combined as in real arithmetic, rounded once" {
+    exactly
+    check 'from exactly import *
+n = 0
+for i, ta in enumerate(TYPES):
+    for j, tb in enumerate(TYPES):
+        a, b = np.meshgrid(values(ta), values(tb))
+        dims = f"{a.shape[1]}x{a.shape[0]}x1"
+        a.tofile(f"a{i}_{j}_{dims}_{ta}.raw"); b.tofile(f"b{i}_{j}_{dims}_{tb}.raw")
+        for op in OPS: # every pair of types with every operation, and every type of the result with most of them
+            t = TYPES[(i + 3 * j + 2 * OPS.index(op)) % 11]
+            print(op, f"a{i}_{j}_{dims}_{ta}.raw", f"b{i}_{j}_{dims}_{tb}.raw", t)' >runs
+    while read -r op a b t; do
+        vkt arith $op $a $b --dtype $t -q | raw >$op.$a.$t
+    done <runs
+    check 'from exactly import *
+wrong = set()
+for line in open("runs"):
+    op, a, b, t = line.split()
+    ta, tb = (n[:-4].rsplit("_", 1)[1] for n in (a, b))
+    u, v, got = np.fromfile(a, ta).tolist(), np.fromfile(b, tb).tolist(), np.fromfile(f"{op}.{a}.{t}", t).tolist()
+    integers = not any(x in DIGITS for x in (ta, tb, t))
+    for x, y, z in zip(u, v, got):
+        want = exactly(op, x, y, integers, t)
+        if not same(z, want): wrong.add((op, ta, tb, t, x, y, z, want))
+assert not wrong, (len(wrong), sorted(wrong, key=str)[:20])'
+}
+
+@test "numbers too, as long as double or 64 bits hold them" {
+    exactly
+    numbers="0.5 0.1 -3 9007199254740993 18446744073709551615 1e-8 1e300"
+    for t in uint8 int32 uint64 float16 float32; do
+        check "from exactly import *
+v = values('$t'); v.tofile(f'v_{len(v)}x1x1_$t.raw')"
+        for op in add mul div min; do
+            for number in $numbers; do
+                for out in uint8 int64 float32; do
+                    echo $op $number $t $out
+                    vkt arith $op v_*_$t.raw $number --dtype $out -q | raw >$op.$number.$t.$out
+                done
+            done
+        done
+    done >runs
+    check 'from exactly import *
+import glob
+wrong = set()
+for line in open("runs"):
+    op, number, t, out = line.split()
+    b = Fraction(int(number)) if number.lstrip("-").isdigit() else Fraction(float(number))
+    integers = not (t in DIGITS or out in DIGITS)
+    v, got = np.fromfile(glob.glob(f"v_*_{t}.raw")[0], t).tolist(), np.fromfile(f"{op}.{number}.{t}.{out}", out).tolist()
+    for x, z in zip(v, got):
+        want = exactly(op, x, b, integers, out)
+        if not same(z, want): wrong.add((op, number, t, out, x, z, want))
+assert not wrong, (len(wrong), sorted(wrong, key=str)[:20])'
+}
+
+@test "what goes through value maps is said to be an estimate, all else to be exact" {
+    one uint8 3 | vkt arith add - 0.5 --dtype float32 --explain 2>&1 >out | grep -q 'exact,'
+    one int64 3 | vkt arith add - 0.5 --explain 2>&1 >out | grep -q 'exact,'
+    one int16 3 | vkt set --slope 0.1 | vkt arith add - 0.5 --explain 2>&1 >out | grep -q 'error about 1e-15'
+}
+
 @test "floats agree with numpy bit for bit" {
     for dtype in float32 float64; do
         vkt make noise --dims 13 7 5 --dtype $dtype --low -1 --seed 1 | tee a | raw >a.$dtype

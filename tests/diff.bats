@@ -27,6 +27,28 @@ assert abs(d["psnr"] - 20 * np.log10((a.max() - a.min()) / rmse)) < 1e-9 and d["
 assert d["count"] == a.size and d["first"] == [i % 17, i // 17 % 9, i // 153], d'
 }
 
+@test "differences near the ends of double" {
+    python_with numpy
+    /usr/bin/python3 -c '
+import numpy as np
+rng = np.random.default_rng(5)
+for e in (308, 200, 160, -160, -200, -300):
+    for n in "ab": (rng.uniform(-1.7, 1.7, (4, 20, 30)) * 10.0 ** e).tofile(f"{n}{e}_30x20x4_float64.raw")'
+    for e in 308 200 160 -160 -200 -300; do
+        run -1 vkt diff a${e}_30x20x4_float64.raw b${e}_30x20x4_float64.raw --json
+        echo "$output" >d$e
+    done
+    /usr/bin/python3 -c '
+import numpy as np, json
+for e in (308, 200, 160, -160, -200, -300):
+    a, b = (np.fromfile(f"{n}{e}_30x20x4_float64.raw") / 10.0 ** e for n in "ab"); d = json.load(open(f"d{e}"))
+    rmse = np.sqrt(((a - b) ** 2).mean())
+    assert abs(d["rmse"] / 10.0 ** e / rmse - 1) < 1e-12, (e, d)
+    assert abs(d["psnr"] - 20 * np.log10((a.max() - a.min()) / rmse)) < 1e-9, (e, d)
+    if e != 308: assert d["max_abs"] / 10.0 ** e - abs(a - b).max() < 1e-12, (e, d)
+    assert d["differing"] == a.size'
+}
+
 @test "tolerance decides the exit code" {
     vkt arith add a.vkt 0.25 -o c.vkt
     run -1 vkt diff a.vkt c.vkt

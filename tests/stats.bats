@@ -58,6 +58,33 @@ assert a["nan"] == 24 and a["min"] is None and a["mean"] is None and a["argmin"]
 assert z["argmin"] == [0, 0, 0] and z["argmax"] == [2, 0, 0], z'
 }
 
+@test "values near the ends of double" {
+    check 'rng = np.random.default_rng(5)
+for e in (308, 307, 200, 160, -160, -200, -300, -320):
+    v = rng.uniform(-1.7, 1.7, (9, 20, 30)) * 10.0 ** e; v.tofile(f"e{e}_30x20x9_float64.raw")
+    (abs(v) / 4 + 1e308 * (e == 308)).tofile(f"p{e}_30x20x9_float64.raw")
+v = rng.uniform(0, 1, (9, 20, 30)); v.flat[17] = 1e300; v.flat[4000] = -1e-300; v.tofile("mixed_30x20x9_float64.raw")
+np.where(np.arange(5400) % 2, 1.5e308, -1.5e308).tofile("ends_30x20x9_float64.raw")
+np.full(5400, 1.5e308).tofile("same_30x20x9_float64.raw")'
+    for f in *.raw; do
+        vkt stats $f --json --threads 1 --slab 9 >$f.json
+        vkt stats $f --json --threads 3 --slab 2 | cmp - $f.json
+    done
+    check 'import glob, math
+from fractions import Fraction
+def root(x): # of a rational, to 60 bits
+    shift = 2 * max(0, 200 - x.numerator.bit_length() + x.denominator.bit_length()); shift += shift % 2
+    return Fraction(math.isqrt((x.numerator << shift) // x.denominator), 2 ** (shift // 2)) if x else Fraction(0)
+def near(got, want, scale, name):
+    if abs(want) > Fraction(1.7976931348623157e308): assert got is None, (name, got)
+    else: assert abs(Fraction(got) - want) <= scale * Fraction(1e-14) + Fraction(5e-324), (name, got, float(want))
+for f in glob.glob("*.raw"):
+    v = [Fraction(x) for x in np.fromfile(f).tolist()]; s = json.load(open(f + ".json")); n = len(v)
+    mean = sum(v) / n; variance = sum((x - mean) ** 2 for x in v) / n; largest = max(map(abs, v))
+    near(s["mean"], mean, largest, (f, "mean")); near(s["sum"], sum(v), n * largest, (f, "sum"))
+    near(s["variance"], variance, variance, (f, "variance")); near(s["stddev"], root(variance), root(variance), (f, "stddev"))'
+}
+
 @test "physical values and regions" {
     vkt make ramp --dims 10 4 3 | vkt set --slope -2 --intercept 1 | vkt stats --json >s
     vkt make ramp --dims 10 4 3 | vkt stats --roi 2:5,:,1:2 --json >r

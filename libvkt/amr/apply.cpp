@@ -116,7 +116,9 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
     if (told != nullptr) told->plan = plan;
     Header header = tree_header(operation, plan, inputs[0].header());
     if (plan.scans) {
-        scan_cells(operation, inputs[0], execution);
+        do
+            scan_cells(operation, inputs[0], execution);
+        while (operation.scans_again());
         operation.after_scan(header);
     }
     if (plan.shift && *plan.shift == Index3{}) { // the cells are handed through

@@ -6,6 +6,7 @@
 #include "libvkt/core/types.h"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
 
@@ -59,6 +60,30 @@ template <class T, class C> inline T store_cell(C value) {
         if (rounded > low) return static_cast<T>(rounded);
         return rounded <= low ? std::numeric_limits<T>::lowest() : T{0};
     }
+}
+
+/// 64-bit integers, most of which double does not hold.
+template <class T> inline constexpr bool is_wide_cell = std::is_integral_v<T> && sizeof(T) == 8;
+
+/// a - b of such integers, rounded only once.
+template <class T> double cell_difference(T a, T b) {
+    static_assert(is_wide_cell<T>);
+    auto const u = static_cast<std::uint64_t>(a), v = static_cast<std::uint64_t>(b);
+    return a >= b ? static_cast<double>(u - v) : -static_cast<double>(v - u);
+}
+
+/// Such an integer plus a difference, rounded half to even and saturated.
+template <class T> T cell_beyond(T from, double difference) {
+    static_assert(is_wide_cell<T>);
+    double const whole = std::nearbyint(difference), size = std::abs(whole);
+    auto const base = static_cast<std::uint64_t>(from);
+    std::uint64_t const step = size >= 0x1p64 ? ~std::uint64_t{0} : static_cast<std::uint64_t>(size);
+    if (whole < 0) {
+        T const lowest = std::numeric_limits<T>::lowest();
+        return step > base - static_cast<std::uint64_t>(lowest) ? lowest : static_cast<T>(base - step);
+    }
+    T const most = std::numeric_limits<T>::max();
+    return step > static_cast<std::uint64_t>(most) - base ? most : static_cast<T>(base + step);
 }
 
 } // namespace vkt

@@ -59,7 +59,7 @@ SampleGrid plan_grid(Header const& header, GridRequest const& request);
 Header gridded_header(Header const& header, SampleGrid const& grid);
 
 /// Samples a hierarchical volume on a grid, region by region. Results depend on neither regions nor threads, bit for
-/// bit; bricks contribute in their order. State: 80 bytes a brick. Throws Error{failure} for structured volumes.
+/// bit; bricks contribute in their order. State: 112 bytes a brick. Throws Error{failure} for structured volumes.
 class Reconstructor {
 public:
     Reconstructor(Volume volume, SampleGrid const& grid, Reconstruction method, double background = 0);

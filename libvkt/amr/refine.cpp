@@ -27,7 +27,7 @@ template <class T> class Refiner {
 public:
     Refiner(Volume const& volume, RefineOptions const& options, Execution const& execution)
         : volume_(volume), options_(options), execution_(execution), n_(volume.header().dims),
-          voxels_(reinterpret_cast<T const*>(volume.buffer().read(Space::host))) {
+          voxels_(reinterpret_cast<T const*>(volume.buffer().read(Space::host))), base_(is_wide ? voxels_[0] : T{}) {
         for (int a = 0; a < 3; ++a) {
             block_[a] = n_[a] == 1 ? 1 : options.block;
             blocks_[a] = (n_[a] + block_[a] - 1) / block_[a];
@@ -48,8 +48,31 @@ public:
 private:
     static constexpr signed char dropped = -1;
 
-    double voxel(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return static_cast<double>(voxels_[(z * n_.y + y) * n_.x + x]);
+    /// What is computed of 64-bit integers is their difference from the base.
+    static constexpr bool is_wide = is_wide_cell<T>;
+
+    T cell_of(std::int64_t x, std::int64_t y, std::int64_t z) const { return voxels_[(z * n_.y + y) * n_.x + x]; }
+    double voxel(std::int64_t x, std::int64_t y, std::int64_t z) const { return difference(cell_of(x, y, z), base_); }
+
+    /// a - b; of floats and smaller integers, where b is 0, a.
+    static double difference(T a, T b) {
+        if constexpr (is_wide)
+            return cell_difference(a, b);
+        else
+            return static_cast<double>(a);
+    }
+    /// The cell that holds a computed value.
+    T cell_at(double value) const {
+        if constexpr (is_wide)
+            return cell_beyond(base_, value);
+        else
+            return store_cell<T>(value);
+    }
+    bool same_within(T a, T b) const {
+        if constexpr (is_wide)
+            return std::abs(difference(a, b)) <= options_.tolerance;
+        else
+            return within(static_cast<double>(a), static_cast<double>(b));
     }
 
     signed char& leaf(Index3 b) {
@@ -86,7 +109,7 @@ private:
 
     /// A coarse cell as it will be stored.
     double stored(MeanLevel const& mean, std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return static_cast<double>(store_cell<T>(mean.at(x, y, z)));
+        return difference(cell_at(mean.at(x, y, z)), base_);
     }
 
     double predicted(MeanLevel const& mean, Index3 voxel_at) const {
@@ -170,14 +193,14 @@ private:
     /// Leaves of any level whose voxels are all background vanish.
     void drop_background() {
         if (!options_.background) return;
-        double const background = static_cast<double>(store_cell<T>(*options_.background));
+        T const background = store_cell<T>(*options_.background);
         for (Brick const& brick : bricks()) {
             Box const box = bounds_of(brick, n_);
             bool all = true;
             for (std::int64_t z = box.lower.z; all && z < box.upper.z; ++z)
                 for (std::int64_t y = box.lower.y; all && y < box.upper.y; ++y)
                     for (std::int64_t x = box.lower.x; all && x < box.upper.x; ++x)
-                        all = within(background, voxel(x, y, z));
+                        all = same_within(background, cell_of(x, y, z));
             if (all) mark(brick, dropped);
         }
     }
@@ -223,10 +246,9 @@ private:
                 for (std::int64_t y = 0; y < brick.dims.y; ++y)
                     for (std::int64_t x = 0; x < brick.dims.x; ++x) {
                         Index3 const at{brick.lower.x / w.x + x, brick.lower.y / w.y + y, brick.lower.z / w.z + z};
-                        *cell++ =
-                            brick.level == 0
-                                ? voxels_[(at.z * n_.y + at.y) * n_.x + at.x]
-                                : store_cell<T>(means_[static_cast<std::size_t>(brick.level - 1)].at(at.x, at.y, at.z));
+                        *cell++ = brick.level == 0
+                                      ? cell_of(at.x, at.y, at.z)
+                                      : cell_at(means_[static_cast<std::size_t>(brick.level - 1)].at(at.x, at.y, at.z));
                     }
         }
         return result;
@@ -252,7 +274,7 @@ private:
             for (std::int64_t z = z0; z < box.upper.z; ++z)
                 for (std::int64_t y = 0; y < n_.y; ++y)
                     for (std::int64_t x = 0; x < n_.x; ++x, ++value) {
-                        if (within(static_cast<double>(*value), voxel(x, y, z))) continue;
+                        if (same_within(*value, cell_of(x, y, z))) continue;
                         Vec3 const p{static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
                                      static_cast<double>(z) + 0.5};
                         index.query(p, p, near);
@@ -276,6 +298,7 @@ private:
     Execution const& execution_;
     Index3 n_, block_, blocks_;
     T const* voxels_;
+    T base_; ///< 0 for all but 64-bit integers
     std::vector<MeanLevel> means_;
     std::vector<signed char> leaf_level_; ///< of every finest block
 };

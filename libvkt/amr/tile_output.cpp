@@ -5,6 +5,7 @@
 #include "libvkt/amr/cells.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace vkt {
@@ -13,6 +14,7 @@ struct TileMemory {
     tile::ScratchFloat single;
     tile::ScratchDouble wide;
     std::uint8_t coarse[tile::samples];
+    double high[tile::samples]; ///< of 64-bit integers, what comes of the upper halves
 };
 
 namespace {
@@ -121,6 +123,40 @@ struct TileOutput {
             }
     }
 
+    /// The integer that lies high * 2^32 + low above the base.
+    template <class T> static T above(std::uint64_t base, double high, double low) {
+        double const size = high * 0x1p32, whole = std::floor(size);
+        return cell_beyond(cell_beyond(static_cast<T>(base), whole), size - whole + low);
+    }
+
+    /// 64-bit integers are summed as differences from the least one, in two halves if double has no room for these. So
+    /// small differences of large values are kept, and a sample that only one cell contributes to is that cell.
+    template <class T> void basis_of_wide(TileMemory& work, std::uint8_t const* coarse) const {
+        std::uint64_t const base = job.id_count > 0 ? job.sources[job.ids[0]].base : 0;
+        bool const far = job.id_count > 0 && job.sources[job.ids[0]].far;
+        int const n = job.count[0] * job.count[1] * job.count[2];
+        tile::Job part = job;
+        part.load = tile::Load::high_halves;
+        if (far) basis(part, work.wide, instructions);
+        for (int i = 0; i < n; ++i)
+            work.high[i] = far && work.wide.weight[i] > 0 ? work.wide.sum[i] / work.wide.weight[i] : 0;
+        part.load = far ? tile::Load::low_halves : tile::Load::differences;
+        basis(part, work.wide, instructions);
+        T const nothing = store_cell<T>(background);
+        for (int k = 0; k < job.count[2]; ++k)
+            for (int j = 0; j < job.count[1]; ++j) {
+                int const at = (k * job.count[1] + j) * job.count[0];
+                T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
+                std::uint8_t* const covered = mask_row(j, k);
+                for (int i = 0; i < job.count[0]; ++i) {
+                    if (coarse != nullptr && coarse[at + i] != 0) continue;
+                    double const weight = work.wide.weight[at + i];
+                    row[i] = weight > 0 ? above<T>(base, work.high[at + i], work.wide.sum[at + i] / weight) : nothing;
+                    if (covered != nullptr) covered[i] = weight > 0 ? 1 : 0;
+                }
+            }
+    }
+
     template <class T> void nearest() const {
         T const nothing = store_cell<T>(background);
         for (int k = 0; k < job.count[2]; ++k)
@@ -159,7 +195,9 @@ struct TileOutput {
 
     void basis_where(TileMemory& work, std::uint8_t const* coarse) const {
         with_cell_type(job.type, [&]<class T>(T) {
-            if (computes_in_double(job.type)) {
+            if constexpr (is_wide_cell<T>) {
+                basis_of_wide<T>(work, coarse);
+            } else if (computes_in_double(job.type)) {
                 basis(job, work.wide, instructions);
                 store<T>(work.wide, coarse, 0);
             } else {
@@ -237,8 +275,19 @@ std::vector<tile::Source> tile_sources(Volume const& volume) {
     std::byte const* const data = volume.buffer().read(Space::host);
     std::size_t const bytes = size_of(volume.header().dtype);
     std::vector<tile::Source> sources(bricks.size());
+    tile::Source first;
+    with_cell_type(volume.header().dtype, [&]<class T>(T) {
+        if constexpr (is_wide_cell<T>) {
+            auto const* const cells = reinterpret_cast<T const*>(data);
+            auto const [least, most] = std::minmax_element(cells, cells + volume.header().voxels());
+            if (bricks.empty()) return;
+            first.base = static_cast<std::uint64_t>(*least);
+            first.far = static_cast<std::uint64_t>(*most) - first.base >= std::uint64_t{1} << 53;
+        }
+    });
     for (std::size_t i = 0; i < bricks.size(); ++i) {
         tile::Source& source = sources[i];
+        source = first;
         Index3 const width = cell_width(volume.header().dims, bricks[i].level);
         source.cells = data + static_cast<std::size_t>(volume.brick_offset(i)) * bytes;
         for (int a = 0; a < 3; ++a) {

@@ -219,7 +219,9 @@ BrickSequence Link::take_bricks() {
 
 void Link::scan() {
     Input& input = *inputs_.front();
-    scan_volume(input, operation_, requested_, info_.times.get());
+    do
+        scan_volume(input, operation_, requested_, info_.times.get());
+    while (operation_.scans_again());
     operation_.after_scan(plan_.output);
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }

@@ -83,9 +83,11 @@ public:
 
     /// The part of the input that scan() wants to see; no more of it is read than that.
     virtual Box scanned(Box const& whole) const { return whole; }
-    /// First pass, if the plan asks for it: sees every slab of that part once, in z order, all its rows and columns.
+    /// A pass before run(), if the plan asks for it: sees every slab of that part once, in z order, all its rows and columns.
     virtual void scan(ConstView /*slab*/, Execution const&) {}
     virtual void scan_end() {}
+    /// After scan_end(): true if one pass was not enough. Not for reductions, whose input passes only once.
+    virtual bool scans_again() const { return false; }
     /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose
     /// dims and type are fixed by then.
     virtual void after_scan(Header& /*output*/) const {}

@@ -1,12 +1,17 @@
-// Arithmetic: pieces of rows in float, double or 128-bit integers, whichever is exact.
+// Arithmetic: pieces of rows in float or double; voxels that this would round twice once more exactly. 64-bit integers
+// among themselves in 128 bits.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/arithmetic.h"
 
 #include "libvkt/core/frame.h"
+#include "libvkt/operations/exact.h"
 #include "libvkt/operations/rows.h"
 #include "libvkt/operations/wide.h"
 
+#include <bit>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace vkt {
 
@@ -14,7 +19,10 @@ namespace vkt {
 struct ArithmeticOperand {
     ConstView const* view = nullptr;
     double number = 0;
-    Int128 whole = 0; ///< the number, if all is computed in integers
+    Int128 whole = 0;         ///< the number, if all is computed in integers
+    ExactNumber exact_number; ///< the number, if it is finite
+    /// Values from this size on are not what was loaded as double; NaN if all are.
+    double inexact_from = std::numeric_limits<double>::quiet_NaN();
     ValueMap map;
 };
 
@@ -24,6 +32,7 @@ struct ArithmeticTask {
     ArithmeticOperand a, b;
     ValueMap result;          ///< stored result = (value - intercept) / slope
     bool count_zeros = false; ///< integer division
+    bool settles = false;     ///< results that would be rounded twice are computed once more
 };
 
 struct ArithmeticCounts {
@@ -106,11 +115,139 @@ template <class C> void count_zero_divisors(C const* a, C const* b, std::int64_t
     }
 }
 
+template <class C> C combine_one(ArithmeticOp op, C a, C b) {
+    C result;
+    combine(op, &a, &b, &result, 1);
+    return result;
+}
+
+/// False only if the real number that was rounded to v rounds to the same T as v does: unless v lies half-way between
+/// two neighbours in T, both lie on the same side of whatever is half-way.
+template <class T, class C> bool may_round_twice(C v) {
+    [[maybe_unused]] C const size = v < C(0) ? -v : v;
+    if constexpr (std::is_integral_v<T>) {
+        constexpr C to_whole = sizeof(C) == 4 ? C(12582912.0) : C(6755399441055744.0); // as in round_to
+        C const rest = v - ((v + to_whole) - to_whole);
+        bool const half = rest == C(0.5) || rest == C(-0.5);
+        // Doubles of this size may not have room for halves; beyond the second one all 64-bit types saturate.
+        if constexpr (sizeof(T) == 8) return half || (size >= C(0x1p51) && size < C(0x1p65));
+        return half;
+    } else if constexpr (sizeof(T) >= sizeof(C)) {
+        return false;
+    } else if constexpr (std::is_same_v<T, Half>) {
+        using Bits = std::conditional_t<sizeof(C) == 4, std::uint32_t, std::uint64_t>;
+        constexpr Bits half = Bits{1} << (std::numeric_limits<C>::digits - 12);
+        bool const middle = (detail::bits_as<Bits>(v) & (2 * half - 1)) == half;
+        return middle || (size < C(0x1p-14) && size >= C(0x1p-25));
+    } else {
+        constexpr std::uint64_t half = std::uint64_t{1} << 28;
+        bool const middle = (detail::bits_as<std::uint64_t>(v) & (2 * half - 1)) == half;
+        return middle || (size < C(0x1p-126) && size >= C(0x1p-150));
+    }
+}
+
+/// True if r is a op b without rounding, which a real half-way value often is. False says nothing.
+template <class C> bool is_exact(ArithmeticOp op, C a, C b, C r) {
+    if (op == ArithmeticOp::sub) b = -b;
+    if (op == ArithmeticOp::add || op == ArithmeticOp::sub) { // the error of a sum (Knuth, TAOCP 2, 4.2.2)
+        C const back = r - a;
+        return (a - (r - back)) + (b - back) == C(0);
+    }
+    if (op == ArithmeticOp::div) std::swap(a, r); // a = r * b
+    if constexpr (sizeof(C) == 4) {
+        return static_cast<double>(a) * static_cast<double>(b) == static_cast<double>(r);
+    } else {
+        bool const has_room = (r < 0 ? -r : r) > 0x1p-900; // for the last bit of the product
+        return has_room && __builtin_fma(a, b, -r) == 0;
+    }
+}
+
+ExactNumber exact_operand(ArithmeticOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z) {
+    ExactNumber result = operand.exact_number;
+    if (operand.view == nullptr) return result;
+    for_each_type(operand.view->type, [&]<class T>(T) {
+        T const voxel = *reinterpret_cast<T const*>(operand.view->at(x, y, z));
+        if constexpr (std::is_integral_v<T>)
+            result = ExactNumber::of(
+                static_cast<std::conditional_t<std::is_signed_v<T>, std::int64_t, std::uint64_t>>(voxel));
+        else
+            result = ExactNumber::of(static_cast<double>(voxel));
+    });
+    return result;
+}
+
+template <class T> T store_exactly(ExactResult const& value, DataType type, Tally& tally) {
+    if constexpr (std::is_integral_v<T>) {
+        constexpr Int128 low = std::numeric_limits<T>::lowest(), high = std::numeric_limits<T>::max();
+        Int128 const nearest = nearest_integer(value);
+        tally.clipped += nearest < low || nearest > high;
+        return static_cast<T>(std::clamp(nearest, low, high));
+    } else {
+        double const nearest = nearest_float(value, type);
+        tally.clipped += is_clipped<T>(nearest);
+        return round_to<T>(nearest);
+    }
+}
+
+/// The result of a and b, of which u and v are the nearest doubles, rounded once.
+template <class T>
+T settle(ArithmeticTask const& task, DataType type, double u, double v, ExactNumber a, ExactNumber b, Tally& tally) {
+    bool const finite = u - u == 0 && v - v == 0, product = task.op == ArithmeticOp::mul;
+    bool const division = task.op == ArithmeticOp::div;
+    bool const picks = task.op == ArithmeticOp::min || task.op == ArithmeticOp::max;
+    if (picks) {
+        bool first = combine_one(task.op, u, v) == u;
+        if (finite) first = task.op == ArithmeticOp::min ? compare(a, b) <= 0 : compare(a, b) >= 0;
+        double const chosen = first ? u : v;
+        if (finite || (chosen - chosen == 0 && u == u && v == v))
+            return store_exactly<T>(exact_sum(first ? a : b, {}), type, tally);
+    }
+    if (!finite || ((product || division) && (u == 0 || v == 0))) { // IEEE 754 knows no rounding here
+        double const result = combine_one(task.op, u, v);
+        tally.clipped += is_clipped<T>(result);
+        tally.nan += is_lost_nan<T>(result);
+        return round_to<T>(result);
+    }
+    if (task.op == ArithmeticOp::sub) b.negative = !b.negative;
+    ExactResult const result = product ? exact_product(a, b) : division ? exact_quotient(a, b) : exact_sum(a, b);
+    return store_exactly<T>(result, type, tally);
+}
+
+/// Replaces the voxels at `to` whose results may have been rounded twice, and what `tally` knows of them. u and v are
+/// the operands as loaded.
+template <class T, class C>
+void settle_row(ArithmeticTask const& task, C const* u, C const* v, C const* result, std::int64_t n, AnyView out,
+                Index3 at, Tally& tally) {
+    C const from_a = static_cast<C>(task.a.inexact_from), from_b = static_cast<C>(task.b.inexact_from);
+    bool const picks = task.op == ArithmeticOp::min || task.op == ArithmeticOp::max;
+    auto const inexact = [=](C a, C b) {
+        return ((a < C(0) ? -a : a) >= from_a ? 1 : 0) | ((b < C(0) ? -b : b) >= from_b ? 1 : 0);
+    };
+    auto const doubtful = [=](C a, C b, C r) {
+        int const twice = may_round_twice<T>(r) && !picks;
+        return twice | inexact(a, b);
+    };
+    std::int32_t count = 0;
+#pragma omp simd reduction(+ : count)
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += doubtful(u[i], v[i], result[i]);
+    if (count == 0) return;
+    T* const to = reinterpret_cast<T*>(out.at(at.x, at.y, at.z));
+    for (std::int64_t i = 0; i < n; ++i) {
+        if (doubtful(u[i], v[i], result[i]) == 0) continue;
+        if (inexact(u[i], v[i]) == 0 && is_exact(task.op, u[i], v[i], result[i])) continue;
+        tally.clipped -= is_clipped<T>(result[i]);
+        tally.nan -= is_lost_nan<T>(result[i]);
+        to[i] =
+            settle<T>(task, out.type, static_cast<double>(u[i]), static_cast<double>(v[i]),
+                      exact_operand(task.a, at.x + i, at.y, at.z), exact_operand(task.b, at.x + i, at.y, at.z), tally);
+    }
+}
+
 template <class C>
 void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts, Execution const& execution) {
     C const slope = static_cast<C>(task.result.slope), intercept = static_cast<C>(task.result.intercept);
     bool const same_values = task.result == ValueMap{};
-    bool const direct = is_direct<C>(out.type, task.result);
+    bool const direct = is_direct<C>(out.type, task.result) && !task.settles;
     auto const dense = [&](ArithmeticOperand const& o) { return o.view == nullptr || driver::dense(out.box, *o.view); };
     bool const one_row = driver::dense(out.box, out) && dense(task.a) && dense(task.b);
     for_each_segment(execution, one_row ? driver::as_one_row(out.box) : out.box,
@@ -137,7 +274,11 @@ void in_floats(ArithmeticTask const& task, AnyView out, ArithmeticCounts& counts
 #pragma omp simd
                                  for (std::int64_t i = 0; i < m; ++i) result[i] = (result[i] - intercept) / slope;
                              }
-                             Tally const tally = store_row(out.type, static_cast<C const*>(result), to, m);
+                             Tally tally = store_row(out.type, static_cast<C const*>(result), to, m);
+                             if (task.settles)
+                                 for_each_type(out.type, [&]<class T>(T) {
+                                     settle_row<T>(task, u, v, result, m, out, {x + begin, y, z}, tally);
+                                 });
                              mine.clipped += tally.clipped;
                              mine.nan += tally.nan;
                              add(counts, mine);
@@ -253,7 +394,43 @@ std::optional<Number> as_number(std::string const& word) {
 
 bool is_wide(DataType type) { return is_integer(type) && size_of(type) == 8; }
 
+/// A whole number of up to 64 bits that double does not hold.
+bool is_inexact(Number const& number) {
+    constexpr Int128 end = Int128{1} << 64;
+    return number.whole && *number.whole > -end && *number.whole < end &&
+           static_cast<Int128>(number.value) != *number.whole;
+}
+
+ExactNumber exact(Number const& number) {
+    if (!std::isfinite(number.value)) return {};
+    if (!is_inexact(number)) return ExactNumber::of(number.value);
+    Int128 const size = *number.whole < 0 ? -*number.whole : *number.whole;
+    return {*number.whole < 0, static_cast<std::uint64_t>(size), 0};
+}
+
 } // namespace
+
+/// What is known of an operand's values: significant binary digits, and the exponents between which they lie.
+struct Arithmetic::Operand {
+    int digits = 53, lowest = -1074, highest = 1024;
+    bool inexact = false; ///< double does not hold them
+
+    static Operand of(Number const& number) {
+        if (number.value == 0 || !std::isfinite(number.value)) return {1, 0, 1, false};
+        ExactNumber const n = exact(number);
+        int const zeros = std::countr_zero(n.bits), width = static_cast<int>(std::bit_width(n.bits));
+        return {width - zeros, n.exponent + zeros, n.exponent + width, is_inexact(number)};
+    }
+    static Operand of(DataType type) {
+        if (is_integer(type)) {
+            int const bits = static_cast<int>(8 * size_of(type));
+            return {bits, 0, bits, bits == 64};
+        }
+        if (type == DataType::float16) return {11, -24, 16, false};
+        if (type == DataType::float32) return {24, -149, 128, false};
+        return {};
+    }
+};
 
 DataType promoted(DataType a, DataType b) {
     if (a == b) return a;
@@ -335,6 +512,26 @@ void Arithmetic::choose_values(Header const& first, Header const* second, Header
     else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) &&
              small_type(type_) && fits_float(number_a_) && fits_float(number_b_))
         way_ = Way::in_float;
+    Operand const u = number_a_ ? Operand::of(*number_a_) : Operand::of(first.dtype);
+    Operand const v =
+        number_b_ ? Operand::of(*number_b_) : Operand::of(second == nullptr ? first.dtype : second->dtype);
+    settles_ = stored && way_ != Way::in_integers && rounds_twice(u, v);
+}
+
+/// True if rounding to the type of the computation first, and then to that of the result, may go wrong.
+bool Arithmetic::rounds_twice(Operand const& u, Operand const& v) const {
+    if (u.inexact || v.inexact) return true;
+    bool const single = way_ == Way::in_float;
+    if (op == ArithmeticOp::min || op == ArithmeticOp::max) return false;
+    if (type_ == (single ? DataType::float32 : DataType::float64)) return false;
+    int const digits = single ? 24 : 53;
+    // Sums of integers fit, products do or are far outside of the result's type, and a quotient that is no half lies
+    // further from one than it is off.
+    int const small = single ? 16 : 32;
+    if (is_integer(type_) && u.lowest >= 0 && v.lowest >= 0 && u.highest <= small && v.highest <= small) return false;
+    if (op == ArithmeticOp::mul) return u.digits + v.digits > digits;
+    if (op == ArithmeticOp::div) return v.digits > 1 || u.digits > digits;
+    return std::max(u.highest, v.highest) + 1 - std::min(u.lowest, v.lowest) > digits;
 }
 
 Plan Arithmetic::plan(std::span<Header const> inputs) {
@@ -361,7 +558,12 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     choose_values(first, second, plan.output);
     voxels_ = first.voxels();
     plan.method = way_ == Way::in_integers ? "128-bit integers" : way_ == Way::in_float ? "float32" : "float64";
+    if (settles_) plan.method += ", exact where that would round twice";
     if (way_ == Way::in_integers) plan.cost = 8;
+    if (!(map_a_ == ValueMap{} && map_b_ == ValueMap{})) { // a few roundings, unless values cancel
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 1e-15;
+    }
     return plan;
 }
 
@@ -373,8 +575,11 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
         if (number) {
             operand.number = number->value;
             operand.whole = number->whole.value_or(0);
+            operand.exact_number = exact(*number);
+            if (is_inexact(*number)) operand.inexact_from = 0;
         } else {
             operand.view = &inputs[next++];
+            if (is_wide(operand.view->type)) operand.inexact_from = 0x1p53;
         }
     };
     take(number_a_, task.a);
@@ -382,6 +587,7 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     task.a.map = map_a_;
     task.b.map = map_b_;
     task.result = map_out_;
+    task.settles = settles_;
     task.count_zeros = op == ArithmeticOp::div && integers_;
     ArithmeticCounts counts;
     switch (way_) {

@@ -20,10 +20,11 @@ template <> struct EnumNames<ArithmeticOp> {
 };
 
 /// Voxel by voxel; dims and geometry must agree. Two volumes with equal value maps are combined in stored values,
-/// keeping the map; with different maps, or with a number and a map, in physical values. Results are computed without
-/// intermediate rounding (128-bit integers for 64-bit types), rounded once half to even, and saturate. x / 0 in
-/// integers is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow IEEE. min and max hand
-/// NaN on.
+/// keeping the map; with different maps, or with a number and a map, in physical values, in double precision step by
+/// step. Without maps results are those of real arithmetic, rounded once half to even, and saturate, whatever the
+/// types; a number is the float64 nearest to it, or the whole number of up to 64 bits (between integers up to 2^99)
+/// that it is. x / 0 in integers is the type's largest or smallest value by the sign of x, 0 / 0 is 0; floats follow
+/// IEEE. min and max hand NaN on.
 class Arithmetic : public Operation {
 public:
     ArithmeticOp op = ArithmeticOp::add;
@@ -46,12 +47,14 @@ public:
 
 private:
     enum class Way : std::uint8_t { in_float, in_double, in_integers };
+    struct Operand;
     void choose_values(Header const& first, Header const* second, Header& output);
+    bool rounds_twice(Operand const& u, Operand const& v) const;
 
     Way way_ = Way::in_double;
     std::optional<Number> number_a_, number_b_;
     ValueMap map_a_, map_b_, map_out_; ///< from stored operands to what is computed with, and back
-    bool integers_ = false;
+    bool integers_ = false, settles_ = false;
     std::int64_t voxels_ = 0, zero_divisors_ = 0;
     DataType type_ = DataType::uint8;
     StoreCounts counts_;

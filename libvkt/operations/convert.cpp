@@ -10,14 +10,17 @@
 
 namespace vkt {
 
-/// stored = (v - low) * factor + to_low for v limited to [least, most].
+/// stored = (v * scale - low * scale) * factor + to_low for v limited to [least, most]. All but to_low count from
+/// `base`. The scale is a power of two that keeps differences of the largest doubles finite, and 1 for all others.
 struct LinearMap {
-    double low = 0, factor = 1, to_low = 0, least = 0, most = 0;
+    Int128 base = 0;
+    double low = 0, scale = 1, factor = 1, to_low = 0, least = 0, most = 0;
 };
 
-/// The finite extremes of stored values, low > high if there are none.
+/// The finite extremes of stored values, low > high if there are none. Integers also have them exactly.
 struct FiniteExtremes {
     double low = std::numeric_limits<double>::infinity(), high = -low;
+    Int128 whole_low = 0, whole_high = 0;
 };
 
 VKT_CPU_KERNEL(find_extremes, (ConstView in, FiniteExtremes& found, Execution const& execution), (in, found, execution))
@@ -82,16 +85,52 @@ template <class T> void convert_wide_from(ConstView in, AnyView out, Tally& tall
 
 Tally limit_and_map(double* v, std::int64_t n, LinearMap const& map) {
     std::int64_t clipped = 0;
-    double const low = map.low, factor = map.factor, to_low = map.to_low, least = map.least, most = map.most;
+    double const scale = map.scale, low = map.low * scale, factor = map.factor, to_low = map.to_low;
+    double const least = map.least, most = map.most;
 #pragma omp simd reduction(+ : clipped)
     for (std::int64_t i = 0; i < n; ++i) {
         double u = v[i];
         clipped += (u < least ? 1 : 0) + (u > most ? 1 : 0);
         u = u < least ? least : u; // NaN passes
         u = u > most ? most : u;
-        v[i] = (u - low) * factor + to_low;
+        v[i] = (u * scale - low) * factor + to_low;
     }
     return {clipped, 0};
+}
+
+template <class T> void load_from_base(T const* from, double* to, std::int64_t n, Int128 base) {
+    for (std::int64_t i = 0; i < n; ++i) {
+        std::int64_t distance = 0;
+        bool const far = __builtin_sub_overflow(from[i], base, &distance);
+        to[i] = far ? static_cast<double>(static_cast<Int128>(from[i]) - base) : static_cast<double>(distance);
+    }
+}
+
+/// Voxels less the base, which is 0 for all but 64-bit integers.
+void load_differences(DataType type, std::byte const* from, double* to, std::int64_t n, Int128 base) {
+    if (type == DataType::int64) return load_from_base(reinterpret_cast<std::int64_t const*>(from), to, n, base);
+    if (type == DataType::uint64) return load_from_base(reinterpret_cast<std::uint64_t const*>(from), to, n, base);
+    load_row(type, from, to, n);
+}
+
+template <class T>
+void whole_extremes(View<T const> in, Box const& box, FiniteExtremes& found, Execution const& execution) {
+    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+        T const* const from = &in(x, y, z);
+        T low = from[0], high = from[0];
+        for (std::int64_t i = 1; i < n; ++i) {
+            low = std::min(low, from[i]);
+            high = std::max(high, from[i]);
+        }
+#pragma omp critical(vkt_convert)
+        {
+            bool const first = !(found.low <= found.high);
+            found.whole_low = first ? Int128{low} : std::min<Int128>(found.whole_low, low);
+            found.whole_high = first ? Int128{high} : std::max<Int128>(found.whole_high, high);
+            found.low = static_cast<double>(found.whole_low);
+            found.high = static_cast<double>(found.whole_high);
+        }
+    });
 }
 
 } // namespace
@@ -104,6 +143,8 @@ void convert_values(ConstView in, AnyView out, Tally& tally, Execution const& ex
 }
 
 void find_extremes(ConstView in, FiniteExtremes& found, Execution const& execution) {
+    if (in.type == DataType::int64) return whole_extremes(in.as<std::int64_t>(), in.box, found, execution);
+    if (in.type == DataType::uint64) return whole_extremes(in.as<std::uint64_t>(), in.box, found, execution);
     for_each_row_piece<double>(execution, in.box,
                                [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
                                    load_row(in.type, in.at(x, y, z), scratch, n);
@@ -126,7 +167,7 @@ void find_extremes(ConstView in, FiniteExtremes& found, Execution const& executi
 void convert_range(ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution) {
     for_each_row_piece<double>(
         execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
-            load_row(in.type, in.at(x, y, z), scratch, n);
+            load_differences(in.type, in.at(x, y, z), scratch, n, map.base);
             Tally counts = limit_and_map(scratch, n, map);
             // What lies in the range fits; the ends of 64-bit types, which double rounds up, only seem not to.
             counts.nan = store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n).nan;
@@ -144,34 +185,40 @@ namespace {
 RangeEnd parse_end(std::string_view word, std::string_view name) {
     RangeEnd end;
     end.percentile = !word.empty() && word.front() == 'p';
-    end.value = ValueText<double>::read({std::string(end.percentile ? word.substr(1) : word)}, name);
-    if (end.percentile && !(end.value >= 0 && end.value <= 100))
-        throw Error(ErrorKind::usage, text("--", name, ": ", end.value, " is not a percentile between 0 and 100"));
-    if (!std::isfinite(end.value)) throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not finite"));
+    end.value = ValueText<Number>::read({std::string(end.percentile ? word.substr(1) : word)}, name);
+    double const value = end.value.value;
+    if (end.percentile && !(value >= 0 && value <= 100))
+        throw Error(ErrorKind::usage, text("--", name, ": ", value, " is not a percentile between 0 and 100"));
+    if (!std::isfinite(value)) throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not finite"));
     return end;
 }
 
-bool is_extreme(RangeEnd const& end) { return end.percentile && (end.value == 0 || end.value == 100); }
+bool is_extreme(RangeEnd const& end) { return end.percentile && (end.value == Number(0) || end.value == Number(100)); }
+
+bool is_below(Number const& a, Number const& b) { return a.whole && b.whole ? *a.whole < *b.whole : a.value < b.value; }
+
+bool is_wide(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
 
 } // namespace
 
 ValueRange ValueText<ValueRange>::read(std::vector<std::string> const& w, std::string_view name) {
     std::string_view const word = w.front();
-    if (word == "minmax") return {{true, 0}, {true, 100}};
+    if (word == "minmax") return {{true, Number(0)}, {true, Number(100)}};
     std::size_t const colon = word.find(':');
     if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
         throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
                     "for example 0:255, minmax or p1:p99");
     ValueRange const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
-    if (range.low.percentile == range.high.percentile && !(range.low.value < range.high.value))
+    if (range.low.percentile == range.high.percentile && !is_below(range.low.value, range.high.value))
         throw Error(ErrorKind::usage,
                     text("--", name, ": '", word, "' is empty: the first end must be below the second"));
     return range;
 }
 
 std::vector<std::string> ValueText<ValueRange>::write(ValueRange const& v) {
-    if (v == ValueRange{{true, 0}, {true, 100}}) return {"minmax"};
-    return {text(v.low.percentile ? "p" : "", v.low.value, ":", v.high.percentile ? "p" : "", v.high.value)};
+    if (v == ValueRange{{true, Number(0)}, {true, Number(100)}}) return {"minmax"};
+    return {text(v.low.percentile ? "p" : "", to_text(v.low.value), ":", v.high.percentile ? "p" : "",
+                 to_text(v.high.value))};
 }
 
 VKT_OPERATION(Convert, "convert")
@@ -210,76 +257,110 @@ Plan Convert::plan(std::span<Header const> inputs) {
     }
     plan.method = range ? "linear map, rounded half to even, saturated" : "rounded half to even, saturated";
     if (!range) return plan;
-    to_low_ = to ? to->low.value : is_integer(type_) ? lowest_of(type_) : 0;
-    to_high_ = to ? to->high.value : is_integer(type_) ? highest_of(type_) : 1;
+    to_low_ = to ? to->low.value.value : is_integer(type_) ? lowest_of(type_) : 0;
+    to_high_ = to ? to->high.value.value : is_integer(type_) ? highest_of(type_) : 1;
     if (to_low_ < lowest_of(type_) || to_high_ > highest_of(type_))
         throw Error(ErrorKind::usage, text("--to ", to_low_, ":", to_high_, " does not fit into ", type_));
-    if (!range->low.percentile && !range->high.percentile) {
-        set_map(range->low.value, range->high.value);
+    plan.error.kind = ErrorBound::Kind::bound;
+    // Of the range that is mapped, which percentiles do not make wider than the data's.
+    double const share =
+        0x1p-53 * (5 + std::max(std::abs(to_low_), std::abs(to_high_)) / (to_high_ / 2 - to_low_ / 2) / 2);
+    bool const known = !range->low.percentile && !range->high.percentile;
+    if (known)
+        plan.error.absolute = share * (range->high.value.value - range->low.value.value);
+    else
+        plan.error.range = share;
+    if (known) {
+        set_map(stored(range->low.value), stored(range->high.value));
         plan.output.values = values_;
         return plan;
     }
     plan.scans = true;
-    percentiles_ =
-        (range->low.percentile && !is_extreme(range->low)) || (range->high.percentile && !is_extreme(range->high));
-    plan.method = percentiles_ ? "percentiles first, then linear map" : "extremes first, then linear map";
-    plan.state_bytes = percentiles_ ? std::size_t{16} << 20 : 0;
-    low_ = FiniteExtremes{}.low;
-    high_ = FiniteExtremes{}.high;
-    if (percentiles_) quantiles_ = std::make_unique<Quantiles>(input_.dtype);
+    std::vector<double> percents;
+    bool const falling = input_.values.slope < 0; // percentiles are of physical values
+    for (RangeEnd const& end : {range->low, range->high})
+        if (end.percentile && !is_extreme(end)) percents.push_back(falling ? 100 - end.value.value : end.value.value);
+    plan.method = percents.empty() ? "extremes first, then linear map" : "percentiles first, then linear map";
+    any_finite_ = scans_again_ = false;
+    if (percents.empty()) return plan;
+    plan.state_bytes = Quantiles::state_bytes(1);
+    quantiles_ = std::make_unique<Quantiles>(input_.dtype, std::move(percents), input_.voxels());
     return plan;
 }
 
 void Convert::scan(ConstView slab, Execution const& execution) {
-    FiniteExtremes found{low_, high_};
-    find_extremes(slab, found, execution);
-    low_ = found.low;
-    high_ = found.high;
+    bool const first_pass = !scans_again_;
+    if (first_pass && (is_extreme(range->low) || is_extreme(range->high))) {
+        FiniteExtremes found;
+        find_extremes(slab, found, execution);
+        auto const value = [&](double v, Int128 whole) {
+            return is_wide(input_.dtype) ? StoredValue{whole, 0} : StoredValue{0, v};
+        };
+        if (found.low <= found.high) {
+            StoredValue const low = value(found.low, found.whole_low), high = value(found.high, found.whole_high);
+            if (!any_finite_ || low - least_voxel_ < 0) least_voxel_ = low;
+            if (!any_finite_ || high - most_voxel_ > 0) most_voxel_ = high;
+            any_finite_ = true;
+        }
+    }
     if (quantiles_) quantiles_->add(slab, execution.threads);
 }
 
+/// Of integers without a value map whole numbers are kept as they are.
+StoredValue Convert::stored(Number const& physical) const {
+    if (is_wide(input_.dtype) && input_.values == ValueMap{} && physical.whole) return {*physical.whole, 0};
+    return {0, input_.values.stored(physical.value)};
+}
+
+StoredValue Convert::end_of(RangeEnd const& end, std::size_t& percentiles) const {
+    if (!end.percentile) return stored(end.value);
+    if (is_extreme(end)) return (end.value == Number(0)) == (input_.values.slope > 0) ? least_voxel_ : most_voxel_;
+    return quantiles_->percentile(percentiles++);
+}
+
 void Convert::scan_end() {
-    if (!(low_ <= high_))
+    scans_again_ = quantiles_ && quantiles_->end_pass();
+    if (scans_again_) return;
+    if (!any_finite_ && !(quantiles_ && quantiles_->count() > 0))
         throw Error(ErrorKind::data, "no voxel is a finite number: there is no range to map",
                     "give numbers: --range LO:HI");
-    bool const falling = input_.values.slope < 0; // percentiles are of physical values
-    double const first = input_.values.physical(low_) + 0.0, last = input_.values.physical(high_) + 0.0; // 0 for -0
-    double const least = std::min(first, last), most = std::max(first, last);
-    auto const resolve = [&](RangeEnd const& end) {
-        if (!end.percentile) return end.value;
-        if (end.value == 0) return least;
-        if (end.value == 100) return most;
-        return input_.values.physical(quantiles_->percentile(falling ? 100 - end.value : end.value));
-    };
-    double const low = resolve(range->low), high = resolve(range->high);
-    if (!std::isfinite(low) || !std::isfinite(high))
-        throw Error(ErrorKind::data, text("the volume's range reaches from ", low, " to ", high),
+    std::size_t percentiles = 0;
+    StoredValue const low = end_of(range->low, percentiles), high = end_of(range->high, percentiles);
+    double const first = input_.values.physical(low.value()) + 0.0, last = input_.values.physical(high.value()) + 0.0;
+    if (!std::isfinite(first) || !std::isfinite(last))
+        throw Error(ErrorKind::data, text("the volume's range reaches from ", first, " to ", last),
                     "use percentiles, as in --range p1:p99");
-    if (!(low < high))
-        throw Error(ErrorKind::data, text("the range to map is empty: it reaches from ", low, " to ", high),
+    if (!(input_.values.slope > 0 ? high - low > 0 : high - low < 0))
+        throw Error(ErrorKind::data, text("the range to map is empty: it reaches from ", first, " to ", last),
                     "give numbers: --range LO:HI");
     set_map(low, high);
 }
 
-/// Fixes the map from the stored input values of a physical range to stored output values, and the value map after it.
-void Convert::set_map(double low, double high) {
-    low_ = input_.values.stored(low);
-    high_ = input_.values.stored(high);
-    factor_ = (to_high_ - to_low_) / (high_ - low_);
-    values_.slope = input_.values.slope / factor_;
-    values_.intercept = input_.values.physical(low_) - to_low_ * values_.slope;
+/// Fixes the map from a range of stored input values to stored output values, and the value map after it.
+void Convert::set_map(StoredValue low, StoredValue high) {
+    low_ = low;
+    high_ = high;
+    scale_ = std::isfinite(high - low) ? 1 : 0.25;
+    double const extent =
+        scale_ == 1 ? high - low : high.value() * scale_ - low.value() * scale_; // only floats are so far apart
+    factor_ = (to_high_ - to_low_) / extent;
+    values_.slope = input_.values.slope / (factor_ * scale_);
+    values_.intercept = input_.values.physical(low_.value()) - to_low_ * values_.slope;
     if (!std::isfinite(values_.slope) || values_.slope == 0 || !std::isfinite(values_.intercept))
-        throw Error(ErrorKind::usage, text("--range: ", low, ":", high, " is too narrow or too wide to be mapped"));
+        throw Error(ErrorKind::usage,
+                    text("--range: ", input_.values.physical(low_.value()), ":", input_.values.physical(high_.value()),
+                         " is too narrow or too wide to be mapped"));
 }
 
 void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     ConstView const in = inputs.front().part(out.box);
     if (copies_) return copy_region(in, out, execution);
     Tally tally;
-    if (range)
-        convert_range(in, out, {low_, factor_, to_low_, std::min(low_, high_), std::max(low_, high_)}, tally,
-                      execution);
-    else
+    if (range) {
+        double const low = low_.rest, high = high_.rest + static_cast<double>(high_.whole - low_.whole);
+        LinearMap const map{low_.whole, low, scale_, factor_, to_low_, std::min(low, high), std::max(low, high)};
+        convert_range(in, out, map, tally, execution);
+    } else
         convert_values(in, out, tally, execution);
     counts_.clipped += tally.clipped;
     counts_.nan += tally.nan;

@@ -18,7 +18,8 @@ namespace vkt {
 /// What one row contributes.
 struct RowDifference {
     std::int64_t differing = 0, first = 0; ///< first: x, if any differ
-    double squares = 0, max_abs = 0;
+    long double squares = 0;               ///< has room for squares of all doubles
+    double max_abs = 0;
     double low = 0, high = 0; ///< finite extremes of the first volume; low > high if there are none
 };
 
@@ -101,6 +102,27 @@ void accumulate(double const* d, double const* a, std::int64_t n, RowSums& sums)
     }
 }
 
+/// Squares of the differences of two rows of values that are taken `scale` times, a power of two.
+long double squares_of_row(SlabPair const& pair, std::int64_t y, std::int64_t z, double scale) {
+    alignas(64) double a[row_piece], b[row_piece], d[row_piece];
+    Box const box = pair.a.box;
+    double squares = 0;
+    for (std::int64_t x = box.lower.x; x < box.upper.x; x += row_piece) {
+        std::int64_t const n = std::min(row_piece, box.upper.x - x);
+        load_row(pair.a.type, pair.a.at(x, y, z), a, n);
+        load_row(pair.b.type, pair.b.at(x, y, z), b, n);
+        map_values(a, n, pair.map_a);
+        map_values(b, n, pair.map_b);
+        for (std::int64_t i = 0; i < n; ++i) {
+            a[i] *= scale;
+            b[i] *= scale;
+        }
+        absolute_differences(a, b, d, n);
+        for (std::int64_t i = 0; i < n; ++i) squares += d[i] * d[i];
+    }
+    return squares / (static_cast<long double>(scale) * scale);
+}
+
 RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) {
     alignas(64) double a[row_piece], b[row_piece], d[row_piece];
     Box const box = pair.a.box;
@@ -142,12 +164,20 @@ RowDifference compare_row(SlabPair const& pair, std::int64_t y, std::int64_t z) 
     }
     row.low = infinity;
     row.high = -infinity;
+    double squares = 0;
     for (int j = 0; j < lanes; ++j) {
-        row.squares += sums.squares[j];
+        squares += sums.squares[j];
         row.max_abs = std::max(row.max_abs, sums.largest[j]);
         row.low = std::min(row.low, sums.low[j]);
         row.high = std::max(row.high, sums.high[j]);
     }
+    row.squares = squares;
+    // Squares of differences that double has no room for, or nearly none, are summed once more. Such values are no
+    // 64-bit integers.
+    if (squares - squares != 0)
+        row.squares = squares_of_row(pair, y, z, 0x1p-600);
+    else if (row.max_abs > 0 && row.max_abs < 0x1p-450)
+        row.squares = squares_of_row(pair, y, z, 0x1p600);
     return row;
 }
 
@@ -190,7 +220,8 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     r.same_dims = ha.dims == hb.dims;
     r.same_type = ha.dtype == hb.dtype;
     r.same_geometry = r.same_dims && same_place(ha, hb);
-    double low = std::numeric_limits<double>::infinity(), high = -low, squares = 0;
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    long double squares = 0;
     if (r.same_dims) {
         Index3 const n = ha.dims;
         std::int64_t const height = slab_height(ha, a.natural_slab(), execution);
@@ -215,9 +246,12 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
             }
         }
         r.count = ha.voxels();
-        r.rmse = std::sqrt(squares / static_cast<double>(r.count));
-        r.range = high > low ? high - low : 0;
-        r.psnr = r.rmse > 0 ? 20 * std::log10(r.range / r.rmse) : std::numeric_limits<double>::infinity();
+        long double const rmse = std::sqrt(squares / static_cast<long double>(r.count));
+        long double const range = high > low ? static_cast<long double>(high) - low : 0;
+        r.rmse = static_cast<double>(rmse);
+        r.range = static_cast<double>(range);
+        r.psnr =
+            rmse > 0 ? static_cast<double>(20 * std::log10(range / rmse)) : std::numeric_limits<double>::infinity();
     }
     a.finish();
     b.finish();

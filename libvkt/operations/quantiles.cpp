@@ -1,169 +1,222 @@
-// Counting values by pattern.
+// Selection by ordered patterns, 16 bits at a time.
 // SPDX-License-Identifier: MIT
 #if VKT_HOST
 #include "libvkt/operations/quantiles.h"
 
+#include "libvkt/core/error.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <omp.h>
+#include <type_traits>
 
 namespace vkt {
 namespace {
 
-constexpr std::size_t most_counters = std::size_t{1} << 21;
+constexpr std::int64_t most_at_once = std::int64_t{1} << 21;   ///< voxels that are kept from the beginning
+constexpr std::int64_t most_collected = std::int64_t{1} << 22; ///< voxels kept when their classes are known
+constexpr std::size_t bins = 65536;
+constexpr int most_threads = 16;
 
-/// The upper halves of float64 patterns, rounded, arranged to ascend with the value.
-std::uint32_t key_of(double value) {
-    auto const bits = static_cast<std::uint32_t>((std::bit_cast<std::uint64_t>(value) + 0x80000000u) >> 32);
-    return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
-}
-double value_of(std::uint32_t key) {
-    std::uint32_t const bits = (key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key;
-    return std::bit_cast<double>(std::uint64_t{bits} << 32);
+template <class T>
+using Pattern =
+    std::conditional_t<sizeof(T) == 1, std::uint8_t,
+                       std::conditional_t<sizeof(T) == 2, std::uint16_t,
+                                          std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
+
+template <class T> constexpr Pattern<T> top = static_cast<Pattern<T>>(Pattern<T>{1} << (8 * sizeof(T) - 1));
+
+/// The bits of a value, arranged to ascend with it. -0 comes with 0, so that equal values have equal patterns.
+template <class T> Pattern<T> key_of(T value) {
+    using P = Pattern<T>;
+    auto const bits = std::bit_cast<P>(value);
+    if constexpr (std::is_integral_v<T>)
+        return std::is_signed_v<T> ? static_cast<P>(bits ^ top<T>) : bits;
+    else if (bits == top<T>)
+        return top<T>;
+    else
+        return (bits & top<T>) != 0 ? static_cast<P>(~bits) : static_cast<P>(bits | top<T>);
 }
 
-template <class T> void count_small(ConstView slab, std::uint64_t* counters, int threads) {
-    View<T const> const in = slab.as<T>();
-    Box const box = slab.box;
-    constexpr std::size_t bins = std::size_t{1} << (8 * sizeof(T));
-    constexpr int lowest = std::numeric_limits<T>::lowest();
-#pragma omp parallel num_threads(threads) if (slab.box.voxels() > 65536)
-    {
-        std::vector<std::uint64_t> mine(bins);
-#pragma omp for collapse(2) schedule(static)
-        for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
-            for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
-                T const* const row = &in(box.lower.x, y, z);
-                std::int64_t const n = box.dims().x;
-                for (std::int64_t x = 0; x < n; ++x)
-                    ++mine[static_cast<std::size_t>(static_cast<int>(row[x]) - lowest)];
-            }
-#pragma omp critical(vkt_quantiles)
-        for (std::size_t i = 0; i < bins; ++i) counters[i] += mine[i];
-    }
+template <class T> T value_at(std::uint64_t key) {
+    using P = Pattern<T>;
+    auto const bits = static_cast<P>(key);
+    if constexpr (std::is_integral_v<T>)
+        return static_cast<T>(std::is_signed_v<T> ? static_cast<P>(bits ^ top<T>) : bits);
+    else
+        return std::bit_cast<T>((bits & top<T>) != 0 ? static_cast<P>(bits & ~top<T>) : static_cast<P>(~bits));
+}
+
+template <class T> bool is_finite(T value) {
+    if constexpr (std::is_integral_v<T>)
+        return true;
+    else if constexpr (std::is_same_v<T, Half>)
+        return (value.bits & 0x7c00u) != 0x7c00u;
+    else
+        return value - value == T(0);
 }
 
 } // namespace
 
-Quantiles::Quantiles(DataType type) : type_(type), exact_(is_integer(type) && size_of(type) <= 2) {
-    if (exact_)
-        counters_.resize(std::size_t{1} << (8 * size_of(type)));
-    else
-        leaves_.assign(65536, -1);
+Quantiles::Quantiles(DataType type, std::vector<double> percents, std::int64_t voxels)
+    : type_(type), width_(static_cast<int>(8 * size_of(type))), percents_(std::move(percents)) {
+    collects_ = width_ > 16 && voxels <= most_at_once;
+    targets_.resize(2 * percents_.size());
+    begin_pass();
+}
+
+std::size_t Quantiles::state_bytes(int threads) {
+    auto const counters = static_cast<std::size_t>(std::min(threads, most_threads)) * 4 * bins * sizeof(std::int64_t);
+    return std::max(counters, static_cast<std::size_t>(most_collected) * sizeof(std::uint64_t));
+}
+
+/// Every thread begins with empty classes, one for every prefix that a target has.
+void Quantiles::begin_pass() {
+    Share share;
+    for (Target const& target : targets_) {
+        bool const is_new = std::none_of(share.classes.begin(), share.classes.end(),
+                                         [&](Class const& c) { return c.prefix == target.prefix; });
+        if (is_new) share.classes.push_back({target.prefix, {}, {}});
+    }
+    if (!collects_)
+        for (Class& c : share.classes) c.counters.resize(std::size_t{1} << std::min(width_, 16));
+    shares_.assign(1, share);
 }
 
 void Quantiles::add(ConstView slab, int threads) {
-    if (exact_) return add_exactly(slab, threads);
+    baseline::for_each_type(type_, [&]<class T>(T) { add_rows<T>(slab, threads); });
+}
+
+template <class T> void Quantiles::add_rows(ConstView slab, int threads) {
+    View<T const> const in = slab.as<T>();
+    Box const box = slab.box;
+    Index3 const n = box.dims();
+    threads = static_cast<int>(std::clamp<std::int64_t>(box.voxels() / 65536, 1, std::clamp(threads, 1, most_threads)));
+    while (shares_.size() < static_cast<std::size_t>(threads)) { // later slabs may be larger
+        Share share = shares_.front();
+        for (Class& c : share.classes) {
+            std::fill(c.counters.begin(), c.counters.end(), 0);
+            c.keys.clear();
+        }
+        share.finite = 0;
+        shares_.push_back(std::move(share));
+    }
+    constexpr std::int64_t piece = 65536;
+    std::int64_t const pieces = (n.x + piece - 1) / piece;
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
+    for (std::int64_t i = 0; i < pieces * n.y * n.z; ++i) {
+        std::int64_t const x = i % pieces * piece, y = i / pieces % n.y, z = i / pieces / n.y;
+        add_row(&in(box.lower.x + x, box.lower.y + y, box.lower.z + z), std::min(piece, n.x - x),
+                shares_[static_cast<std::size_t>(threads > 1 ? omp_get_thread_num() : 0)]);
+    }
+}
+
+template <class T> void Quantiles::add_row(T const* row, std::int64_t n, Share& share) const {
+    constexpr int bits = static_cast<int>(8 * sizeof(T));
+    std::int64_t finite = 0;
+    if (known_ == 0 && !collects_) { // all belong to the one class there is
+        std::int64_t* const counters = share.classes.front().counters.data();
+        for (std::int64_t i = 0; i < n; ++i) {
+            if (!is_finite(row[i])) continue;
+            ++finite;
+            ++counters[key_of(row[i]) >> std::max(bits - 16, 0)];
+        }
+    } else {
+        int const rest = bits - known_, left = std::max(rest - 16, 0);
+        for (std::int64_t i = 0; i < n; ++i) {
+            if (!is_finite(row[i])) continue;
+            ++finite;
+            std::uint64_t const key = key_of(row[i]), prefix = known_ == 0 ? 0 : key >> rest;
+            for (Class& c : share.classes) {
+                if (c.prefix != prefix) continue;
+                if (collects_)
+                    c.keys.push_back(key);
+                else
+                    ++c.counters[key >> left & (bins - 1)];
+            }
+        }
+    }
+    share.finite += finite;
+}
+
+/// What all threads saw of a class.
+Quantiles::Class Quantiles::merged(std::size_t i) const {
+    Class result = shares_.front().classes[i];
+    for (std::size_t s = 1; s < shares_.size(); ++s) {
+        Class const& other = shares_[s].classes[i];
+        for (std::size_t b = 0; b < result.counters.size(); ++b) result.counters[b] += other.counters[b];
+        result.keys.insert(result.keys.end(), other.keys.begin(), other.keys.end());
+    }
+    return result;
+}
+
+void Quantiles::place_targets() {
+    count_ = 0;
+    for (Share const& share : shares_) count_ += share.finite;
+    for (std::size_t i = 0; i < percents_.size() && count_ > 0; ++i) {
+        double const position = percents_[i] / 100 * static_cast<double>(count_ - 1);
+        auto const rank = std::clamp<std::int64_t>(static_cast<std::int64_t>(position), 0, count_ - 1);
+        targets_[2 * i].rank = rank;
+        targets_[2 * i + 1].rank = std::min(rank + 1, count_ - 1);
+    }
+}
+
+bool Quantiles::end_pass() {
+    if (known_ == 0) place_targets();
+    if (count_ == 0) return false;
+    int const step = std::min(width_ - known_, 16);
+    std::vector<Target> const before = targets_;
+    for (std::size_t i = 0; i < shares_.front().classes.size(); ++i) {
+        Class all = merged(i);
+        if (collects_) std::sort(all.keys.begin(), all.keys.end());
+        for (std::size_t t = 0; t < targets_.size(); ++t) {
+            if (before[t].prefix != all.prefix) continue;
+            Target& target = targets_[t];
+            if (collects_) {
+                // A file that changes between two passes may lack what was counted.
+                if (all.keys.empty()) throw Error(ErrorKind::data, "the volume changed while it was read");
+                auto const last = static_cast<std::int64_t>(all.keys.size()) - 1;
+                target.prefix = all.keys[static_cast<std::size_t>(std::min(target.rank, last))];
+                continue;
+            }
+            std::size_t bin = 0;
+            while (bin + 1 < all.counters.size() && target.rank >= all.counters[bin])
+                target.rank -= all.counters[bin++];
+            target.prefix = target.prefix << step | bin;
+            target.voxels = all.counters[bin];
+        }
+    }
+    known_ = collects_ ? width_ : known_ + step;
+    shares_.clear();
+    if (known_ == width_) return false;
+    std::int64_t voxels = 0; // some may be counted twice
+    for (Target const& target : targets_) voxels += target.voxels;
+    collects_ = voxels <= most_collected;
+    begin_pass();
+    return true;
+}
+
+StoredValue Quantiles::value_of(std::uint64_t key) const {
+    StoredValue result;
     baseline::for_each_type(type_, [&]<class T>(T) {
-        View<T const> const in = slab.as<T>();
-        Box const box = slab.box;
-        for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
-            for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-                for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) add_value(static_cast<double>(in(x, y, z)));
+        if constexpr (std::is_integral_v<T> && sizeof(T) == 8)
+            result.whole = value_at<T>(key);
+        else
+            result.rest = static_cast<double>(value_at<T>(key));
     });
+    return result;
 }
 
-void Quantiles::add_exactly(ConstView slab, int threads) {
-    switch (type_) {
-    case DataType::uint8:
-        count_small<std::uint8_t>(slab, counters_.data(), threads);
-        break;
-    case DataType::int8:
-        count_small<std::int8_t>(slab, counters_.data(), threads);
-        break;
-    case DataType::uint16:
-        count_small<std::uint16_t>(slab, counters_.data(), threads);
-        break;
-    default:
-        count_small<std::int16_t>(slab, counters_.data(), threads);
-        break;
-    }
-    count_ += slab.box.voxels();
-}
-
-void Quantiles::add_value(double value) {
-    if (!std::isfinite(value)) return;
-    if (!shifted_) {
-        shifted_ = true;
-        low_ = high_ = value;
-        half_shift_ = value / 2;
-    }
-    low_ = std::min(low_, value);
-    high_ = std::max(high_, value);
-    std::uint32_t const key = key_of(value / 2 - half_shift_); // halved, no difference of doubles overflows
-    std::int32_t& leaf = leaves_[key >> 16];
-    if (leaf < 0) leaf = new_leaf();
-    ++counters_[(static_cast<std::size_t>(leaf) << leaf_bits_) + ((key & 0xffffu) >> (16 - leaf_bits_))];
-    ++count_;
-}
-
-std::int32_t Quantiles::new_leaf() {
-    while ((static_cast<std::size_t>(leaf_count_ + 1) << leaf_bits_) > most_counters) coarsen();
-    ++leaf_count_;
-    counters_.resize(static_cast<std::size_t>(leaf_count_) << leaf_bits_);
-    return leaf_count_ - 1;
-}
-
-/// Merges neighbouring counters, which halves the resolution of every leaf.
-void Quantiles::coarsen() {
-    std::size_t const n = counters_.size() / 2;
-    for (std::size_t i = 0; i < n; ++i) counters_[i] = counters_[2 * i] + counters_[2 * i + 1];
-    counters_.resize(n);
-    --leaf_bits_;
-}
-
-double Quantiles::value_at_rank(std::int64_t rank) const {
-    std::int64_t before = 0;
-    if (exact_) {
-        for (std::size_t i = 0; i < counters_.size(); ++i) {
-            before += static_cast<std::int64_t>(counters_[i]);
-            if (before > rank) return lowest_of(type_) + static_cast<double>(i);
-        }
-        return highest_of(type_);
-    }
-    for (std::uint32_t prefix = 0; prefix < 65536; ++prefix) {
-        if (leaves_[prefix] < 0) continue;
-        std::int64_t inside = 0;
-        auto const begin = static_cast<std::size_t>(leaves_[prefix]) << leaf_bits_;
-        for (std::size_t j = 0; j < std::size_t{1} << leaf_bits_; ++j)
-            inside += static_cast<std::int64_t>(counters_[begin + j]);
-        if (before + inside > rank) return std::clamp(value_in_leaf(prefix, rank - before), low_, high_);
-        before += inside;
-    }
-    return high_;
-}
-
-double Quantiles::value_in_leaf(std::uint32_t prefix, std::int64_t rank) const {
-    auto const begin = static_cast<std::size_t>(leaves_[prefix]) << leaf_bits_;
-    int const lost = 16 - leaf_bits_;
-    std::int64_t before = 0;
-    for (std::uint32_t j = 0; j < 1u << leaf_bits_; ++j) {
-        auto const here = static_cast<std::int64_t>(counters_[begin + j]);
-        if (before + here <= rank) {
-            before += here;
-            continue;
-        }
-        std::uint32_t const key = (prefix << 16) + (j << lost);
-        double const from = value_of(key);
-        if (lost == 0) return 2 * (half_shift_ + from);
-        double const to = value_of(key + (1u << lost) - 1);
-        double const share = (static_cast<double>(rank - before) + 0.5) / static_cast<double>(here);
-        return 2 * (half_shift_ + from + (to - from) * share);
-    }
-    return high_;
-}
-
-double Quantiles::percentile(double percent) const {
-    if (count_ == 0) return std::numeric_limits<double>::quiet_NaN();
-    double const position = percent / 100 * static_cast<double>(count_ - 1);
-    auto const rank = static_cast<std::int64_t>(position);
-    double const below = value_at_rank(rank);
-    double const share = position - static_cast<double>(rank);
-    if (share == 0 || rank + 1 >= count_) return below;
-    return std::lerp(below, value_at_rank(rank + 1), share);
+StoredValue Quantiles::percentile(std::size_t i) const {
+    StoredValue const below = value_of(targets_[2 * i].prefix), above = value_of(targets_[2 * i + 1].prefix);
+    double const position = percents_[i] / 100 * static_cast<double>(count_ - 1);
+    double const share = position - std::floor(position);
+    if (share == 0) return below;
+    if (is_integer(type_)) return {below.whole, below.rest + share * (above - below)};
+    return {0, std::lerp(below.rest, above.rest, share)};
 }
 
 } // namespace vkt

@@ -1,46 +1,79 @@
-// Percentiles of a volume from one pass in bounded memory.
+// Percentiles of a volume, exact, from a few passes in bounded memory.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/view.h"
+#include "libvkt/operations/wide.h"
 
 #include <cstdint>
 #include <vector>
 
 namespace vkt {
 
-/// Counts finite voxels. Integers of up to 16 bits are counted value by value and their percentiles are exact. Other
-/// types are counted by the first 32 bits of the float64 pattern of their difference to the first finite voxel, in at
-/// most 2^21 counters: to 2^-21 of the difference for up to 32 different leading halves of those bits, and coarser by
-/// halves as data spread over more of them, down to 2^-12 over all of float32's range and 2^-9 over all of float64's.
-/// Within a counter values are taken as evenly spread.
+/// A stored value: whole + rest, where whole is 0 unless voxels are 64-bit integers, which double does not hold.
+struct StoredValue {
+    Int128 whole = 0;
+    double rest = 0;
+
+    double value() const { return static_cast<double>(whole) + rest; }
+    /// a - b, without the digits that both have in common being lost.
+    friend double operator-(StoredValue const& a, StoredValue const& b) {
+        return static_cast<double>(a.whole - b.whole) + (a.rest - b.rest);
+    }
+};
+
+/// Finds percentiles of the finite voxels by their order alone: patterns of every type can be arranged to ascend with
+/// the value, and pass by pass 16 more bits of those at the wanted ranks become known. Exact for every distribution,
+/// and independent of the order of the voxels, slabs and threads. One pass for types of 16 bits and for up to 2^21
+/// voxels; else two, and up to four for 64-bit types where more than 2^22 voxels share the patterns' first bits.
 class Quantiles {
 public:
-    explicit Quantiles(DataType type);
+    /// `percents` in [0,100]; `voxels`: how many will be added in a pass.
+    Quantiles(DataType type, std::vector<double> percents, std::int64_t voxels);
 
     void add(ConstView slab, int threads);
-    std::int64_t count() const { return count_; }
-    /// The value below which `percent` of the voxels lie, interpolated between neighbours in rank (numpy's "linear").
-    /// NaN if nothing was counted.
-    double percentile(double percent) const;
+    /// After every voxel was added once: true if all must be added once more.
+    bool end_pass();
+
+    std::int64_t count() const { return count_; } ///< finite voxels
+    /// The value below which percents[i] of the voxels lie, interpolated between neighbours in rank (numpy's "linear").
+    /// After the last pass, if there is a finite voxel.
+    StoredValue percentile(std::size_t i) const;
+    static std::size_t state_bytes(int threads);
 
 private:
-    void add_exactly(ConstView slab, int threads);
-    void add_value(double value);
-    std::int32_t new_leaf();
-    void coarsen();
-    double value_at_rank(std::int64_t rank) const;
-    double value_in_leaf(std::uint32_t prefix, std::int64_t rank) const;
+    struct Target {
+        std::int64_t rank = 0;    ///< among the voxels of its class
+        std::uint64_t prefix = 0; ///< the bits that are known
+        std::int64_t voxels = 0;  ///< of its class
+    };
+    /// Voxels whose patterns begin with the same known bits.
+    struct Class {
+        std::uint64_t prefix = 0;
+        std::vector<std::int64_t> counters; ///< by the next 16 bits
+        std::vector<std::uint64_t> keys;    ///< all of them, if they are few
+    };
+    /// What one thread sees.
+    struct Share {
+        std::vector<Class> classes;
+        std::int64_t finite = 0;
+    };
+
+    template <class T> void add_rows(ConstView slab, int threads);
+    template <class T> void add_row(T const* row, std::int64_t n, Share& share) const;
+    void begin_pass();
+    void place_targets();
+    Class merged(std::size_t i) const;
+    StoredValue value_of(std::uint64_t key) const;
 
     DataType type_;
-    bool exact_;
+    int width_; ///< bits of a pattern
+    int known_ = 0;
+    bool collects_ = false;
+    std::vector<double> percents_;
+    std::vector<Target> targets_; ///< two for every percentile
+    std::vector<Share> shares_;
     std::int64_t count_ = 0;
-    std::vector<std::uint64_t> counters_;
-    std::vector<std::int32_t> leaves_; ///< by the upper 16 bits of the pattern: which block of counters, -1 for none
-    int leaf_bits_ = 16;               ///< how many of the lower 16 bits are told apart
-    std::int32_t leaf_count_ = 0;
-    bool shifted_ = false;
-    double half_shift_ = 0, low_ = 0, high_ = 0;
 };
 
 } // namespace vkt

@@ -18,9 +18,9 @@ VKT_CPU_KERNEL(band_statistics,
 namespace {
 
 /// Adds with the rounding error kept (Knuth, TAOCP 2, 4.2.2).
-void add_keeping_error(double& sum, double& error, double value) {
-    double const next = sum + value;
-    double const back = next - sum;
+void add_keeping_error(long double& sum, long double& error, long double value) {
+    long double const next = sum + value;
+    long double const back = next - sum;
     error += (sum - (next - back)) + (value - back);
     sum = next;
 }
@@ -99,9 +99,9 @@ void Moments::append(Moments const& next, bool exact) {
         deviations_error = next.deviations_error;
         return;
     }
-    auto const a = static_cast<double>(finite), b = static_cast<double>(next.finite);
-    double const delta = next.mean - mean;
-    double const share = b / (a + b);
+    auto const a = static_cast<long double>(finite), b = static_cast<long double>(next.finite);
+    long double const delta = next.mean - mean;
+    long double const share = b / (a + b);
     add_keeping_error(deviations, deviations_error, next.deviations);
     add_keeping_error(deviations, deviations_error, delta * delta * a * share);
     deviations_error += next.deviations_error;
@@ -214,31 +214,36 @@ void Statistics::scan_end() {
         r.min_text = r.max_text = r.sum_text = "nan";
         return;
     }
-    double sum = 0, mean = 0, variance = 0;
+    long double sum = 0, mean = 0, variance = 0;
     if (integer) {
-        sum = static_cast<double>(m.integer_sum);
+        sum = static_cast<long double>(m.integer_sum);
         mean = quotient(m.integer_sum, m.finite);
-        variance =
-            size_of(input_.dtype) <= 4 ? exact_variance(m) : m.squared_deviations() / static_cast<double>(m.finite);
+        variance = size_of(input_.dtype) <= 4 ? exact_variance(m)
+                                              : m.squared_deviations() / static_cast<long double>(m.finite);
     } else if (infinite > 0) {
         double const infinity = std::numeric_limits<double>::infinity();
         sum = mean = m.negative_infinity == 0 ? infinity : m.positive_infinity == 0 ? -infinity : undefined;
         variance = undefined;
     } else {
         sum = m.sum + m.sum_error;
-        mean = sum / static_cast<double>(m.finite);
-        if (!std::isfinite(mean)) mean = origin_.value + m.mean; // the sum overflowed, the mean did not
-        variance = m.squared_deviations() / static_cast<double>(m.finite);
+        mean = sum / static_cast<long double>(m.finite);
+        variance = m.squared_deviations() / static_cast<long double>(m.finite);
     }
     Extreme const low = map.slope < 0 ? max_ : min_, high = map.slope < 0 ? min_ : max_;
     r.argmin = low.where;
     r.argmax = high.where;
-    r.min = map.physical(low.value);
-    r.max = map.physical(high.value);
-    r.sum = map.slope * sum + map.intercept * static_cast<double>(r.count - r.nan);
-    r.mean = map.physical(mean);
-    r.variance = map.slope * map.slope * variance;
-    r.stddev = std::sqrt(r.variance);
+    long double const slope = map.slope, intercept = map.intercept;
+    auto const physical = [&](double stored) {
+        double const value = map.physical(stored);
+        // The product may have no room in double where the sum has.
+        return std::isfinite(value) ? value : static_cast<double>(slope * stored + intercept);
+    };
+    r.min = physical(low.value);
+    r.max = physical(high.value);
+    r.sum = static_cast<double>(slope * sum + intercept * static_cast<long double>(r.count - r.nan));
+    r.mean = static_cast<double>(slope * mean + intercept);
+    r.variance = static_cast<double>(slope * slope * variance);
+    r.stddev = static_cast<double>(std::abs(slope) * std::sqrt(variance));
     weigh(r);
     bool const exact = integer && map == ValueMap{};
     r.min_text = exact ? to_text(low.integer) : to_text(r.min);
@@ -253,36 +258,38 @@ void Statistics::weigh(StatisticsResult& r) const {
     ValueMap const map = input_.values;
     double const finest =
         input_.geometry.spacing.x * input_.geometry.spacing.y * input_.geometry.spacing.z; // in world units
-    double weight = 0, sum = 0;
+    long double weight = 0, sum = 0;
     auto const count = [](Moments const& m) {
-        return static_cast<double>(m.finite + m.positive_infinity + m.negative_infinity);
+        return static_cast<long double>(m.finite + m.positive_infinity + m.negative_infinity);
     };
-    auto const mean_of = [&](Moments const& m) {
-        return integer ? quotient(m.integer_sum, m.finite) : (m.sum + m.sum_error) / static_cast<double>(m.finite);
+    auto const mean_of = [&](Moments const& m) -> long double {
+        return integer ? quotient(m.integer_sum, m.finite) : (m.sum + m.sum_error) / static_cast<long double>(m.finite);
     };
     for (auto const& [cell, level] : levels_) {
         weight += cell * count(level.moments);
-        if (level.moments.finite > 0) sum += cell * static_cast<double>(level.moments.finite) * mean_of(level.moments);
+        if (level.moments.finite > 0)
+            sum += cell * static_cast<long double>(level.moments.finite) * mean_of(level.moments);
     }
-    r.volume = weight * finest;
+    r.volume = static_cast<double>(weight * finest);
     if (r.inf > 0) { // as unweighted
         r.weighted_mean = r.mean;
         r.weighted_sum = r.sum;
         r.weighted_variance = r.variance;
         return;
     }
-    double const mean = sum / weight;
-    double deviations = 0;
+    long double const mean = sum / weight;
+    long double deviations = 0;
     for (auto const& [cell, level] : levels_) {
         Moments const& m = level.moments;
         if (m.finite == 0) continue;
-        auto const n = static_cast<double>(m.finite);
-        double const offset = mean_of(m) - mean;
+        auto const n = static_cast<long double>(m.finite);
+        long double const offset = mean_of(m) - mean;
         deviations += cell * ((exact ? exact_variance(m) * n : m.squared_deviations()) + n * offset * offset);
     }
-    r.weighted_mean = map.physical(mean);
-    r.weighted_variance = map.slope * map.slope * (deviations / weight);
-    r.weighted_sum = r.weighted_mean * r.volume;
+    long double const slope = map.slope, physical = slope * mean + map.intercept;
+    r.weighted_mean = static_cast<double>(physical);
+    r.weighted_variance = static_cast<double>(slope * slope * (deviations / weight));
+    r.weighted_sum = static_cast<double>(physical * weight * finest);
 }
 
 Report report(StatisticsResult const& r) {

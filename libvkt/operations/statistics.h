@@ -16,15 +16,17 @@ namespace vkt {
 /// What is known about (a part of) one line, slice or volume; append() adds what follows in x-fastest order. Integers
 /// up to 32 bits keep exact sums of values and squares; the others keep mean and sum of squared deviations, which are
 /// merged by Chan, Golub and LeVeque's update ("Updating formulae and a pairwise algorithm", 1979) in a fixed order.
+///
+/// Sums are long double: its exponent has room for sums and squares of all doubles, the largest and the least.
 struct Moments {
     std::int64_t finite = 0, nan = 0, positive_infinity = 0, negative_infinity = 0;
-    Int128 integer_sum = 0;                      ///< integers: exact sum
-    Unsigned128 squares = 0;                     ///< integers up to 32 bits: exact sum of squares
-    double sum = 0, sum_error = 0;               ///< floats: sum of the finite values, and the part that rounding lost
-    double mean = 0;                             ///< floats and 64-bit integers: mean less the origin
-    double deviations = 0, deviations_error = 0; ///< sum of (value - mean)^2, and the part that rounding lost
+    Int128 integer_sum = 0;             ///< integers: exact sum
+    Unsigned128 squares = 0;            ///< integers up to 32 bits: exact sum of squares
+    long double sum = 0, sum_error = 0; ///< floats: sum of the finite values, and the part that rounding lost
+    long double mean = 0;               ///< floats and 64-bit integers: mean less the origin
+    long double deviations = 0, deviations_error = 0; ///< sum of (value - mean)^2, and the part that rounding lost
 
-    double squared_deviations() const { return deviations + deviations_error; }
+    long double squared_deviations() const { return deviations + deviations_error; }
 
     /// `exact`: only counts and integer sums matter.
     void append(Moments const& next, bool exact);
@@ -75,7 +77,8 @@ struct Extreme {
 struct StatisticsResult {
     std::int64_t count = 0, nan = 0, inf = 0; ///< count includes NaN and infinities
     bool valid = false;                       ///< false if there is no number at all: min … stddev are NaN
-    double min = 0, max = 0, sum = 0, mean = 0, variance = 0, stddev = 0; ///< variance with ddof 0
+    /// Variance with ddof 0. What double has no room for (the variance of values near 1e200) is infinite.
+    double min = 0, max = 0, sum = 0, mean = 0, variance = 0, stddev = 0;
     Index3 argmin, argmax; ///< voxel indices in the whole volume, first in x-fastest order
     /// Hierarchical volumes: the same weighted by the world volume of the cells; weighted_sum is the integral, `volume`
     /// that of the cells that count. Extremes are named by their cell's first finest cell. Structured volumes: 0.

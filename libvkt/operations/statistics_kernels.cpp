@@ -27,10 +27,10 @@ template <class T> struct Loads {
     typedef T unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(T)), may_alias));
 };
 
-/// Sums and extremes of rows of floats, fed chunk by chunk.
-template <class T> class FloatRows {
+/// Sums and extremes of rows of floats, fed chunk by chunk. Values are summed times a power of two, if Scaled.
+template <class T, bool Scaled = false> class FloatRows {
 public:
-    explicit FloatRows(double shift) : shift_(shift) {}
+    explicit FloatRows(double shift, double scale = 1) : shift_(shift * scale), scale_(scale), nothing_(shift) {}
 
     void add(T const* p, std::int64_t n) {
         count_ += n;
@@ -41,7 +41,7 @@ public:
             nan_ += p[i] != p[i];
             above_ += p[i] == infinity;
             below_ += p[i] == -infinity;
-            replaced[i] = finite ? p[i] : static_cast<T>(shift_); // contributes nothing
+            replaced[i] = finite ? p[i] : static_cast<T>(nothing_); // contributes nothing
         }
         sums(replaced, n);
     }
@@ -66,12 +66,18 @@ public:
         if (m.finite > 0) {
             auto const n = static_cast<double>(m.finite);
             double const product = n * shift_;
-            m.sum = product + s[0];
-            double const back = m.sum - product;
-            m.sum_error = (product - (m.sum - back)) + (s[0] - back) + __builtin_fma(n, shift_, -product);
-            m.mean = (shift_ - origin) + s[0] / n;
+            double const sum = product + s[0], back = sum - product;
+            double const error = (product - (sum - back)) + (s[0] - back) + __builtin_fma(n, shift_, -product);
             double const deviations = q[0] - s[0] * s[0] / n;
             m.deviations = deviations > 0 || deviations != deviations ? deviations : 0;
+            long double const unscaled = 1 / static_cast<long double>(scale_);
+            m.sum = sum * unscaled;
+            m.sum_error = error * unscaled;
+            m.deviations *= unscaled * unscaled;
+            if constexpr (std::is_same_v<T, double>) // differences of the largest doubles need the room
+                m.mean = (nothing_ - static_cast<long double>(origin)) + s[0] / n * unscaled;
+            else
+                m.mean = (shift_ - origin) + s[0] / n;
         }
         out.range = {};
         out.range.valid = count_ > nan_;
@@ -82,6 +88,17 @@ public:
         }
         out.range.low = static_cast<double>(low);
         out.range.high = static_cast<double>(high);
+    }
+
+    /// True if a sum, a difference or a square was too large for double, or all differences so small that squares may
+    /// be lost.
+    bool out_of_range() const {
+        double s = static_cast<double>(count_) * shift_, q = 0;
+        for (int j = 0; j < lanes; ++j) {
+            s += s_[j / doubles][j % doubles] + tail_s_[j];
+            q += q_[j / doubles][j % doubles] + tail_q_[j];
+        }
+        return s - s != 0 || q - q != 0 || (q < 0x1p-900 && !constant());
     }
 
 private:
@@ -131,9 +148,10 @@ private:
         for (; i + lanes <= n; i += lanes) {
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
-                DoubleRegister const d =
-                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister) -
-                    shift_;
+                DoubleRegister v =
+                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister);
+                if constexpr (Scaled) v *= scale_;
+                DoubleRegister const d = v - shift_;
                 s[r] += d;
                 q[r] += d * d;
             }
@@ -143,13 +161,20 @@ private:
             q_[r] = q[r];
         }
         for (int j = 0; i < n; ++i, ++j) { // only the last chunk of a row has such a tail
-            double const d = static_cast<double>(p[i]) - shift_;
+            double const d = static_cast<double>(p[i]) * (Scaled ? scale_ : 1) - shift_;
             tail_s_[j] += d;
             tail_q_[j] += d * d;
         }
     }
 
-    double shift_;
+    /// True if all finite values are the same.
+    bool constant() const {
+        bool same = !(low_ < nothing_) && !(high_ > nothing_);
+        for (int j = 0; j < width; ++j) same = same && !(lows_[j] < nothing_) && !(highs_[j] > nothing_);
+        return same;
+    }
+
+    double shift_, scale_, nothing_; ///< nothing: the shift, unscaled
     DoubleRegister s_[registers] = {}, q_[registers] = {};
     double tail_s_[lanes] = {}, tail_q_[lanes] = {};
     Full lows_ = Full{} + infinity, highs_ = Full{} - infinity;
@@ -193,6 +218,13 @@ template <class T> void float_band(Band<T> band, double origin, BandStatistics& 
         FloatRows<T> rows(shift);
         band.for_each_run([&](T const* p, std::int64_t n) { rows.add(p, n); });
         rows.finish(origin, out);
+        if constexpr (std::is_same_v<T, double>) {
+            if (!rows.out_of_range()) return;
+            double const size = std::max(std::abs(out.range.low), std::abs(out.range.high));
+            FloatRows<double, true> scaled(shift, size > 1 ? 0x1p-600 : 0x1p600);
+            band.for_each_run([&](T const* p, std::int64_t n) { scaled.add(p, n); });
+            scaled.finish(origin, out);
+        }
     }
 }
 

@@ -54,15 +54,19 @@ template <class T> Range range_of(T const* cells, std::int64_t n) {
 /// Counts of cells in equal bins over a range. Integers: the order in which they are added does not matter.
 class Bins {
 public:
-    explicit Bins(Range const& range)
-        : counts_(4096), least_(range.least),
-          scale_(range.greatest > range.least ? static_cast<double>(counts_.size()) / (range.greatest - range.least)
-                                              : 0) {}
+    explicit Bins(Range const& range) : counts_(4096) {
+        // Times a power of two no extent of finite values overflows, and none is so small that its inverse does.
+        double const extent = range.greatest - range.least;
+        unit_ = extent > 0x1p1000 ? 0x1p-100 : extent < 0x1p-900 ? 0x1p100 : 1;
+        least_ = range.least * unit_;
+        if (range.greatest > range.least)
+            scale_ = static_cast<double>(counts_.size()) / (range.greatest * unit_ - least_);
+    }
 
     template <class T> void count(T const* cells, std::int64_t n, std::int64_t weight = 1) {
         auto const last = static_cast<double>(counts_.size() - 1);
         for (std::int64_t i = 0; i < n; ++i) {
-            double const place = (static_cast<double>(cells[i]) - least_) * scale_;
+            double const place = (static_cast<double>(cells[i]) * unit_ - least_) * scale_;
             if (std::isfinite(place)) counts_[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += weight;
         }
     }
@@ -73,7 +77,7 @@ public:
 
 private:
     std::vector<std::int64_t> counts_;
-    double least_, scale_;
+    double unit_ = 1, least_ = 0, scale_ = 0;
 };
 
 /// How cells become floats: less an offset. Infinite ones become the nearest finite value.

@@ -209,6 +209,12 @@ std::vector<std::uint32_t> TransferTable::visible_before() const {
     return before;
 }
 
+double Histogram::value_at(double place) const {
+    auto const count = static_cast<double>(bins.size());
+    double const width = (greatest - least) / count;
+    return std::isfinite(width) ? least + place * width : std::lerp(least, greatest, place / count);
+}
+
 double Histogram::percentile(double p) const {
     std::int64_t const finite = total - missing - infinite;
     if (finite <= 0 || bins.empty()) return least;
@@ -217,7 +223,7 @@ double Histogram::percentile(double p) const {
     for (std::size_t i = 0; i < bins.size(); ++i) {
         auto const count = static_cast<double>(bins[i]);
         if (count > 0 && below + count >= wanted)
-            return least + (static_cast<double>(i) + std::clamp((wanted - below) / count, 0.0, 1.0)) * bin_width();
+            return value_at(static_cast<double>(i) + std::clamp((wanted - below) / count, 0.0, 1.0));
         below += count;
     }
     return greatest;

@@ -87,8 +87,9 @@ struct Histogram {
     std::vector<std::int64_t> bins;
     std::int64_t total = 0, missing = 0, infinite = 0;
 
-    double bin_width() const { return (greatest - least) / static_cast<double>(bins.size()); }
-    double center(std::size_t i) const { return least + (static_cast<double>(i) + 0.5) * bin_width(); }
+    /// The value that lies a number of bins above the least one.
+    double value_at(double place) const;
+    double center(std::size_t i) const { return value_at(static_cast<double>(i) + 0.5); }
     /// The value below which the share p of the finite voxels lies.
     double percentile(double p) const;
 };

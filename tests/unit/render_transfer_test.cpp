@@ -139,6 +139,28 @@ TEST(RenderTransfer, PercentilesOfLargeVolumes) {
     EXPECT_NEAR(h.percentile(0.95), 229, 1);
 }
 
+// A ramp whose extent, or the inverse of it, double has no room for.
+TEST(RenderTransfer, HistogramsOfTheLargestAndSmallestDoubles) {
+    for (double const end : {1.5e308, 1e-305}) {
+        Header header;
+        header.dims = {1001, 4, 4};
+        header.dtype = DataType::float64;
+        Volume volume(header);
+        auto const v = volume.mutable_view().as<double>();
+        for (std::int64_t i = 0; i < 16 * 1001; ++i)
+            v(i % 1001, i / 1001 % 4, i / 4004) = (static_cast<double>(i % 1001) / 500 - 1) * end;
+        Histogram const h = make_lattice(volume.view(), {}, default_execution()).histogram;
+        EXPECT_EQ(h.total, 16 * 1001);
+        EXPECT_EQ(h.least, -end);
+        EXPECT_EQ(h.greatest, end);
+        for (double const p : {0.1, 0.5, 0.9}) EXPECT_NEAR(h.percentile(p) / end, 2 * p - 1, 2e-3) << end << " " << p;
+        Domain const domain = resolve_domain("p10:p90", h);
+        EXPECT_NEAR(domain.lower / end, -0.8, 2e-3);
+        for (ControlPoint const& point : choose_transfer(h, {"auto", h.least, h.greatest}, "", 1, 1).transfer.points)
+            EXPECT_TRUE(std::isfinite(point.value));
+    }
+}
+
 TEST(RenderTransfer, ColourMaps) {
     for (std::string const& name : colormap_names())
         for (double x = 0; x <= 1; x += 0.01) {

@@ -82,9 +82,9 @@ template <class C> struct BrickPass {
         std::int64_t const start = (cell_z * brick.dims[1] + cell_y) * brick.dims[0];
         std::int64_t const low = x.cells[0], high = x.cells[x.slots - 1];
         if (high - low + 1 == x.slots) {
-            load_row(job.type, brick.cells, start + low, x.slots, scratch.cells);
+            load_part(job, brick, start + low, x.slots, scratch.cells);
         } else {
-            for (int s = 0; s < x.slots; ++s) load_row(job.type, brick.cells, start + x.cells[s], 1, scratch.cells + s);
+            for (int s = 0; s < x.slots; ++s) load_part(job, brick, start + x.cells[s], 1, scratch.cells + s);
         }
         scratch.cells[x.slots] = C(0);
     }

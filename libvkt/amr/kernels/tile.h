@@ -16,7 +16,13 @@ inline constexpr int samples = extent_x * extent_y * extent_z;
 struct Source {
     std::byte const* cells = nullptr;
     std::int64_t lower[3] = {}, dims[3] = {}, width[3] = {};
+    /// 64-bit integers: the least of the volume, and whether some lie 2^53 and more above it, where double has gaps.
+    std::uint64_t base = 0;
+    bool far = false;
 };
+
+/// What is loaded of a cell: its value; of 64-bit integers also the difference from the base, or half of its bits.
+enum class Load : std::uint8_t { values, differences, low_halves, high_halves };
 
 /// Sample i of axis a lies at lower[a] + (i + 1/2) * step[a] in finest cells.
 struct Job {
@@ -24,6 +30,7 @@ struct Job {
     std::int64_t begin[3] = {}; ///< first output index of the tile
     int count[3] = {};          ///< samples of the tile along each axis
     DataType type = DataType::float32;
+    Load load = Load::values;          ///< other ones with 64-bit integers only
     Source const* sources = nullptr;   ///< all bricks
     std::int32_t const* ids = nullptr; ///< bricks that matter here, ascending
     std::int64_t id_count = 0;

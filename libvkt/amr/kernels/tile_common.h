@@ -60,6 +60,16 @@ template <class C> inline void load_row(DataType type, std::byte const* cells, s
     }
 }
 
+/// The same as the job asks for it.
+template <class C>
+inline void load_part(tile::Job const& job, tile::Source const& brick, std::int64_t first, int n, C* to) {
+    if (job.load == tile::Load::values) return load_row(job.type, brick.cells, first, n, to);
+    auto const* const from = reinterpret_cast<std::uint64_t const*>(brick.cells) + first;
+    int const shift = job.load == tile::Load::high_halves ? 32 : 0;
+    std::uint64_t const mask = job.load == tile::Load::low_halves ? 0xffffffffu : ~std::uint64_t{0};
+    for (int i = 0; i < n; ++i) to[i] = static_cast<C>((from[i] - brick.base) >> shift & mask);
+}
+
 template <class C> inline void clear_tile(tile::Job const& job, tile::Scratch<C>& scratch) {
     int const n = job.count[0] * job.count[1] * job.count[2];
     for (int i = 0; i < n; ++i) scratch.sum[i] = scratch.weight[i] = C(0);
