@@ -223,7 +223,8 @@ Plan Convert::plan(std::span<Header const> inputs) {
     percentiles_ =
         (range->low.percentile && !is_extreme(range->low)) || (range->high.percentile && !is_extreme(range->high));
     plan.method = percentiles_ ? "percentiles first, then linear map" : "extremes first, then linear map";
-    plan.state_bytes = percentiles_ ? std::size_t{16} << 20 : 0;
+    bool const few = is_integer(input_.dtype) && size_of(input_.dtype) <= 2; // values, each with a counter
+    if (percentiles_) plan.state_bytes = few ? std::size_t{8} << (8 * size_of(input_.dtype)) : std::size_t{16} << 20;
     low_ = FiniteExtremes{}.low;
     high_ = FiniteExtremes{}.high;
     if (percentiles_) quantiles_ = std::make_unique<Quantiles>(input_.dtype);
