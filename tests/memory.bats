@@ -82,7 +82,7 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
 
 @test "what no cut can keep is refused before it starts, and a dry run says so" {
     truncate -s 128M wide_16777216x2x1_float32.raw
-    fails_with 5 'a row of the volume needs 64' vkt flip x wide_16777216x2x1_float32.raw --memory 8M
+    fails_with 5 'rows of 64.0 MiB needs 512' vkt flip x wide_16777216x2x1_float32.raw --memory 8M
     truncate -s 16M cube_256x256x64_float32.raw
     fails_with 5 'the budget is 8' vkt refine cube_256x256x64_float32.raw --tolerance 1 --memory 8M -o out.vkt
     fails_with 5 'the budget is 8' vkt refine cube_256x256x64_float32.raw --tolerance 1 --memory 8M -o out.vkt -n

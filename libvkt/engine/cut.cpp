@@ -115,7 +115,9 @@ Cut cut_of(Header const& header, std::int64_t hint, Execution const& execution) 
     Index3 const n = header.dims;
     std::size_t const row = row_bytes(header), slice = row * static_cast<std::size_t>(n.y),
                       limit = piece_limit(execution);
-    if (row > 2 * limit) beyond("a row of the volume", static_cast<double>(row), execution);
+    if (row > 2 * limit) // several pieces are in flight
+        beyond(text("a volume with rows of ", bytes_text(static_cast<double>(row))), 8.0 * static_cast<double>(row),
+               execution);
     if (slice > limit) return {1, std::clamp<std::int64_t>(times(limit, row), 1, n.y)};
     std::int64_t const asked = execution.slab > 0 ? execution.slab : hint;
     std::int64_t const slices = asked > 0 ? asked : times(natural_bytes(execution), slice);
@@ -153,8 +155,9 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     for (bool first = true;; first = false) {
         // At first the rows of a slice that is too large itself, then ever fewer.
         if (!first || cut.rows == n.y) {
-            if (cut.rows == 1)
-                beyond(text(operation.name(), " on these volumes"), static_cast<double>(work.bytes), execution);
+            if (cut.rows == 1) // the other half is for pieces in flight
+                beyond(text(operation.name(), " on these volumes"),
+                       static_cast<double>(work.bytes + budget(execution) - limit), execution);
             cut.rows = (cut.rows + 1) / 2;
         }
         cut.slices = std::clamp<std::int64_t>(times(most, row * static_cast<std::size_t>(cut.rows)), 1, n.z);

@@ -20,6 +20,7 @@ constexpr std::size_t mib = std::size_t{1} << 20;
 
 class Pool : public testing::Test {
 protected:
+    void SetUp() override { keep_blocks(0); }
     void TearDown() override {
         keep_blocks(0);
         EXPECT_EQ(kept_block_bytes(), 0u);
