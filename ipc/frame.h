@@ -31,6 +31,8 @@ inline constexpr std::uint32_t flag_required = 1; ///< a reader that does not kn
 inline constexpr std::uint32_t flag_checksum = 2; ///< `checksum` holds the XXH3-64 of the payload
 inline constexpr std::uint32_t flag_shared = 4;   ///< of BRIK: the cells lie in a slot of the ring of shared memory
 
+inline constexpr std::uint32_t flag_rows = 8; ///< of SLAB: SlabRows follow its head, and only those are there
+
 /// 32 bytes, little endian, before every payload.
 struct FrameHeader {
     FrameType type = FrameType::end;
@@ -56,6 +58,22 @@ struct SlabHeader {
     std::uint64_t bytes = 0; ///< of voxels
 };
 static_assert(sizeof(SlabHeader) == 32);
+
+/// Of a slice too large to be sent at once, the rows that a slab has.
+struct SlabRows {
+    std::int64_t y_begin = 0, y_end = 0; ///< half-open
+};
+static_assert(sizeof(SlabRows) == 16);
+
+/// The head of a SLAB payload as it lies before the voxels: 32 bytes, 48 with rows.
+struct SlabHead {
+    SlabHeader slab;
+    SlabRows rows;
+    std::span<std::byte const> bytes(bool with_rows) const {
+        return std::as_bytes(std::span(this, 1)).first(with_rows ? sizeof(SlabHead) : sizeof(SlabHeader));
+    }
+};
+static_assert(sizeof(SlabHead) == 48);
 
 /// First 16 bytes of a BRIK payload: `count` BrickRecords follow, then their cells or the SharedCells that say where
 /// they lie.

@@ -18,6 +18,7 @@ enum class Transport : std::uint8_t { pipe, shm };
 struct StreamOptions {
     Transport transport = Transport::pipe;
     bool checksum = true;
+    std::size_t piece = std::size_t{2} << 20; ///< reading: slices beyond this are handed out in pieces of rows
     bool whole = false;        ///< reading: whole volumes are wanted, in one segment of shared memory if the writer can
     std::string stage = "vkt"; ///< names this process in ERR frames and notices
     std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty

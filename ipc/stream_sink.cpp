@@ -75,7 +75,7 @@ private:
     void write_text(FrameType type, std::string const& payload, bool with_magic);
     void write_slab(Slab& slab);
     void write_frame(FrameHeader frame, std::span<iovec> parts);
-    void write_voxels(FrameHeader const& frame, SlabHeader const& head, Slab& slab);
+    void write_voxels(FrameHeader const& frame, std::span<std::byte const> head, Slab& slab);
     void meet_consumer();
     bool take_slot();
     void write_bricks(BricksHeader const& group, std::span<std::byte const> records, std::span<std::byte const> cells);
@@ -187,7 +187,9 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
         if (segment_) {
             current_.slot = channel_->segment();
             auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
-            return dense_view(channel_->slot(*current_.slot) + static_cast<std::size_t>(box.lower.z) * slice,
+            std::size_t const row = slice / static_cast<std::size_t>(header_.dims.y);
+            return dense_view(channel_->slot(*current_.slot) + static_cast<std::size_t>(box.lower.z) * slice +
+                                  static_cast<std::size_t>(box.lower.y) * row,
                               header_.dtype, box);
         }
         if (take_slot()) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
@@ -293,12 +295,16 @@ void StreamSink::Writer::recycle(Slab slab) {
 
 void StreamSink::Writer::write_slab(Slab& slab) {
     Place const place = !slab.slot ? Place::here : segment_ ? Place::segment : Place::shared;
-    SlabHeader const head{slab.box.lower.z, slab.box.upper.z, place, slab.slot.value_or(0), slab.bytes};
-    FrameHeader frame{FrameType::slab, flag_required, sizeof head + (slab.slot ? 0 : slab.bytes), 0, 0};
+    SlabHead const whole{{slab.box.lower.z, slab.box.upper.z, place, slab.slot.value_or(0), slab.bytes},
+                         {slab.box.lower.y, slab.box.upper.y}};
+    bool const rows = slab.box.dims().y < header_.dims.y;
+    std::span<std::byte const> const head = whole.bytes(rows);
+    FrameHeader frame{FrameType::slab, flag_required | (rows ? flag_rows : 0u),
+                      head.size() + (slab.slot ? 0 : slab.bytes), 0, 0};
     if (options_.checksum &&
         !slab.slot) { // shared voxels never leave memory: there is no way on which they could be damaged
         frame.flags |= flag_checksum;
-        frame.checksum = hash({slab.voxels.read(Space::host), slab.bytes}, hash(std::as_bytes(std::span(&head, 1))));
+        frame.checksum = hash({slab.voxels.read(Space::host), slab.bytes}, hash(head));
     }
     write_voxels(frame, head, slab);
     count(frame, slab.bytes);
@@ -311,8 +317,8 @@ void StreamSink::Writer::count(FrameHeader const& frame, std::size_t bytes) {
     end_.checksum = hash(std::as_bytes(std::span(&frame.checksum, 1)), end_.checksum);
 }
 
-void StreamSink::Writer::write_voxels(FrameHeader const& frame, SlabHeader const& head, Slab& slab) {
-    std::array<iovec, 2> parts{part(&head, sizeof head), part(nullptr, 0)};
+void StreamSink::Writer::write_voxels(FrameHeader const& frame, std::span<std::byte const> head, Slab& slab) {
+    std::array<iovec, 2> parts{part(head.data(), head.size()), part(nullptr, 0)};
     if (slab.slot) return write_frame(frame, std::span(parts).first(1));
     std::byte const* const voxels = slab.voxels.read(Space::host);
     if (!may_splice(slab)) {

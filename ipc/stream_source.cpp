@@ -9,6 +9,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 
 #include <algorithm>
 #include <chrono>
@@ -26,12 +27,12 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t ring_slabs = 2;
-/// Slabs beyond this are handed out in pieces, so that no frame decides how much memory a reader needs.
+/// Slabs beyond this are handed out slice by slice, so that no frame decides how much memory a reader needs.
 constexpr std::size_t piece_bytes = std::size_t{2} << 20;
 constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
 
 struct Piece {
-    std::int64_t z_begin = 0, z_end = 0;
+    Box box;
     Buffer voxels;
     std::byte const* shared = nullptr;  ///< where they lie in shared memory
     std::shared_ptr<SlotLease> lease{}; ///< that keeps them there
@@ -75,20 +76,24 @@ private:
     void verify(FrameHeader const& frame, std::uint64_t computed) const;
     bool next_frame(FrameHeader& frame);
     bool peek_slab();
-    SlabHeader read_slab_header(FrameHeader const& frame);
+    SlabHead read_slab_head(FrameHeader const& frame);
+    Cut pieces_of(Box const& slab) const;
     void read_slabs();
     bool read_slab();
     void count(FrameHeader const& frame);
-    bool wanted(std::int64_t z_begin, std::int64_t z_end) const;
+    bool wanted(Box const& slab) const;
     void check_end(FrameHeader const& frame);
     void start();
     void stop();
-    Piece* piece_with(std::int64_t z);
+    Box box_of_slab(SlabHead const& head) const;
+    bool is_passed(Box const& piece, Index3 at) const;
+    bool is_released(Index3 at) const { return at.z < released_.z || (at.z == released_.z && at.y < released_.y); }
+    Piece* piece_with(Index3 at);
     void hand_out(Piece piece);
     Piece empty_piece();
     void release_front();
     std::byte const* shared_slot(std::uint32_t name, std::size_t bytes);
-    void read_shared(SlabHeader const& slab);
+    void read_shared(SlabHead const& head);
     void take_shared_cells(std::span<std::byte> target);
     void receive();
     std::vector<BrickRecord> read_records(std::uint64_t count);
@@ -96,8 +101,8 @@ private:
         return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
     }
     ConstView view_of(Piece& piece) const {
-        Box const box{{0, 0, piece.z_begin}, {header_.dims.x, header_.dims.y, piece.z_end}};
-        return dense_view(piece.shared != nullptr ? piece.shared : piece.voxels.read(Space::host), header_.dtype, box);
+        return dense_view(piece.shared != nullptr ? piece.shared : piece.voxels.read(Space::host), header_.dtype,
+                          piece.box);
     }
 
     Input input_;
@@ -107,8 +112,8 @@ private:
     bool any_volume_ = false, in_volume_ = false;
     Box expected_;
     std::optional<FrameHeader> pending_; ///< first frame, read to learn the slab height
-    std::optional<SlabHeader> pending_slab_;
-    std::int64_t next_z_ = 0;
+    std::optional<SlabHead> pending_slab_;
+    PieceOrder order_; ///< of the slabs
     std::uint64_t frames_ = 0, bytes_ = 0, chain_ = 0;
     bool all_checked_ = true;
     std::optional<std::uint32_t> segment_; ///< that take_whole() hands out
@@ -121,7 +126,7 @@ private:
     std::condition_variable changed_;
     std::deque<Piece> ready_;
     std::vector<Piece> spare_;
-    std::int64_t released_z_ = 0; ///< slices below this are gone
+    Index3 released_; ///< what lies before this row is gone
     bool complete_ = false, cancel_ = false;
     std::exception_ptr failure_;
 };
@@ -234,23 +239,43 @@ bool StreamSource::Reader::next_volume() {
     complete_ = false;
     frames_ = bytes_ = chain_ = 0;
     all_checked_ = true;
-    next_z_ = released_z_ = 0;
+    order_ = PieceOrder(header_.dims);
+    released_ = {};
     expected_ = box_of(header_.dims);
     pending_.reset();
     pending_slab_.reset();
     return true;
 }
 
-SlabHeader StreamSource::Reader::read_slab_header(FrameHeader const& frame) {
-    SlabHeader slab;
-    if (frame.length < sizeof slab) throw Error(ErrorKind::data, text("a slab on ", input_.name(), " has no header"));
-    if (input_.read(&slab, sizeof slab) != sizeof slab) ended_early();
-    bool const in_order = slab.z_begin == next_z_ && slab.z_end > slab.z_begin && slab.z_end <= header_.dims.z;
-    if (!in_order || slab.bytes != slice_bytes() * static_cast<std::uint64_t>(slab.z_end - slab.z_begin) ||
-        frame.length != sizeof slab + (slab.place == Place::here ? slab.bytes : 0) ||
+Box StreamSource::Reader::box_of_slab(SlabHead const& head) const {
+    return {{0, head.rows.y_begin, head.slab.z_begin}, {header_.dims.x, head.rows.y_end, head.slab.z_end}};
+}
+
+SlabHead StreamSource::Reader::read_slab_head(FrameHeader const& frame) {
+    SlabHead head;
+    SlabHeader const& slab = head.slab;
+    bool const rows = (frame.flags & flag_rows) != 0;
+    std::size_t const bytes = head.bytes(rows).size();
+    if (frame.length < bytes) throw Error(ErrorKind::data, text("a slab on ", input_.name(), " has no header"));
+    if (input_.read(&head, bytes) != bytes) ended_early();
+    if (!rows) head.rows = {0, header_.dims.y};
+    Box const box = box_of_slab(head);
+    // Extents only once the order has shown them to be within the volume: nothing is multiplied before.
+    if (!order_.takes(box) || slab.bytes != static_cast<std::uint64_t>(box.voxels()) * size_of(header_.dtype) ||
+        frame.length != bytes + (slab.place == Place::here ? slab.bytes : 0) ||
         (slab.place != Place::here && slab.place != Place::shared && slab.place != Place::segment))
         throw Error(ErrorKind::data, text("a slab on ", input_.name(), " is out of order or of the wrong size"));
-    return slab;
+    return head;
+}
+
+/// How the voxels of a slab are handed out.
+Cut StreamSource::Reader::pieces_of(Box const& slab) const {
+    std::size_t const slice = slice_bytes(), row = slice / static_cast<std::size_t>(header_.dims.y);
+    std::size_t const limit = std::max(options_.piece, piece_bytes);
+    if (slice > limit) return {1, static_cast<std::int64_t>(std::max<std::size_t>(1, limit / row))};
+    bool const large = static_cast<std::size_t>(slab.dims().z) * slice > 2 * piece_bytes;
+    return {large ? static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice)) : slab.dims().z,
+            header_.dims.y};
 }
 
 /// Reads the frame of the next slab, up to its voxels; false if there is none.
@@ -260,7 +285,7 @@ bool StreamSource::Reader::peek_slab() {
     if (!next_frame(frame)) return false;
     if (frame.type != FrameType::slab)
         throw Error(ErrorKind::data, text("bricks in the structured volume on ", input_.name()));
-    pending_slab_ = read_slab_header(frame);
+    pending_slab_ = read_slab_head(frame);
     pending_ = frame;
     return true;
 }
@@ -268,10 +293,8 @@ bool StreamSource::Reader::peek_slab() {
 std::int64_t StreamSource::Reader::first_slab_height() {
     if (thread_.joinable() || complete_ || header_.dry_run || header_.kind != Kind::structured) return 0;
     if (!peek_slab()) throw Error(ErrorKind::data, text("the volume on ", input_.name(), " has no slabs"));
-    std::int64_t const height = pending_slab_->z_end - pending_slab_->z_begin;
-    std::int64_t const most = static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice_bytes()));
-    return pending_slab_->place != Place::here || pending_slab_->bytes <= 2 * piece_bytes ? height
-                                                                                          : std::min(height, most);
+    Box const slab = box_of_slab(*pending_slab_);
+    return pending_slab_->slab.place != Place::here ? slab.dims().z : std::min(slab.dims().z, pieces_of(slab).slices);
 }
 
 void StreamSource::Reader::start() {
@@ -306,8 +329,8 @@ void StreamSource::Reader::read_slabs() {
     }
 }
 
-bool StreamSource::Reader::wanted(std::int64_t z_begin, std::int64_t z_end) const {
-    return z_end > expected_.lower.z && z_begin < expected_.upper.z && !expected_.empty();
+bool StreamSource::Reader::wanted(Box const& slab) const {
+    return slab.upper.z > expected_.lower.z && slab.lower.z < expected_.upper.z && !expected_.empty();
 }
 
 Piece StreamSource::Reader::empty_piece() {
@@ -331,7 +354,8 @@ void StreamSource::Reader::hand_out(Piece piece) {
 /// Under the lock: the first piece is no longer needed.
 void StreamSource::Reader::release_front() {
     Piece& piece = ready_.front();
-    released_z_ = piece.z_end;
+    bool const rows = piece.box.upper.y < header_.dims.y;
+    released_ = {0, rows ? piece.box.upper.y : 0, rows ? piece.box.lower.z : piece.box.upper.z};
     if (piece.shared == nullptr) spare_.push_back(std::move(piece));
     ready_.pop_front();
     changed_.notify_all();
@@ -343,18 +367,20 @@ std::byte const* StreamSource::Reader::shared_slot(std::uint32_t name, std::size
     return channel_->slot(name, bytes);
 }
 
-void StreamSource::Reader::read_shared(SlabHeader const& slab) {
+void StreamSource::Reader::read_shared(SlabHead const& head) {
+    SlabHeader const& slab = head.slab;
     Piece piece;
+    piece.box = box_of_slab(head);
     if (slab.place == Place::segment) {
         if (slab.slot == segment_) segment_bytes_ += slab.bytes;
-        piece.shared = shared_slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(slab.z_begin) * slice_bytes();
+        std::size_t const slice = slice_bytes(), row = slice / static_cast<std::size_t>(header_.dims.y);
+        piece.shared = shared_slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(piece.box.lower.z) * slice +
+                       static_cast<std::size_t>(piece.box.lower.y) * row;
     } else {
         piece.shared = shared_slot(slab.slot, slab.bytes);
         piece.lease = std::make_shared<SlotLease>(channel_, slab.slot, slab.bytes);
     }
-    piece.z_begin = slab.z_begin;
-    piece.z_end = slab.z_end;
-    if (wanted(slab.z_begin, slab.z_end)) hand_out(std::move(piece));
+    if (wanted(piece.box)) hand_out(std::move(piece));
     bytes_ += slab.bytes;
 }
 
@@ -369,28 +395,29 @@ void StreamSource::Reader::count(FrameHeader const& frame) {
 bool StreamSource::Reader::read_slab() {
     if (!peek_slab()) return false;
     FrameHeader const frame = *pending_;
-    SlabHeader const slab = *pending_slab_;
+    SlabHead const head = *pending_slab_;
+    SlabHeader const& slab = head.slab;
+    Box const box = box_of_slab(head);
     pending_.reset();
     pending_slab_.reset();
     bool const check = (frame.flags & flag_checksum) != 0;
     if (slab.place != Place::here) {
-        read_shared(slab);
-    } else if (!wanted(slab.z_begin, slab.z_end)) {
+        read_shared(head);
+    } else if (!wanted(box)) {
         // Nobody will look at these voxels: their length counts, their bytes are not even copied.
         std::size_t const got = input_.discard(slab.bytes);
         bytes_ += got;
         if (got != slab.bytes) ended_early();
     } else {
-        StreamHash hasher(hash(std::as_bytes(std::span(&slab, 1))));
-        std::size_t const slice = slice_bytes();
-        std::int64_t const height = slab.bytes <= 2 * piece_bytes
-                                        ? slab.z_end - slab.z_begin
-                                        : static_cast<std::int64_t>(std::max<std::size_t>(1, piece_bytes / slice));
-        for (std::int64_t z = slab.z_begin; z < slab.z_end; z += height) {
+        StreamHash hasher(hash(head.bytes((frame.flags & flag_rows) != 0)));
+        Cut const cut = pieces_of(box);
+        for_each_part(box, [&](Box const& rest) {
             Piece piece = empty_piece();
-            piece.z_begin = z;
-            piece.z_end = std::min(z + height, slab.z_end);
-            std::size_t const bytes = static_cast<std::size_t>(piece.z_end - piece.z_begin) * slice;
+            piece.box = rest;
+            piece.box.upper.z = std::min(rest.lower.z + cut.slices, rest.upper.z);
+            piece.box.upper.y = std::min(rest.lower.y + cut.rows, rest.upper.y);
+            Box const part = piece.box;
+            std::size_t const bytes = static_cast<std::size_t>(piece.box.voxels()) * size_of(header_.dtype);
             piece.voxels.reserve(bytes);
             std::byte* const target = piece.voxels.write(Space::host);
             // Hashed while it is still in the cache.
@@ -403,24 +430,33 @@ bool StreamSource::Reader::read_slab() {
                 if (check) hasher.add({target + done, n});
             }
             hand_out(std::move(piece));
-        }
+            return part;
+        });
         verify(frame, check ? hasher.value() : 0);
     }
     count(frame);
-    next_z_ = slab.z_end;
+    order_.advance(box);
     return true;
 }
 
-/// The piece that holds slice z, waiting for it; releases those below.
-Piece* StreamSource::Reader::piece_with(std::int64_t z) {
+/// True if a piece ends before a row.
+bool StreamSource::Reader::is_passed(Box const& piece, Index3 at) const {
+    bool const rows = piece.upper.y < header_.dims.y; // the next piece has others of this slice
+    return piece.upper.z <= at.z || (rows && piece.lower.z == at.z && piece.upper.y <= at.y);
+}
+
+/// The piece that holds a row, waiting for it; releases those before.
+Piece* StreamSource::Reader::piece_with(Index3 at) {
     if (header_.dry_run) throw PlannedOnly();
     std::unique_lock lock(mutex_);
     while (true) {
-        while (!ready_.empty() && ready_.front().z_end <= z) release_front();
-        for (auto& piece : ready_)
-            if (piece.z_begin <= z && z < piece.z_end) return &piece;
+        while (!ready_.empty() && is_passed(ready_.front().box, at)) release_front();
+        for (auto& piece : ready_) {
+            bool const begun = piece.box.lower.z < at.z || (piece.box.lower.z == at.z && piece.box.lower.y <= at.y);
+            if (begun && !is_passed(piece.box, at)) return &piece;
+        }
         if (failure_) std::rethrow_exception(failure_);
-        if (complete_ || z < released_z_)
+        if (complete_ || is_released(at))
             throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
         auto const begin = Clock::now();
         if (thread_.joinable()) {
@@ -438,40 +474,37 @@ Piece* StreamSource::Reader::piece_with(std::int64_t z) {
 void StreamSource::Reader::receive() {
     if (!peek_slab())
         complete_ = true;
-    else if (pending_slab_->place == Place::here)
+    else if (pending_slab_->slab.place == Place::here)
         start();
     else
         read_slab();
 }
 
 void StreamSource::Reader::read(AnyView out) {
-    for (std::int64_t z = out.box.lower.z; z < out.box.upper.z;) {
-        Piece& piece = *piece_with(z);
-        Box part = out.box;
-        part.lower.z = z;
-        part.upper.z = std::min(piece.z_end, out.box.upper.z);
+    for_each_part(out.box, [&](Box const& rest) {
+        Piece& piece = *piece_with(rest.lower);
+        Box const part = first_part(rest, piece.box);
         copy(view_of(piece).part(part), out.part(part));
-        z = part.upper.z;
-    }
+        return part;
+    });
 }
 
 std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
-    if (region.lower.z < released_z_) return std::nullopt; // a window holds those slices already
-    Piece& piece = *piece_with(region.lower.z);
-    if (region.upper.z > piece.z_end) return std::nullopt;
+    if (is_released(region.lower)) return std::nullopt; // a window holds those slices already
+    Piece& piece = *piece_with(region.lower);
+    if (!piece.box.contains(region)) return std::nullopt;
     return view_of(piece).part(region);
 }
 
 std::shared_ptr<Lease> StreamSource::Reader::lease(Box const& region) {
-    if (!channel_ || !channel_->connected() || region.lower.z < released_z_) return nullptr;
-    Piece const& piece = *piece_with(region.lower.z);
-    Box const slab{{0, 0, piece.z_begin}, {header_.dims.x, header_.dims.y, piece.z_end}};
-    return region == slab ? piece.lease : nullptr;
+    if (!channel_ || !channel_->connected() || is_released(region.lower)) return nullptr;
+    Piece const& piece = *piece_with(region.lower);
+    return region == piece.box ? piece.lease : nullptr;
 }
 
 std::optional<Volume> StreamSource::Reader::take_whole() {
-    if (!options_.whole || first_slab_height() == 0 || pending_slab_->place != Place::segment) return std::nullopt;
-    std::uint32_t const name = pending_slab_->slot;
+    if (!options_.whole || first_slab_height() == 0 || pending_slab_->slab.place != Place::segment) return std::nullopt;
+    std::uint32_t const name = pending_slab_->slab.slot;
     segment_ = name;
     segment_bytes_ = 0;
     finish(); // counts every slab and proves the end; the voxels lie where they are

@@ -3,6 +3,7 @@
 #include "shell/dump.h"
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/operations/row_values.h"
 
 #include <charconv>
@@ -73,16 +74,18 @@ void Dump::print(Source& source, Context& context) const {
     if (header.dry_run) throw PlannedOnly();
     context.print(head(header));
     source.expect(box);
-    Buffer buffer(static_cast<std::size_t>(box.dims().x * box.dims().y) * size_of(header.dtype));
+    // Text takes several times the room of the voxels.
+    auto const row_bytes = static_cast<std::size_t>(box.dims().x) * 8 * size_of(header.dtype);
+    auto const rows = static_cast<std::int64_t>(piece_limit(context.execution()) / row_bytes);
+    Buffer buffer;
     std::vector<double> row(static_cast<std::size_t>(box.dims().x));
-    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
-        Box slice = box;
-        slice.lower.z = z;
-        slice.upper.z = z + 1;
-        AnyView const view = dense_view(buffer.write(Space::host), header.dtype, slice);
+    for_each_piece(box, {1, std::clamp<std::int64_t>(rows, 1, box.dims().y)}, [&](Box const& piece) {
+        std::int64_t const z = piece.lower.z;
+        buffer.reserve(static_cast<std::size_t>(piece.voxels()) * size_of(header.dtype));
+        AnyView const view = dense_view(buffer.write(Space::host), header.dtype, piece);
         source.read(view);
-        std::string lines = text("[", z, "]\n{\n");
-        for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+        std::string lines = piece.lower.y == box.lower.y ? text("[", z, "]\n{\n") : "";
+        for (std::int64_t y = piece.lower.y; y < piece.upper.y; ++y) {
             lines += text("  [", y, "] {");
             read_row(view, y, z, row.data());
             for (std::size_t x = 0; x < row.size(); ++x) {
@@ -91,9 +94,9 @@ void Dump::print(Source& source, Context& context) const {
             }
             lines += "}\n";
         }
-        lines += z + 1 < box.upper.z ? "}\n\n" : "}\n";
+        if (piece.upper.y == box.upper.y) lines += z + 1 < box.upper.z ? "}\n\n" : "}\n";
         context.print(lines);
-    }
+    });
     source.finish();
 }
 

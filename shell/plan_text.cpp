@@ -3,6 +3,7 @@
 #include "shell/plan_text.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
 
 #include <algorithm>
@@ -53,61 +54,60 @@ std::string error_text(ErrorBound const& error) {
 
 bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
 
-constexpr double ring = 3; ///< slabs in flight at an input or an output
+constexpr double ring = 3; ///< pieces in flight at an input or an output
 
 double in_flight(Header const& h, Execution const& execution) {
-    return ring * static_cast<double>(h.bytes()) * static_cast<double>(slab_height(h, 0, execution)) /
-           static_cast<double>(h.dims.z);
+    Cut const cut = cut_of(h, 0, execution);
+    return ring * static_cast<double>(h.dims.x * cut.rows * cut.slices) * static_cast<double>(size_of(h.dtype));
 }
 
-/// Trees are held whole; of grids slabs in flight at input and output, the window of a halo, a spooled volume, and
-/// state: what a stage holds at most.
-double peak_bytes(Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
+/// How an operation on grids works, as if nothing lay in memory already; nothing of trees and reductions.
+std::optional<WorkPlan> work_of(Operation* operation, Plan const& plan, std::vector<Header> const& inputs,
+                                Execution const& execution) {
+    if (operation == nullptr || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree)) return {};
+    return work_plan(*operation, plan, inputs, {}, 0, execution);
+}
+
+/// Trees are held whole; of grids pieces in flight at input and output, windows, what the operation keeps, and a
+/// spooled volume: what a stage holds at most.
+double peak_bytes(std::optional<WorkPlan> const& work, Plan const& plan, std::vector<Header> const& inputs,
                   Execution const& execution, bool reduction) {
-    auto bytes = static_cast<double>(plan.state_bytes);
-    std::int64_t height = 0;
-    if (!reduction && is_tree(plan.output)) {
-        bytes += static_cast<double>(plan.output.bytes());
-    } else if (!reduction) {
-        height = slab_height(plan.output, plan.slab_hint, execution);
-        bytes += ring * static_cast<double>(plan.output.bytes()) * static_cast<double>(height) /
-                 static_cast<double>(plan.output.dims.z);
-    }
-    for (std::size_t i = 0; i < inputs.size(); ++i) {
-        Header const& in = inputs[i];
+    auto bytes = static_cast<double>(work ? work->bytes : plan.state_bytes);
+    if (!reduction)
+        bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);
+    for (Header const& in : inputs) {
         if (is_tree(in)) {
             bytes += static_cast<double>(in.bytes());
             continue;
         }
         if (is_tree(plan.output)) continue; // the plan's own state says it
         bytes += in_flight(in, execution);
-        if (!reduction && !plan.shift) {
-            Box const slab{{0, 0, 0}, {plan.output.dims.x, plan.output.dims.y, height}};
-            bytes += static_cast<double>(operation->footprint(slab, static_cast<int>(i)).voxels()) *
-                     static_cast<double>(size_of(in.dtype));
-        }
-        bool const whole = plan.scans || plan.access == Access::random;
-        if (whole) bytes += std::min(static_cast<double>(in.bytes()), static_cast<double>(execution.memory));
+        bool const again = plan.scans || plan.access == Access::random;
+        if (again && in.bytes() <= spool_limit(inputs.size(), execution)) bytes += static_cast<double>(in.bytes());
     }
     return bytes;
 }
 
 } // namespace
 
-std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan,
+std::string plan_text(std::string const& stage, Operation* operation, Plan const& plan,
                       std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
     std::string line = stage + ": ";
     if (!inputs.empty()) line += shape_text(inputs.front());
     if (!reduction)
         line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
                      plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
+    std::optional<WorkPlan> const work = reduction ? std::nullopt : work_of(operation, plan, inputs, execution);
+    if (is_tree(plan.output) && !inputs.empty() && !is_tree(inputs.front())) check_budget(plan.state_bytes, execution);
     if (operation != nullptr || reduction)
-        line += text(", peak memory about ", bytes_text(peak_bytes(operation, plan, inputs, execution, reduction)));
-    bool const spools = plan.access == Access::random || (plan.scans && !reduction);
+        line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
+    bool const jumps = work && work->jumps;
+    bool const spools = jumps || plan.access == Access::random || (plan.scans && !reduction);
     bool const whole = is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += whole    ? ", holds the whole volume"
-            : spools ? ", needs the whole input (re-reads a file, spools a pipe)"
-                     : ", streaming";
+            : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",
+                            work && work->bands ? " and spools its result" : "")
+                     : std::string(", streaming");
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
     line += text(stage, ":   ", error_text(plan.error), ", ", scientific(plan.cost), " multiply-adds a voxel\n");
@@ -124,6 +124,7 @@ std::string consumer_plan_text(std::string const& stage, Header const& input, st
                                Execution const& execution) {
     auto const bytes = static_cast<double>(input.bytes());
     bool const holds = whole || is_tree(input);
+    if (whole) check_budget(input.bytes(), execution);
     return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
                 output == "-" ? "standard output" : output, ", peak memory about ",
                 bytes_text(holds ? bytes : in_flight(input, execution)),

@@ -9,7 +9,7 @@
 
 namespace vkt::shell {
 
-std::string plan_text(std::string const& stage, Operation const* operation, Plan const& plan,
+std::string plan_text(std::string const& stage, Operation* operation, Plan const& plan,
                       std::vector<Header> const& inputs, Execution const& execution, bool reduction);
 /// Of a stage that opens a file.
 std::string opener_plan_text(std::string const& stage, Header const& output, Execution const& execution);

@@ -6,6 +6,7 @@
 #include "ipc/stream.h"
 #include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
@@ -272,6 +273,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
         options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole();
+        options.piece = piece_limit(execution_of(stage));
         bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
         auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
         if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();

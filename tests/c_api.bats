@@ -124,11 +124,32 @@ static int take_null(void) {
     return wrong != 0 || untouched != NULL || json != NULL || voxels != NULL || *vkt_remarks(NULL) != '\0';
 }
 
+/* program trim: memory of freed volumes is kept, used again, and given back. */
+static int trim(void) {
+    vkt_volume *a = NULL, *b = NULL;
+    vkt_description d;
+    void const *first = NULL, *second = NULL;
+    vkt_default_description(&d);
+    d.dims[0] = d.dims[1] = d.dims[2] = 256;
+    if (vkt_create(&d, NULL, &a) != VKT_OK) return complain();
+    for (int i = 0; i < 2; ++i) {
+        if (vkt_apply(OPTIONS("flip", "x"), (vkt_volume const*[]){a}, 1, &b) != VKT_OK) return complain();
+        if (vkt_voxels(b, i == 0 ? &first : &second, NULL) != VKT_OK) return complain();
+        vkt_free(b);
+    }
+    vkt_free(a);
+    printf("%d ", first == second);
+    printf("%d ", vkt_trim() >= 2u * 256 * 256 * 256);
+    printf("%d\n", (int)vkt_trim());
+    return 0;
+}
+
 int main(int argc, char** argv) {
     if (argc > 4 && strcmp(argv[1], "apply") == 0) return apply_to_file(argc, argv);
     if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
     if (argc == 2 && strcmp(argv[1], "null") == 0) return take_null();
+    if (argc == 2 && strcmp(argv[1], "trim") == 0) return trim();
     printf("%s\n", vkt_version());
     for (char const* const* name = vkt_operations(); *name != NULL; ++name) printf("%s\n", *name);
     return 0;
@@ -199,4 +220,8 @@ EOF
 @test "null pointers are refused by name" {
     "$program" null
     [ ! -e null.nrrd ]
+}
+
+@test "memory of freed volumes serves the next result until it is given back" {
+    [ "$("$program" trim)" = "1 1 0" ]
 }

@@ -95,3 +95,44 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     done
     [ $fitted -gt 0 ] && [ $refused -gt 0 ]
 }
+
+# Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
+@test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
+    export TMPDIR=$PWD
+    "$VKT_ROOT/tests/budget.py" "${VKT_BUDGET_MIB:-8}" "${VKT_BUDGET_FACTOR:-16}"
+}
+
+@test "the budget of the documentation: 64 MiB for 2 GiB" {
+    [ -n "${VKT_LONG:-}" ] || skip "takes many minutes: set VKT_LONG=1"
+    export TMPDIR=$PWD
+    "$VKT_ROOT/tests/budget.py" 64 32
+}
+
+@test "what no cut can keep is refused before it starts, and a dry run says so" {
+    truncate -s 128M wide_16777216x2x1_float32.raw
+    fails_with 5 'rows of 64.0 MiB needs 512' vkt flip x wide_16777216x2x1_float32.raw --memory 8M
+    truncate -s 16M cube_256x256x64_float32.raw
+    fails_with 5 'the budget is 8' vkt refine cube_256x256x64_float32.raw --tolerance 1 --memory 8M -o out.vkt
+    fails_with 5 'the budget is 8' vkt refine cube_256x256x64_float32.raw --tolerance 1 --memory 8M -o out.vkt -n
+    fails_with 5 'the budget is 8' vkt render cube_256x256x64_float32.raw --memory 8M -o out.png
+    fails_with 5 'the budget is 8' vkt render cube_256x256x64_float32.raw --memory 8M -o out.png -n
+    # Rows at the edges of a wrapped volume need those of the other side, of all slices.
+    for dry in '' -n; do
+        # shellcheck disable=SC2086
+        fails_with 5 'the budget is 4' vkt filter gaussian cube_256x256x64_float32.raw --sigma 0,30,60 --boundary wrap \
+            --memory 4M -o out.vkt $dry
+    done
+    [ ! -e out.vkt ] && [ ! -e out.png ]
+}
+
+@test "a dry run tells of spools that the budget makes necessary" {
+    truncate -s 128M deep_128x128x2048_float32.raw
+    vkt filter gaussian deep_128x128x2048_float32.raw --sigma 0,0,40 -n -o x.vkt 2>plan
+    grep -q streaming plan
+    vkt filter gaussian deep_128x128x2048_float32.raw --sigma 0,0,40 --memory 8M -n -o x.vkt 2>plan
+    grep -q 'spools its result' plan
+    /usr/bin/python3 - "$(grep -o 'about [0-9.]* MiB' plan | cut -d' ' -f2)" <<'EOF'
+import sys
+assert float(sys.argv[1]) <= 8
+EOF
+}

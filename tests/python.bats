@@ -244,3 +244,36 @@ EOF
     bash -c "$(cat again)" >again.vkt
     vkt diff made.nrrd again.vkt --geometry
 }
+
+@test "memory of volumes that are gone serves the next result, and trim gives it back" {
+    python <<'EOF'
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096
+
+vkt.trim()
+noise = vkt.apply("make noise", dims=(256, 256, 128))  # 32 MiB
+want = noise.array[:, :, ::-1].copy()
+places = set()
+for _ in range(3):
+    flipped = noise.apply("flip x")
+    assert np.array_equal(flipped.array, want)
+    places.add(flipped.array.ctypes.data)
+    del flipped
+assert len(places) == 1, places
+before = resident()
+assert vkt.trim() == 32 << 20
+assert resident() < before - (24 << 20)
+assert vkt.trim() == 0
+assert np.array_equal(noise.apply("flip x").array, want)
+EOF
+}
+
+@test "what is kept is within the budget, together with what comes" {
+    VKT_MEMORY=40M python <<'EOF'
+a = vkt.apply("make noise", dims=(256, 256, 128))  # 32 MiB
+del a
+b = vkt.apply("make noise", dims=(256, 256, 64))  # 16 MiB beside 32 would be more than 40
+del b
+assert 0 < vkt.trim() <= 40 << 20
+EOF
+}

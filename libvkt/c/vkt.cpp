@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
+#include "libvkt/core/pool.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/formats/system_error.h"
@@ -66,6 +67,12 @@ template <class F> LastError attempt(F const& body) noexcept {
     } catch (...) {
         return failed(VKT_FAILURE, "unknown failure");
     }
+}
+
+/// What an operation holds and what it leaves to the next is within one budget.
+Execution keeping_blocks(Execution execution) {
+    keep_blocks(execution.memory);
+    return execution;
 }
 
 pid_t const loaded_by = ::getpid();
@@ -189,7 +196,7 @@ vkt_status vkt_read(char const* path, char const* const* words, size_t count, vk
         request.trust(trust_paths);
         if (own.given("index") && index < 0) throw Error(ErrorKind::usage, text("--index ", index, " is negative"));
         auto const source = request.region_of(request.open(path));
-        Volume result = read_one(*source, path, index, options.execution());
+        Volume result = read_one(*source, path, index, keeping_blocks(options.execution()));
         if (!result.header().history) {
             std::vector<std::string> step{"read", path};
             for (auto& word : parameters.words()) step.push_back(std::move(word));
@@ -316,5 +323,7 @@ vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, si
         *json = copied(report(statistics.result()).json());
     });
 }
+
+size_t vkt_trim(void) { return release_blocks(); }
 
 void vkt_free_text(char* text) { std::free(text); }

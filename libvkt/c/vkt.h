@@ -4,7 +4,8 @@
    Volumes are opaque. Functions that can fail return a status, which is the exit code that the command would have; what
    went wrong is said by vkt_error() and vkt_error_hint(). Nothing is thrown across this border. Options are words as on
    the command line, {"--dims", "40,30,10"}, and are those of the command that does the same. The number of threads and
-   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. A pointer that must not be null, but is, makes a
+   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. Memory of volumes that were freed is kept for the
+   results that come next, see vkt_trim(). A pointer that must not be null, but is, makes a
    call fail with VKT_USAGE. What a call that fails would have set (*volume, *result, *json) stays untouched. Several
    threads may use different volumes, and read from the same one. */
 #ifndef LIBVKT_C_VKT_H
@@ -84,6 +85,11 @@ VKT_API char const* vkt_remarks(vkt_volume const* volume);
 
 /* What `vkt stats --json` prints. Option: --roi. For vkt_free_text(). */
 VKT_API vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json);
+
+/* Gives memory of freed volumes back to the system; returns how many bytes. Until then up to as much as a volume may
+   take is kept, since touching fresh memory can cost more than an operation. The system takes it back by itself when
+   memory is short, and it is given back where the limit of a control group or of the process would be met. */
+VKT_API size_t vkt_trim(void);
 
 VKT_API void vkt_free_text(char* text);
 

@@ -1,14 +1,14 @@
-// Host pages in huge-page-advised mappings, device memory through the device runtime, migration between them.
+// Host memory in large blocks, device memory through the device runtime, migration between them.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/buffer.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/device.h"
 
 #include <cstdlib>
 #include <new>
-#include <sys/mman.h>
 #include <utility>
 
 namespace vkt {
@@ -33,19 +33,9 @@ std::byte* allocate_host(std::size_t bytes) {
         if (data == nullptr) no_memory(bytes);
         return static_cast<std::byte*>(data);
     }
-    // Over-map and trim so that the block starts on a huge page; otherwise up to 2 MiB at either end fall back to 4
-    // KiB.
-    std::size_t const size = rounded(bytes, huge_page);
-    void* const mapping =
-        mmap(nullptr, size + huge_page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (mapping == MAP_FAILED) no_memory(bytes);
-    auto* const begin = static_cast<std::byte*>(mapping);
-    std::size_t const head =
-        rounded(reinterpret_cast<std::uintptr_t>(begin), huge_page) - reinterpret_cast<std::uintptr_t>(begin);
-    if (head > 0) munmap(begin, head);
-    if (head < huge_page) munmap(begin + head + size, huge_page - head);
-    madvise(begin + head, size, MADV_HUGEPAGE);
-    return begin + head;
+    std::byte* const block = take_block(bytes);
+    if (block == nullptr) no_memory(bytes);
+    return block;
 }
 
 void free_host(std::byte* data, std::size_t bytes) {
@@ -53,7 +43,7 @@ void free_host(std::byte* data, std::size_t bytes) {
     if (bytes < huge_page)
         std::free(data);
     else
-        munmap(data, rounded(bytes, huge_page));
+        return_block(data, bytes);
 }
 
 Buffer::~Buffer() { release(); }

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <fstream>
+#include <limits>
+#include <string>
 
 namespace vkt {
 namespace {
@@ -57,6 +59,47 @@ void limit_cpus(std::istream& quota_file, std::istream& period_file, CgroupLimit
 }
 
 } // namespace
+
+namespace {
+
+/// A number that stands after a word of a file such as memory.stat.
+std::size_t number_after(fs::path const& path, std::string const& word) {
+    std::ifstream file(path);
+    std::string key;
+    std::size_t value = 0;
+    while (file >> key >> value)
+        if (key == word) return value;
+    return 0;
+}
+
+/// What a group has left, if it has a limit. Pages of files that were not used lately are dropped when need be.
+void reckon(fs::path const& folder, char const* limit_file, char const* use_file, char const* files,
+            std::size_t& left) {
+    CgroupLimits limits;
+    limit_memory(folder / limit_file, limits);
+    if (limits.memory == 0) return;
+    std::ifstream file(folder / use_file);
+    std::size_t use = 0;
+    if (!(file >> use)) return;
+    std::size_t const dropped = number_after(folder / "memory.stat", files);
+    use -= std::min(use, dropped);
+    left = std::min(left, limits.memory - std::min(limits.memory, use));
+}
+
+} // namespace
+
+std::size_t cgroup_memory_left(fs::path const& root) {
+    std::size_t left = std::numeric_limits<std::size_t>::max();
+    Groups const groups = own_groups(root / "proc/self/cgroup");
+    fs::path const mount = root / "sys/fs/cgroup";
+    for_each_group(mount, groups.unified, [&](fs::path const& folder) {
+        reckon(folder, "memory.max", "memory.current", "inactive_file", left);
+    });
+    for_each_group(mount / "memory", groups.memory, [&](fs::path const& folder) {
+        reckon(folder, "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file", left);
+    });
+    return left;
+}
 
 CgroupLimits cgroup_limits(fs::path const& root) {
     CgroupLimits limits;

@@ -18,4 +18,8 @@ struct CgroupLimits {
 /// below `root` say, version 1 and 2. What cannot be read sets no limit.
 CgroupLimits cgroup_limits(std::filesystem::path const& root = "/");
 
+/// Bytes that the groups still have for this process's memory: limit less what is in use and cannot be dropped, at
+/// the tightest; the largest number there is without a limit.
+std::size_t cgroup_memory_left(std::filesystem::path const& root = "/");
+
 } // namespace vkt

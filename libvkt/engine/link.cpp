@@ -110,8 +110,14 @@ void Link::Input::finish() {
     if (!spool_) source_->finish();
 }
 
-void Link::Input::spool(Execution const& execution, StageInfo const& info) {
-    spool_ = std::make_unique<Spool>(*source_, execution, info);
+void Link::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
+    auto spool = std::make_unique<Spool>(source_->header(), in_memory, execution, info);
+    spool->fill(*source_, execution);
+    spool_ = std::move(spool);
+}
+
+bool Link::Input::in_memory() {
+    return access() == Access::random && space() == Space::host && borrow(box_of(header().dims)).has_value();
 }
 
 Link::Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution,
@@ -139,6 +145,8 @@ void Link::plan_volume() {
     tree_.reset();
     tree_remarks_.clear();
     inputs_used_up_ = false;
+    work_ = {};
+    result_.reset();
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
@@ -155,12 +163,51 @@ void Link::plan_volume() {
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu) device_select(execution_.gpu);
-    for (std::size_t i = 0; i < inputs_.size(); ++i) {
-        inputs_[i]->window.reset({headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value});
-        bool const again = plan_.scans || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
-        if (again && inputs_[i]->access() == Access::forward) inputs_[i]->spool(execution_, info_);
-    }
+    prepare_inputs(headers);
     if (plan_.scans) scan();
+}
+
+/// Chooses how to work within the budget, before anything is read, and spools what then cannot be read as it comes.
+void Link::prepare_inputs(std::vector<Header> const& headers) {
+    std::size_t const in_memory = spool_limit(inputs_.size(), requested_);
+    std::size_t spooled = 0;
+    std::vector<bool> lent, spool;
+    bool const again = plan_.scans || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        bool const keeps = again && inputs_[i]->access() == Access::forward;
+        // Tables that an operation needs have precedence over a volume that may as well lie in a file.
+        bool const held = keeps && headers[i].bytes() <= in_memory && plan_.state_bytes <= requested_.memory / 8;
+        if (held) spooled += headers[i].bytes();
+        spool.push_back(keeps);
+        lent.push_back(held || inputs_[i]->in_memory());
+    }
+    work_ = work_plan(operation_, plan_, headers, lent, spooled, execution_);
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        WindowRule const rule{headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value, work_.window[i]};
+        inputs_[i]->window.reset(rule);
+        if (spool[i])
+            inputs_[i]->spool(lent[i] ? in_memory : 0, execution_, info_);
+        else if (work_.jumps && inputs_[i]->access() == Access::forward)
+            inputs_[i]->spool(0, execution_, info_); // its windows have their share of the memory already
+    }
+}
+
+/// Rows by rows through all slices, so that the inputs' slices come in order and what an operation keeps of them is
+/// small; the result is whole only then.
+void Link::compute_bands() {
+    auto result = std::make_unique<Spool>(plan_.output, execution_.memory / 8, execution_, info_);
+    Index3 const n = plan_.output.dims;
+    for_each_piece(box_of(n), {n.z, work_.cut.rows}, [&](Box const& band) {
+        for (std::size_t i = 0; i < inputs_.size(); ++i)
+            inputs_[i]->expect(
+                intersect(operation_.footprint(band, static_cast<int>(i)), box_of(inputs_[i]->header().dims)));
+        for_each_piece(band, work_.cut, [&](Box const& box) {
+            AnyView const to = result->place(box);
+            run(to);
+            result->store(to);
+        });
+    });
+    result_ = std::move(result);
 }
 
 /// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
@@ -185,6 +232,7 @@ void Link::plan_tree(std::vector<Header> const& headers) {
     plan_ = std::move(told.plan);
     tree_remarks_ = std::move(told.remarks);
     check(plan_.output);
+    if (plan_.output.kind == Kind::structured) work_.cut = cut_of(plan_.output, plan_.slab_hint, requested_);
     plan_.output.timing = headers.front().timing;
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     if (tree_) tree_->header() = plan_.output;
@@ -195,6 +243,7 @@ void Link::plan_tree(std::vector<Header> const& headers) {
 void Link::make_tree() {
     execution_ = requested_;
     execution_.device = Device::cpu;
+    check_budget(plan_.state_bytes, requested_);
     Volume const whole = load(*inputs_.front(), requested_);
     inputs_used_up_ = true;
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
@@ -219,15 +268,14 @@ BrickSequence Link::take_bricks() {
 
 void Link::scan() {
     Input& input = *inputs_.front();
-    do
-        scan_volume(input, operation_, requested_, info_.times.get());
+    do scan_volume(input, operation_, requested_, info_.times.get());
     while (operation_.scans_again());
     operation_.after_scan(plan_.output);
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }
 
 Access Link::access() const {
-    if (inputs_used_up_) return Access::random;
+    if (inputs_used_up_ || work_.bands) return Access::random;
     bool const random =
         std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
@@ -242,7 +290,8 @@ std::int64_t Link::natural_slab() const {
 }
 
 void Link::expect(Box const& region) {
-    if (inputs_used_up_ || region.empty() || plan_.access == Access::random) return; // jumps cannot be read ahead
+    if (inputs_used_up_ || region.empty() || plan_.access == Access::random || work_.jumps)
+        return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         Box const footprint = plan_.shift ? moved(region) : operation_.footprint(region, static_cast<int>(i));
         inputs_[i]->expect(intersect(footprint, box_of(inputs_[i]->header().dims)));
@@ -250,6 +299,7 @@ void Link::expect(Box const& region) {
 }
 
 std::optional<ConstView> Link::borrow(Box const& region) {
+    if (work_.bands) return result_ ? result_->borrow(region) : std::nullopt;
     if (!plan_.shift) return std::nullopt;
     auto lent = inputs_.front()->borrow(moved(region));
     if (!lent || lent->space != space()) return std::nullopt;
@@ -284,8 +334,10 @@ void Link::read(AnyView out) {
             inputs_.front()->read(to);
         return;
     }
-    // Large requests (a consumer that wants the whole volume) are still worked in slabs, so windows stay small.
-    std::int64_t const height = std::max(slab_height(plan_.output, natural_slab(), requested_), std::int64_t{1});
+    if (work_.bands && !result_) compute_bands();
+    if (result_) return result_->read(out);
+    // Large requests (a consumer that wants the whole volume) are still worked in pieces, so windows stay small.
+    std::int64_t const height = work_.cut.slices;
     bool const down =
         plan_.access == Access::random; // keeps the ascending order of the input for flips as for all others
     std::int64_t const count = (out.dims().z + height - 1) / height;
@@ -294,7 +346,7 @@ void Link::read(AnyView out) {
         Box slab = out.box;
         slab.lower.z = z;
         slab.upper.z = std::min(z + height, out.box.upper.z);
-        run_in_pieces(out.part(slab));
+        for_each_piece(slab, {slab.upper.z, work_.cut.rows}, [&](Box const& box) { run_in_pieces(out.part(box)); });
     }
 }
 

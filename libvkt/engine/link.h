@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/spool.h"
 #include "libvkt/engine/window.h"
@@ -43,7 +44,10 @@ private:
         Space space() const override { return spool_ ? Space::host : source_->space(); }
         BrickSequence take_bricks() override { return source_->take_bricks(); }
         void finish() override;
-        void spool(Execution const& execution, StageInfo const& info);
+        /// Reads all of the current volume and keeps it, in memory up to so many bytes.
+        void spool(std::size_t in_memory, Execution const& execution, StageInfo const& info);
+        /// True if all of the volume lies in memory already.
+        bool in_memory();
 
         Window window;
 
@@ -53,6 +57,8 @@ private:
     };
 
     void plan_volume();
+    void prepare_inputs(std::vector<Header> const& headers);
+    void compute_bands();
     void plan_tree(std::vector<Header> const& headers);
     void make_tree();
     void scan();
@@ -71,6 +77,8 @@ private:
     std::optional<Volume> tree_; ///< the result, if it is hierarchical: computed at once
     std::vector<Remark> tree_remarks_;
     bool inputs_used_up_ = false; ///< they were read as a whole, and finished
+    WorkPlan work_;
+    std::unique_ptr<Spool> result_; ///< if it is computed in bands
     Buffer staging_;
     bool generated_ = false; ///< a source operation yields exactly one volume
 };

@@ -44,7 +44,7 @@ struct Plan {
     std::string method;          ///< name of the chosen method, e.g. "direct FIR, radius 8"
     ErrorBound error;            ///< exact: permutation, integer or correctly rounded result
     double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
-    std::size_t state_bytes = 0; ///< memory held besides slabs
+    std::size_t state_bytes = 0; ///< memory held whatever the regions are that run() is given; see also fit()
 };
 
 /// A remark for the user after the run: "12034 of 16777216 voxels clipped to [0,255]". Lossy remarks fail --strict.
@@ -83,14 +83,23 @@ public:
 
     /// The part of the input that scan() wants to see; no more of it is read than that.
     virtual Box scanned(Box const& whole) const { return whole; }
-    /// A pass before run(), if the plan asks for it: sees every slab of that part once, in z order, all its rows and columns.
+    /// A pass before run(), if the plan asks for it: sees every slab of that part once, in z order, all its columns.
+    /// All its rows too, unless a slice is too large for the budget: then it comes alone, in pieces of some rows, in
+    /// order.
     virtual void scan(ConstView /*slab*/, Execution const&) {}
+    /// Of how many rows, counted from the first of such a slice, its pieces are multiples.
+    virtual std::int64_t scan_step(Index3 /*part*/) const { return 1; }
     virtual void scan_end() {}
     /// After scan_end(): true if one pass was not enough. Not for reductions, whose input passes only once.
     virtual bool scans_again() const { return false; }
     /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose
     /// dims and type are fixed by then.
     virtual void after_scan(Header& /*output*/) const {}
+
+    /// After plan(): regions for run() will be no larger than this. Returns the bytes that the operation is going to
+    /// hold for such regions, besides them and their footprints; it may be asked about several before it runs, and the
+    /// last counts.
+    virtual std::size_t fit(Index3 /*largest*/, Execution const&) { return 0; }
 
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;

@@ -5,7 +5,9 @@
 #include "libvkt/amr/apply.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/link.h"
 #include "libvkt/kernel/border.h"
 
@@ -15,10 +17,6 @@
 
 namespace vkt {
 namespace {
-
-/// A slab this large for every four threads, up to sixteen, amortises system calls and hand-over and still stays in the
-/// caches on its way (measured: on 2 processors 2 MiB are slower than 1, on 16 1 MiB is slower than 4).
-constexpr std::size_t slab_bytes = std::size_t{1} << 20;
 
 class VolumeSource : public Source {
 public:
@@ -53,16 +51,6 @@ void Sink::put_bricks(BrickSequence) {
                 "make a grid of it with 'vkt resample', or write a .vkt or .vdb file");
 }
 
-std::int64_t slab_height(Header const& header, std::int64_t hint, Execution const& execution) {
-    std::int64_t const n = header.dims.z;
-    if (execution.slab > 0) return std::min(execution.slab, n);
-    std::size_t const slice = static_cast<std::size_t>(header.dims.x * header.dims.y) * size_of(header.dtype);
-    auto const shares = static_cast<std::size_t>(std::min(share_of_threads(execution.threads), 4));
-    auto const natural = static_cast<std::int64_t>(std::max<std::size_t>(1, shares * slab_bytes / slice));
-    auto const most = static_cast<std::int64_t>(std::max<std::size_t>(1, execution.memory / 8 / slice));
-    return std::clamp<std::int64_t>(hint > 0 ? hint : natural, 1, std::min(n, most));
-}
-
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info) {
     return std::make_unique<Link>(std::move(inputs), operation, execution, std::move(info));
@@ -70,15 +58,17 @@ std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Oper
 
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times) {
     Header const& header = source.header();
-    std::int64_t const height = slab_height(header, source.natural_slab(), execution);
     Execution host = execution;
     host.device = Device::cpu; // scans read where the data arrives
     Buffer buffer;
     Box const part = operation.scanned(box_of(header.dims));
+    Cut cut = cut_of(header, source.natural_slab(), execution);
+    if (cut.rows < header.dims.y) {
+        std::int64_t const step = operation.scan_step(part.dims());
+        cut.rows = std::max(cut.rows / step, std::int64_t{1}) * step;
+    }
     source.expect(part);
-    for (std::int64_t z = part.lower.z, end = 0; z < part.upper.z; z = end) {
-        end = std::min((z / height + 1) * height, part.upper.z); // as slabs of the whole volume would lie
-        Box const box{{part.lower.x, part.lower.y, z}, {part.upper.x, part.upper.y, end}};
+    for_each_piece(part, cut, [&](Box const& box) {
         auto const begin = std::chrono::steady_clock::now();
         std::optional<ConstView> view;
         if (source.space() == Space::host) view = source.borrow(box);
@@ -95,7 +85,7 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
             times->compute += std::chrono::duration<double>(std::chrono::steady_clock::now() - middle).count();
             times->voxels += box.voxels();
         }
-    }
+    });
     operation.scan_end();
 }
 
@@ -127,14 +117,13 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
     } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
         if (hint == 0) hint = sink.natural_slab();
-        std::int64_t const height = slab_height(header, hint, execution);
+        Cut const cut = cut_of(header, hint, execution);
         source.expect(box_of(header.dims));
-        for (std::int64_t z = 0; z < header.dims.z; z += height) {
-            Box const box{{0, 0, z}, {header.dims.x, header.dims.y, std::min(z + height, header.dims.z)}};
-            if (auto const lease = source.lease(box); lease && sink.pass_on(box, lease)) continue;
+        for_each_piece(box_of(header.dims), cut, [&](Box const& box) {
+            if (auto const lease = source.lease(box); lease && sink.pass_on(box, lease)) return;
             source.read(sink.acquire(box));
             sink.commit();
-        }
+        });
     }
     source.finish();
     sink.end();
@@ -145,14 +134,17 @@ void drain(Source& source, Sink& sink, Execution const& execution) {
     sink.close();
 }
 
+void check_budget(std::size_t bytes, Execution const& execution) {
+    if (bytes <= execution.memory) return;
+    throw Error(ErrorKind::resources,
+                text("the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
+                     bytes_text(static_cast<double>(execution.memory))),
+                "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+}
+
 Volume load(Source& source, Execution const& execution) {
     Header header = source.header();
-    std::size_t const bytes = header.bytes();
-    if (bytes > execution.memory)
-        throw Error(ErrorKind::resources,
-                    text("the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
-                         bytes_text(static_cast<double>(execution.memory))),
-                    "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+    check_budget(header.bytes(), execution);
     if (header.kind == Kind::hierarchical) {
         Volume tree = source.take_bricks().whole();
         source.finish();
@@ -171,6 +163,7 @@ std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
 }
 
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution) {
+    keep_blocks(execution.memory);
     auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
     auto const result = attach(std::move(sources), operation, execution, {});
     result->next_volume();

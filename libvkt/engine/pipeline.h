@@ -60,16 +60,16 @@ void drain(Source& source, Sink& sink, Execution const& execution);
 /// Moves the current volume only: begin, slabs, end.
 void drain_volume(Source& source, Sink& sink, Execution const& execution);
 
+/// Throws Error{resources} if a volume that takes so many bytes cannot be held within the budget.
+void check_budget(std::size_t bytes, Execution const& execution);
 /// Reads the rest of the current volume into memory and finishes it. Throws Error{resources} beyond the budget.
 Volume load(Source& source, Execution const& execution);
 /// A source over volumes in memory; random access, lends in place.
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes);
 /// Wraps a random-access source so that a thread reads ahead, slab by slab, within what the consumer expects.
 std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const& execution);
-/// Convenience for library users: applies one operation to volumes in memory.
+/// Convenience for library users: applies one operation to volumes in memory. Keeps freed memory for the next result
+/// from then on, see keep_blocks().
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution);
-
-/// Slab height the engine uses for a volume: 1 to 4 MiB, at least `hint`, within the memory budget.
-std::int64_t slab_height(Header const& header, std::int64_t hint, Execution const& execution);
 
 } // namespace vkt

@@ -1,6 +1,7 @@
 // Reading ahead: a thread walks the expected region slab by slab and keeps a few slabs ready.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/buffer.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/engine/pipeline.h"
 
@@ -36,8 +37,11 @@ public:
         inner().expect(region);
         if (region.empty()) return;
         region_ = region;
-        height_ = slab_height(inner().header(), 0, execution_);
-        if (region.dims().z <= height_) return; // one read is all there is
+        Header part = inner().header();
+        part.dims.x = region.dims().x;
+        part.dims.y = region.dims().y;
+        cut_ = cut_of(part, 0, execution_);
+        if (region.dims().z <= cut_.slices && region.dims().y <= cut_.rows) return; // one read is all there is
         start();
     }
     std::int64_t natural_slab() const override { return inner().natural_slab(); }
@@ -48,18 +52,17 @@ public:
         return view_of(*slab).part(region);
     }
     void read(AnyView out) override {
-        Box rest = out.box;
-        while (!rest.empty()) {
+        for_each_part(out.box, [&](Box const& rest) {
             Slab const* const slab = slab_with(rest);
             if (slab == nullptr) {
                 stop(); // not what was expected: the source answers directly from here on
-                return inner().read(out.part(rest));
+                inner().read(out.part(rest));
+                return rest;
             }
-            Box part = rest;
-            part.upper.z = std::min(slab->box.upper.z, rest.upper.z);
+            Box const part = first_part(rest, slab->box);
             copy(view_of(*slab).part(part), out.part(part));
-            rest.lower.z = part.upper.z;
-        }
+            return part;
+        });
     }
     void finish() override {
         stop();
@@ -71,13 +74,20 @@ private:
         return dense_view(const_cast<Buffer&>(slab.voxels).read(Space::host), inner().header().dtype, slab.box);
     }
 
-    /// The slab that holds the first slice of a region within its columns, waiting for it; null if it will not come.
+    /// True if a slab lies before the first voxels of a region.
+    bool is_passed(Box const& slab, Box const& region) const {
+        if (slab.upper.z <= region.lower.z) return true;
+        bool const rows = slab.upper.y < region_.upper.y; // the next piece has others of this slice
+        return rows && slab.lower.z == region.lower.z && slab.upper.y <= region.lower.y;
+    }
+
+    /// The slab that holds the first row of a region and its columns, waiting for it; null if it will not come.
     Slab const* slab_with(Box const& region) {
-        if (!thread_.joinable() || region.lower.z > served_z_ + height_)
+        if (!thread_.joinable() || region.lower.z > served_z_ + cut_.slices)
             return nullptr; // a jump: not worth reading up to it
         std::unique_lock lock(mutex_);
         while (true) {
-            while (!ready_.empty() && ready_.front().box.upper.z <= region.lower.z) {
+            while (!ready_.empty() && is_passed(ready_.front().box, region)) {
                 spare_.push_back(std::move(ready_.front()));
                 ready_.pop_front();
                 changed_.notify_all();
@@ -85,9 +95,10 @@ private:
             if (!ready_.empty()) {
                 Box const& box = ready_.front().box;
                 bool const columns = region.lower.x >= box.lower.x && region.upper.x <= box.upper.x &&
-                                     region.lower.y >= box.lower.y && region.upper.y <= box.upper.y;
+                                     region.lower.y >= region_.lower.y && region.upper.y <= region_.upper.y;
                 served_z_ = std::max(served_z_, box.upper.z);
-                return columns && region.lower.z >= box.lower.z ? &ready_.front() : nullptr;
+                bool const begun = region.lower.z >= box.lower.z && region.lower.y >= box.lower.y;
+                return columns && begun ? &ready_.front() : nullptr;
             }
             if (failure_) std::rethrow_exception(failure_);
             if (complete_) return nullptr;
@@ -101,8 +112,8 @@ private:
         failure_ = nullptr;
         thread_ = std::thread([this] {
             try {
-                for (std::int64_t z = region_.lower.z; z < region_.upper.z && read_slab(z); z += height_) {
-                }
+                bool wanted = true;
+                for_each_piece(region_, cut_, [&](Box const& box) { wanted = wanted && read_slab(box); });
             } catch (...) {
                 std::lock_guard const lock(mutex_);
                 failure_ = std::current_exception();
@@ -113,7 +124,7 @@ private:
         });
     }
 
-    bool read_slab(std::int64_t z) {
+    bool read_slab(Box const& box) {
         Slab slab;
         {
             std::unique_lock lock(mutex_);
@@ -124,9 +135,7 @@ private:
                 spare_.pop_back();
             }
         }
-        slab.box = region_;
-        slab.box.lower.z = z;
-        slab.box.upper.z = std::min(z + height_, region_.upper.z);
+        slab.box = box;
         DataType const type = inner().header().dtype;
         slab.voxels.reserve(static_cast<std::size_t>(slab.box.voxels()) * size_of(type));
         inner().read(dense_view(slab.voxels.write(Space::host), type, slab.box));
@@ -152,7 +161,7 @@ private:
 
     Execution execution_;
     Box region_;
-    std::int64_t height_ = 1;
+    Cut cut_;
     std::int64_t served_z_ = 0;
     std::thread thread_;
     std::mutex mutex_;

@@ -5,6 +5,7 @@
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
+#include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -101,6 +102,7 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
     info.listener = listener;
     auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
     Execution const execution = options.execution();
+    keep_blocks(execution.memory);
     auto const result = attach(std::move(sources), *operation, execution, std::move(info));
     result->next_volume();
     return load(*result, execution);

@@ -15,8 +15,8 @@
 
 namespace vkt {
 
-/// Whether regions may be asked for in any order, or only with z moving forward (skipping is allowed, going back is
-/// not).
+/// Whether regions may be asked for in any order, or only moving forward: with z, and within one slice with y (skipping
+/// is allowed, going back is not).
 enum class Access : std::uint8_t { forward, random };
 
 /// Thrown by who is asked for the voxels of a volume that is only planned (a dry run).
@@ -77,7 +77,8 @@ public:
     virtual ~Sink() = default;
 
     virtual void begin(Header const& header) = 0;
-    /// Memory for the next slab: full rows and slices, z-ranges ascending without gaps. Blocks under back-pressure.
+    /// Memory for the next slab: whole slices, or whole rows of a single slice, following the last without a gap.
+    /// Blocks under back-pressure.
     virtual AnyView acquire(Box const& slab) = 0;
     /// The slab last acquired is complete.
     virtual void commit() = 0;

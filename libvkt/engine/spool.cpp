@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 
 #include <cerrno>
 #include <cstdlib>
@@ -13,41 +14,52 @@
 
 namespace vkt {
 
-Spool::Spool(Source& source, Execution const& execution, StageInfo const& info) : header_(source.header()) {
+Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info)
+    : header_(header) {
     std::size_t const bytes = header_.bytes();
-    AnyView whole;
-    if (bytes <= execution.memory) {
+    if (bytes <= in_memory) {
         memory_.reserve(bytes);
-        whole = dense_view(memory_.write(Space::host), header_.dtype, box_of(header_.dims));
-        voxels_ = whole;
-    } else {
-        open_file(execution.temporary_directory);
-        if (info.listener)
-            info.listener(info.name,
-                          text("spooling ", bytes_text(static_cast<double>(bytes)), " to ", directory_,
-                               " (--memory is ", bytes_text(static_cast<double>(execution.memory)), ")"),
-                          false);
+        voxels_ = dense_view(memory_.write(Space::host), header_.dtype, box_of(header_.dims));
+        return;
     }
-    std::int64_t const height = slab_height(header_, source.natural_slab(), execution);
-    source.expect(box_of(header_.dims));
-    Buffer slab;
-    for (std::int64_t z = 0; z < header_.dims.z; z += height) {
-        Box const box{{0, 0, z}, {header_.dims.x, header_.dims.y, std::min(z + height, header_.dims.z)}};
-        if (file_ < 0) {
-            source.read(whole.part(box));
-            continue;
+    open_file(execution.temporary_directory);
+    if (info.listener)
+        info.listener(info.name,
+                      text("spooling ", bytes_text(static_cast<double>(bytes)), " to ", directory_, " (--memory is ",
+                           bytes_text(static_cast<double>(execution.memory)), ")"),
+                      false);
+}
+
+void Spool::fill(Source& source, Execution const& execution) {
+    Box const whole = box_of(header_.dims);
+    source.expect(whole);
+    for_each_piece(whole, cut_of(header_, source.natural_slab(), execution), [&](Box const& box) {
+        if (file_ >= 0) {
+            auto const lent = source.borrow(box);
+            if (lent && lent->contiguous()) return store(*lent);
         }
-        if (auto const lent = source.borrow(box); lent && lent->contiguous()) {
-            write_slab(*lent);
-            continue;
-        }
-        std::size_t const need = static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype);
-        slab.reserve(need);
-        AnyView const view = dense_view(slab.write(Space::host), header_.dtype, box);
-        source.read(view);
-        write_slab(view);
-    }
+        AnyView const to = place(box);
+        source.read(to);
+        store(to);
+    });
     source.finish();
+}
+
+AnyView Spool::place(Box const& box) {
+    if (file_ < 0) return voxels_.part(box);
+    staging_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype));
+    return dense_view(staging_.write(Space::host), header_.dtype, box);
+}
+
+/// Rows are whole; slices are one piece of the file if all their rows are there.
+void Spool::store(ConstView voxels) {
+    if (file_ < 0) return; // they are in their place
+    Box const& box = voxels.box;
+    bool const together = box.dims().y == header_.dims.y;
+    std::size_t const slices = together ? static_cast<std::size_t>(box.dims().z) : 1;
+    std::size_t const bytes = static_cast<std::size_t>(box.dims().x * box.dims().y) * slices * size_of(header_.dtype);
+    for (std::int64_t z = box.lower.z; z < box.upper.z; z += static_cast<std::int64_t>(slices))
+        write(voxels.at(box.lower.x, box.lower.y, z), bytes, offset_of(box.lower.y, z));
 }
 
 Spool::~Spool() {
@@ -67,48 +79,60 @@ void Spool::open_file(std::string const& directory) {
     ::unlink(name.c_str());
 }
 
-void Spool::write_slab(ConstView slab) {
-    std::byte const* data = slab.data;
-    std::size_t left = slab.bytes();
+std::int64_t Spool::offset_of(std::int64_t y, std::int64_t z) const {
+    return (z * header_.dims.y + y) * header_.dims.x * static_cast<std::int64_t>(size_of(header_.dtype));
+}
+
+void Spool::write(std::byte const* data, std::size_t left, std::int64_t offset) {
     while (left > 0) {
-        ssize_t const n = ::write(file_, data, left);
+        ssize_t const n = ::pwrite(file_, data, left, offset);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0)
             throw Error(ErrorKind::io, text("cannot spool to ", directory_, ": ", std::strerror(errno)),
                         "set TMPDIR to a larger file system, or raise --memory");
         data += n;
         left -= static_cast<std::size_t>(n);
+        offset += n;
     }
 }
 
 std::optional<ConstView> Spool::borrow(Box const& region) const {
     if (file_ >= 0) return std::nullopt;
-    return voxels_.part(region);
+    return ConstView(voxels_).part(region);
 }
 
 void Spool::read(AnyView out) {
-    if (file_ < 0) return copy(voxels_.part(out.box), out);
-    // Slice by slice, the rows between the first and the last wanted: one read each.
+    if (file_ < 0) return copy(ConstView(voxels_).part(out.box), out);
     Index3 const n = out.dims();
-    std::size_t const size = size_of(header_.dtype);
-    std::size_t const bytes = static_cast<std::size_t>(header_.dims.x * n.y) * size;
-    scratch_.reserve(bytes);
-    for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z) {
-        std::byte* const rows = scratch_.write(Space::host);
-        auto const offset = (z * header_.dims.y + out.box.lower.y) * header_.dims.x * static_cast<std::int64_t>(size);
-        std::size_t done = 0;
-        while (done < bytes) {
-            ssize_t const got = ::pread(file_, rows + done, bytes - done, offset + static_cast<std::int64_t>(done));
-            if (got < 0 && errno == EINTR) continue;
-            if (got <= 0)
-                throw Error(ErrorKind::io, text("cannot read the spool in ", directory_, ": ", std::strerror(errno)));
-            done += static_cast<std::size_t>(got);
-        }
-        Box const slice{{0, out.box.lower.y, z}, {header_.dims.x, out.box.upper.y, z + 1}};
-        Box part = out.box;
-        part.lower.z = z;
-        part.upper.z = z + 1;
-        copy(ConstView(dense_view(rows, header_.dtype, slice)).part(part), out.part(part));
+    bool const in_place = n.x == header_.dims.x && (out.row == n.x || n.y == 1);
+    if (in_place) {
+        std::size_t const bytes = static_cast<std::size_t>(n.x * n.y) * size_of(header_.dtype);
+        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
+            fetch(out.at(0, out.box.lower.y, z), bytes, offset_of(out.box.lower.y, z));
+        return;
+    }
+    // Some whole rows at a time.
+    constexpr std::int64_t together = std::int64_t{256} << 10;
+    std::int64_t const row = header_.dims.x * static_cast<std::int64_t>(size_of(header_.dtype));
+    for_each_piece(out.box, {1, std::max<std::int64_t>(1, together / row)}, [&](Box const& part) {
+        Box const rows{{0, part.lower.y, part.lower.z}, {header_.dims.x, part.upper.y, part.upper.z}};
+        std::size_t const bytes = static_cast<std::size_t>(rows.voxels()) * size_of(header_.dtype);
+        scratch_.reserve(bytes);
+        std::byte* const data = scratch_.write(Space::host);
+        fetch(data, bytes, offset_of(part.lower.y, part.lower.z));
+        copy(ConstView(dense_view(data, header_.dtype, rows)).part(part), out.part(part));
+    });
+}
+
+void Spool::fetch(std::byte* to, std::size_t left, std::int64_t offset) {
+    while (left > 0) {
+        ssize_t const got = ::pread(file_, to, left, offset);
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0)
+            throw Error(ErrorKind::io, text("cannot read the spool in ", directory_, ": ", std::strerror(errno)));
+        to += got;
+        left -= static_cast<std::size_t>(got);
+        offset += got;
     }
 }
 

@@ -1,4 +1,4 @@
-// Keeping a whole volume so that it can be read again in any order: memory up to the budget, an unlinked file beyond.
+// Keeping a whole volume so that it can be read again in any order: memory up to a limit, an unlinked file beyond.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -8,26 +8,35 @@
 
 namespace vkt {
 
-/// Swallows the current volume of a source and serves it with random access. The file has no name from the start, so
-/// nothing remains whatever happens to the process. Disk full is Error{io}.
+/// Serves a volume that was put into it with random access. The file has no name from the start, so nothing remains
+/// whatever happens to the process. Disk full is Error{io}.
 class Spool {
 public:
-    Spool(Source& source, Execution const& execution, StageInfo const& info);
+    /// Keeps volumes of up to `in_memory` bytes in memory.
+    Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info);
     ~Spool();
     Spool(Spool const&) = delete;
     Spool& operator=(Spool const&) = delete;
+
+    /// Takes the current volume of a source, piece by piece.
+    void fill(Source& source, Execution const& execution);
+    /// Where to put these voxels before store() takes them.
+    AnyView place(Box const& box);
+    void store(ConstView voxels);
 
     void read(AnyView out);
     std::optional<ConstView> borrow(Box const& region) const;
 
 private:
     void open_file(std::string const& directory);
-    void write_slab(ConstView slab);
+    std::int64_t offset_of(std::int64_t y, std::int64_t z) const;
+    void write(std::byte const* data, std::size_t n, std::int64_t offset);
+    void fetch(std::byte* to, std::size_t n, std::int64_t offset);
 
     Header header_;
     Buffer memory_;
-    ConstView voxels_;
-    Buffer scratch_;
+    AnyView voxels_;
+    Buffer scratch_, staging_;
     int file_ = -1;
     std::string directory_;
 };

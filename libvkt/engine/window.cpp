@@ -56,6 +56,7 @@ void Window::shift_to(Box const& region, Box const& kept, Space space) {
     std::size_t const size = size_of(rule_.type);
     std::size_t const bytes = static_cast<std::size_t>(n.x * n.y * n.z) * size;
     bool const keep = kept.lower.z < kept.upper.z;
+    if (!keep) buffer_.reserve(std::max(bytes, rule_.most_bytes)); // once, not growing: no second one beside it then
     if (keep && bytes <= buffer_.bytes() && space == Space::host) {
         // Whole slices: one move of contiguous memory.
         std::size_t const slice = static_cast<std::size_t>(n.x * n.y) * size;
@@ -64,14 +65,13 @@ void Window::shift_to(Box const& region, Box const& kept, Space space) {
                      data + static_cast<std::size_t>(kept.lower.z - held_.lower.z) * slice,
                      static_cast<std::size_t>(kept.upper.z - kept.lower.z) * slice);
     } else if (keep) {
-        spare_.reserve(bytes);
+        spare_.reserve(std::max(bytes, rule_.most_bytes));
         AnyView const next = dense_view(spare_.write(space), rule_.type, region, space);
         Execution on{};
         on.device = space == Space::device ? Device::gpu : Device::cpu;
         copy_region(whole_.part(kept), next.part(kept), on);
         std::swap(buffer_, spare_);
-    } else {
-        buffer_.reserve(bytes);
+        if (space == Space::host) spare_ = Buffer(); // moved within the new one from now on
     }
     whole_ = dense_view(keep ? buffer_.update(space) : buffer_.write(space), rule_.type, region, space);
 }

@@ -14,6 +14,7 @@ struct WindowRule {
     DataType type = DataType::uint8;
     Boundary boundary = Boundary::clamp;
     double border_value = 0;
+    std::size_t most_bytes = 0; ///< of the largest region that will be asked for, if that is known
 };
 
 /// Regions that reach outside the volume are filled by the boundary rule here and nowhere else: kernels test no border.

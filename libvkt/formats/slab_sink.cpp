@@ -5,6 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 
 #include <array>
 #include <condition_variable>
@@ -44,7 +45,7 @@ private:
 
     std::unique_ptr<VolumeWriter> writer_;
     Header header_;
-    std::int64_t next_z_ = 0; ///< first slice that was not acquired
+    PieceOrder order_; ///< of what was acquired
     bool acquired_ = false, open_ = false;
     std::array<Slot, ring> slots_;
     std::size_t filled_ = 0, written_ = 0; ///< slabs since the beginning; their difference is what is pending
@@ -60,22 +61,20 @@ void SlabSink::begin(Header const& header) {
     if (open_) throw Error(ErrorKind::failure, "a volume was begun before the last one ended");
     check(header);
     header_ = header;
-    next_z_ = 0;
+    order_ = PieceOrder(header_.dims);
     writer_->begin(header_);
     open_ = true;
 }
 
 AnyView SlabSink::acquire(Box const& slab) {
-    Index3 const dims = header_.dims;
-    if (!open_ || acquired_ || slab.empty() || slab.lower != Index3{0, 0, next_z_} || slab.upper.x != dims.x ||
-        slab.upper.y != dims.y || slab.upper.z > dims.z)
+    if (!open_ || acquired_ || !order_.takes(slab))
         throw Error(ErrorKind::failure, text("slab ", slab, " is out of order"));
     wait_until_written(ring - 1);
     Slot& slot = slots_[filled_ % ring];
     slot.bytes = static_cast<std::size_t>(slab.voxels()) * size_of(header_.dtype);
     slot.buffer.reserve(slot.bytes);
     slot.data = slot.buffer.write(Space::host);
-    next_z_ = slab.upper.z;
+    order_.advance(slab);
     acquired_ = true;
     return dense_view(slot.data, header_.dtype, slab);
 }
@@ -84,7 +83,7 @@ void SlabSink::commit() {
     if (!acquired_) throw Error(ErrorKind::failure, "a slab was committed that was not acquired");
     acquired_ = false;
     if (!thread_.joinable()) {
-        if (next_z_ == header_.dims.z) {
+        if (order_.complete()) {
             // The only slab: nothing to overlap with.
             Slot const& slot = slots_[filled_ % ring];
             writer_->write(slot.data, slot.bytes);
@@ -100,8 +99,9 @@ void SlabSink::commit() {
 }
 
 void SlabSink::end() {
-    if (!open_ || acquired_ || next_z_ != header_.dims.z)
-        throw Error(ErrorKind::failure, text("the volume ended after ", next_z_, " of ", header_.dims.z, " slices"));
+    if (!open_ || acquired_ || !order_.complete())
+        throw Error(ErrorKind::failure,
+                    text("the volume ended after ", order_.slices(), " of ", header_.dims.z, " slices"));
     wait_until_written(0);
     writer_->end();
     open_ = false;

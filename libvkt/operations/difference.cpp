@@ -5,7 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
-#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/operations/rows.h"
 #include "libvkt/operations/wide.h"
 
@@ -224,27 +224,28 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     long double squares = 0;
     if (r.same_dims) {
         Index3 const n = ha.dims;
-        std::int64_t const height = slab_height(ha, a.natural_slab(), execution);
+        Cut const cut = cut_of(ha, a.natural_slab(), execution);
         Buffer buffer_a, buffer_b;
         std::vector<RowDifference> rows;
         a.expect(box_of(n));
         b.expect(box_of(n));
-        for (std::int64_t z = 0; z < n.z; z += height) {
-            Box const box{{0, 0, z}, {n.x, n.y, std::min(z + height, n.z)}};
+        for_each_piece(box_of(n), cut, [&](Box const& box) {
             SlabPair const pair{slab_of(a, box, buffer_a), slab_of(b, box, buffer_b), ha.values, hb.values};
-            rows.resize(static_cast<std::size_t>(n.y * box.dims().z));
+            std::int64_t const ny = box.dims().y;
+            rows.resize(static_cast<std::size_t>(ny * box.dims().z));
             difference_rows(pair, rows.data(), execution);
             for (std::size_t i = 0; i < rows.size(); ++i) {
                 RowDifference const& row = rows[i];
+                auto const at = static_cast<std::int64_t>(i);
                 if (row.differing > 0 && r.differing == 0)
-                    r.first = {row.first, static_cast<std::int64_t>(i) % n.y, z + static_cast<std::int64_t>(i) / n.y};
+                    r.first = {row.first, box.lower.y + at % ny, box.lower.z + at / ny};
                 r.differing += row.differing;
                 r.max_abs = std::max(r.max_abs, row.max_abs);
                 squares += row.squares;
                 low = std::min(low, row.low);
                 high = std::max(high, row.high);
             }
-        }
+        });
         r.count = ha.voxels();
         long double const rmse = std::sqrt(squares / static_cast<long double>(r.count));
         long double const range = high > low ? static_cast<long double>(high) - low : 0;

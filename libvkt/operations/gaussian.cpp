@@ -136,9 +136,28 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
     auto const size = static_cast<std::int64_t>(size_of(in.dtype));
     std::int64_t const some = (std::int64_t{16} << 20) / (slice * size);
     plan.slab_hint = rz == 0 ? 0 : std::clamp<std::int64_t>(some, 4, 16);
-    passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
-    plan.state_bytes = static_cast<std::size_t>(std::min(2 * rz + passes_.run_height, in.dims.z) * slice * size);
+    together_ = passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
+    type_ = in.dtype;
     return plan;
+}
+
+std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
+    if (copies_) return 0;
+    planes_.forget();
+    passes_.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
+    passes_.plane_bytes = std::clamp<std::int64_t>(static_cast<std::int64_t>(execution.memory / 8), 1, 32 << 20);
+    Box const input = gaussian_input(passes_, box_of(largest));
+    constexpr std::int64_t padding = 64; // of rows, to whole registers and cache lines
+    std::int64_t const rz = passes_.taps[2].radius,
+                       rows = std::min(input.dims().y + passes_.taps[1].radius, passes_.dims.y),
+                       width = largest.x + 2 * passes_.taps[0].radius + padding, computed = passes_.wide ? 8 : 4,
+                       stored = std::min<std::int64_t>(computed, static_cast<std::int64_t>(size_of(type_)));
+    std::int64_t slots = 2 * rz + passes_.run_height;
+    if (passes_.boundary != Boundary::wrap) slots = std::min(slots, passes_.dims.z);
+    std::int64_t const plane = rows * width * computed;
+    std::int64_t const planes = std::clamp<std::int64_t>(passes_.plane_bytes / plane, 1, 8) * plane;
+    std::int64_t const of_threads = execution.threads * 12 * width * computed;
+    return static_cast<std::size_t>(slots * rows * width * stored + planes + of_threads);
 }
 
 Box gaussian_input(GaussianPasses const& passes, Box const& output) {

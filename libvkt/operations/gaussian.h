@@ -44,6 +44,8 @@ public:
     /// Grown by the radius and cut to the volume, because the kernel knows the boundary rule; of a region that follows
     /// the last one only the slices that run() has not seen yet.
     Box footprint(Box const& output, int input) const override;
+    /// The ring of input slices, and the slices that are filtered along z together.
+    std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return !passes_.clips; }
     std::vector<Remark> remarks() const override;
@@ -56,7 +58,9 @@ private:
     BoundaryRule boundary_{Boundary::mirror, 0};
     std::optional<double> tolerance_;
 
-    bool copies_ = false; ///< no taps beside the middle ones
+    DataType type_ = DataType::uint8;
+    std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
+    bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
     StoreCounts counts_;

@@ -25,6 +25,7 @@ struct GaussianPasses {
     bool clips = false;      ///< the border value lies outside the type, so that results may
     bool wide = false;       ///< float64 intermediates
     std::int64_t run_height = 4; ///< CPU: output slices for which the ring of input slices is made
+    std::int64_t plane_bytes = std::int64_t{32} << 20; ///< CPU: slices filtered along z together take no more than this
 };
 
 /// Input slices that the next run may use again (on the GPU: planes already filtered along x and y). They depend on

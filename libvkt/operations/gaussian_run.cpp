@@ -21,8 +21,7 @@ namespace {
 constexpr std::int64_t block_bytes = 256;       ///< rows are worked in blocks of this many bytes, whole registers
 constexpr std::int64_t strips_bytes = 24 << 10; ///< pieces of rows that are summed together fit into L1 …
 constexpr std::int64_t strip_bytes = 1024;      ///< … and are not longer than this, a multiple of blocks
-constexpr std::int64_t most_slices = 8;         ///< filtered along z together, while their sources are in L1 …
-constexpr std::int64_t plane_bytes = 32 << 20;  ///< … unless they would take more memory than this
+constexpr std::int64_t most_slices = 8;         ///< filtered along z together, while their sources are in L1
 constexpr std::int64_t row_group = 8;           ///< rows filtered along y before the first of them is filtered along x
 template <class C> constexpr std::int64_t block = block_bytes / static_cast<std::int64_t>(sizeof(C));
 
@@ -100,7 +99,8 @@ template <class R, class C> struct Layout {
         slot = rows * ring_pitch + 5 * line_r;
         pitch = round_up(width + 2 * lane_count<C>, 2 * line_c) + line_c;
         plane = rows * pitch + 3 * line_c;
-        batch = std::clamp<std::int64_t>(plane_bytes / (plane * static_cast<std::int64_t>(sizeof(C))), 1, most_slices);
+        batch = std::clamp<std::int64_t>(passes.plane_bytes / (plane * static_cast<std::int64_t>(sizeof(C))), 1,
+                                         most_slices);
         strip = std::clamp(strips_bytes / (2 * std::max(r.y, r.z) + most_slices) / block_bytes * block_bytes,
                            block_bytes, strip_bytes) /
                 static_cast<std::int64_t>(sizeof(C));

@@ -162,9 +162,15 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     // Bands to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
     bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     slices_.assign(static_cast<std::size_t>(n.z), {});
+    // Of a slice that comes in pieces, its first bands were seen before.
+    bool const grid = input_.kind == Kind::structured;
+    if (grid && box.lower.y > region_.lower.y) slices_.front() = slice_;
     for (std::int64_t b = 0; b < bands * n.z; ++b)
         slices_[static_cast<std::size_t>(b / bands)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
-    for (Moments const& slice : slices_) append(slice, exact);
+    if (grid && box.upper.y < region_.upper.y)
+        slice_ = slices_.front();
+    else
+        for (Moments const& slice : slices_) append(slice, exact);
     merge_extremes(part);
 }
 

@@ -104,6 +104,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     void enter_level(Index3 cell_width) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
+    std::int64_t scan_step(Index3 part) const override { return rows_in_band(part); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
@@ -131,6 +132,7 @@ private:
     Extreme min_, max_;
     std::vector<BandStatistics> bands_; ///< scratch: of a slab
     std::vector<Moments> slices_;       ///< scratch: one per slice of a slab
+    Moments slice_;                     ///< of the slice that comes in pieces
     StatisticsResult result_;
 };
 

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <gtest/gtest.h>
+#include <limits>
 #include <string>
 
 namespace vkt {
@@ -65,6 +66,21 @@ TEST_F(Cgroup, VersionOneHasAPathForEachController) {
     write("sys/fs/cgroup/cpu/batch/c/cpu.cfs_quota_us", "300000\n");
     write("sys/fs/cgroup/cpu/batch/c/cpu.cfs_period_us", "100000\n");
     EXPECT_EQ(limits(), (CgroupLimits{3000000000, 3}));
+}
+
+TEST_F(Cgroup, WhatIsLeftIsTheLeastOfAllGroupsLessWhatCannotBeDropped) {
+    EXPECT_EQ(cgroup_memory_left(root_), std::numeric_limits<std::size_t>::max());
+    write("proc/self/cgroup", "0::/job/step\n");
+    write("sys/fs/cgroup/job/memory.max", "1000\n");
+    write("sys/fs/cgroup/job/memory.current", "900\n");
+    write("sys/fs/cgroup/job/memory.stat", "anon 500\ninactive_file 300\nactive_file 100\n");
+    write("sys/fs/cgroup/job/step/memory.max", "max\n");
+    EXPECT_EQ(cgroup_memory_left(root_), 400u);
+    write("sys/fs/cgroup/job/step/memory.max", "700\n");
+    write("sys/fs/cgroup/job/step/memory.current", "650\n");
+    EXPECT_EQ(cgroup_memory_left(root_), 50u);
+    write("sys/fs/cgroup/job/step/memory.current", "800\n");
+    EXPECT_EQ(cgroup_memory_left(root_), 0u);
 }
 
 } // namespace

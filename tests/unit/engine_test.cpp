@@ -1,6 +1,7 @@
 // The engine: chains of operations give the same voxels for every slab height, source and budget, whatever they ask
 // for. SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/engine/pipeline.h"
 
@@ -84,12 +85,12 @@ public:
         plan.output = inputs[0];
         plan.scans = true;
         least_ = std::numeric_limits<std::int32_t>::max();
-        seen_ = 0;
+        seen_ = PieceOrder(inputs[0].dims);
         return plan;
     }
     void scan(ConstView slab, Execution const&) override {
-        EXPECT_EQ(slab.box.lower.z, seen_) << "slabs must come in order";
-        seen_ = slab.box.upper.z;
+        EXPECT_TRUE(seen_.takes(slab.box)) << "slabs must come in order";
+        seen_.advance(slab.box);
         auto const a = slab.as<std::int32_t>();
         for (auto z = slab.box.lower.z; z < slab.box.upper.z; ++z)
             for (auto y = slab.box.lower.y; y < slab.box.upper.y; ++y)
@@ -107,12 +108,12 @@ public:
 
 private:
     std::int32_t least_ = 0;
-    std::int64_t seen_ = 0;
+    PieceOrder seen_;
 };
 
-class Cut : public Operation {
+class CutOut : public Operation {
 public:
-    explicit Cut(Box box) : box_(box) {}
+    explicit CutOut(Box box) : box_(box) {}
     std::string_view name() const override { return "cut"; }
     Shape shape() const override { return Shape::geometric; }
     Plan plan(std::span<Header const> inputs) override {
@@ -160,7 +161,7 @@ class ForwardOnly : public SourceDecorator {
 public:
     using SourceDecorator::SourceDecorator;
     bool next_volume() override {
-        z_ = 0;
+        z_ = y_ = 0;
         return inner().next_volume();
     }
     Access access() const override { return Access::forward; }
@@ -172,10 +173,13 @@ public:
 
 private:
     void advance(Box const& region) {
-        if (region.lower.z < z_) throw Error(ErrorKind::failure, "a forward source was asked to go back");
+        bool const rows = region.lower.y > 0 && region.dims().z == 1;
+        if (region.lower.z < z_ || (rows && region.lower.z == z_ && region.lower.y < y_))
+            throw Error(ErrorKind::failure, "a forward source was asked to go back");
         z_ = region.lower.z;
+        y_ = rows ? region.upper.y : 0;
     }
-    std::int64_t z_ = 0;
+    std::int64_t z_ = 0, y_ = 0;
 };
 
 Volume random_volume(Index3 dims, unsigned seed) {
@@ -227,11 +231,8 @@ Volume run_chain(Volume const& input, std::vector<std::unique_ptr<Operation>>& c
     EXPECT_TRUE(source->next_volume());
     Header const header = source->header();
     Volume volume(header);
-    std::int64_t const height = slab_height(header, 0, execution);
-    for (std::int64_t z = 0; z < header.dims.z; z += height) {
-        Box const slab{{0, 0, z}, {header.dims.x, header.dims.y, std::min(z + height, header.dims.z)}};
-        source->read(volume.mutable_view().part(slab));
-    }
+    for_each_piece(box_of(header.dims), cut_of(header, 0, execution),
+                   [&](Box const& piece) { source->read(volume.mutable_view().part(piece)); });
     source->finish();
     EXPECT_FALSE(source->next_volume());
     return volume;
@@ -254,7 +255,7 @@ TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
         for (auto& operation : chain) {
             if (!operation) {
                 Box const box{{n.x / 3, n.y / 3, n.z / 3}, {n.x, n.y, std::max(n.z / 3 + 1, n.z - 1)}};
-                operation = std::make_unique<Cut>(box);
+                operation = std::make_unique<CutOut>(box);
                 n = box.dims();
             } else if (operation->name() == "halve") {
                 n = {(n.x + 1) / 2, (n.y + 1) / 2, (n.z + 1) / 2};
@@ -278,6 +279,73 @@ TEST(Engine, ChainsDoNotDependOnSlabsSourcesOrBudgets) {
             }
         }
     }
+}
+
+/// Hands on, and counts the slices that are asked for at once at most.
+class Watched : public SourceDecorator {
+public:
+    Watched(std::unique_ptr<Source> source, std::size_t& most) : SourceDecorator(std::move(source)), most_(most) {}
+    void read(AnyView out) override {
+        most_ = std::max(most_, out.bytes());
+        inner().read(out);
+    }
+    std::optional<ConstView> borrow(Box const&) override { return std::nullopt; }
+
+private:
+    std::size_t& most_;
+};
+
+TEST(Engine, RowsOfLargeSlicesGiveTheSameAndAskForLittle) {
+    Volume const input = random_volume({64, 1100, 7}, 5); // slices of 275 KiB, of which the least budget allows 256
+    auto const chains = [](int i) {
+        std::vector<std::unique_ptr<Operation>> chain;
+        if (i == 0 || i == 3) chain.push_back(std::make_unique<BoxSum>(Index3{1, 1, 6}, Boundary::mirror));
+        if (i == 1 || i == 4) chain.push_back(std::make_unique<SubtractMinimum>());
+        if (i == 2 || i == 3) chain.push_back(std::make_unique<FlipZ>());
+        if (i == 4) chain.push_back(std::make_unique<BoxSum>(Index3{0, 2, 1}, Boundary::wrap));
+        if (i == 5) chain.push_back(std::make_unique<CutOut>(Box{{3, 7, 1}, {60, 1093, 6}}));
+        if (i == 6) chain.push_back(std::make_unique<Halve>());
+        return chain;
+    };
+    for (int i = 0; i < 7; ++i) {
+        auto chain = chains(i);
+        Volume const expected = run_chain(input, chain, {}, false);
+        Execution small;
+        small.memory = 1;
+        for (bool forward : {false, true}) {
+            Volume const got = run_chain(input, chain, small, forward);
+            ASSERT_EQ(std::memcmp(got.view().data, expected.view().data, expected.header().bytes()), 0)
+                << i << " forward " << forward;
+        }
+        std::size_t most = 0;
+        std::vector<std::unique_ptr<Source>> inputs;
+        inputs.push_back(std::make_unique<Watched>(volume_source({input}), most));
+        auto const source = attach(std::move(inputs), *chain.front(), small, {});
+        ASSERT_TRUE(source->next_volume());
+        Volume result(source->header());
+        source->read(result.mutable_view());
+        EXPECT_LE(most, std::size_t{2} << 20) << i;
+    }
+}
+
+TEST(Engine, WhatNoCutCanKeepIsRefusedBeforeItBegins) {
+    Volume const input = random_volume({1 << 20, 2, 2}, 5); // rows of 4 MiB
+    Execution least;
+    least.memory = 1;
+    EXPECT_THROW(cut_of(input.header(), 0, least), Error);
+    // One row of the result needs most of the rows of all slices.
+    BoxSum wide({0, 200, 20}, Boundary::mirror);
+    std::size_t most = 0;
+    std::vector<std::unique_ptr<Source>> inputs;
+    inputs.push_back(std::make_unique<Watched>(volume_source({random_volume({64, 400, 40}, 6)}), most));
+    auto const source = attach(std::move(inputs), wide, least, {});
+    try {
+        source->next_volume();
+        FAIL();
+    } catch (Error const& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::resources);
+    }
+    EXPECT_EQ(most, 0u);
 }
 
 TEST(Engine, BordersAreThoseOfTheRule) {

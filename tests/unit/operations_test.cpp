@@ -1,5 +1,6 @@
 // Operations through the library's own interface: what the command line cannot show.
 // SPDX-License-Identifier: MIT
+#include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/operations/arithmetic.h"
 #include "libvkt/operations/make.h"
@@ -74,6 +75,35 @@ TEST(Operations, StatisticsMergeAsIfTheVolumeWereOne) {
             EXPECT_EQ(r.variance, results.front().variance);
             EXPECT_EQ(r.sum_text, results.front().sum_text);
             EXPECT_EQ(r.argmax, results.front().argmax);
+        }
+    }
+}
+
+TEST(Operations, StatisticsMergePiecesOfSlicesToo) {
+    for (DataType const type : {DataType::float32, DataType::int64, DataType::uint8}) {
+        Volume const in = noise({37, 700, 3}, type);
+        for (bool const part_only : {false, true}) {
+            std::vector<Header> const headers{in.header()};
+            std::vector<StatisticsResult> results;
+            for (std::int64_t const steps : {100, 1, 3}) {
+                Statistics statistics;
+                if (part_only) statistics.roi = roi_of({2, 13, 1}, {37, 690, 3});
+                statistics.plan(headers);
+                Box const part = statistics.scanned(box_of(in.header().dims));
+                std::int64_t const step = statistics.scan_step(part.dims());
+                EXPECT_LT(step, 200);
+                for_each_piece(part, {1, steps * step},
+                               [&](Box const& piece) { statistics.scan(in.view().part(piece), {}); });
+                statistics.scan_end();
+                results.push_back(statistics.result());
+            }
+            for (auto const& r : results) {
+                EXPECT_EQ(r.count, results.front().count);
+                EXPECT_EQ(r.mean, results.front().mean);
+                EXPECT_EQ(r.variance, results.front().variance);
+                EXPECT_EQ(r.sum_text, results.front().sum_text);
+                EXPECT_EQ(r.argmax, results.front().argmax);
+            }
         }
     }
 }

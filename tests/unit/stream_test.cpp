@@ -169,6 +169,60 @@ TEST(Stream, SkipsWhatNobodyExpects) {
     EXPECT_FALSE(source->next_volume());
 }
 
+/// A stream of one volume whose slabs are these boxes, each whole in x.
+std::string stream_of_pieces(Volume const& volume, std::vector<Box> const& pieces) {
+    MemoryFile file;
+    ipc::StreamSink sink(file.descriptor(), {});
+    sink.begin(volume.header());
+    for (Box const& piece : pieces) {
+        copy(volume.view().part(piece), sink.acquire(piece));
+        sink.commit();
+    }
+    sink.end();
+    return file.contents();
+}
+
+TEST(Stream, SlicesMayComeAsRows) {
+    Volume const volume = counting_volume(small_header({7, 5, 3}));
+    std::vector<Box> const pieces{{{0, 0, 0}, {7, 2, 1}},
+                                  {{0, 2, 0}, {7, 5, 1}},
+                                  {{0, 0, 1}, {7, 5, 2}},
+                                  {{0, 0, 2}, {7, 4, 3}},
+                                  {{0, 4, 2}, {7, 5, 3}}};
+    std::string const whole = stream_of_pieces(volume, pieces);
+    auto const read = read_all(whole);
+    ASSERT_EQ(read.size(), 1u);
+    EXPECT_TRUE(same_voxels(read.front(), volume));
+    for (std::size_t n = 0; n < whole.size(); n += 5) EXPECT_THROW(read_all(whole.substr(0, n)), Error) << n;
+    // Some rows of every slice, in order.
+    auto const source = source_of(whole);
+    ASSERT_TRUE(source->next_volume());
+    std::vector<std::uint16_t> voxels(7 * 3 * 3);
+    Box const wanted{{0, 1, 0}, {7, 4, 3}};
+    source->read(dense_view(reinterpret_cast<std::byte*>(voxels.data()), DataType::uint16, wanted));
+    source->finish();
+    EXPECT_EQ(voxels[7 * 3 + 2], static_cast<std::uint16_t>((7 * 5 + 7 + 2) * 7919));
+}
+
+TEST(Stream, RowsOutOfOrderAreRefused) {
+    Volume const volume = counting_volume(small_header({7, 5, 2}));
+    std::vector<std::vector<Box>> const wrong{
+        {{{0, 0, 0}, {7, 2, 1}}, {{0, 3, 0}, {7, 5, 1}}, {{0, 0, 1}, {7, 5, 2}}}, // a row is missing
+        {{{0, 0, 0}, {7, 3, 1}}, {{0, 2, 0}, {7, 5, 1}}, {{0, 0, 1}, {7, 5, 2}}}, // one comes twice
+        {{{0, 0, 0}, {7, 2, 1}}, {{0, 0, 1}, {7, 5, 2}}},                         // the slice is not complete
+        {{{0, 0, 0}, {7, 2, 2}}, {{0, 2, 0}, {7, 5, 2}}},                         // rows of two slices
+        {{{0, 0, 0}, {7, 5, 1}}, {{0, 0, 1}, {7, 4, 2}}},                         // the last row is missing
+    };
+    for (std::size_t i = 0; i < wrong.size(); ++i) {
+        try {
+            read_all(stream_of_pieces(volume, wrong[i]));
+            FAIL() << i;
+        } catch (Error const& e) {
+            EXPECT_EQ(e.kind(), ErrorKind::data) << i;
+        }
+    }
+}
+
 TEST(Stream, UnknownOptionalFramesAreSkippedRequiredOnesRefused) {
     std::string const whole = stream_of({counting_volume(small_header({2, 2, 2}))}, 2);
     std::size_t const first = whole.find("SLAB");

@@ -17,7 +17,7 @@ import warnings as _warnings
 
 import numpy as _np
 
-__all__ = ["Error", "Volume", "apply", "operations", "read"]
+__all__ = ["Error", "Volume", "apply", "operations", "read", "trim"]
 
 _library = ctypes.CDLL(_os.path.join(_os.path.dirname(_os.path.abspath(__file__)), "_vkt.so"))
 
@@ -57,6 +57,7 @@ def _declare():
         "vkt_apply": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
         "vkt_remarks": (text, [volume]),
         "vkt_statistics": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_trim": (size, []),
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
     for name, (result, arguments) in signatures.items():
@@ -323,3 +324,10 @@ def operations():
     while list_[len(names)] is not None:
         names.append(list_[len(names)].decode())
     return sorted(names)
+
+
+def trim():
+    """Gives memory of volumes that are gone back to the system; returns how many bytes. Until then up to as much as a
+    volume may take (VKT_MEMORY) is kept for the next results, since touching fresh memory can cost more than an
+    operation. The system takes it back by itself when memory is short."""
+    return _library.vkt_trim()

@@ -1,0 +1,87 @@
+// How volumes are cut so that a stage keeps its memory: slabs of whole slices, or rows of one where slices are large.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace vkt {
+
+/// Extent of the pieces of a volume, x being whole; pieces of fewer rows than a slice has are normally one slice thick.
+struct Cut {
+    std::int64_t slices = 1, rows = 1;
+};
+
+/// Bytes that one piece may have where several are in flight: a sixteenth of the budget. Budgets below 4 MiB, less than
+/// any process takes, count as that.
+std::size_t piece_limit(Execution const& execution);
+
+/// Pieces of 1 to 4 MiB, of `hint` slices if that is more than 0, but none beyond piece_limit(). Throws
+/// Error{resources} where a single row is out of proportion to the budget.
+Cut cut_of(Header const& header, std::int64_t hint, Execution const& execution);
+
+/// The pieces of a region, x fastest, each given to f(Box). Slabs lie as those of the whole volume do.
+template <class F> void for_each_piece(Box const& region, Cut cut, F const& f) {
+    for (std::int64_t z = region.lower.z, end = 0; z < region.upper.z; z = end) {
+        end = std::min((z / cut.slices + 1) * cut.slices, region.upper.z);
+        for (std::int64_t y = region.lower.y; y < region.upper.y; y += cut.rows)
+            f(Box{{region.lower.x, y, z}, {region.upper.x, std::min(y + cut.rows, region.upper.y), end}});
+    }
+}
+
+/// Goes through a region that comes in pieces: take(rest) deals with a first part of `rest` and returns which, as
+/// first_part() has it.
+template <class F> void for_each_part(Box const& region, F const& take) {
+    for (Index3 at = region.lower; at.z < region.upper.z;) {
+        Box rest{at, region.upper};
+        if (at.y > region.lower.y) rest.upper.z = at.z + 1;
+        Box const part = take(rest);
+        bool const rows_left = part.upper.y < region.upper.y;
+        at.y = rows_left ? part.upper.y : region.lower.y;
+        at.z = rows_left ? at.z : part.upper.z;
+    }
+}
+/// What a piece that holds the first voxels of a region has of it: slices with all the region's rows, or rows of one.
+inline Box first_part(Box const& region, Box const& piece) {
+    Box part = intersect(region, piece);
+    if (part.upper.y < region.upper.y) part.upper.z = part.lower.z + 1;
+    return part;
+}
+
+/// Follows pieces in their order: whole slices, or rows of a single one, without gaps.
+class PieceOrder {
+public:
+    explicit PieceOrder(Index3 dims = {}) : dims_(dims) {}
+    bool takes(Box const& piece) const;
+    void advance(Box const& piece);
+    bool complete() const { return z_ == dims_.z; }
+    std::int64_t slices() const { return z_; } ///< that are complete
+
+private:
+    Index3 dims_;
+    std::int64_t z_ = 0, y_ = 0; ///< the next row
+};
+
+/// How an operation works within the budget.
+struct WorkPlan {
+    Cut cut;                         ///< largest region that it computes at once
+    bool bands = false;              ///< rows by rows through all slices: the result is spooled, and served from there
+    bool jumps = false;              ///< it goes back in its inputs
+    std::size_t bytes = 0;           ///< held by operation and windows
+    std::vector<std::size_t> window; ///< bytes of the largest region that is wanted of each input
+};
+
+/// Chooses among slabs, pieces of rows and bands what keeps half the budget, less `spooled` bytes of inputs that are
+/// kept in memory. Inputs of which `lent` says true lie in memory, where a window of them takes none. Throws
+/// Error{resources} where nothing would do. The operation's last fit() is for what was chosen.
+WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
+                   std::vector<bool> const& lent, std::size_t spooled, Execution const& execution);
+
+/// Bytes up to which one of so many inputs that must be read again is kept in memory.
+std::size_t spool_limit(std::size_t inputs, Execution const& execution);
+
+} // namespace vkt

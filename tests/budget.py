@@ -1,0 +1,119 @@
+#!/usr/bin/python3
+"""budget.py MIB FACTOR: runs every command that `vkt help --list` names with --memory MIB on volumes FACTOR times as
+large, of three shapes, from a file and from a pipe, and compares the largest resident set with the budget.
+
+A command that is new is run as `vkt COMMAND FILE`; where that is not enough, say in `arguments` what is."""
+import os
+import struct
+import subprocess
+import sys
+
+budget, factor = int(sys.argv[1]), int(sys.argv[2])
+mib = 1 << 20
+bytes_ = budget * factor * mib
+threads = 2
+voxels = bytes_ // 4
+# Small slices, slices as large as the budget, and a single slice.
+shapes = {
+    "deep": (128, 128, voxels // (128 * 128)),
+    "thick": (1024, budget * mib // 4096, factor),
+    "flat": (4096, voxels // 4096, 1),
+}
+
+# {f}: the volume, {x}…{z}: its dims. Several lines of arguments are several runs.
+arguments = {
+    "arith": ["add {f} {f}", "mul {f} 2"],
+    "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
+    "crop": ["{f} --roi 10%:90%,10%:90%,:"],
+    "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
+    "diff": ["{f} {f}"],
+    "dump": ["{f} --roi 0:12%,0:60%,0:1"],
+    "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
+    "fill": ["{f} --value 3 --roi 0:64,:,:"],
+    "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
+    "filter gaussian": ["{f} --sigma 1", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
+    "flip": ["x {f}", "y {f}", "z {f}"],
+    "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
+    "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
+    "make checkerboard": ["--dims {x} {y} {z}"],
+    "make constant": ["--dims {x} {y} {z}"],
+    "make marschner-lobb": ["--dims {x} {y} {z}"],
+    "make noise": ["--dims {x} {y} {z}"],
+    "make ramp": ["--dims {x} {y} {z}"],
+    "make sphere": ["--dims {x} {y} {z} --edge distance"],
+    "read": ["{f}", "{f} --roi 5%:,5%:,:"],
+    "refine": ["{f} --tolerance 1"],
+    "render": ["{f} -o picture.png --force"],
+    "resample": ["{f} --dims 64 64 64", "{f} --scale 0.5", "{f} --dims {x} {y} {z} --dtype float64",
+                 "{f} --scale 0.5,0.5,2 --method cubic"],
+    "set": ["{f} --spacing 1,2,3"],
+    "set-header": ["{f} --dist 1 2 3"],
+    "write": ["- {f} --format raw"],
+}
+no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
+held_whole = {"refine", "render"}  # may be refused, before anything is held
+
+
+def peak(command, source=None):
+    """Exit status, largest resident set in MiB, and what was said."""
+    feeder = subprocess.Popen(source, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) if source else None
+    with open("errors", "w+b") as errors:
+        process = subprocess.Popen(command, stdin=feeder.stdout if feeder else subprocess.DEVNULL,
+                                   stdout=subprocess.DEVNULL, stderr=errors)
+        if feeder:
+            feeder.stdout.close()
+        _, status, usage = os.wait4(process.pid, 0)
+        if feeder:
+            feeder.wait()
+        errors.seek(0)
+        return os.waitstatus_to_exitcode(status), usage.ru_maxrss / 1024, errors.read().decode()
+
+
+os.environ["VKT_THREADS"] = str(threads)
+os.environ["OMP_WAIT_POLICY"] = "passive"
+failed = 0
+with open("tiny_8x8x8_float32.raw", "wb") as tiny:
+    tiny.truncate(8 * 8 * 8 * 4)
+base = max(peak(["vkt", *words.split()])[1] for words in
+           ["flip x tiny_8x8x8_float32.raw", "stats tiny_8x8x8_float32.raw", "convert tiny_8x8x8_float32.raw --dtype uint8"])
+commands = subprocess.run(["vkt", "help", "--list"], check=True, capture_output=True, text=True).stdout.splitlines()
+assert len(commands) > 20, commands
+worst = 0
+for shape, (x, y, z) in shapes.items():
+    file = f"{shape}_{x}x{y}x{z}_float32.raw"
+    with open(file, "wb") as voxels_file:
+        voxels_file.truncate(x * y * z * 4)
+        for place in range(1, 100):  # not all zeros, yet sparse
+            voxels_file.seek(place * (x * y * z // 100) * 4)
+            voxels_file.write(struct.pack("<f", place))
+    for name in commands:
+        if name in no_volumes:
+            continue
+        for words in arguments.get(name, ["{f}"]):
+            runs = [(file, None)]
+            if "{f}" in words:
+                runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
+            for given, source in runs:
+                first = words.replace("{f}", given, 1)  # the other input of two is a file
+                line = [*name.split(), *first.format(f=file, x=x, y=y, z=z).split()]
+                own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
+                if "--memory" not in line:
+                    line += ["--memory", f"{budget}M"]
+                limit = base + own
+                status, used, said = peak(["vkt", *line], source)
+                worst = max(worst, used)
+                wrong = []
+                if used > limit:
+                    wrong.append(f"{used:.0f} MiB, more than {limit:.0f}")
+                if status == 2:
+                    wrong.append("say in tests/budget.py how to run it")
+                if status != 0 and not (status == 5 and name in held_whole):
+                    wrong.append(f"exit status {status}: {said.strip()}")
+                if os.environ.get("VERBOSE"):
+                    print(f"{used:6.0f} MiB  {status}  vkt {' '.join(line)}", flush=True)
+                if wrong:
+                    failed += 1
+                    print(f"vkt {' '.join(line)}{' < pipe' if source else ''}: {'; '.join(wrong)}", flush=True)
+    os.unlink(file)
+print(f"base {base:.0f} MiB, budget {budget} MiB, at most {worst:.0f} MiB")
+sys.exit(1 if failed else 0)
