@@ -62,3 +62,15 @@ END
     run -3 bash -c 'vkt read a.nrrd | head -c 300 | vkt info 2>&1 >/dev/null'
     [[ "$output" == *"ended early"* ]]
 }
+
+@test "info says the format of a file, and that a stream is no NRRD whatever its name" {
+    vkt make ramp --dims 4 4 4 -o v.nrrd
+    vkt info v.nrrd | grep -q '^format *nrrd$'
+    vkt info v.nrrd --json | python3 -c 'import json, sys; assert json.load(sys.stdin)["format"] == "nrrd"'
+    vkt flip x v.nrrd >w.nrrd
+    run --separate-stderr vkt info w.nrrd
+    [ "$status" -eq 0 ]
+    [[ "$output" == *"vkt stream (not nrrd, as the name says)"* ]]
+    [[ "$stderr" == *"'w.nrrd' is a vkt stream, whatever its name says"* ]]
+    vkt flip x v.nrrd | vkt info | grep -q '^format *vkt stream$'
+}
