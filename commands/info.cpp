@@ -97,7 +97,7 @@ private:
     static std::string described_format(Context& context) {
         std::string format = context.format();
         std::string const name = context.stage_info().input_names.front();
-        if (format == "vkt stream" && name != "-" && !lower_case(name).ends_with(".vkt")) {
+        if (format == "vkt" && name != "-" && !lower_case(name).ends_with(".vkt")) {
             std::string const promised = format_of_name(name);
             if (!promised.empty()) {
                 context.note(text("'", name, "' is a vkt stream, whatever its name says: -o ", name,

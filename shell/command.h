@@ -52,7 +52,7 @@ public:
     virtual void lossy(std::string const& message) = 0;
     /// One line on standard error with --verbose. May be called for as long as the stage runs.
     virtual std::function<void(std::string const& message)> detail() = 0;
-    /// The format of the input opened last, "vkt stream" for a stream.
+    /// The format of the input opened last, "vkt" for a stream.
     virtual std::string const& format() const = 0;
     /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`, if anything is.
     virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const* told = nullptr) = 0;

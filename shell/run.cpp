@@ -265,7 +265,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
                                      ReadOptions const* told) {
     std::unique_ptr<Source> source;
     std::string const name = bytes->name();
-    format_ = "vkt stream";
+    format_ = "vkt";
     bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
     if (told == nullptr && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;

@@ -94,7 +94,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 
 @test "a missing value is named, and so is the word that stands in its place" {
     fails_with 2 "--roi is followed by '-o' instead of its value REGION" vkt crop v.nrrd --roi -o c.nrrd
-    fails_with 2 "--sigma is followed by '--roi'" vkt filter gaussian v.nrrd --sigma --roi 0:2,:,:
+    fails_with 2 "--sigma is followed by '--boundary'" vkt filter gaussian v.nrrd --sigma --boundary clamp
     fails_with 2 "--output has no value OUT" vkt crop v.nrrd --roi 0:2,:,: -o
     [ ! -e c.nrrd ]
     vkt make constant --dims 2 2 2 --value -3 | vkt stats | grep -q -- '-3' # a negative number is a value
