@@ -18,7 +18,7 @@
 
 namespace vkt::shell {
 
-/// A command line that help shows first and tests execute (with $DATA as the directory of sample volumes).
+/// A command line that help shows first and tests execute, where there are volume.nrrd and engine_8x8x8_uint8.raw.
 struct Example {
     std::string what;
     std::string line;

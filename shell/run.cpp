@@ -555,7 +555,7 @@ int run_words(std::vector<std::string> const& words) {
     }
     if (stage.common().examples || stage.common().help) {
         std::string const answer = stage.common().examples ? command_examples(*verb.command) : command_help(stage);
-        std::fputs(answer.c_str(), stdout);
+        print_text(answer);
         return 0;
     }
     return run(stages);

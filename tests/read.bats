@@ -132,7 +132,7 @@ import sys
 total = sum(map(int, sys.stdin))
 assert 10240 <= total < 10240 + 65536, (sys.argv[1], total)' $name
         # It is the file that is read and not a mapping of it.
-        ! grep -q "mmap.*/big\." trace
+        run ! grep -q "mmap.*/big\." trace
     done
 }
 
