@@ -3,8 +3,7 @@
 #include "shell/help.h"
 #include "libvkt/core/error.h"
 #include "shell/run.h"
-
-#include <cstdio>
+#include "shell/terminal.h"
 
 namespace vkt::shell {
 namespace {
@@ -29,7 +28,7 @@ int help(std::vector<std::string> const& words) {
         verb.emplace_back("--help");
         return run_words(verb);
     }
-    std::fputs(answer.c_str(), stdout);
+    print_text(answer);
     return 0;
 }
 

@@ -9,6 +9,7 @@ namespace {
 
 /// What there is to say about a volume; the summary is of trees whose bricks are known.
 struct Description {
+    std::string format;
     Header header;
     std::optional<TreeSummary> tree{};
 };
@@ -22,6 +23,7 @@ std::string described(Description const& description) {
     };
     Geometry const& g = header.geometry;
     bool const hierarchical = header.kind == Kind::hierarchical;
+    line("format", description.format);
     line("kind", hierarchical ? "hierarchical" : "structured");
     line("dims", to_text(header.dims));
     if (hierarchical)
@@ -50,8 +52,9 @@ std::string described(Description const& description) {
 
 std::string json_of(Description const& description) {
     std::string json = to_json(description.header);
-    if (!description.tree) return json;
     json.resize(json.size() - 2); // the object goes on: without its "\n}"
+    json += text(",\n \"format\": \"", description.format, "\"");
+    if (!description.tree) return json + "\n}";
     json += text(",\n \"holes\": ", description.tree->hole_share(), ",\n \"level_list\": [");
     char const* separator = "";
     for (LevelSummary const& level : description.tree->levels) {
@@ -72,9 +75,10 @@ public:
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         Source& source = *inputs.front();
+        format_ = described_format(context);
         std::vector<Description> volumes;
         while (source.next_volume()) {
-            Header& header = volumes.emplace_back(Description{source.header()}).header;
+            Header& header = volumes.emplace_back(Description{format_, source.header()}).header;
             header.timing = false;
             if (header.dry_run) source.finish();
             if (first_) break;
@@ -88,6 +92,22 @@ public:
     }
 
 private:
+    /// The format; where a file is a stream under the name of another format, as after `vkt crop … > out.nrrd`, this is
+    /// said, because other programs will not read it.
+    static std::string described_format(Context& context) {
+        std::string format = context.format();
+        std::string const name = context.stage_info().input_names.front();
+        if (format == "vkt" && name != "-" && !lower_case(name).ends_with(".vkt")) {
+            std::string const promised = format_of_name(name);
+            if (!promised.empty()) {
+                context.note(text("'", name, "' is a vkt stream, whatever its name says: -o ", name,
+                                  " writes a file, '>' does not"));
+                format += text(" (not ", promised, ", as the name says)");
+            }
+        }
+        return format;
+    }
+
     /// One object, or an array of them if there are several volumes.
     static std::string as_json(std::vector<Description> const& volumes) {
         if (volumes.size() == 1) return json_of(volumes.front()) + "\n";
@@ -106,6 +126,7 @@ private:
     }
 
     bool first_ = false;
+    std::string format_;
 };
 
 } // namespace

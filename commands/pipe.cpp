@@ -65,7 +65,11 @@ int pipe(std::vector<std::string> const& words) {
     std::deque<Invocation> stages;
     for (auto& verb : verbs) {
         Invocation& stage = stages.emplace_back(std::move(verb));
-        stage.parse();
+        try {
+            stage.parse();
+        } catch (Error const& e) {
+            throw Error(e.kind(), text(stage.verb().name, ": ", e.what()), e.hint());
+        }
         if (stage.common().help || stage.common().examples)
             throw Error(ErrorKind::usage, "--help has no meaning within a pipeline", "see 'vkt help'");
     }

@@ -50,7 +50,7 @@ Command read_command() {
          "(HDF5), AMReX plotfiles\n(directories) and "
          "OpenVDB files hold hierarchical volumes; --variable chooses one, vkt info lists them.",
          {{"Any known format", "vkt read volume.nrrd | vkt flip x -o flipped.nrrd"},
-          {"Bare voxels; dims and type stand in the name", "vkt info $DATA/raw/fuel_64x64x64_uint8.raw"},
+          {"Bare voxels; dims and type stand in the name", "vkt info engine_8x8x8_uint8.raw"},
           {"Bare voxels that say nothing",
            "head -c 24000 /dev/zero | vkt read - --dims 40 30 10 --dtype int16 --endian big | vkt info"},
           {"Only a region", "vkt read volume.nrrd --roi 25%:75%,:,10:+5 | vkt info"}}});

@@ -99,17 +99,16 @@ Command render_command() {
          "(save), n (next volume), q (quit).\n\n"
          "Hierarchical (AMR) volumes are marched as they are, with steps as long as their cells are large; the other "
          "algorithms take what vkt resample makes of them.",
-         {{"In a window, everything chosen from the data", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw"},
-          {"The same as a picture", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw -o fuel.png"},
+         {{"In a window, everything chosen from the data", "vkt render volume.nrrd"},
+          {"The same as a picture", "vkt render volume.nrrd -o picture.png"},
           {"From the right, own opacities over the value range",
-           "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --view x --colormap viridis --opacity 0,0.02,0.1,0.6 -o "
-           "fuel.png"},
-          {"An iso-surface",
-           "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --render-algo implicit-iso --iso 60 -o fuel.png"},
+           "vkt render volume.nrrd --view x --colormap viridis --opacity 0,0.02,0.1,0.6 -o "
+           "picture.png"},
+          {"An iso-surface", "vkt render volume.nrrd --render-algo implicit-iso --iso 60 -o picture.png"},
           {"An AMR volume",
            "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
-          {"Multiple scattering, quickly", "vkt render $DATA/raw/fuel_64x64x64_uint8.raw --render-algo "
-                                           "multi-scattering --spp 16 --size 256 -o fuel.png"}}});
+          {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
+                                           "multi-scattering --spp 16 --size 256 -o picture.png"}}});
 }
 
 } // namespace vkt::shell

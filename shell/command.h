@@ -18,7 +18,7 @@
 
 namespace vkt::shell {
 
-/// A command line that help shows first and tests execute (with $DATA as the directory of sample volumes).
+/// A command line that help shows first and tests execute, where there are volume.nrrd and engine_8x8x8_uint8.raw.
 struct Example {
     std::string what;
     std::string line;
@@ -52,6 +52,8 @@ public:
     virtual void lossy(std::string const& message) = 0;
     /// One line on standard error with --verbose. May be called for as long as the stage runs.
     virtual std::function<void(std::string const& message)> detail() = 0;
+    /// The format of the input opened last, "vkt" for a stream.
+    virtual std::string const& format() const = 0;
     /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`.
     virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told = {}) = 0;
 };

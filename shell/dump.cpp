@@ -1,4 +1,4 @@
-// volkit's layout: header lines, then slices of rows, one decimal.
+// volkit's layout: header lines, then slices of rows, one decimal or as many digits as the values need.
 // SPDX-License-Identifier: MIT
 #include "shell/dump.h"
 
@@ -12,20 +12,24 @@
 namespace vkt::shell {
 namespace {
 
-/// As printf("%.1f"), without its locale.
-void append_fixed(std::string& to, double value) {
+/// One decimal, as volkit prints it, where that says all; else as many digits as tell the value from its neighbours in
+/// Real. Without locale.
+template <class Real> void append_value(std::string& to, Real value) {
     if (!std::isfinite(value)) {
         to += std::isnan(value) ? "nan" : value < 0 ? "-inf" : "inf";
         return;
     }
     char digits[400];
-    auto const end = std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed, 1).ptr;
+    auto end = std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed, 1).ptr;
+    Real shown = 0;
+    std::from_chars(digits, end, shown);
+    if (shown != value) end = std::to_chars(digits, digits + sizeof digits, value).ptr;
     to.append(digits, end);
 }
 
 std::string fixed(double value) {
     std::string result;
-    append_fixed(result, value);
+    append_value(result, value);
     return result;
 }
 
@@ -72,6 +76,8 @@ void Dump::print(Source& source, Context& context) const {
         throw Error(ErrorKind::usage, "the volume is hierarchical", "make it a grid first: vkt resample --cells 50M");
     Box const box = region(header.dims);
     if (header.dry_run) throw PlannedOnly();
+    bool const single =
+        header.values == ValueMap{} && (header.dtype == DataType::float32 || header.dtype == DataType::float16);
     context.print(head(header));
     source.expect(box);
     // Text takes several times the room of the voxels.
@@ -90,7 +96,10 @@ void Dump::print(Source& source, Context& context) const {
             read_row(view, y, z, row.data());
             for (std::size_t x = 0; x < row.size(); ++x) {
                 if (x > 0) lines += ", ";
-                append_fixed(lines, header.values.physical(row[x]));
+                if (single)
+                    append_value(lines, static_cast<float>(row[x]));
+                else
+                    append_value(lines, header.values.physical(row[x]));
             }
             lines += "}\n";
         }

@@ -67,21 +67,27 @@ void examples_into(std::string& lines, Command const& command) {
     for (auto const& verb : command.verbs) examples_into(lines, verb.command);
 }
 
-/// What people call it who do not know our word for it.
-std::string synonyms(std::string const& name) {
+/// What people call a command who do not know our word for it.
+std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
-        {"arith", "threshold clamp difference"},
-        {"convert", "cast quantize normalize"},
-        {"crop", "cut trim subvolume"},
-        {"diff", "compare equal"},
-        {"filter gaussian", "blur smooth denoise"},
-        {"info", "metadata"},
-        {"render", "image thumbnail screenshot"},
-        {"resample", "downsample upsample resize shrink thumbnail"},
-        {"stats", "average histogram"},
+        {"arith", "threshold clamp difference subtract add multiply divide"},
+        {"convert", "cast quantize normalize rescale"},
+        {"crop", "cut trim subvolume clip roi"},
+        {"diff", "compare equal cmp"},
+        {"dump", "print values"},
+        {"filter gaussian", "blur smooth denoise gauss"},
+        {"flip", "mirror reverse"},
+        {"info", "metadata header"},
+        {"make", "generate create phantom"},
+        {"render", "image thumbnail screenshot view show display plot"},
+        {"resample", "downsample upsample resize shrink zoom"},
+        {"stats", "average histogram mean statistics"},
     };
-    auto const found = words.find(name);
-    return found == words.end() ? "" : " " + found->second;
+    return words;
+}
+std::string synonyms(std::string const& name) {
+    auto const found = synonyms().find(name);
+    return found == synonyms().end() ? "" : " " + found->second;
 }
 
 /// What may stand for an option's value, as far as it can be known.
@@ -173,6 +179,13 @@ std::string common_help() {
     Parameters parameters;
     common.declare(parameters, {true, false, true, true});
     return option_lines(parameters);
+}
+
+std::string command_of_synonym(std::string const& word) {
+    std::string const needle = " " + lower_case(word) + " ";
+    for (auto const& [name, words] : synonyms())
+        if ((" " + words + " ").find(needle) != std::string::npos) return name;
+    return {};
 }
 
 std::string search(std::string const& word) {

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "shell/help.h"
 #include "shell/options.h"
 
 #include <algorithm>
@@ -20,11 +21,23 @@ std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
     return collect(list, [](NamedCommand const& entry) { return entry.name; });
 }
 
-[[noreturn]] void unknown_verb(std::string const& word, std::vector<std::string> const& names,
-                               std::string const& after) {
+[[noreturn]] void unknown_verb(std::string const& word) {
+    std::string const other = command_of_synonym(word);
+    std::string const near = other.empty() ? nearest_name(word, names_of(commands())) : other;
+    throw Error(ErrorKind::usage, text("'", word, "' is not a command"),
+                near.empty() ? text("'vkt help' lists the commands") : text("did you mean 'vkt ", near, "'?"));
+}
+
+/// A command that needs a method was given a word that is none.
+[[noreturn]] void unknown_method(std::string const& command, std::string const& word,
+                                 std::vector<std::string> const& names) {
     std::string const near = nearest_name(word, names);
-    throw Error(ErrorKind::usage, text("'", after, word, "' is not a command"),
-                near.empty() ? text("'vkt help' lists the commands") : text("did you mean '", after, near, "'?"));
+    bool const file = word == "-" || word.find_first_of("./") != std::string::npos;
+    throw Error(ErrorKind::usage,
+                file ? text("'vkt ", command, "' needs a method before '", word, "'")
+                     : text("'", command, " ", word, "' is not a command"),
+                near.empty() ? text("'vkt ", command, "' is followed by one of: ", join(names, ", "))
+                             : text("did you mean 'vkt ", command, " ", near, "'?"));
 }
 
 } // namespace
@@ -32,12 +45,12 @@ std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
 Verb find_verb(std::vector<std::string> const& words) {
     if (words.empty()) throw Error(ErrorKind::usage, "missing command", "'vkt help' lists the commands");
     Verb verb{words.front(), lookup(commands(), words.front()), {words.begin() + 1, words.end()}};
-    if (verb.command == nullptr) unknown_verb(verb.name, names_of(commands()), "");
+    if (verb.command == nullptr) unknown_verb(verb.name);
     if (verb.command->verbs.empty()) return verb;
     if (verb.words.empty() || verb.words.front().starts_with("-"))
         return verb; // help, or a complaint by whoever runs it
     Command const* const sub = lookup(verb.command->verbs, verb.words.front());
-    if (sub == nullptr) unknown_verb(verb.words.front(), names_of(verb.command->verbs), verb.name + " ");
+    if (sub == nullptr) unknown_method(verb.name, verb.words.front(), names_of(verb.command->verbs));
     return {verb.name + " " + verb.words.front(), sub, {verb.words.begin() + 1, verb.words.end()}};
 }
 

@@ -11,7 +11,8 @@
 namespace vkt::shell {
 namespace {
 
-/// Stands for the sign of negative numbers while CLI11, which would take "-5" for an option, looks at the words.
+/// Stands for the '-' that begins a negative number, or a word after "--", while CLI11, which would take it for an
+/// option, looks at the words.
 constexpr char minus = '\x01';
 
 bool is_negative_number(std::string const& word) {
@@ -23,6 +24,23 @@ Parameter* find(std::vector<Parameters*> const& lists, std::string const& name) 
     for (Parameters* list : lists)
         if (Parameter* p = list->find(name); p != nullptr && (!p->positional || !p->aliases.empty())) return p;
     return nullptr;
+}
+
+/// The option that a word names as a whole, "-o", "--roi" or volkit's "-dims"; null if it names none.
+Parameter const* named_option(std::vector<Parameters*> const& lists, std::string const& word) {
+    if (word.size() < 2 || word[0] != '-' || is_negative_number(word)) return nullptr;
+    if (word.size() == 2)
+        for (Parameters* list : lists)
+            for (Parameter const& p : list->all())
+                if (p.letter == word[1]) return &p;
+    return find(lists, word.substr(word[1] == '-' ? 2 : 1, word.find('=') - (word[1] == '-' ? 2 : 1)));
+}
+
+[[noreturn]] void missing_value(Parameter const& p, std::string const& next) {
+    throw Error(ErrorKind::usage,
+                next.empty() ? text("--", p.name, " has no value ", p.value_name)
+                             : text("--", p.name, " is followed by '", next, "' instead of its value ", p.value_name),
+                next.empty() ? "" : text("a value of that spelling is written --", p.name, "=", next));
 }
 
 /// A flag put behind lists of numbers: CLI11 would let them take all words that follow.
@@ -37,8 +55,23 @@ void hide_minus(std::string& word) {
 std::vector<std::string> prepared(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
     std::vector<std::string> result;
     Parameter const* last = nullptr; // the option that the word before names
-    bool in_numbers = false;
+    bool in_numbers = false, only_arguments = false;
+    Parameter const* unfed = nullptr; // the option that the word before is, if a value must follow
     for (std::string word : words) {
+        if (only_arguments) {
+            if (word.size() > 1 && word[0] == '-') word[0] = minus;
+            result.push_back(std::move(word));
+            continue;
+        }
+        Parameter const* const named = named_option(lists, word);
+        if (unfed != nullptr && (named != nullptr || word == "--")) missing_value(*unfed, word);
+        unfed = named != nullptr && !named->flag && word.find('=') == std::string::npos ? named : nullptr;
+        if (word == "--") { // all that follows are arguments, whatever they begin with
+            only_arguments = true;
+            last = nullptr;
+            result.emplace_back(end_of_list);
+            continue;
+        }
         if (!is_negative_number(word) && word.size() > 2 && word[0] == '-') {
             std::size_t const dashes = word[1] == '-' ? 2 : 1;
             last = find(lists, word.substr(dashes, word.find('=') - dashes));
@@ -67,6 +100,7 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
         }
         last = nullptr;
     }
+    if (unfed != nullptr) missing_value(*unfed, "");
     return result;
 }
 
@@ -93,10 +127,29 @@ std::string spelling(Parameter const& p, bool as_option) {
     return names;
 }
 
+[[noreturn]] void unexpected_argument(std::string const& word, std::vector<Parameters*> const& lists) {
+    bool const writes =
+        std::any_of(lists.begin(), lists.end(), [](Parameters* list) { return list->find("output") != nullptr; });
+    throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"),
+                writes ? text("an output is said as -o ", word, ", a value with spaces in quotes")
+                       : "a value with spaces stands in quotes");
+}
+
+/// Sets a parameter from its words; what they are refused for names it.
+void set(Parameter& p, std::vector<std::string> const& words) {
+    try {
+        p.set(words);
+    } catch (Error const& e) {
+        std::string const message = e.what();
+        if (message.find(p.name) != std::string::npos) throw;
+        throw Error(e.kind(), text(p.positional ? p.value_name : "--" + p.name, ": ", message), e.hint());
+    }
+}
+
 /// Turns CLI11's complaint about surplus words into ours.
 [[noreturn]] void unknown_word(std::string const& raw, std::vector<Parameters*> const& lists) {
     std::string const word = restored(raw);
-    if (word.size() < 2 || word[0] != '-') throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"));
+    if (raw.size() < 2 || raw[0] != '-') unexpected_argument(word, lists);
     std::vector<std::string> names;
     for (Parameters* list : lists)
         for (auto const& p : list->all()) {
@@ -157,11 +210,11 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
             for (auto& word : given) word = restored(word);
             auto const most = static_cast<std::size_t>(std::max(p.max_values, 0));
             if (most > 0 && given.size() > most) {
-                if (p.positional) throw Error(ErrorKind::usage, text("unexpected argument '", given[most], "'"));
+                if (p.positional) unexpected_argument(given[most], lists);
                 throw Error(ErrorKind::usage,
                             text("--", p.name, most == 1 ? " is given more than once" : " is given too many values"));
             }
-            p.set(given);
+            set(p, given);
             p.given = true;
         }
     }

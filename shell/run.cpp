@@ -135,6 +135,7 @@ public:
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
     std::function<void(std::string const&)> detail() override;
+    std::string const& format() const override;
     std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told) override;
 
 private:
@@ -155,6 +156,7 @@ public:
     Log const& log() const { return log_; }
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
+    std::string const& format() const { return format_; }
 
 private:
     static Verbosity verbosity(Common const& c) {
@@ -182,6 +184,7 @@ private:
     bool dry_run_ = false, window_ = false;
     bool went_inline_ = false; ///< voxels that were to go through shared memory
     std::string lossy_;
+    std::string format_; ///< of the input opened last
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     TimeMeter meter_;
@@ -198,6 +201,7 @@ std::function<void(std::string const&)> StageContext::detail() {
     return
         [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };
 }
+std::string const& StageContext::format() const { return runner_.format(); }
 std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& told) {
     return runner_.open(invocation_, path, told);
 }
@@ -224,6 +228,7 @@ Execution Runner::execution_of(Invocation const& stage) const { return stage.com
 StageInfo Runner::stage_info(Invocation const& stage) {
     StageInfo info;
     info.name = stage.stage();
+    if (stages_.size() > 1) info.label = stage.verb().name;
     if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
     info.input_names = stage.inputs();
     bool const strict = stage.common().strict || last_.common().strict;
@@ -264,7 +269,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
                                      ReadOptions const& told) {
     std::unique_ptr<Source> source;
     std::string const name = bytes->name();
-    std::string format = "vkt";
+    format_ = "vkt";
     bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
     // What nobody described may be a stream as well as a file.
     bool const described = told.describes();
@@ -281,18 +286,19 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     } else {
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
-                        "an upstream command failed before it wrote anything");
+                        ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
         ReadOptions options = told;
         options.memory = execution_of(stage).memory;
-        if (log_.verbosity() == Verbosity::verbose) format = format_name(*bytes, options);
+        format_ = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
         if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));
     }
     if (log_.verbosity() == Verbosity::verbose)
-        source = std::make_unique<Announced>(std::move(source), [this, &stage, name, format](Header const& header) {
-            log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
-        });
+        source = std::make_unique<Announced>(
+            std::move(source), [this, &stage, name, format = format_](Header const& header) {
+                log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
+            });
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
     return source;
 }
@@ -521,15 +527,20 @@ int Runner::drain(std::unique_ptr<Source> source) {
     if (last_in_line && errors_are_terminal() && log_.verbosity() != Verbosity::quiet)
         source = with_progress(std::move(source), last_.stage());
     auto const sink = make_sink();
+    // A file that standard output was redirected to has no reader to tell, unless it holds a part already.
+    auto const tell_reader = [&](std::string const& stage, std::string const& message) {
+        bool const reader = stream_out_ == nullptr || ipc::is_pipe(STDOUT_FILENO);
+        if (reader || stream_out_->traffic().bytes > 0) tell(*sink, stage, message);
+    };
     try {
         drain_all(*source, *sink);
     } catch (ipc::BrokenPipe const&) {
         throw;
     } catch (UpstreamError const& e) {
-        tell(*sink, "", e.what());
+        tell_reader("", e.what());
         throw;
     } catch (std::exception const& e) {
-        tell(*sink, last_.stage(), e.what());
+        tell_reader(last_.stage(), e.what());
         throw;
     }
     return 0;
@@ -618,7 +629,7 @@ int run_words(std::vector<std::string> const& words) {
     }
     if (stage.common().examples || stage.common().help) {
         std::string const answer = stage.common().examples ? command_examples(*verb.command) : command_help(stage);
-        std::fputs(answer.c_str(), stdout);
+        print_text(answer);
         return 0;
     }
     return run(stages);

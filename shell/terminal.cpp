@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: MIT
 #include "shell/terminal.h"
 
+#include "libvkt/core/text.h"
+
 #include "libvkt/engine/decorator.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <sys/ioctl.h>
 #include <unistd.h>
 #include <utility>
 
@@ -71,6 +74,34 @@ private:
 bool input_is_terminal() { return ::isatty(STDIN_FILENO) == 1; }
 bool output_is_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 bool errors_are_terminal() { return ::isatty(STDERR_FILENO) == 1; }
+
+std::string wrapped(std::string const& text, std::size_t width) {
+    std::string result;
+    for (std::string line : split(text, '\n')) {
+        // The second column begins after the first two spaces behind the first one's text.
+        std::size_t const first = line.find_first_not_of(' ');
+        std::size_t const gap = first == std::string::npos ? first : line.find("  ", first);
+        std::size_t const second = gap == std::string::npos ? gap : line.find_first_not_of(' ', gap);
+        bool const deep = first != std::string::npos && first > 8; // the second column alone
+        bool const prose = first == 0, columns = deep || (!prose && second != std::string::npos);
+        std::size_t const indent = deep ? first : columns ? second : 0;
+        while ((prose || columns) && line.size() > width && width > indent + 20) {
+            std::size_t const space = line.rfind(' ', width);
+            if (space == std::string::npos || space <= indent) break;
+            result += line.substr(0, line.find_last_not_of(' ', space) + 1) + "\n";
+            line = std::string(indent, ' ') + line.substr(space + 1);
+        }
+        result += line + "\n";
+    }
+    result.pop_back(); // split() yields one piece more than there are line ends
+    return result;
+}
+
+void print_text(std::string const& text) {
+    winsize size{};
+    bool const known = output_is_terminal() && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 40;
+    std::fputs(known ? wrapped(text, size.ws_col).c_str() : text.c_str(), stdout);
+}
 
 std::unique_ptr<Source> with_progress(std::unique_ptr<Source> source, std::string stage) {
     return std::make_unique<Progress>(std::move(source), std::move(stage));

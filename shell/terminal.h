@@ -13,6 +13,12 @@ bool input_is_terminal();
 bool output_is_terminal();
 bool errors_are_terminal();
 
+/// Lines of prose and of two columns broken at spaces where they are wider; indented lines of one column, which are
+/// commands, stay whole.
+std::string wrapped(std::string const& text, std::size_t width);
+/// Prints on standard output, wrapped to the terminal if it is one.
+void print_text(std::string const& text);
+
 /// Draws how far the current volume is read on standard error, after half a second, and wipes it in the end.
 std::unique_ptr<Source> with_progress(std::unique_ptr<Source> source, std::string stage);
 

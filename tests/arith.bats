@@ -36,7 +36,7 @@ value() { vkt stats --json | sed -n 's/.*"max": \(.*\),/\1/p'; }
     one uint8 5 | vkt arith div - 0 2>remark >out
     [ "$(value <out)" = 255 ]
     grep -q '2 of 2 voxels (100.00 %) divided by zero' remark
-    ! grep -q clipped remark
+    run ! grep -q clipped remark
     [ "$(one uint8 0 | vkt arith div - 0 -q | value)" = 0 ]
     [ "$(one int16 -5 | vkt arith div - 0 -q | value)" = -32768 ]
     [ "$(one int64 -5 | vkt arith div - 0 -q | value)" = -9223372036854775808 ]

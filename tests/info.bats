@@ -32,7 +32,7 @@ END
 
 @test "a stream says the same as its file, and its history" {
     vkt read a.nrrd | vkt info >piped
-    vkt info a.nrrd | diff - <(grep -v '^history' piped)
+    vkt info a.nrrd | grep -v '^format' | diff - <(grep -v '^history\|^format' piped)
     grep -qx "history    vkt read a.nrrd" piped
 }
 
@@ -61,4 +61,16 @@ END
     fails_with 3 "empty" vkt info - </dev/null
     run -3 bash -c 'vkt read a.nrrd | head -c 300 | vkt info 2>&1 >/dev/null'
     [[ "$output" == *"ended early"* ]]
+}
+
+@test "info says the format of a file, and that a stream is no NRRD whatever its name" {
+    vkt make ramp --dims 4 4 4 -o v.nrrd
+    vkt info v.nrrd | grep -q '^format *nrrd$'
+    vkt info v.nrrd --json | python3 -c 'import json, sys; assert json.load(sys.stdin)["format"] == "nrrd"'
+    vkt flip x v.nrrd >w.nrrd
+    run --separate-stderr vkt info w.nrrd
+    [ "$status" -eq 0 ]
+    [[ "$output" == *"vkt (not nrrd, as the name says)"* ]]
+    [[ "$stderr" == *"'w.nrrd' is a vkt stream, whatever its name says"* ]]
+    vkt flip x v.nrrd | vkt info | grep -q '^format *vkt$'
 }

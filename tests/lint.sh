@@ -21,6 +21,14 @@ else
     echo 'skip clang-format is not installed' >>"$report"
 fi
 
+# In bats "! command" fails a test only as its last line; "run ! command" does anywhere.
+if git ls-files -co --exclude-standard -- '*.bats' | xargs -r grep -nE '^[[:space:]]+! ' | grep -v '||'; then
+    echo 'these lines cannot fail: write run !'
+    echo 'fail bats lines that cannot fail' >>"$report"
+else
+    echo 'pass bats lines that cannot fail' >>"$report"
+fi
+
 if command -v shellcheck >/dev/null; then
     if shellcheck -s sh examples/*.sh tests/*.sh tests/bench/*.sh tests/gpu/*.sh libvkt/cmake/*.sh && shellcheck -s bash .ci/run; then
         echo 'pass shellcheck' >>"$report"

@@ -91,3 +91,60 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     grep -q '^vkt flip: .*: format vkt, 4 4 4 float32' second
     [ -z "$(vkt crop v.nrrd --roi 0:2,:,: -o quiet.nrrd 2>&1)" ]
 }
+
+@test "a missing value is named, and so is the word that stands in its place" {
+    fails_with 2 "--roi is followed by '-o' instead of its value REGION" vkt crop v.nrrd --roi -o c.nrrd
+    fails_with 2 "--sigma is followed by '--boundary'" vkt filter gaussian v.nrrd --sigma --boundary clamp
+    fails_with 2 "--output has no value OUT" vkt crop v.nrrd --roi 0:2,:,: -o
+    [ ! -e c.nrrd ]
+    vkt make constant --dims 2 2 2 --value -3 | vkt stats | grep -q -- '-3' # a negative number is a value
+}
+
+@test "after -- all words are arguments" {
+    cp v.nrrd ./-v.nrrd
+    vkt flip x -o w.nrrd -- -v.nrrd
+    vkt flip x v.nrrd | vkt diff - w.nrrd
+    vkt info -- v.nrrd | grep -q 'dims *4 4 4'
+    fails_with 2 "unexpected argument '--roi'" vkt info v.nrrd -- --roi
+}
+
+@test "an argument too many is told where outputs and spaces go" {
+    fails_with 2 "an output is said as -o c.nrrd" vkt crop v.nrrd c.nrrd --roi 0:2,:,:
+    fails_with 2 "stands in quotes" vkt stats v.nrrd a b
+}
+
+@test "half-typed options are completed in the hint" {
+    fails_with 2 "did you mean '--sigma'?" vkt filter gaussian v.nrrd --sig 2 -o s.nrrd
+    fails_with 2 "did you mean '--boundary'?" vkt filter gaussian v.nrrd --sigma 2 --bound clamp -o s.nrrd
+}
+
+@test "sizes of pictures are refused by the name of their option" {
+    for size in 800,600 800x x 1e3 99999999999999999999; do
+        fails_with 2 "--size '$size'" vkt render v.nrrd -o a.png --size "$size"
+    done
+}
+
+@test "words of other tools lead to the command" {
+    fails_with 2 "did you mean 'vkt filter gaussian'?" vkt blur v.nrrd
+    fails_with 2 "did you mean 'vkt crop'?" vkt clip v.nrrd
+    fails_with 2 "did you mean 'vkt resample'?" vkt resize v.nrrd
+    fails_with 2 "did you mean 'vkt stats'?" vkt histogram v.nrrd
+    fails_with 2 "did you mean 'vkt crop'?" vkt corp v.nrrd
+    fails_with 2 "did you mean 'vkt filter gaussian'?" vkt filter gauss v.nrrd
+    fails_with 2 "needs a method before 'v.nrrd'" vkt filter v.nrrd
+}
+
+@test "a usage error leaves nothing in a file that standard output goes to" {
+    run ! bash -c 'vkt crop v.nrrd --roi x >out.nrrd'
+    [ ! -s out.nrrd ]
+    run ! bash -c 'vkt crop v.nrrd --roi 0:99,:,: >out.nrrd'
+    [ ! -s out.nrrd ]
+}
+
+@test "an upstream command is blamed only where there is one" {
+    fails_with 3 "is empty" vkt info - </dev/null
+    [[ "$stderr" != *upstream* ]]
+    run --separate-stderr bash -c 'true | vkt info'
+    [ "$status" -eq 3 ]
+    [[ "$stderr" == *"an upstream command failed"* ]]
+}

@@ -59,3 +59,9 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     fails_with 2 '' vkt pipe 'read noise.nrrd | crop --roi 0:30,:,: | write out.nrrd'
     [ ! -e out.nrrd ]
 }
+
+@test "messages name the stage of the pipeline" {
+    vkt make ramp --dims 4 4 4 -o v.nrrd
+    fails_with 2 "vkt pipe: filter gaussian: unknown option '--sigm'" vkt pipe 'read v.nrrd | filter gaussian --sigm 2 | stats'
+    fails_with 2 "vkt pipe: crop: --roi 0:99" vkt pipe 'read v.nrrd | crop --roi 0:99,:,: | stats'
+}

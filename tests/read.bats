@@ -208,7 +208,7 @@ import sys
 total = sum(map(int, sys.stdin))
 assert 10240 <= total < 10240 + 65536, (sys.argv[1], total)' $name
         # It is the file that is read and not a mapping of it.
-        ! grep -q "mmap.*/big\." trace
+        run ! grep -q "mmap.*/big\." trace
     done
 }
 
@@ -232,4 +232,19 @@ assert info["dims"] == [48, 62, 42] and info["spacing"] == [4, 4, 4], info'
 import json, sys
 info = json.load(sys.stdin)
 assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.890625, -53.7109375], info'
+}
+
+@test "files of formats that are not read are named by what they are" {
+    printf '\211PNG\r\n\032\n0000' >a.bin
+    fails_with 3 "'a.bin' is a PNG picture, a format that vkt does not read" vkt read a.bin -o a.vkt
+    printf 'II*\0aaaaaaaa' >b.bin
+    fails_with 3 "is a TIFF file" vkt read b.bin -o a.vkt
+    { head -c 344 /dev/zero; printf 'n+1\0'; } >c.bin
+    fails_with 3 "is a NIfTI-1 file" vkt info c.bin
+    { head -c 128 /dev/zero; printf DICM; } >d.bin
+    fails_with 3 "is a DICOM file" vkt info d.bin
+    printf '<?xml version="1.0"?>\n<VTKFile type="ImageData">' >e.bin
+    fails_with 3 "is a VTK XML file" vkt info e.bin
+    printf 'nothing known' >f.bin
+    fails_with 3 "vkt read f.bin --dims X Y Z --dtype TYPE" vkt info f.bin
 }

@@ -264,7 +264,7 @@ C
     grep -aq "History" a.png
     grep -aq -- "--view x" a.png
     grep -aq "Transfer function" a.png
-    ! grep -aq "tIME" a.png
+    run ! grep -aq "tIME" a.png
     ! grep -aqF "$(hostname)" a.png || [ "$(hostname)" = localhost ]
     sleep 1
     vkt render block_24x18x30_uint8.raw --view x --size 16 -o b.png

@@ -202,6 +202,12 @@ std::string nearest_name(std::string_view word, std::vector<std::string> const& 
             best = candidate;
         }
     }
+    if (!best.empty()) return best;
+    // Half-typed: the shortest name that begins so.
+    std::size_t const bare = word.find_first_not_of('-');
+    if (bare == std::string_view::npos || word.size() - bare < 3) return best;
+    for (auto const& candidate : candidates)
+        if (candidate.starts_with(word) && (best.empty() || candidate.size() < best.size())) best = candidate;
     return best;
 }
 

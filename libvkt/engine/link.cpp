@@ -37,6 +37,16 @@ private:
 /// core).
 constexpr double gpu_cost_threshold = 60;
 
+/// What an operation says went wrong, with the stage's name before it if the process has several.
+template <class F> auto labelled(StageInfo const& info, F const& work) {
+    if (info.label.empty()) return work();
+    try {
+        return work();
+    } catch (Error const& e) {
+        throw Error(e.kind(), text(info.label, ": ", e.what()), e.hint());
+    }
+}
+
 constexpr char placeholder_mark = '\x02';
 
 Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
@@ -150,7 +160,7 @@ void Link::plan_volume() {
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
-    plan_ = operation_.plan(headers);
+    plan_ = labelled(info_, [&] { return operation_.plan(headers); });
     check(plan_.output);
     if (!headers.empty()) {
         plan_.output.dry_run = headers.front().dry_run;
@@ -220,7 +230,7 @@ void Link::plan_tree(std::vector<Header> const& headers) {
     {
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
         if (volumes.size() == 1 && operation_.shape() == Shape::geometric) {
-            told.plan = operation_.plan(headers);
+            told.plan = labelled(info_, [&] { return operation_.plan(headers); });
             if (told.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
         }
         if (told.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {

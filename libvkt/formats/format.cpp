@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/foreign.h"
 
 namespace vkt {
 
@@ -66,13 +67,21 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
+    if (std::string const what = foreign_format(head, bytes.name()); !what.empty())
+        throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what, ", a format that vkt does not read"),
+                    "other tools turn it into NRRD or MetaImage, which vkt reads");
     throw Error(ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
-                "for bare voxels say --dims X Y Z --dtype TYPE");
+                text("bare voxels are read by: vkt read ", bytes.name(), " --dims X Y Z --dtype TYPE"));
 }
 
 } // namespace
 
 bool ReadOptions::describes() const { return describes_raw(*this) || spacing || !format.empty() || !variable.empty(); }
+
+std::string format_of_name(std::string const& name) {
+    Format const* const format = by_name(name);
+    return format == nullptr ? "" : format->name;
+}
 
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 

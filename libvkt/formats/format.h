@@ -104,6 +104,8 @@ std::vector<Format> const& formats();
 
 /// Content first, name second. Throws Error{data} for unknown content with a hint what to say.
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options);
+/// Name of the format that a file name promises by its extension; empty if it promises none.
+std::string format_of_name(std::string const& name);
 /// Name of the format that open_volume chooses. Throws the same.
 std::string format_name(ByteSource& bytes, ReadOptions const& options);
 /// A sink for a path ("-" is standard output), by forced format or extension. Refuses existing files without force.

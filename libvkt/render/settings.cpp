@@ -39,7 +39,9 @@ std::vector<double> read_color(std::string const& name, std::string const& words
 std::pair<int, int> read_size(std::string const& words) {
     auto const parts = split(lower_case(words), 'x');
     auto const read = [&](std::string const& part) {
-        std::int64_t const n = parse_integer(part);
+        if (part.empty() || part.find_first_not_of("0123456789") != std::string::npos)
+            refuse(text("--size '", words, "' is not WxH"), "for example --size 1024x768");
+        std::int64_t const n = part.size() > 9 ? 0 : parse_integer(part);
         if (n < 1 || n > 16384) refuse(text("--size '", words, "': an image has 1 to 16384 pixels each way"));
         return static_cast<int>(n);
     };

@@ -118,7 +118,7 @@ soon_no_leftovers() {
     exec 9>pipe
     vkt read in.nrrd | head -c 20000 >&9
     for _ in $(seq 100); do no_leftovers 2>/dev/null || break; sleep 0.02; done
-    ! no_leftovers 2>/dev/null
+    run ! no_leftovers
     kill -KILL -- -$writer
     exec 9>&-
     soon_no_leftovers

@@ -1,0 +1,15 @@
+// Formats that vkt does not read, told by their first bytes, so that a refusal says what a file is.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace vkt {
+
+/// "a NIfTI-1 file" and the like, from the first 4 KiB of a file and its name; empty if the bytes say nothing.
+std::string foreign_format(std::span<std::byte const> head, std::string_view name);
+
+} // namespace vkt
