@@ -170,7 +170,7 @@ Line placed_line(LinePlacement const& placement, std::int64_t o, Kernel kernel) 
         line.weights.clear();
         double sum = 0;
         for (std::int64_t i = -reach; i <= reach; ++i) {
-            line.weights.push_back(cubic((static_cast<double>(i) - fraction) / stretch));
+            line.weights.push_back(static_cast<double>(cubic((static_cast<double>(i) - fraction) / stretch)));
             sum += line.weights.back();
         }
         for (double& w : line.weights) w /= sum;
