@@ -85,10 +85,11 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
                      : ", streaming";
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
-    std::string const error =
-        plan.exact ? "exact"
-                   : text(plan.error_is_estimate ? "error about " : "error at most ", scientific(plan.error_bound),
-                          plan.error_is_physical ? "" : " of the value range");
+    std::string const error = plan.exact              ? "exact"
+                              : plan.error_is_unknown ? "no bound of the error"
+                                                      : text(plan.error_is_estimate ? "error about " : "error at most ",
+                                                             scientific(plan.error_bound),
+                                                             plan.error_is_physical ? "" : " of the value range");
     line += text(stage, ":   ", error, ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }

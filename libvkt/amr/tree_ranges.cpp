@@ -3,6 +3,8 @@
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/tree.h"
 
+#include <numeric>
+
 namespace vkt {
 
 namespace {
@@ -32,16 +34,22 @@ template <class T> ValueRange range_of(T const* cells, std::int64_t n) {
 } // namespace
 
 std::vector<ValueRange> brick_ranges(Volume const& volume, Execution const& execution) {
-    auto const& bricks = volume.bricks();
-    std::vector<ValueRange> ranges(bricks.size());
+    std::vector<std::size_t> all(volume.bricks().size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    return brick_ranges(volume, all, execution);
+}
+
+std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t const> which,
+                                     Execution const& execution) {
+    std::vector<ValueRange> ranges(which.size());
     std::byte const* const data = volume.buffer().read(Space::host);
-    auto const count = static_cast<std::int64_t>(bricks.size());
+    auto const count = static_cast<std::int64_t>(which.size());
     with_cell_type(volume.header().dtype, [&]<class T>(T) {
         auto const* const cells = reinterpret_cast<T const*>(data);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
         for (std::int64_t i = 0; i < count; ++i) {
-            auto const b = static_cast<std::size_t>(i);
-            ranges[b] = range_of(cells + volume.brick_offset(b), bricks[b].cells());
+            std::size_t const b = which[static_cast<std::size_t>(i)];
+            ranges[static_cast<std::size_t>(i)] = range_of(cells + volume.brick_offset(b), volume.bricks()[b].cells());
         }
     });
     return ranges;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/gaussian.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
@@ -24,13 +25,31 @@ double default_tolerance(DataType type) {
     return 0.25 / (std::exp2(std::min(32.0, 8.0 * static_cast<double>(size_of(type)))) - 1);
 }
 
+/// The sigma for which the sampled Gaussian has a variance, in voxels. Sampling takes from it where sigma is small.
+double sigma_of_variance(double variance) {
+    if (variance >= 1) return std::sqrt(variance); // the sampled one's differs by less than 2e-7
+    if (!(variance > 1e-12)) return 0;             // shares of neighbours far below any tolerance
+    double low = 0, high = 1.1;
+    for (int step = 0; step < 60; ++step) {
+        double const sigma = 0.5 * (low + high);
+        double sum = 0.5, second = 0; // of one half
+        for (int k = 1; k <= 10; ++k) {
+            double const tap = std::exp(-0.5 * (k / sigma) * (k / sigma));
+            sum += tap;
+            second += k * k * tap;
+        }
+        (second / sum < variance ? low : high) = sigma;
+    }
+    return 0.5 * (low + high);
+}
+
 } // namespace
 
 VKT_OPERATION(Gaussian, "filter gaussian")
 
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
-    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
     parameters.option("boundary", boundary_, "RULE",
                       "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
     parameters.option("tolerance", tolerance_, "T",
@@ -48,14 +67,26 @@ void Gaussian::check() const {
 
 Plan Gaussian::plan(std::span<Header const> inputs) {
     check();
-    Header const& in = inputs[0];
-    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
     Vec3 sigma = sigma_;
-    int active = 0;
+    for (int axis = 0; axis < 3 && unit_ == LengthUnit::world; ++axis) sigma[axis] /= inputs[0].geometry.spacing[axis];
+    return plan_for(inputs[0], sigma);
+}
+
+Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
+    check();
+    Vec3 sigma;
     for (int axis = 0; axis < 3; ++axis) {
-        if (unit_ == LengthUnit::world) sigma[axis] /= in.geometry.spacing[axis];
-        active += sigma[axis] > 0 ? 1 : 0;
+        auto const width = static_cast<double>(cell_width[axis]);
+        sigma[axis] = sigma_[axis] / (unit_ == LengthUnit::world ? level.geometry.spacing[axis] : width);
+        if (width > 1) sigma[axis] = sigma_of_variance(sigma[axis] * sigma[axis]);
     }
+    return plan_for(level, sigma);
+}
+
+Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
+    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
+    int active = 0;
+    for (int axis = 0; axis < 3; ++axis) active += sigma[axis] > 0 ? 1 : 0;
     passes_ = {};
     passes_.dims = in.dims;
     passes_.boundary = boundary_.boundary;
@@ -96,6 +127,7 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
         radii = text(radii, radii.empty() ? "" : ",", taps.radius);
     }
     plan.exact = plan.cost == 0 && plan.error_bound == 0;
+    plan.error_is_unknown = !plan.exact && !is_uniform(in);
     copies_ = plan.cost == 0;
     if (copies_) {
         plan.shift = Index3{};
