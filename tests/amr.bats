@@ -286,14 +286,14 @@ b = open(name, 'rb').read()
 begin = b.index(b'\n') + 1
 $2
 open(name, 'wb').write(b)"
-        fails_with 3 "$1" vkt read plt --variable volFrac -o x.vkt
+        fails_with 3 "$1" vkt read plt --variable ${3:-volFrac} -o x.vkt
         [ "$(grep -c . <<<"$stderr")" -eq 1 ]
         [[ "$stderr" == *"Level_0/Cell_D_00000: the record at byte 0 of box"* ]]
         [ ! -e x.vkt ]
     }
     damaged 'holds box' "b = b.replace(b'(63,31,15)', b'(95,31,15)', 1)"
     damaged 'ended early' "b = b[:-8]"
-    damaged 'is damaged' "b = b[:begin] + b[begin + 3:] + b'abc'"
+    damaged 'is damaged' "b = b[:begin] + b[begin + 3:] + b'abc'" density
 }
 
 # pixels PNG: what it shows, without the texts in it.

@@ -148,7 +148,7 @@ for name, background in (('zero', 0.0), ('three', 3.0)):
 vdb.write('sparse.vdb', grids=grids)"
     for name in zero three; do
         for method in average auto; do
-            vkt read sparse.vdb --variable $name | vkt resample --dims 5 5 5 --method $method -o coarse.nrrd
+            vkt read sparse.vdb --variable $name | vkt resample --dims 5 5 5 --method $method -o coarse.nrrd --force
             vkt write - coarse.nrrd --format raw >coarse.raw
             vkt read sparse.vdb --variable $name | vkt stats --json >stats.json
             vkt info coarse.nrrd --json >info.json
@@ -173,12 +173,6 @@ outside = background * (a == background).sum() / 8
 assert abs(integral - outside - s['weighted_sum']) < 1e-5 * s['weighted_sum'], (integral, s)"
         done
     done
-    # Nothing is there, if one says so: then means are those of what is.
-    vkt read sparse.vdb --variable zero | vkt resample --dims 5 5 5 --method average --background nan | vkt stats --json >nan.json
-    /usr/bin/python3 -c "
-import json
-s = json.load(open('nan.json'))
-assert s['nan'] > 0 and s['min'] >= 0, s"
 }
 
 @test "statistics are those of the active voxels, not of the blocks they are stored in" {
