@@ -1,5 +1,6 @@
 // vkt info: what the header of a volume says.
 // SPDX-License-Identifier: MIT
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/text.h"
 #include "shell/command.h"
@@ -26,6 +27,7 @@ std::string described(Description const& description) {
     line("format", description.format);
     line("kind", hierarchical ? "hierarchical" : "structured");
     line("dims", to_text(header.dims));
+    if (hierarchical && header.attributes.count("roi") > 0) line("region", text(region_of(header).dims()));
     if (hierarchical)
         line("bricks",
              text(header.brick_count, " of ", header.level_count, " levels with ", header.cell_count, " cells"));

@@ -38,7 +38,7 @@ Command stats_command() {
          "values. "
          "variance and stddev divide by the number of values. Hierarchical volumes: these count every cell once; "
          "weighted_mean and weighted_variance weight cells by their volume, weighted_sum is the integral over the "
-         "world volume that the last line states.",
+         "world volume that the last line states. Cells that hold the volume's background are not counted.",
          {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
           {"Of a part, for a program",
            "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"}}});

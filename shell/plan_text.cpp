@@ -40,6 +40,7 @@ std::string at_least(double value) {
 /// numbers too small to be normal.
 std::string error_text(ErrorBound const& error) {
     if (error.exact()) return "exact";
+    if (error.kind == ErrorBound::Kind::unknown) return "no bound of the error";
     std::string terms;
     auto const add = [&](double value, char const* of) {
         if (value > 0) terms += text(terms.empty() ? "" : " + ", at_least(value), of);

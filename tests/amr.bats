@@ -137,6 +137,69 @@ t, g = json.load(open('t.json')), json.load(open('grid.json'))
 assert abs(t['weighted_mean'] - g['mean']) < 1e-12 * abs(g['mean']), (t, g)"
 }
 
+@test "a sigma is the same length on every level, and no bound is claimed" {
+    python_with numpy
+    check "
+wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
+np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
+    for levels in 1 2 3 4; do
+        # Cells 1, 2, 4 and 8 finest cells wide.
+        vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
+        vkt resample wave.vkt --method nearest | raw >before
+        for sigma in 1 2 4 8; do
+            vkt filter gaussian wave.vkt --sigma $sigma --boundary wrap --tolerance 1e-6 -o voxel.vkt --force
+            vkt filter gaussian wave.vkt --sigma $(/usr/bin/python3 -c "print($sigma / 2)") --unit world --boundary wrap --tolerance 1e-6 -o world.vkt --force
+            for unit in voxel world; do
+                vkt resample $unit.vkt --method nearest | raw >after
+                check "
+a, b = (abs(np.fft.rfft(np.fromfile(f).reshape(64, 64, 64)[0, 0])[1]) for f in ('after', 'before'))
+want = np.exp(-0.5 * (2 * np.pi * $sigma / 64) ** 2)
+assert abs(a / b - want) < 1.5e-3, (a / b, want)"
+            done
+        done
+    done
+    tree --dtype float64
+    for sigma in 1 2 4; do
+        vkt stats t.vkt --json >was.json
+        vkt filter gaussian t.vkt --sigma $sigma -o s.vkt --force
+        vkt stats s.vkt --json >is.json
+        # Against the finest grid smoothed, whose voxels are those of the tree: cells are compared by their means.
+        vkt resample t.vkt --method nearest | vkt filter gaussian --sigma $sigma | vkt resample --dims 8 8 8 --method area | raw >a
+        vkt resample s.vkt --dims 8 8 8 --method average | raw >b
+        check "
+w, i = json.load(open('was.json')), json.load(open('is.json'))
+assert abs(i['weighted_sum'] / w['weighted_sum'] - 1) < 1e-3, (w['weighted_sum'], i['weighted_sum'])
+a, b = (np.fromfile(f) for f in 'ab')
+assert abs(a - b).max() < 0.02 * (a.max() - a.min()), abs(a - b).max() / (a.max() - a.min())"
+    done
+    vkt filter gaussian t.vkt --sigma 1 -n 2>plan >dry
+    grep -q 'no bound of the error' plan
+    vkt filter gaussian t.vkt --sigma 1 --explain -o s.vkt --force 2>plan
+    grep -q 'no bound of the error' plan
+    # A tree that is a grid keeps the grid's.
+    vkt make marschner-lobb --dims 16 16 16 | vkt refine --tolerance 0 --levels 1 | vkt filter gaussian --sigma 1 --explain -o s.vkt --force 2>plan
+    grep -q 'error at most' plan
+}
+
+@test "no reconstruction leaves the range of the cells" {
+    python_with numpy
+    check "
+rng = np.random.default_rng(4)
+a = np.where(rng.random((40, 40, 40)) < 0.5, 0.1, 0.7)
+for t in ('float32', 'float64'): a.astype(t).tofile('two_40x40x40_%s.raw' % t)"
+    for dtype in float32 float64; do
+        vkt refine two_40x40x40_$dtype.raw --tolerance 0 --levels 1 -o two.vkt --force
+        for method in basis average auto; do
+            for dims in "97 91 89" "23 97 31"; do
+                vkt resample two.vkt --dims $dims --method $method | raw >got
+                check "
+got, held = np.fromfile('got', np.$dtype), np.fromfile('two_40x40x40_$dtype.raw', np.$dtype)
+assert got.min() >= held.min() and got.max() <= held.max(), (got.min() - held.min(), got.max() - held.max())"
+            done
+        done
+    done
+}
+
 @test "resample sizes: cells, spacing, scale, other types" {
     tree
     vkt resample t.vkt --cells 20k -o g.vkt
@@ -209,6 +272,28 @@ s, g = json.load(open('stats.json')), json.load(open('grid.json'))
 assert abs(s['weighted_mean'] - g['mean']) <= 1e-5 * max(1, abs(g['mean'])), (s, g)"
     mkdir plain
     fails_with 4 'directory' vkt info plain
+}
+
+@test "AMReX: damaged records are bad data, in one line that says where" {
+    needs_data amr/plt_eb_3d
+    damaged() { # TEXT PYTHON: of b, the bytes of a copied level's data
+        rm -rf plt
+        cp -r "$VKT_DATA/amr/plt_eb_3d" plt
+        chmod -R u+w plt
+        /usr/bin/python3 -c "
+name = 'plt/Level_0/Cell_D_00000'
+b = open(name, 'rb').read()
+begin = b.index(b'\n') + 1
+$2
+open(name, 'wb').write(b)"
+        fails_with 3 "$1" vkt read plt --variable ${3:-volFrac} -o x.vkt
+        [ "$(grep -c . <<<"$stderr")" -eq 1 ]
+        [[ "$stderr" == *"Level_0/Cell_D_00000: the record at byte 0 of box"* ]]
+        [ ! -e x.vkt ]
+    }
+    damaged 'holds box' "b = b.replace(b'(63,31,15)', b'(95,31,15)', 1)"
+    damaged 'ended early' "b = b[:-8]"
+    damaged 'is damaged' "b = b[:begin] + b[begin + 3:] + b'abc'" density
 }
 
 # pixels PNG: what it shows, without the texts in it.

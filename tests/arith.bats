@@ -257,7 +257,7 @@ for t in ("float32", "float64"):
     vkt make noise --dims 9 8 7 --seed 1 | vkt set --origin 1,2,3 --attribute space=left-posterior-superior -o lps.nrrd
     vkt set lps.nrrd --attribute space=right-anterior-superior -o elsewhere.nrrd
     vkt set lps.nrrd --origin=-1,-2,3 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=right-anterior-superior -o ras.nrrd
-    vkt write ras.mha ras.nrrd
+    vkt write ras.nrrd ras.mha
     for other in ras.nrrd ras.mha; do
         vkt arith sub lps.nrrd $other -o zero.nrrd --force
         vkt stats zero.nrrd --json | grep -q '"max": 0,'

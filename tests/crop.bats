@@ -154,7 +154,7 @@ for n in range(8):
     vkt crop v_lps.nrrd --roi 3:10,2:7,1:4 -o part.nrrd
     vkt set part.nrrd --origin -11.5,-22,32 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=RAS -o part_ras.nrrd
     vkt crop v_lps.nrrd --like part_ras.nrrd | vkt diff part.nrrd --geometry
-    vkt write part_ras.mha part_ras.nrrd # in LPS
+    vkt write part_ras.nrrd part_ras.mha # in LPS
     vkt set v.nrrd --origin -10,-20,30 --direction=-1,0,0,0,-1,0,0,0,1 --attribute space=right-anterior-superior -o v_ras.nrrd
     vkt crop v_ras.nrrd --like part_ras.mha | vkt diff part.nrrd --geometry
     fails_with 2 'mean different things' vkt crop v.nrrd --like part.nrrd -o out.nrrd

@@ -125,7 +125,7 @@ x = v.astype("f8"); x[:6] = [.25, -3, 2.**70, np.inf, np.nan, 7.5]; x.tofile("x_
     done
     vkt set lps.nrrd --origin 1,-2,3 --direction 0,-1,0,1,0,0,0,0,-1 --attribute space=LAS | vkt diff --geometry lps.nrrd
     # MetaImage turns into LPS what lies elsewhere.
-    vkt write ras.mha ras.nrrd
+    vkt write ras.nrrd ras.mha
     vkt diff --geometry ras.nrrd ras.mha
     run -1 vkt diff --geometry lps.nrrd ras.mha
     # Known and unknown cannot be compared.
@@ -146,7 +146,7 @@ END
 
 @test "a short frame name is turned in MetaImage, too" {
     vkt set a.vkt --origin 1,2,3 --attribute space=RAS -o short.nrrd
-    vkt write short.mha short.nrrd
+    vkt write short.nrrd short.mha
     grep -a '^Offset = -1 -2 3$' short.mha
     vkt diff --geometry short.nrrd short.mha
 }

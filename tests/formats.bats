@@ -408,7 +408,7 @@ assert positions == ["7.5", "8", "8.5", "9", "9.5"], positions'
     vkt info again.nrrd --json | grep -q '"sequence position":"9.5","sequence step":"0.5"'
     rm part_2.nrrd
     vkt read 'part_*.nrrd' -o gap.vkt
-    fails_with 2 "one NRRD file cannot say" vkt write gap.nrrd gap.vkt
+    fails_with 2 "one NRRD file cannot say" vkt write gap.vkt gap.nrrd
     [ ! -e gap.nrrd ]
     # A series of which nobody said where its volumes lie stays one.
     vkt read a.raw --dims 5 6 7 --dtype int16 -o s0.nrrd

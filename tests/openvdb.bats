@@ -157,6 +157,129 @@ for name in ('back.vdb', 'dense.vdb'):
     assert name != 'back.vdb' or grid['note'] == 'new'"
 }
 
+@test "holes are background: a sparse grid on a coarse grid keeps its integral" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import numpy as np, pyopenvdb as vdb
+rng = np.random.default_rng(2)
+grids = []
+for name, background in (('zero', 0.0), ('three', 3.0)):
+    a = np.full((61, 47, 53), background, np.float32)
+    for corner in ((0, 0, 0), (30, 20, 11), (55, 41, 47)):
+        a[tuple(slice(c, c + 6) for c in corner)] = rng.random((6, 6, 6)) + 1
+    grid = vdb.FloatGrid(background=background)
+    grid.copyFromArray(a, tolerance=0)
+    grid.prune()
+    grid.name = name
+    grid.transform = vdb.createLinearTransform(voxelSize=0.5)
+    grids.append(grid)
+    a.transpose(2, 1, 0).astype(np.float64).tofile(name + '.raw')
+vdb.write('sparse.vdb', grids=grids)"
+    for name in zero three; do
+        for method in average auto; do
+            vkt read sparse.vdb --variable $name | vkt resample --dims 5 5 5 --method $method -o coarse.nrrd --force
+            vkt write coarse.nrrd - --format raw >coarse.raw
+            vkt read sparse.vdb --variable $name | vkt stats --json >stats.json
+            vkt info coarse.nrrd --json >info.json
+            /usr/bin/python3 -c "
+import json, numpy as np
+a = np.fromfile('$name.raw').reshape(53, 47, 61)
+def mean(a, axis): # of intervals that cut voxels
+    n = a.shape[axis]
+    sums = np.moveaxis(np.concatenate([np.zeros_like(a.take([0], axis)), a.cumsum(axis)], axis), axis, 0)
+    at = np.linspace(0, n, 6)
+    low = np.minimum(at.astype(int), n - 1)
+    held = sums[low] + (sums[low + 1] - sums[low]) * (at - low).reshape(-1, 1, 1)
+    return np.moveaxis(np.diff(held, axis=0) * 5 / n, 0, axis)
+want = mean(mean(mean(a, 0), 1), 2)
+got = np.fromfile('coarse.raw', np.float32).reshape(5, 5, 5)
+assert abs(got - want).max() < 1e-6 * abs(want).max(), abs(got - want).max()
+i, s = json.load(open('info.json')), json.load(open('stats.json'))
+assert i['dims'] == [5, 5, 5], i
+background = {'zero': 0, 'three': 3}['$name']
+integral = got.astype(float).sum() * np.prod(i['spacing'])
+outside = background * (a == background).sum() / 8
+assert abs(integral - outside - s['weighted_sum']) < 1e-5 * s['weighted_sum'], (integral, s)"
+        done
+    done
+}
+
+@test "statistics are those of the active voxels, not of the blocks they are stored in" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import json, numpy as np, pyopenvdb as vdb
+rng = np.random.default_rng(3)
+z, y, x = np.mgrid[:30, :26, :22] - 9.5
+ball = x * x + y * y + z * z < 70
+values = np.where(ball, rng.normal(5, 1, ball.shape), -2).astype(np.float32)
+density = vdb.FloatGrid(background=-2)
+density.copyFromArray(values.transpose(2, 1, 0), ijk=(-7, 3, 5))
+mask = vdb.BoolGrid()
+mask.copyFromArray(ball.transpose(2, 1, 0))
+filled = vdb.DoubleGrid() if hasattr(vdb, 'DoubleGrid') else vdb.FloatGrid()
+filled.fill((3, 4, 5), (6, 7, 200), 1.5)
+for grid, name in ((density, 'density'), (mask, 'mask'), (filled, 'filled')):
+    grid.name = name
+    grid.transform = vdb.createLinearTransform(voxelSize=0.25)
+    vdb.write(name + '.vdb', grids=[grid])
+vdb.write('all.vdb', grids=[density, mask, filled])
+v = values[ball].astype(float)
+at = np.argwhere(ball & (values == values[ball].max()))[0][::-1]
+json.dump({'density': [density.activeVoxelCount(), v.mean(), v.var(), v.min(), v.max(), [int(c) for c in at]],
+           'mask': [mask.activeVoxelCount(), 1, 0, 1, 1, None], 'filled': [4 * 4 * 196, 1.5, 0, 1.5, 1.5, None]}, open('want.json', 'w'))"
+    for name in density mask filled; do
+        vkt stats $name.vdb --json >direct.json
+        vkt read all.vdb --variable $name --transport pipe | vkt stats --json | cmp - direct.json
+        vkt resample $name.vdb --method nearest | vkt info --json >info.json
+        /usr/bin/python3 -c "
+import json
+s, i = json.load(open('direct.json')), json.load(open('info.json'))
+count, mean, variance, low, high, at = json.load(open('want.json'))['$name']
+assert s['count'] == count and s['min'] == low and s['max'] == high, (s, count)
+for kind in ('', 'weighted_'):
+    assert abs(s[kind + 'mean'] - mean) < 1e-12 * abs(mean), s
+    assert abs(s[kind + 'variance'] - variance) < 1e-10, s
+assert abs(s['volume'] - count / 64) < 1e-9 * s['volume'], s
+assert abs(s['weighted_sum'] - mean * count / 64) < 1e-9 * s['weighted_sum'], s"
+    done
+    # And of a part, and of what arithmetic makes of it; holes follow.
+    for name in density mask; do
+        vkt read all.vdb --variable $name | vkt arith add 3 -o more.vkt --force
+        vkt stats more.vkt --json >more.json
+        vkt stats $name.vdb --json >was.json
+        /usr/bin/python3 -c "
+import json
+s, m = json.load(open('was.json')), json.load(open('more.json'))
+assert m['count'] == s['count'] and abs(m['mean'] - s['mean'] - 3) < 1e-6, (s, m)"
+        vkt resample more.vkt --method nearest | vkt write - --format raw >a
+        vkt resample $name.vdb --method nearest | vkt arith add 3 | vkt write - --format raw | cmp - a
+    done
+    # Values that stand for others: the holes do too.
+    vkt set density.vdb --slope 2 --intercept 1 | vkt info | grep 'background: -3'
+}
+
+@test "info of several grids tells the extent of their active voxels" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+a, b, c = vdb.FloatGrid(), vdb.FloatGrid(), vdb.FloatGrid()
+a.fill((-3, 0, 2), (6, 4, 5), 1.0)
+b.fill((0, 0, 0), (99, 1, 1), 2.0)
+for grid, name in ((a, 'a'), (b, 'b'), (c, 'c')):
+    grid.name = name
+    grid.transform = vdb.createLinearTransform(voxelSize=0.5)
+vdb.write('grids.vdb', grids=[a, b, c])"
+    vkt info grids.vdb >info
+    cat info
+    grep -x 'dims       103 5 6' info
+    grep -x 'spacing    0.5 0.5 0.5' info
+    grep -x 'origin     -1.5 0 0' info
+    grep 'variable a: float32, 200 active voxels in 10 5 4 from -3 0 2' info
+    grep 'variable b: float32, 400 active voxels in 100 2 2 from 0 0 0' info
+    grep 'variable c: float32, 0 active voxels' info
+    vkt read grids.vdb --variable a | vkt info | grep -x 'region     10 5 4'
+}
+
 @test "damaged files are refused" {
     head -c 300 probe.vdb >cut.vdb
     fails_with 3 'cut.vdb' vkt read cut.vdb

@@ -562,7 +562,7 @@ import os; assert not os.path.exists("never.nrrd")'
     vkt resample lps.nrrd --like ras.nrrd --background 9 -o there.nrrd 2>remark
     vkt diff --geometry there.nrrd ras.nrrd --tolerance 9
     grep -q outside remark
-    vkt write ras.mha ras.nrrd
+    vkt write ras.nrrd ras.mha
     vkt resample lps.nrrd --like ras.mha --background 9 | vkt diff there.nrrd --geometry
     fails_with 2 'mean different things' vkt resample noise.vkt --like lps.nrrd -o out.nrrd
     fails_with 2 'mean different things' vkt resample lps.nrrd --like noise.vkt -o out.nrrd

@@ -8,10 +8,13 @@
 #include "libvkt/core/text.h"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
+#include <set>
 
 namespace vkt {
 
@@ -54,6 +57,12 @@ struct Record {
 class Plotfile : public AmrFile, public std::enable_shared_from_this<Plotfile> {
 public:
     explicit Plotfile(std::string const& path) : path_(path), header_(amrex::read_headers(path)) {
+        if (header_.coordinate_system != 0)
+            throw Error(ErrorKind::data,
+                        text(path_, ": has ", header_.coordinate_system == 1 ? "cylindrical" : "spherical",
+                             " coordinates, and only Cartesian ones can be read"),
+                        "cells would be drawn in the wrong place and weighted by the wrong volume");
+        order_records();
         find_pieces();
         describe();
     }
@@ -66,11 +75,15 @@ private:
 
     void find_pieces();
     void describe();
+    void order_records();
     std::vector<Box> coarsened(std::size_t level) const;
-    void read_record(amrex::BoxData const& box, std::size_t component, Record& record) const;
+    void read_record(Piece const& piece, std::size_t component, Record& record) const;
+    void check_next(std::ifstream& file, std::string const& where, std::int64_t next) const;
+    void check_range(Piece const& piece, std::size_t component, std::byte const* cells, DataType dtype) const;
 
     std::string path_;
     amrex::PlotHeader header_;
+    std::map<std::string, std::set<std::int64_t>> offsets_; ///< where the records of each file begin
     std::vector<Piece> pieces_;
     AmrListing listing_;
 };
@@ -136,8 +149,6 @@ void Plotfile::describe() {
     listing_.dimensions = header_.dimensions;
     header.kind = Kind::hierarchical;
     header.attributes["time"] = to_text(header_.time);
-    if (header_.coordinate_system != 0)
-        header.attributes["coordinates"] = header_.coordinate_system == 1 ? "cylindrical" : "spherical";
     std::vector<int> shift(finest + 1, 0); // level of the tree: doublings between a level and the finest
     for (std::size_t l = finest; l-- > 0;)
         shift[l] = shift[l + 1] + std::countr_zero(static_cast<unsigned>(header_.ratios[l]));
@@ -218,29 +229,79 @@ std::byte* copy_cells(Record const& record, DataType dtype, Box const& cells, st
     return single ? copy_cells<double, float>(record, cells, to) : copy_cells<double, double>(record, cells, to);
 }
 
-void Plotfile::read_record(amrex::BoxData const& box, std::size_t component, Record& record) const {
+/// Every box has a record of its own.
+void Plotfile::order_records() {
+    for (auto const& level : header_.levels)
+        for (auto const& box : level.boxes)
+            if (!offsets_[box.file].insert(box.offset).second)
+                refuse(text(box.file, ": two boxes are said to lie at byte ", box.offset));
+}
+
+/// Where the next record should begin one does: what a file has lost in the middle would pass for cells otherwise.
+void Plotfile::check_next(std::ifstream& file, std::string const& where, std::int64_t next) const {
+    char begin[4] = {};
+    file.seekg(next);
+    if (!file.read(begin, sizeof begin) || std::memcmp(begin, "FAB ", sizeof begin) != 0)
+        refuse(text(where, " is damaged: no record follows it at byte ", next));
+}
+
+void Plotfile::read_record(Piece const& piece, std::size_t component, Record& record) const {
+    amrex::Level const& level = header_.levels[piece.level];
+    amrex::BoxData const& box = level.boxes[piece.box];
+    std::string const where = text(box.file, ": the record at byte ", box.offset, " of box ", box.box);
     std::ifstream file(path_ + "/" + box.file, std::ios::binary);
     if (!file) throw Error(ErrorKind::io, text("cannot read ", path_, "/", box.file));
     std::string line;
     file.seekg(box.offset);
-    if (!std::getline(file, line) || line.size() > 4096) refuse(text(box.file, " ended early"));
+    if (!std::getline(file, line) || line.size() > 4096) refuse(text(where, " ended early"));
     record.box = nullptr;
-    record.fab = amrex::parse_fab(line, box.file, header_.dimensions);
+    record.fab = amrex::parse_fab(line, text(path_, ": ", where), header_.dimensions);
     amrex::FabHeader const& fab = record.fab;
-    if (!fab.box.contains(box.box) || fab.components < static_cast<int>(header_.names.size()))
-        refuse(text("a record of ", box.file, " holds another box than the header says"));
+    Box const expected = grow(box.box, level.ghosts);
+    if (!(fab.box == expected)) refuse(text(where, " says that it holds box ", fab.box, ", not ", expected));
+    if (fab.components != level.components)
+        refuse(text(where, " says that it holds ", fab.components, " components, not ", level.components));
     auto const begin = static_cast<std::int64_t>(file.tellg());
     // Before memory is taken the file must be long enough to fill it.
     double const size = volume_of(fab.box.dims()) * fab.bytes;
+    double const end = static_cast<double>(begin) + size * static_cast<double>(fab.components);
     std::error_code error;
     auto const length = static_cast<double>(std::filesystem::file_size(path_ + "/" + box.file, error));
-    if (error || static_cast<double>(begin) + size * static_cast<double>(component + 1) > length)
-        refuse(text(box.file, " ended early"));
+    if (error || end > length) refuse(text(where, " ended early"));
+    auto const& offsets = offsets_.at(box.file);
+    if (auto const next = offsets.upper_bound(box.offset); next != offsets.end()) {
+        if (end > static_cast<double>(*next)) refuse(text(where, " reaches into the one at byte ", *next));
+        check_next(file, where, *next);
+    }
     record.bytes.resize(static_cast<std::size_t>(fab.box.voxels()) * static_cast<std::size_t>(fab.bytes));
     file.seekg(begin + static_cast<std::int64_t>(record.bytes.size()) * static_cast<std::int64_t>(component));
     if (!file.read(reinterpret_cast<char*>(record.bytes.data()), static_cast<std::streamsize>(record.bytes.size())))
-        refuse(text(box.file, " ended early"));
+        refuse(text(where, " ended early"));
     record.box = &box;
+}
+
+/// Cells lie in the range that the level's table states for their box, if it states one. NaN is nobody's extreme.
+void Plotfile::check_range(Piece const& piece, std::size_t component, std::byte const* cells, DataType dtype) const {
+    amrex::Level const& level = header_.levels[piece.level];
+    std::size_t const at = piece.box * header_.names.size() + component;
+    if (at >= level.minima.size() || at >= level.maxima.size()) return;
+    double const low = level.minima[at], high = level.maxima[at];
+    if (!std::isfinite(low) || !std::isfinite(high)) return;
+    // Tables are made before numbers become float32, which holds less.
+    double const rounding = 1e-6 * std::max(std::abs(low), std::abs(high)) + (dtype == DataType::float32 ? 2e-45 : 0);
+    auto const check = [&]<class T>(T const* value) {
+        T const least = static_cast<T>(low - rounding), most = static_cast<T>(high + rounding);
+        for (std::int64_t i = 0; i < piece.cells.voxels(); ++i) {
+            if (!(value[i] < least || value[i] > most)) continue;
+            amrex::BoxData const& box = level.boxes[piece.box];
+            refuse(text(box.file, ": the record at byte ", box.offset, " of box ", box.box, " is damaged: it holds ",
+                        value[i], ", and ", header_.names[component], " is stated to lie in ", low, " to ", high));
+        }
+    };
+    if (dtype == DataType::float32)
+        check(reinterpret_cast<float const*>(cells));
+    else
+        check(reinterpret_cast<double const*>(cells));
 }
 
 BrickSequence Plotfile::read(AmrReadOptions const& options, Execution const&) {
@@ -263,8 +324,10 @@ BrickSequence Plotfile::read(AmrReadOptions const& options, Execution const&) {
                 for (std::size_t i = first; i < first + count; ++i) {
                     Piece const& piece = file->pieces_[kept[i]];
                     amrex::BoxData const& box = file->header_.levels[piece.level].boxes[piece.box];
-                    if (record.box != &box) file->read_record(box, v, record);
+                    if (record.box != &box) file->read_record(piece, v, record);
+                    std::byte const* const cells = to;
                     to = copy_cells(record, dtype, piece.cells, to);
+                    file->check_range(piece, v, cells, dtype);
                 }
             }};
 }

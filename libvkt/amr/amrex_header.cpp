@@ -94,12 +94,17 @@ void read_level(Level& level, std::string const& directory, int dimensions, std:
     Words words(directory + "/" + level.folder_and_stem + "_H");
     words.integer("version", 0, 100);
     words.integer("how", 0, 100);
-    if (words.integer("number of components", 1, most_components) < static_cast<std::int64_t>(components))
+    level.components = static_cast<int>(words.integer("number of components", 1, most_components));
+    if (static_cast<std::size_t>(level.components) < components)
         refuse(words.path(), "has fewer components than Header names");
+    // One number for all axes, or one for each.
     std::vector<std::int64_t> const ghosts = integers_of(words.full_line(), words.path());
-    for (std::int64_t const g : ghosts) {
-        if (g < 0 || g > most_ghosts) refuse(words.path(), text(g, " ghost cells"));
-        level.ghosts = std::max(level.ghosts, static_cast<int>(g));
+    if (ghosts.size() != 1 && ghosts.size() < static_cast<std::size_t>(dimensions))
+        refuse(words.path(), "does not say how many ghost cells there are");
+    for (int a = 0; a < dimensions; ++a) {
+        level.ghosts[a] = ghosts[ghosts.size() == 1 ? 0 : static_cast<std::size_t>(a)];
+        if (level.ghosts[a] < 0 || level.ghosts[a] > most_ghosts)
+            refuse(words.path(), text(level.ghosts[a], " ghost cells"));
     }
     std::int64_t const count = words.integer("number of boxes", 1, most_boxes); // "(n 0"
     for (std::int64_t b = 0; b < count; ++b)

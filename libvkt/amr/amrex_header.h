@@ -19,7 +19,8 @@ struct BoxData {
 struct Level {
     Box domain;                  ///< in the level's own cells
     std::string folder_and_stem; ///< "Level_0/Cell"
-    int ghosts = 0;
+    Index3 ghosts;               ///< cells around every box that its record holds too
+    int components = 1;          ///< of every record
     std::vector<BoxData> boxes;
     std::vector<double> minima, maxima; ///< per box and component; empty if not stated
 };
@@ -43,7 +44,6 @@ struct FabHeader {
     bool big_endian = false;
     Box box; ///< with ghost cells
     int components = 1;
-    std::int64_t data_offset = 0; ///< from the beginning of the file
 };
 
 /// Parses a record's line. Throws Error{data}.

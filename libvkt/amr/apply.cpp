@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/apply.h"
 
+#include "libvkt/amr/cells.h"
 #include "libvkt/amr/ghost.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -9,6 +10,8 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <map>
 
 namespace vkt {
@@ -75,14 +78,14 @@ ConstView piece_view(Volume const& volume, std::int64_t first, Box const& box) {
 void scan_cells(Operation& operation, Volume const& volume, Execution const& execution) {
     auto const& bricks = volume.bricks();
     for (LevelRun const& run : level_runs(bricks)) {
-        operation.enter_level(cell_width(volume.header().dims, bricks[run.begin].level));
+        LevelLattice const lattice = lattice_of(volume.header().dims, bricks[run.begin]);
+        operation.enter_level(lattice.width, lattice.lower);
         if (!operation.uses_position()) {
             for_pieces(
                 first_cell(volume, run.begin), first_cell(volume, run.end),
                 [&](std::int64_t first, Box const& box) { operation.scan(piece_view(volume, first, box), execution); });
             continue;
         }
-        LevelLattice const lattice = lattice_of(volume.header().dims, bricks[run.begin]);
         for (std::size_t b = run.begin; b < run.end; ++b) {
             Box const box = lattice_box(lattice, bricks[b]);
             operation.scan(volume.brick_view(b).moved_to(box.lower), execution_for(box, execution));
@@ -98,6 +101,34 @@ void require_equal_trees(Operation const& operation, std::vector<Volume> const& 
         if (!(a.dims == b.dims) || !same_place(a, b) || inputs[0].bricks() != other.bricks())
             refuse(operation, "its inputs have different trees");
     }
+}
+
+/// What an operation without positions makes of the background: its result on one cell that holds it. An input that
+/// names none has 0 in its holes.
+void map_background(Operation& operation, std::vector<Volume> const& inputs, Header& output,
+                    Execution const& execution) {
+    if (operation.uses_position() ||
+        std::none_of(inputs.begin(), inputs.end(), [](Volume const& v) { return stored_background(v.header()); }))
+        return;
+    Box const cell = box_of({1, 1, 1});
+    std::vector<std::array<std::byte, sizeof(double)>> stored(inputs.size());
+    std::vector<ConstView> views;
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        Header const& header = inputs[i].header();
+        double const value = stored_background(header).value_or(header.values.stored(0));
+        with_cell_type(header.dtype, [&]<class T>(T) {
+            T const held = store_cell<T>(value);
+            std::memcpy(stored[i].data(), &held, sizeof held);
+        });
+        views.push_back(dense_view(static_cast<std::byte const*>(stored[i].data()), header.dtype, cell));
+    }
+    std::array<std::byte, sizeof(double)> result{};
+    operation.run(views, dense_view(result.data(), output.dtype, cell), execution);
+    with_cell_type(output.dtype, [&]<class T>(T) {
+        T held;
+        std::memcpy(&held, result.data(), sizeof held);
+        output.attributes["background"] = to_text(output.values.physical(static_cast<double>(held)));
+    });
 }
 
 /// The header of a result on the input's tree.
@@ -116,8 +147,7 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
     if (told != nullptr) told->plan = plan;
     Header header = tree_header(operation, plan, inputs[0].header());
     if (plan.scans) {
-        do
-            scan_cells(operation, inputs[0], execution);
+        do scan_cells(operation, inputs[0], execution);
         while (operation.scans_again());
         operation.after_scan(header);
     }
@@ -146,7 +176,7 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
         for (std::size_t b = 0; b < bricks.size(); ++b) {
             LevelLattice const& lattice =
                 lattices.try_emplace(bricks[b].level, lattice_of(header.dims, bricks[b])).first->second;
-            if (bricks[b].level != level) operation.enter_level(lattice.width);
+            if (bricks[b].level != level) operation.enter_level(lattice.width, lattice.lower);
             level = bricks[b].level;
             Box const box = lattice_box(lattice, bricks[b]);
             for (std::size_t i = 0; i < inputs.size(); ++i) views[i] = inputs[i].brick_view(b).moved_to(box.lower);
@@ -155,6 +185,7 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
         }
     }
     if (told != nullptr) told->remarks = operation.remarks();
+    map_background(operation, inputs, result.header(), execution);
     return result;
 }
 
@@ -174,27 +205,39 @@ public:
     NeighbourhoodRun(Operation& operation, Volume const& input, Execution const& execution, TreeOptions const& options)
         : operation_(operation), input_(input), execution_(execution), index_(input.header().dims, input.bricks()),
           sources_(tile_sources(input)),
-          filler_(input_, index_, sources_, options.ghosts, options.background, execution.instructions) {}
+          filler_(input_, index_, sources_,
+                  tile_rule(input.header(), options.ghosts,
+                            stored_background(input.header()).value_or(input.header().values.stored(0)),
+                            united(brick_ranges(input, execution))),
+                  execution.instructions) {}
 
     Volume run(TreeRun* told) {
         std::map<int, std::vector<std::size_t>> levels;
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels[input_.bricks()[b].level].push_back(b);
         Volume result;
         for (auto const& [level, bricks] : levels) {
-            LevelLattice const lattice = lattice_of(input_.header().dims, input_.bricks()[bricks.front()]);
+            LevelLattice const lattice =
+                within(region_of(input_.header()), lattice_of(input_.header().dims, input_.bricks()[bricks.front()]));
             Header const header = level_header(input_.header(), lattice);
-            Plan const plan = operation_.plan({&header, 1});
+            Plan const plan = operation_.plan_level(header, lattice.width);
             if (plan.scans) refuse(operation_, "it looks at all values first, and levels would differ");
             if (plan.access == Access::random || !(plan.output.dims == lattice.dims))
                 refuse(operation_, "it needs more than a neighbourhood");
-            operation_.enter_level(lattice.width);
+            operation_.enter_level(lattice.width, lattice.lower);
             if (result.bricks().empty()) {
                 result = Volume(output_header(plan.output), input_.bricks());
                 if (told != nullptr) told->plan = plan;
+                if (told != nullptr && !is_uniform(input_.header())) told->plan.error = {ErrorBound::Kind::unknown};
             }
             for (std::size_t const b : bricks) run_brick(lattice, plan, b, result);
             if (told != nullptr)
                 for (Remark const& remark : operation_.remarks()) told->remarks.push_back(remark);
+        }
+        if (levels.empty()) { // nothing to run, but a header to make
+            Header const& header = input_.header();
+            Plan const plan = operation_.plan({&header, 1});
+            result = Volume(output_header(plan.output), std::vector<Brick>{});
+            if (told != nullptr) told->plan = plan;
         }
         return result;
     }
@@ -210,8 +253,27 @@ private:
         return header;
     }
 
+    /// The part of a lattice that a region of finest cells meets.
+    static LevelLattice within(Box const& region, LevelLattice lattice) {
+        for (int a = 0; a < 3; ++a) {
+            std::int64_t const w = lattice.width[a], whole = lattice.lower[a];
+            std::int64_t const first = (region.lower[a] - whole) / w, end = (region.upper[a] - whole + w - 1) / w;
+            lattice.lower[a] = whole + first * w;
+            lattice.dims[a] = end - first;
+        }
+        return lattice;
+    }
+
     void run_brick(LevelLattice const& lattice, Plan const& plan, std::size_t b, Volume& result) {
-        Box const box = lattice_box(lattice, input_.bricks()[b]);
+        Box const whole = lattice_box(lattice, input_.bricks()[b]), box = intersect(whole, box_of(lattice.dims));
+        DataType const output = result.header().dtype;
+        std::size_t const offset = static_cast<std::size_t>(result.brick_offset(b)) * size_of(output);
+        AnyView const to = dense_view(result.buffer().update(Space::host) + offset, output, whole);
+        if (!(box == whole)) {
+            if (output != input_.header().dtype) refuse(operation_, "cells outside of its region cannot change type");
+            copy(input_.brick_view(b).moved_to(whole.lower), to);
+        }
+        if (box.empty()) return;
         Box const needed = operation_.footprint(box, 0);
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
@@ -221,9 +283,7 @@ private:
         AnyView const grown = dense_view(grown_.data(), type, needed);
         if (!needed.empty()) filler_.fill(lattice, grown, plan.boundary, plan.border_value);
         ConstView const view = grown;
-        std::size_t const offset = static_cast<std::size_t>(result.brick_offset(b)) * size_of(result.header().dtype);
-        operation_.run({&view, 1}, dense_view(result.buffer().update(Space::host) + offset, result.header().dtype, box),
-                       execution_for(box, execution_));
+        operation_.run({&view, 1}, to.part(box), execution_for(box, execution_));
     }
 
     Operation& operation_;

@@ -12,7 +12,6 @@ namespace vkt {
 /// How neighbourhood operations see across the borders of bricks.
 struct TreeOptions {
     Reconstruction ghosts = Reconstruction::automatic; ///< average where neighbours are finer, basis elsewhere
-    double background = 0;                             ///< where there is no brick at all
 };
 
 /// What an operation decided and had to say: of several levels the plan of the first, and all remarks.
@@ -23,11 +22,12 @@ struct TreeRun {
 
 /// Runs an operation on hierarchical volumes:
 /// - pointwise: planned once; all inputs must be the same tree on the same grid. Runs brick by brick with positions on
-///   the level's lattice, or on long rows of cells if the operation uses no positions.
-/// - neighbourhood: planned once a level, as if the level's lattice were a structured volume (spacing times the cell
-///   width, so that sizes in world units stay what they are; sizes in voxels mean the level's own cells). Every brick
-///   is run with ghost cells: cells of the same level as they are, others reconstructed, the plan's boundary rule
-///   outside.
+///   the level's lattice, or on long rows of cells if the operation uses no positions. The background, if the volume
+///   names one, is treated like a cell, unless the operation uses positions.
+/// - neighbourhood: planned once a level by plan_level(), as if the level's lattice were a structured volume. Every
+///   brick is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes,
+///   the plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
+///   they are. What would spread into holes is lost, since no bricks are added.
 /// - geometric: by the operation's own run_tree().
 /// Everything else throws Error{usage} that names `vkt resample`. `told`, if given, receives plan and remarks. A tree
 /// of one level gives what the structured volume gives, bit for bit.

@@ -26,6 +26,7 @@ struct AmrVariable {
     std::string name;
     DataType dtype = DataType::float32;
     std::optional<double> minimum, maximum; ///< as the file states them
+    std::string extent{};                   ///< where variables differ in it: what the file states, as text
 };
 
 /// What a file holds, found without reading cells.

@@ -212,6 +212,7 @@ private:
     }
 
     void read_sizes();
+    void refuse_other_geometry() const;
     void read_variables();
     void read_blocks();
     void place_blocks();
@@ -249,6 +250,7 @@ void FlashFile::read_sizes() {
     listing_.blocks_in_file = blocks_in_file_;
     listing_.format = text("FLASH ", version_);
 
+    refuse_other_geometry();
     auto& attributes = listing_.header.attributes;
     auto const integers = list<int>("integer scalars", H5T_NATIVE_INT);
     auto const reals = list<double>("real scalars", H5T_NATIVE_DOUBLE);
@@ -272,6 +274,22 @@ void FlashFile::read_sizes() {
         attributes["time"] = to_text(*old);
     if (auto const step = integers.find("nstep"); step != integers.end()) attributes["step"] = to_text(step->second);
     runtime_ = list<double>("real runtime parameters", H5T_NATIVE_DOUBLE);
+}
+
+/// Cells of cylinders and spheres are not boxes: they would be drawn in the wrong place and weighted wrongly.
+void FlashFile::refuse_other_geometry() const {
+    using Word = std::array<char, 80>;
+    Handle const word(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_size(word, std::tuple_size_v<Word>);
+    for (char const* const name : {"string scalars", "string runtime parameters"}) {
+        auto const words = list<Word>(name, word);
+        auto const found = words.find("geometry");
+        if (found == words.end()) continue;
+        std::string const geometry = trimmed({found->second.data(), found->second.size()});
+        if (geometry != "cartesian" && !geometry.empty())
+            refuse(text("has ", geometry, " coordinates, and only Cartesian ones can be read"),
+                   "cells would be drawn in the wrong place and weighted by the wrong volume");
+    }
 }
 
 void FlashFile::read_variables() {

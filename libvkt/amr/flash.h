@@ -36,7 +36,8 @@ struct FlashWriteOptions {
     bool single_boxes = true; ///< block tables in float32, as plot files have them; else float64
     int guard_cells = 0;      ///< on each side, filled with NaN
     bool parents = true; ///< write parent blocks; their cells are NaN, so that a reader that keeps them is found out
-    bool for_others = false; ///< write the root blocks and the geometry as well, which other readers ask for
+    bool for_others = false;            ///< write the root blocks and the geometry as well, which other readers ask for
+    std::string geometry = "cartesian"; ///< what is written for others
     Vec3 domain_lower{0, 0, 0}, domain_upper{1, 1, 1};
 };
 

@@ -175,12 +175,12 @@ private:
              {"lrefine_max", std::max_element(entries_.begin(), entries_.end(), [](auto const& a, auto const& b) {
                                  return a.refinement < b.refinement;
                              })->refinement}});
-        std::array<char, 80> cartesian;
-        cartesian.fill(' ');
-        std::memcpy(cartesian.data(), "cartesian", 9);
+        std::array<char, 80> geometry;
+        geometry.fill(' ');
+        std::memcpy(geometry.data(), options_.geometry.data(), std::min(geometry.size(), options_.geometry.size()));
         hid_t const word = H5Tcopy(H5T_C_S1);
-        H5Tset_size(word, cartesian.size());
-        write_list<std::array<char, 80>>("string runtime parameters", word, {{"geometry", cartesian}});
+        H5Tset_size(word, geometry.size());
+        write_list<std::array<char, 80>>("string runtime parameters", word, {{"geometry", geometry}});
         H5Tclose(word);
     }
 

@@ -80,9 +80,8 @@ Box lattice_box(LevelLattice const& lattice, Brick const& brick) {
 }
 
 GhostFiller::GhostFiller(Volume const& volume, BrickIndex const& index, std::span<tile::Source const> sources,
-                         Reconstruction method, double background, InstructionSet instructions)
-    : volume_(volume), index_(index), sources_(sources), method_(method), background_(background),
-      instructions_(instructions) {}
+                         TileRule const& rule, InstructionSet instructions)
+    : volume_(volume), index_(index), sources_(sources), rule_(rule), instructions_(instructions) {}
 
 void GhostFiller::fill(LevelLattice const& lattice, AnyView out, Boundary boundary, double border_value) {
     if (box_of(lattice.dims).contains(out.box)) return fill_inside(lattice, out);
@@ -125,8 +124,7 @@ void GhostFiller::fill_inside(LevelLattice const& lattice, AnyView out) {
         return brick.level == lattice.level ? intersect(lattice_box(lattice, brick), out.box) : Box{};
     };
     for (std::int32_t const id : near_) held += own(id).voxels();
-    if (held < out.box.voxels())
-        compute_box(sources_, near_, grid, method_, background_, out, workspace_, instructions_);
+    if (held < out.box.voxels()) compute_box(sources_, near_, grid, rule_, out, workspace_, instructions_);
     for (std::int32_t const id : near_) {
         Box const part = own(id);
         if (part.empty()) continue;

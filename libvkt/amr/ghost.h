@@ -17,9 +17,8 @@ struct LevelLattice {
 /// decides. One instance per thread; the volume and index must outlive it.
 class GhostFiller {
 public:
-    /// `background` stands where no brick contributes.
     GhostFiller(Volume const& volume, BrickIndex const& index, std::span<tile::Source const> sources,
-                Reconstruction method, double background, InstructionSet instructions);
+                TileRule const& rule, InstructionSet instructions);
 
     /// out.box counts cells of the lattice and may leave it; out.type is the volume's. O(cells + log bricks).
     void fill(LevelLattice const& lattice, AnyView out, Boundary boundary, double border_value);
@@ -30,8 +29,7 @@ private:
     Volume const& volume_;
     BrickIndex const& index_;
     std::span<tile::Source const> sources_;
-    Reconstruction method_;
-    double background_;
+    TileRule rule_;
     InstructionSet instructions_;
     TileWorkspace workspace_;
     std::vector<std::int32_t> near_;

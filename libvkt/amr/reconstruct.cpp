@@ -40,7 +40,7 @@ IndexRange touched(SampleGrid const& grid, Reconstruction method, tile::Source c
 } // namespace
 
 Reconstructor::Reconstructor(Volume volume, SampleGrid const& grid, Reconstruction method, double background)
-    : volume_(std::move(volume)), grid_(grid), method_(method), background_(background) {
+    : volume_(std::move(volume)), grid_(grid), rule_(tile_rule(volume_.header(), method, background, {1, 0})) {
     if (volume_.header().kind != Kind::hierarchical)
         throw Error(ErrorKind::failure, "reconstruction starts from a hierarchical volume");
     auto const& bricks = volume_.bricks();
@@ -50,10 +50,28 @@ Reconstructor::Reconstructor(Volume volume, SampleGrid const& grid, Reconstructi
     first_z_.resize(bricks.size());
     last_z_.resize(bricks.size());
     for (std::size_t i = 0; i < bricks.size(); ++i) {
-        IndexRange const z = touched(grid_, method_, sources_[i], 2);
+        IndexRange const z = touched(grid_, rule_.method, sources_[i], 2);
         first_z_[i] = z.first;
         last_z_[i] = z.last;
     }
+    // Sums of integers and halves are wider than what they are stored as: rounding brings them back.
+    DataType const type = volume_.header().dtype;
+    bool const rounds = type == DataType::float32 || type == DataType::float64;
+    if (rounds && method != Reconstruction::nearest) rule_.range = range_near_grid();
+}
+
+/// Of the cells that matter to any sample of the grid, so that no result depends on how it is cut into regions.
+ValueRange Reconstructor::range_near_grid() const {
+    std::vector<std::size_t> near;
+    for (std::size_t i = 0; i < sources_.size(); ++i) {
+        bool meets = true;
+        for (int a = 0; a < 3 && meets; ++a) {
+            IndexRange const range = touched(grid_, rule_.method, sources_[i], a);
+            meets = range.first < range.last;
+        }
+        if (meets) near.push_back(i);
+    }
+    return united(brick_ranges(volume_, near, default_execution()));
 }
 
 /// Lists for every tile the bricks that may matter to it, ascending: counts first, then fills.
@@ -76,7 +94,7 @@ void Reconstructor::bin(Box const& region, Index3 const& tiles, Index3 const& fi
         Entry entry{static_cast<std::int32_t>(i), {}, {}};
         bool any = true;
         for (int a = 0; a < 3 && any; ++a) {
-            IndexRange const range = touched(grid_, method_, sources_[i], a);
+            IndexRange const range = touched(grid_, rule_.method, sources_[i], a);
             std::int64_t const first = std::max(range.first, region.lower[a]);
             std::int64_t const last = std::min(range.last, region.upper[a]);
             any = first < last;
@@ -129,7 +147,7 @@ void Reconstructor::run(AnyView out, AnyView mask, Execution const& execution) c
         job.ids = ids.data() + starts[static_cast<std::size_t>(t)];
         job.id_count = starts[static_cast<std::size_t>(t) + 1] - starts[static_cast<std::size_t>(t)];
         TileWorkspace& mine = work[static_cast<std::size_t>(omp_get_thread_num())];
-        compute_tile(job, method_, background_, out, mask, mine, execution.instructions);
+        compute_tile(job, rule_, out, mask, mine, execution.instructions);
     }
 }
 

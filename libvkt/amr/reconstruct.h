@@ -19,7 +19,8 @@ namespace vkt {
 ///   undershoots, trilinear with clamped edges inside a level; off by at most half a fine cell times the gradient at
 ///   2:1 boundaries.
 /// nearest: the cell that holds the sample.
-/// average: volume-weighted mean of the cells a voxel overlaps; conserves the integral.
+/// average: volume-weighted mean of the cells that a voxel overlaps, and of the background where it overlaps none;
+///   conserves the integral.
 /// automatic: average where a voxel is at least two cells wide, basis elsewhere.
 enum class Reconstruction : std::uint8_t { basis, nearest, average, automatic };
 
@@ -37,6 +38,14 @@ template <> struct EnumNames<Reconstruction> {
 struct SampleGrid {
     Vec3 lower, step{1, 1, 1};
     Index3 dims{1, 1, 1};
+};
+
+/// What all parts of a reconstruction share.
+struct TileRule {
+    Reconstruction method = Reconstruction::basis;
+    double background = 0;  ///< stored value where there is no brick
+    Vec3 extent{1, 1, 1};   ///< of the logical grid, in finest cells: what lies outside is no part of a mean
+    ValueRange range{1, 0}; ///< of the cells: weighted sums, which round, do not leave it; empty if nobody knows
 };
 
 /// What a user asks for. At most one of dims, spacing and cells; none samples every finest cell.
@@ -65,8 +74,10 @@ public:
     Reconstructor(Volume volume, SampleGrid const& grid, Reconstruction method, double background = 0);
 
     /// Computes the samples of out.box, in the volume's type and host memory; where no brick contributes they become
-    /// the background. `mask`, if not empty, is a uint8 view of the same box: 1 where bricks contribute, else 0.
-    /// O(samples + bricks near the region).
+    /// the background, which also has its share in means over voxels that bricks cover in part, unless it is not
+    /// finite. Samples keep to the range of the cells, and that share to the range between them and the background.
+    /// `mask`, if not empty, is a uint8 view of the same box: 1 where bricks contribute, else 0. O(samples + bricks
+    /// near the region).
     void run(AnyView out, AnyView mask, Execution const& execution) const;
     void run(AnyView out, Execution const& execution) const { run(out, AnyView{}, execution); }
 
@@ -76,13 +87,13 @@ public:
     std::size_t state_bytes() const { return sources_.size() * bytes_per_brick; }
 
 private:
+    ValueRange range_near_grid() const;
     void bin(Box const& region, Index3 const& tiles, Index3 const& first_tile, std::vector<std::int64_t>& starts,
              std::vector<std::int32_t>& ids) const;
 
     Volume volume_;
     SampleGrid grid_;
-    Reconstruction method_;
-    double background_;
+    TileRule rule_;
     std::vector<tile::Source> sources_;
     std::vector<std::int64_t> first_z_, last_z_; ///< per brick: output slices it may touch
 };

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 namespace vkt {
 
@@ -93,11 +94,14 @@ int mark_coarse(tile::Job const& job, std::uint8_t* coarse) {
     return marked;
 }
 
+/// By how much shares of a voxel that add up to one may miss it.
+constexpr double weight_rounding = 1e-9;
+
 /// Where the samples of a tile go.
 struct TileOutput {
     AnyView out, mask;
     tile::Job const& job;
-    double background;
+    TileRule const& rule;
     InstructionSet instructions;
 
     std::uint8_t* mask_row(int j, int k) const {
@@ -106,9 +110,12 @@ struct TileOutput {
     }
 
     /// Divides sums by weights; only where `coarse` equals `wanted`, if it is given.
-    template <class T, class C>
+    template <class T, bool weights_are_shares = false, class C>
     void store(tile::Scratch<C> const& scratch, std::uint8_t const* coarse, std::uint8_t wanted) const {
-        T const nothing = store_cell<T>(background);
+        T const nothing = store_cell<T>(rule.background);
+        bool const bounded = !rule.range.empty();
+        C const low = bounded ? static_cast<C>(rule.range.minimum) : -std::numeric_limits<C>::infinity();
+        C const high = bounded ? static_cast<C>(rule.range.maximum) : std::numeric_limits<C>::infinity();
         for (int k = 0; k < job.count[2]; ++k)
             for (int j = 0; j < job.count[1]; ++j) {
                 int const at = (k * job.count[1] + j) * job.count[0];
@@ -117,7 +124,11 @@ struct TileOutput {
                 for (int i = 0; i < job.count[0]; ++i) {
                     if (coarse != nullptr && coarse[at + i] != wanted) continue;
                     C const weight = scratch.weight[at + i];
-                    row[i] = weight > C(0) ? store_cell<T>(scratch.sum[at + i] / weight) : nothing;
+                    C value = scratch.sum[at + i] / weight;
+                    value = value < low ? low : value > high ? high : value; // NaN stays
+                    if constexpr (weights_are_shares)
+                        if (weight > 0 && weight < 1 - weight_rounding) value = with_background(value, weight, i, j, k);
+                    row[i] = weight > C(0) ? store_cell<T>(value) : nothing;
                     if (covered != nullptr) covered[i] = weight > C(0) ? 1 : 0;
                 }
             }
@@ -157,8 +168,25 @@ struct TileOutput {
             }
     }
 
+    /// Share of voxel i along an axis that lies in the logical grid.
+    double share_inside(int axis, int i) const {
+        double const low = job.lower[axis] + static_cast<double>(job.begin[axis] + i) * job.step[axis];
+        double const inside = std::min(low + job.step[axis], rule.extent[axis]) - std::max(low, 0.0);
+        return std::clamp(inside / job.step[axis], 0.0, 1.0);
+    }
+
+    /// The mean of a voxel that bricks cover in part: the background takes the rest, which keeps the integral. A
+    /// background that is not a number means that nothing is there, and the mean is that of what is.
+    double with_background(double mean, double covered, int i, int j, int k) const {
+        double const inside = share_inside(0, i) * share_inside(1, j) * share_inside(2, k);
+        if (!std::isfinite(rule.background) || covered >= inside * (1 - weight_rounding)) return mean;
+        double const share = covered / inside, mixed = mean * share + rule.background * (1 - share);
+        double const low = std::min(mean, rule.background), high = std::max(mean, rule.background);
+        return mixed < low ? low : mixed > high ? high : mixed;
+    }
+
     template <class T> void nearest() const {
-        T const nothing = store_cell<T>(background);
+        T const nothing = store_cell<T>(rule.background);
         for (int k = 0; k < job.count[2]; ++k)
             for (int j = 0; j < job.count[1]; ++j) {
                 T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
@@ -209,11 +237,11 @@ struct TileOutput {
 
     void average_where(TileMemory& work, std::uint8_t const* coarse) const {
         average(job, work.wide, instructions);
-        with_cell_type(job.type, [&]<class T>(T) { store<T>(work.wide, coarse, 1); });
+        with_cell_type(job.type, [&]<class T>(T) { store<T, true>(work.wide, coarse, 1); });
     }
 
-    void compute(Reconstruction method, TileMemory& work) const {
-        switch (method) {
+    void compute(TileMemory& work) const {
+        switch (rule.method) {
         case Reconstruction::nearest:
             with_cell_type(job.type, [&]<class T>(T) { nearest<T>(); });
             break;
@@ -240,14 +268,13 @@ TileWorkspace::TileWorkspace() : memory_(std::make_unique<TileMemory>()) {}
 TileWorkspace::~TileWorkspace() = default;
 TileWorkspace::TileWorkspace(TileWorkspace&&) noexcept = default;
 
-void compute_tile(tile::Job const& job, Reconstruction method, double background, AnyView out, AnyView mask,
-                  TileWorkspace& workspace, InstructionSet instructions) {
-    TileOutput{out, mask, job, background, instructions}.compute(method, workspace.memory());
+void compute_tile(tile::Job const& job, TileRule const& rule, AnyView out, AnyView mask, TileWorkspace& workspace,
+                  InstructionSet instructions) {
+    TileOutput{out, mask, job, rule, instructions}.compute(workspace.memory());
 }
 
 void compute_box(std::span<tile::Source const> sources, std::span<std::int32_t const> ids, SampleGrid const& grid,
-                 Reconstruction method, double background, AnyView out, TileWorkspace& workspace,
-                 InstructionSet instructions) {
+                 TileRule const& rule, AnyView out, TileWorkspace& workspace, InstructionSet instructions) {
     Box const region = out.box;
     tile::Job job;
     job.type = out.type;
@@ -266,8 +293,13 @@ void compute_box(std::span<tile::Source const> sources, std::span<std::int32_t c
                     job.begin[a] = at[a];
                     job.count[a] = static_cast<int>(std::min(tile_extent[a], region.upper[a] - at[a]));
                 }
-                compute_tile(job, method, background, out, AnyView{}, workspace, instructions);
+                compute_tile(job, rule, out, AnyView{}, workspace, instructions);
             }
+}
+
+TileRule tile_rule(Header const& header, Reconstruction method, double background, ValueRange range) {
+    Index3 const n = header.dims;
+    return {method, background, {static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)}, range};
 }
 
 std::vector<tile::Source> tile_sources(Volume const& volume) {

@@ -28,17 +28,19 @@ private:
     std::unique_ptr<TileMemory> memory_;
 };
 
+/// The rule for a volume whose cells that matter lie in a range.
+TileRule tile_rule(Header const& header, Reconstruction method, double background, ValueRange range);
+
 /// The bricks of a volume as kernels see them; its cells are migrated to host memory.
 std::vector<tile::Source> tile_sources(Volume const& volume);
 
 /// Computes the samples of one tile into `out`, whose box contains it; `mask` may be empty.
-void compute_tile(tile::Job const& job, Reconstruction method, double background, AnyView out, AnyView mask,
-                  TileWorkspace& workspace, InstructionSet instructions);
+void compute_tile(tile::Job const& job, TileRule const& rule, AnyView out, AnyView mask, TileWorkspace& workspace,
+                  InstructionSet instructions);
 
 /// Computes all samples of out.box from the bricks `ids` (ascending; those that do not matter do no harm), on the
 /// calling thread.
 void compute_box(std::span<tile::Source const> sources, std::span<std::int32_t const> ids, SampleGrid const& grid,
-                 Reconstruction method, double background, AnyView out, TileWorkspace& workspace,
-                 InstructionSet instructions);
+                 TileRule const& rule, AnyView out, TileWorkspace& workspace, InstructionSet instructions);
 
 } // namespace vkt

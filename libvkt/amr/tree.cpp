@@ -192,4 +192,19 @@ TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks) {
     return summary;
 }
 
+bool is_uniform(Header const& header) {
+    return header.kind == Kind::structured ||
+           (header.level_count == 1 && static_cast<double>(header.cell_count) == volume_of(header.dims));
+}
+
+std::optional<double> stored_background(Header const& header) {
+    auto const attribute = header.attributes.find("background");
+    if (attribute == header.attributes.end()) return std::nullopt;
+    try {
+        return header.values.stored(parse_double(attribute->second));
+    } catch (Error const& error) {
+        throw Error(ErrorKind::data, text("attribute 'background' of the hierarchical volume: ", error.what()));
+    }
+}
+
 } // namespace vkt

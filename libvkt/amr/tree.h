@@ -6,6 +6,7 @@
 #include "libvkt/core/volume.h"
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -62,6 +63,14 @@ struct TreeSummary {
 
 TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks);
 
+/// True if the tree is all finest cells without holes, and with that as good as a structured volume.
+bool is_uniform(Header const& header);
+
+/// The stored value of what no brick covers: the attribute "background", which holds it in physical values, where the
+/// source says that there is one (OpenVDB, refine). Cells of that value are as good as holes. None if the volume names
+/// none. Throws Error{data} if the attribute is no number.
+std::optional<double> stored_background(Header const& header);
+
 /// Smallest and largest cell of a brick, NaN left out; minimum > maximum if it holds nothing but NaN.
 struct ValueRange {
     double minimum = 0, maximum = 0;
@@ -70,6 +79,9 @@ struct ValueRange {
 
 /// Ranges of all bricks in order. Cells must lie in host memory or are migrated there.
 std::vector<ValueRange> brick_ranges(Volume const& volume, Execution const& execution);
+/// Those of some bricks, in the order given.
+std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t const> which,
+                                     Execution const& execution);
 ValueRange united(std::span<ValueRange const> ranges);
 
 /// A node of the index: 32 bytes, boxes rounded outwards to float. Leaves (count > 0) name `count` entries of the order

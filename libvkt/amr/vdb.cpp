@@ -76,6 +76,24 @@ public:
     }
 };
 
+Geometry geometry_of(openvdb::math::Transform const& transform, std::string const& path, openvdb::Coord first) {
+    if (!transform.isLinear())
+        throw Error(ErrorKind::data, text(path, ": the grid's transform is not linear (frustum)"));
+    Geometry geometry;
+    openvdb::Vec3d const origin = transform.indexToWorld(openvdb::Vec3d(first.x(), first.y(), first.z()));
+    for (int a = 0; a < 3; ++a) {
+        openvdb::Vec3d unit(0, 0, 0);
+        unit[a] = 1;
+        openvdb::Vec3d const step = transform.indexToWorld(unit) - transform.indexToWorld(openvdb::Vec3d(0, 0, 0));
+        geometry.origin[a] = origin[a];
+        geometry.spacing[a] = step.length();
+        auto const axis = static_cast<std::size_t>(a);
+        for (int w = 0; w < 3; ++w) geometry.direction[axis][w] = step[w] / geometry.spacing[a];
+    }
+    check(geometry);
+    return geometry;
+}
+
 /// An open file; OpenVDB's exceptions become ours.
 class VdbFile {
 public:
@@ -92,9 +110,23 @@ public:
         AmrListing listing;
         listing.format = "OpenVDB";
         guarded([&] {
+            openvdb::CoordBBox all;
+            openvdb::math::Transform::ConstPtr shared;
             for (auto name = file_.beginName(); name != file_.endName(); ++name) {
                 openvdb::GridBase::Ptr const grid = file_.readGridMetadata(name.gridName());
-                if (auto const dtype = dtype_of(*grid)) listing.variables.push_back({name.gridName(), *dtype, {}, {}});
+                auto const dtype = dtype_of(*grid);
+                if (!dtype) continue;
+                openvdb::CoordBBox const box = active_box(*grid);
+                listing.variables.push_back({name.gridName(), *dtype, {}, {}, extent_text(*grid, box)});
+                // Grids that lie on one lattice share an extent; of others the header is that of the first.
+                if (box.empty() || !grid->transform().isLinear() || (shared && *shared != grid->transform())) continue;
+                shared = grid->transformPtr();
+                all.expand(box);
+            }
+            if (shared) {
+                for (int a = 0; a < 3; ++a)
+                    listing.header.dims[a] = std::int64_t{all.max()[a]} - std::int64_t{all.min()[a]} + 1;
+                listing.header.geometry = geometry_of(*shared, path_, all.min());
             }
         });
         return listing;
@@ -125,6 +157,25 @@ public:
     }
 
 private:
+    /// The box of the active voxels, as the writer stated it: grids need not be read for that.
+    static openvdb::CoordBBox active_box(openvdb::GridBase const& grid) {
+        auto const low = grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MIN);
+        auto const high = grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MAX);
+        if (!low || !high) return {};
+        return {openvdb::Coord(low->value()), openvdb::Coord(high->value())};
+    }
+
+    static std::string extent_text(openvdb::GridBase const& grid, openvdb::CoordBBox const& box) {
+        auto const count = grid.getMetadata<openvdb::Int64Metadata>(openvdb::GridBase::META_FILE_VOXEL_COUNT);
+        std::string active = count ? text(std::int64_t{count->value()}, " active voxels") : std::string();
+        if (box.empty()) return active;
+        std::int64_t const one = 1;
+        Index3 const n{one + box.max().x() - box.min().x(), one + box.max().y() - box.min().y(),
+                       one + box.max().z() - box.min().z()};
+        return text(active, active.empty() ? "" : " in ", n, " from ", box.min().x(), " ", box.min().y(), " ",
+                    box.min().z());
+    }
+
     template <class Function> void guarded(Function function) {
         try {
             function();
@@ -186,24 +237,6 @@ struct Node {
     std::int64_t cells; ///< along an axis
     int level;
 };
-
-Geometry geometry_of(openvdb::math::Transform const& transform, std::string const& path, openvdb::Coord first) {
-    if (!transform.isLinear())
-        throw Error(ErrorKind::data, text(path, ": the grid's transform is not linear (frustum)"));
-    Geometry geometry;
-    openvdb::Vec3d const origin = transform.indexToWorld(openvdb::Vec3d(first.x(), first.y(), first.z()));
-    for (int a = 0; a < 3; ++a) {
-        openvdb::Vec3d unit(0, 0, 0);
-        unit[a] = 1;
-        openvdb::Vec3d const step = transform.indexToWorld(unit) - transform.indexToWorld(openvdb::Vec3d(0, 0, 0));
-        geometry.origin[a] = origin[a];
-        geometry.spacing[a] = step.length();
-        auto const axis = static_cast<std::size_t>(a);
-        for (int w = 0; w < 3; ++w) geometry.direction[axis][w] = step[w] / geometry.spacing[a];
-    }
-    check(geometry);
-    return geometry;
-}
 
 /// A cell's value in the volume's type; half voxels were widened by OpenVDB and narrow exactly.
 template <class T, class V> T cell_of(V const& value) {

@@ -12,9 +12,10 @@ namespace vkt {
 ///     range * (largest value - smallest value) + magnitude * |slope| * largest |stored value| + absolute.
 /// A constant border counts as one of the values. The share of the magnitude is what rounding costs, and far more than
 /// the same share of the range for data with an offset. What is exact or correctly rounded has no error; for integer
-/// outputs the rounding to whole numbers comes on top of a bound, for floats it is part of it.
+/// outputs the rounding to whole numbers comes on top of a bound, for floats it is part of it. Of an unknown error
+/// nothing is told.
 struct ErrorBound {
-    enum class Kind : std::uint8_t { exact, bound, estimate };
+    enum class Kind : std::uint8_t { exact, bound, estimate, unknown };
 
     Kind kind = Kind::exact;
     double range = 0;

@@ -104,9 +104,14 @@ public:
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;
 
+    /// Neighbourhood operations on hierarchical volumes: plans one level, whose lattice the header describes as if it
+    /// were a structured volume. Its cells are this many finest cells wide; lengths in voxels mean finest cells.
+    virtual Plan plan_level(Header const& level, Index3 /*cell_width*/) { return plan({&level, 1}); }
     /// Hierarchical volumes: the cells that scan() and run() see next are this many finest cells wide along each axis,
-    /// and positions count cells of their level. Reductions weight by the product, operations with regions scale them.
-    virtual void enter_level(Index3 /*cell_width*/) {}
+    /// and positions count cells of their level, of which cell (0,0,0) begins at `first` (in finest cells, never above
+    /// 0 for pointwise operations and reductions). Reductions weight by the product, operations with regions scale
+    /// them.
+    virtual void enter_level(Index3 /*cell_width*/, Index3 /*first*/) {}
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.
     virtual bool uses_position() const { return true; }

@@ -22,7 +22,8 @@ void describe(AmrListing const& listing, Header& header) {
         names.push_back(variable.name);
         std::string range;
         if (variable.minimum && variable.maximum) range = text(", ", *variable.minimum, " to ", *variable.maximum);
-        header.attributes[text("variable ", variable.name)] = text(variable.dtype, range);
+        header.attributes[text("variable ", variable.name)] =
+            text(variable.dtype, range, variable.extent.empty() ? "" : ", ", variable.extent);
     }
     header.attributes["variables"] = join(names, " ");
     if (listing.bricks.empty()) return;

@@ -63,7 +63,9 @@ Plan Fill::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-void Fill::enter_level(Index3 cell_width) { box_ = cells_centred_in(finest_, cell_width); }
+void Fill::enter_level(Index3 cell_width, Index3 first) {
+    box_ = cells_centred_in({finest_.lower - first, finest_.upper - first}, cell_width);
+}
 
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = whole_ ? out.box : intersect(out.box, box_);

@@ -23,7 +23,7 @@ public:
     /// Throws Error{usage} if the region is given twice or by half.
     void check() const override;
     /// In hierarchical volumes cells with centres in the region are filled.
-    void enter_level(Index3 cell_width) override;
+    void enter_level(Index3 cell_width, Index3 first) override;
     bool uses_position() const override { return first_ || !region_.empty(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }

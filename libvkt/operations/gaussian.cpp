@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/gaussian.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
 
@@ -28,13 +29,31 @@ double default_tolerance(DataType type, double border) {
     return std::max(1e-12, 0.25 / (levels * wider));
 }
 
+/// The sigma for which the sampled Gaussian has a variance, in voxels. Sampling takes from it where sigma is small.
+double sigma_of_variance(double variance) {
+    if (variance >= 1) return std::sqrt(variance); // the sampled one's differs by less than 2e-7
+    if (!(variance > 1e-12)) return 0;             // shares of neighbours far below any tolerance
+    double low = 0, high = 1.1;
+    for (int step = 0; step < 60; ++step) {
+        double const sigma = 0.5 * (low + high);
+        double sum = 0.5, second = 0; // of one half
+        for (int k = 1; k <= 10; ++k) {
+            double const tap = std::exp(-0.5 * (k / sigma) * (k / sigma));
+            sum += tap;
+            second += k * k * tap;
+        }
+        (second / sum < variance ? low : high) = sigma;
+    }
+    return 0.5 * (low + high);
+}
+
 } // namespace
 
 VKT_OPERATION(Gaussian, "filter gaussian")
 
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
-    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
     parameters.option("boundary", boundary_, "RULE",
                       "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
     parameters.option("tolerance", tolerance_, "T",
@@ -53,13 +72,26 @@ void Gaussian::check() const {
 
 Plan Gaussian::plan(std::span<Header const> inputs) {
     check();
-    Header const& in = inputs[0];
     Vec3 sigma = sigma_;
-    int active = 0;
+    for (int axis = 0; axis < 3 && unit_ == LengthUnit::world; ++axis) sigma[axis] /= inputs[0].geometry.spacing[axis];
+    return plan_for(inputs[0], sigma);
+}
+
+Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
+    check();
+    Vec3 sigma;
     for (int axis = 0; axis < 3; ++axis) {
-        if (unit_ == LengthUnit::world) sigma[axis] /= in.geometry.spacing[axis];
-        active += sigma[axis] > 0 ? 1 : 0;
+        auto const width = static_cast<double>(cell_width[axis]);
+        sigma[axis] = sigma_[axis] / (unit_ == LengthUnit::world ? level.geometry.spacing[axis] : width);
+        if (width > 1) sigma[axis] = sigma_of_variance(sigma[axis] * sigma[axis]);
     }
+    return plan_for(level, sigma);
+}
+
+Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
+    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
+    int active = 0;
+    for (int axis = 0; axis < 3; ++axis) active += sigma[axis] > 0 ? 1 : 0;
     passes_ = {};
     passes_.dims = in.dims;
     passes_.boundary = boundary_.boundary;
@@ -124,6 +156,7 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
         double const floor = steps * 8 * storing_floor(computes) + (rounds_out ? storing_floor(in.dtype) : 0);
         plan.error.absolute = std::abs(in.values.slope) * floor;
     }
+    if (!plan.error.exact() && !is_uniform(in)) plan.error = {ErrorBound::Kind::unknown};
     plan.error.limit(in.dtype, in.values.slope, constant ? std::optional(border) : std::nullopt);
     if (copies_) {
         plan.shift = Index3{};

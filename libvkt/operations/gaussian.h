@@ -20,11 +20,13 @@ template <> struct EnumNames<LengthUnit> {
 
 /// Convolves with the sampled Gaussian exp(-k^2 / 2 sigma^2), cut off and renormalised, along each axis.
 ///
-/// sigma: standard deviation per axis, finite and >= 0, in voxels or world units; 0 leaves the axis alone, a single
-/// voxel is left alone by all boundary rules but `border`. tolerance: allowed error against the infinite kernel as a
-/// share of the value range; by default a quarter of the last bit for integers and 1e-4 for floats. The error is
-/// bounded a priori: half the L1 distance of the kernels, summed over the axes, as a share of the value range, plus
-/// rounding (see GaussianTaps), some of it as a share of the largest magnitude. A constant border is one of the values.
+/// sigma: standard deviation per axis, finite and >= 0, in voxels (hierarchical volumes: finest cells) or world units;
+/// 0 leaves the axis alone, a single voxel is left alone by all boundary rules but `border`. On coarse levels, where
+/// sigma may be less than a cell, the kernel is the one whose variance is that of sigma; what this and the passing from
+/// level to level cost is not bounded. tolerance: allowed error against the infinite kernel as a share of the value
+/// range; by default a quarter of the last bit for integers and 1e-4 for floats. The error is bounded a priori: half
+/// the L1 distance of the kernels, summed over the axes, as a share of the value range, plus rounding (see
+/// GaussianTaps), some of it as a share of the largest magnitude. A constant border is one of the values.
 ///
 /// The type is kept, integers round half to even. Intermediates are float32, float64 for 32- and 64-bit integers,
 /// float64, and tolerances that float32 cannot meet. Constants are reproduced bit for bit and results stay within the
@@ -41,6 +43,7 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
+    Plan plan_level(Header const& level, Index3 cell_width) override;
     /// Grown by the radius and cut to the volume, because the kernel knows the boundary rule; of a region that follows
     /// the last one only the slices that run() has not seen yet.
     Box footprint(Box const& output, int input) const override;
@@ -53,6 +56,8 @@ public:
     void set_tolerance(double tolerance) { tolerance_ = tolerance; }
 
 private:
+    Plan plan_for(Header const& in, Vec3 const& sigma);
+
     Vec3 sigma_{1, 1, 1};
     LengthUnit unit_ = LengthUnit::voxel;
     BoundaryRule boundary_{Boundary::mirror, 0};

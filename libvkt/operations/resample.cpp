@@ -440,10 +440,8 @@ Plan Resample::plan_tree(Header const& input) {
     plan.cost = 16;
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
-    double empty = background.value_or(0);
-    if (auto const known = input.attributes.find("background"); !background && known != input.attributes.end())
-        empty = parse_double(known->second);
-    stored_background_ = input.values.stored(empty);
+    stored_background_ =
+        background ? input.values.stored(*background) : stored_background(input).value_or(input.values.stored(0));
     values_.reset();
     if (mask) {
         plan.output.dtype = DataType::uint8;

@@ -3,6 +3,8 @@
 #if VKT_HOST
 #include "libvkt/operations/set_header.h"
 
+#include "libvkt/amr/tree.h"
+
 #include <cmath>
 #include <cstring>
 
@@ -89,6 +91,9 @@ Plan SetHeader::plan(std::span<Header const> inputs) {
     if (slope) h.values.slope = *slope;
     if (intercept) h.values.intercept = *intercept;
     if (voxel_mapping) h.values = value_map_of(*voxel_mapping, h.dtype);
+    // The stored value of holes is not touched, so it stands for another physical one.
+    if (auto const stored = input.kind == Kind::hierarchical ? stored_background(input) : std::nullopt)
+        h.attributes["background"] = to_text(h.values.physical(*stored));
     for (auto const& attribute : attributes) {
         std::size_t const equals = attribute.find('=');
         std::string const key = attribute.substr(0, equals), value = attribute.substr(equals + 1);

@@ -3,7 +3,8 @@
 #if VKT_HOST
 #include "libvkt/operations/statistics.h"
 
-#include "libvkt/amr/tree.h"
+#include "libvkt/amr/cells.h"
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <cmath>
@@ -43,6 +44,13 @@ Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
             at = find_from_row<T>(slab, row, extreme.value);
     });
     return at;
+}
+
+template <class T> bool equal(T a, T b) {
+    if constexpr (std::is_integral_v<T>)
+        return a == b;
+    else
+        return static_cast<double>(a) == static_cast<double>(b);
 }
 
 /// The first finite voxel of a slab in x-fastest order.
@@ -115,8 +123,12 @@ void Statistics::parameters(Parameters& p) {
 
 Plan Statistics::plan(std::span<Header const> inputs) {
     input_ = inputs.front();
-    region_ = finest_region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    bool const hierarchical = input_.kind == Kind::hierarchical;
+    Box const whole = hierarchical ? region_of(input_) : box_of(input_.dims);
+    region_ = finest_region_ = roi.empty() ? whole : roi.resolve(input_.dims);
     width_ = {1, 1, 1};
+    first_cell_ = {};
+    background_ = hierarchical ? stored_background(input_) : std::nullopt;
     levels_.clear();
     level_ = nullptr;
     total_ = {};
@@ -135,11 +147,10 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-void Statistics::enter_level(Index3 cell_width) {
+void Statistics::enter_level(Index3 cell_width, Index3 first) {
     width_ = cell_width;
-    region_ = cells_centred_in(finest_region_, cell_width);
-    if (roi.empty()) // lattices may begin outside the grid, and every cell counts
-        region_ = {{0, 0, 0}, {max_roi_extent, max_roi_extent, max_roi_extent}};
+    first_cell_ = first;
+    region_ = cells_centred_in({finest_region_.lower - first, finest_region_.upper - first}, cell_width);
     double const cell = volume_of(cell_width);
     level_ = &levels_[cell];
     level_->cell = cell;
@@ -154,6 +165,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
     ConstView const part = slab.part(box);
+    if (background_) return scan_foreground(part, execution);
     Index3 const n = box.dims();
     std::int64_t const bands = bands_in_slice(n);
     bands_.resize(static_cast<std::size_t>(bands * n.z));
@@ -172,6 +184,62 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     else
         for (Moments const& slice : slices_) append(slice, exact);
     merge_extremes(part);
+}
+
+/// The same of what is not background.
+void Statistics::scan_foreground(ConstView part, Execution const& execution) {
+    foreground_.resize(static_cast<std::size_t>(part.box.voxels()) * size_of(part.type));
+    std::int64_t count = 0;
+    baseline::for_each_type(part.type, [&]<class T>(T) {
+        View<T const> const in = part.as<T>();
+        T const background = store_cell<T>(*background_);
+        T* const kept = reinterpret_cast<T*>(foreground_.data());
+        Box const b = part.box;
+        for (std::int64_t z = b.lower.z; z < b.upper.z; ++z)
+            for (std::int64_t y = b.lower.y; y < b.upper.y; ++y)
+                for (std::int64_t x = b.lower.x; x < b.upper.x; ++x) {
+                    T const cell = in(x, y, z);
+                    kept[count] = cell;
+                    count += equal(cell, background) ? 0 : 1;
+                }
+    });
+    if (count == 0) return;
+    ConstView const cells =
+        dense_view(static_cast<std::byte const*>(foreground_.data()), part.type, box_of({count, 1, 1}));
+    bands_.resize(1); // one row
+    if (!origin_.known) origin_ = first_finite(cells);
+    band_statistics(cells, origin_, bands_.data(), execution);
+    append(bands_.front().moments, is_integer(input_.dtype) && size_of(input_.dtype) <= 4);
+    merge_extremes(part, bands_.front().range);
+}
+
+/// Where a cell begins, in finest cells.
+Index3 Statistics::finest_cell(Index3 cell) const {
+    for (int axis = 0; axis < 3; ++axis) cell[axis] = cell[axis] * width_[axis] + first_cell_[axis];
+    return cell;
+}
+
+/// The extremes of a slab's cells, which may be anywhere in it.
+void Statistics::merge_extremes(ConstView slab, Range const& range) {
+    if (!range.valid) return;
+    bool const integer = is_integer(input_.dtype);
+    auto const locate = [&](Extreme& extreme) {
+        Index3 at = slab.box.lower;
+        for (; at.z < slab.box.upper.z; ++at.z) {
+            Index3 const found = find(slab, at, extreme);
+            if (found.y == slab.box.upper.y) continue; // not in this slice
+            extreme.where = finest_cell(found);
+            return;
+        }
+    };
+    if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
+        min_ = {true, range.low, range.integer_low, {}};
+        locate(min_);
+    }
+    if (!max_.valid || (integer ? range.integer_high > max_.integer : range.high > max_.value)) {
+        max_ = {true, range.high, range.integer_high, {}};
+        locate(max_);
+    }
 }
 
 void Statistics::merge_extremes(ConstView slab) {
@@ -194,10 +262,7 @@ void Statistics::merge_extremes(ConstView slab) {
         }
     }
     // Only the band that won is searched: the first voxel in x-fastest order that has the value.
-    auto const locate = [&](Extreme& extreme) {
-        extreme.where = find(slab, extreme.where, extreme);
-        for (int axis = 0; axis < 3; ++axis) extreme.where[axis] *= width_[axis];
-    };
+    auto const locate = [&](Extreme& extreme) { extreme.where = finest_cell(find(slab, extreme.where, extreme)); };
     if (new_min) locate(min_);
     if (new_max) locate(max_);
 }

@@ -92,8 +92,9 @@ Report report(StatisticsResult const& result);
 /// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
 /// The result is the same bit for bit for every thread count, slab height and instruction set: rows are summed
 /// in 16 lanes, bands of rows are merged in order, then slices. Cells of hierarchical volumes are counted one by one,
-/// and once more weighted by their volume; a region takes the cells whose centres lie in it. Cost: one read of the
-/// volume, O(rows of a slab) memory.
+/// and once more weighted by their volume; those whose centres lie in the region, which is the volume's own (attribute
+/// "roi") if none is given. Cells that hold the volume's background (attribute "background") are not counted, whether
+/// they are stored or not: blocks are filled up with them. Cost: one read of the volume, O(rows of a slab) memory.
 class Statistics : public Operation {
 public:
     Roi roi; ///< part to look at; empty: all
@@ -102,7 +103,7 @@ public:
     Shape shape() const override { return Shape::reduction; }
     void parameters(Parameters& p) override;
     Plan plan(std::span<Header const> inputs) override;
-    void enter_level(Index3 cell_width) override;
+    void enter_level(Index3 cell_width, Index3 first) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     std::int64_t scan_step(Index3 part) const override { return rows_in_band(part); }
     void scan(ConstView slab, Execution const& execution) override;
@@ -118,13 +119,18 @@ private:
         Moments moments;
     };
     void append(Moments const& slice, bool exact);
+    void scan_foreground(ConstView part, Execution const& execution);
     void merge_extremes(ConstView slab);
+    void merge_extremes(ConstView slab, Range const& range);
+    Index3 finest_cell(Index3 cell) const;
     void weigh(StatisticsResult& result) const;
 
     Header input_;
     Box finest_region_;
     Box region_;                        ///< in voxels, or in cells of the level
     Index3 width_{1, 1, 1};             ///< of a cell, in finest cells
+    Index3 first_cell_;                 ///< where the level's first cell begins, in finest cells
+    std::optional<double> background_;  ///< stored value of cells that are not counted
     std::map<double, Weighted> levels_; ///< hierarchical volumes: by the volume of a cell
     Weighted* level_ = nullptr;
     Moments total_;
@@ -133,6 +139,7 @@ private:
     std::vector<BandStatistics> bands_; ///< scratch: of a slab
     std::vector<Moments> slices_;       ///< scratch: one per slice of a slab
     Moments slice_;                     ///< of the slice that comes in pieces
+    std::vector<std::byte> foreground_; ///< scratch: cells of a slab without those of the background
     StatisticsResult result_;
 };
 

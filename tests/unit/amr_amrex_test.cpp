@@ -117,6 +117,86 @@ TEST(AmrAmrex, NumberFormatsGhostCellsAndRatioFour) {
         }
 }
 
+/// What reading says, empty if it says nothing.
+std::string complaint(std::string const& path) {
+    try {
+        read_amrex(path, {}, execution());
+    } catch (Error const& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::data);
+        return error.what();
+    }
+    return {};
+}
+
+void replace(std::string const& path, std::string const& from, std::string const& to) {
+    std::ifstream in(path, std::ios::binary);
+    std::string content((std::istreambuf_iterator<char>(in)), {});
+    std::size_t const at = content.find(from);
+    ASSERT_NE(at, std::string::npos) << path;
+    put(path, content.replace(at, from.size(), to));
+}
+
+// Of all this the cells alone would tell nothing: they would be other cells, NaN or 5e241.
+TEST(AmrAmrex, RefusesRecordsThatAreNotWhatTheHeaderSays) {
+    auto const expect = [](char const* what, char const* file, std::string const& from, std::string const& to) {
+        TemporaryFile const root("damaged");
+        plotfile(root.path(), 8, false);
+        replace(root.path() + "/Level_1/" + file, from, to);
+        std::string const said = complaint(root.path());
+        EXPECT_NE(said.find(what), std::string::npos) << "'" << said << "' lacks '" << what << "'";
+        EXPECT_NE(said.find("Level_1/Cell_D_00000: the record at byte 0"), std::string::npos) << said;
+    };
+    expect("holds box", "Cell_D_00000", "(3,3,-1) (12,8,4)", "(2,3,-1) (11,8,4)"); // shifted
+    expect("holds box", "Cell_D_00000", "(3,3,-1) (12,8,4)", "(3,3,-1) (12,8,3)"); // another shape
+    expect("components", "Cell_D_00000", "(0,0,0)) 1\n", "(0,0,0)) 2\n");
+    expect("holds box", "Cell_H", "1\n1\n1\n1\n(1 0", "1\n1\n1\n0\n(1 0"); // no ghost cells, says the header
+    // The table of extremes, where there is one: cells are 1000 + 4…11 + 10 * (4…7) + 100 * (0…3).
+    std::string const lines = "FabOnDisk: Cell_D_00000 0\n\n";
+    std::string const table = lines + "1,1\n1044.0,\n\n1,1\n";
+    expect("rho is stated to lie in 1044 to 1300", "Cell_H", lines, table + "1300.0,\n");
+    TemporaryFile const root("whole");
+    plotfile(root.path(), 8, false);
+    replace(root.path() + "/Level_1/Cell_H", lines, table + "1381.0,\n");
+    EXPECT_EQ(complaint(root.path()), "");
+}
+
+/// A plotfile of one level with two boxes of 2 x 2 x 2 cells in one file.
+void two_boxes(std::string const& root, std::string const& first, std::int64_t second_at) {
+    put(root + "/Header",
+        "HyperCLaw-V1.1\n1\nrho\n3\n0\n0\n0 0 0\n4 2 2\n\n((0,0,0) (3,1,1) (0,0,0))\n0\n1 1 1\n0\n0\n0 2 "
+        "0\n0\n0 2\n0 2\n0 2\n2 4\n0 2\n0 2\nLevel_0/Cell\n");
+    put(root + "/Level_0/Cell_H",
+        "1\n1\n1\n0\n(2 0\n((0,0,0) (1,1,1) (0,0,0))\n((2,0,0) (3,1,1) (0,0,0))\n)\n2\nFabOnDisk: Cell_D_00000 "
+        "0\nFabOnDisk: Cell_D_00000 " +
+            std::to_string(second_at) + "\n\n");
+    std::string const line = "FAB ((8, (64 11 52 0 1 12 0 1023)),(8, (8 7 6 5 4 3 2 1)))((2,0,0) (3,1,1) (0,0,0)) 1\n";
+    put(root + "/Level_0/Cell_D_00000", first + line + std::string(64, '\0'));
+}
+
+TEST(AmrAmrex, RefusesRecordsThatLostBytesOrOverlap) {
+    TemporaryFile const root("two");
+    std::string const line = "FAB ((8, (64 11 52 0 1 12 0 1023)),(8, (8 7 6 5 4 3 2 1)))((0,0,0) (1,1,1) (0,0,0)) 1\n";
+    std::string const whole = line + std::string(64, '\0');
+    auto const second = static_cast<std::int64_t>(whole.size());
+    two_boxes(root.path(), whole, second);
+    EXPECT_EQ(complaint(root.path()), "");
+    two_boxes(root.path(), whole.substr(0, whole.size() - 5), second);
+    EXPECT_NE(complaint(root.path()).find("byte 0 of box"), std::string::npos) << complaint(root.path());
+    two_boxes(root.path(), whole.substr(0, whole.size() - 5), second - 5);
+    EXPECT_NE(complaint(root.path()).find("reaches into the one at byte"), std::string::npos) << complaint(root.path());
+    two_boxes(root.path(), whole, 0);
+    EXPECT_NE(complaint(root.path()).find("two boxes"), std::string::npos) << complaint(root.path());
+}
+
+TEST(AmrAmrex, RefusesGeometriesOtherThanCartesian) {
+    for (int const system : {1, 2}) {
+        TemporaryFile const root("system");
+        plotfile(root.path(), 8, false);
+        replace(root.path() + "/Header", "0.25 0.25 0.25\n0\n0\n", text("0.25 0.25 0.25\n", system, "\n0\n"));
+        EXPECT_NE(complaint(root.path()).find(system == 1 ? "cylindrical" : "spherical"), std::string::npos);
+    }
+}
+
 TEST(AmrAmrex, RefusesBrokenFiles) {
     TemporaryFile const root("broken");
     plotfile(root.path(), 8, false);

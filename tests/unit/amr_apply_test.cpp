@@ -4,7 +4,10 @@
 
 #include "libvkt/amr/apply.h"
 #include "libvkt/amr/edit.h"
+#include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/registry.h"
+#include "libvkt/operations/statistics.h"
 
 using namespace amr_test;
 
@@ -57,7 +60,7 @@ public:
         plan.output = inputs[0];
         return plan;
     }
-    void enter_level(Index3 width) override { width_ = width; }
+    void enter_level(Index3 width, Index3) override { width_ = width; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const&) override {
         ++calls;
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
@@ -84,7 +87,7 @@ public:
     Shape shape() const override { return Shape::reduction; }
     bool uses_position() const override { return false; }
     Plan plan(std::span<Header const>) override { return {}; }
-    void enter_level(Index3 width) override { weight_ = static_cast<double>(width.x * width.y * width.z); }
+    void enter_level(Index3 width, Index3) override { weight_ = static_cast<double>(width.x * width.y * width.z); }
     void scan(ConstView slab, Execution const&) override {
         View<float const> const in = slab.as<float>();
         for (std::int64_t z = slab.box.lower.z; z < slab.box.upper.z; ++z)
@@ -182,6 +185,90 @@ TEST(AmrApply, ReductionsWeightByCellVolume) {
     EXPECT_EQ(mean.weight, 96.0 * 32 * 24);
     EXPECT_EQ(mean.cells, static_cast<double>(tree.header().cell_count));
     EXPECT_NEAR(mean.sum / mean.weight, 3, 1e-5); // the mean of x + 2 y + 3 z over the domain
+}
+
+// Whatever an operation makes of nothing, or of one cell, it is a volume or a refusal.
+TEST(AmrApply, TreesWithoutBricksAndOfOneCell) {
+    std::vector<std::vector<std::string>> const commands{{"filter", "gaussian", "--sigma", "1"},
+                                                         {"filter", "gaussian", "--sigma", "1", "--boundary", "wrap"},
+                                                         {"filter", "gaussian", "--sigma", "0"},
+                                                         {"flip", "x"},
+                                                         {"arith", "add", "-", "1"},
+                                                         {"arith", "add", "-", "-"},
+                                                         {"convert", "--dtype", "uint8"},
+                                                         {"fill", "--value", "3"},
+                                                         {"fill", "--value", "3", "--roi", "0:1,:,:"},
+                                                         {"set", "--units", "K"},
+                                                         {"resample", "--dims", "3", "3", "3"},
+                                                         {"resample", "--dims", "3", "3", "3", "--method", "nearest"},
+                                                         {"resample", "--dims", "3", "3", "3", "--method", "average"},
+                                                         {"resample", "--dims", "3", "3", "3", "--method", "auto"},
+                                                         {"resample", "--dims", "3", "3", "3", "--mask"}};
+    Volume const empty = make_tree({16, 16, 16}, {}, [](Vec3) { return 0; });
+    Volume const cell = make_tree({1, 1, 1}, {{{0, 0, 0}, {1, 1, 1}, 0}}, [](Vec3) { return 5; });
+    for (auto const& words : commands) {
+        bool const two = words.size() == 4 && words[3] == "-";
+        std::string const said = text(words[0], " ", words[1]);
+        Volume const nothing = apply(words, two ? std::vector<Volume>{empty, empty} : std::vector<Volume>{empty});
+        if (words[0] == "resample")
+            EXPECT_EQ(nothing.header().voxels(), 27) << said;
+        else
+            EXPECT_EQ(nothing.bricks().size(), 0u) << said;
+        Volume const one = apply(words, two ? std::vector<Volume>{cell, cell} : std::vector<Volume>{cell});
+        EXPECT_EQ(one.header().voxels(), words[0] == "resample" ? 27 : 1) << said;
+        double const want = words[0] == "fill"         ? 3
+                            : words[0] == "arith"      ? (two ? 10 : 6)
+                            : words.back() == "--mask" ? 1
+                                                       : 5;
+        if (one.header().dtype == DataType::float32)
+            EXPECT_EQ(cells_of<float>(one)[0], static_cast<float>(want)) << said;
+    }
+    EXPECT_THROW(apply({"convert", "--range", "minmax", "--dtype", "uint8"}, {empty}), Error);
+    EXPECT_THROW(apply({"crop", "--roi", "0:1,:,:"}, {empty}), Error);
+    Statistics statistics;
+    reduce_hierarchical(statistics, empty, execution());
+    EXPECT_EQ(statistics.result().count, 0);
+    EXPECT_FALSE(statistics.result().valid);
+}
+
+// The region of a cropped tree is the volume: its border is where the boundary rule begins, as on a grid, and nothing
+// grows dark because bricks beyond it are gone.
+TEST(AmrApply, NeighbourhoodsEndAtTheRegion) {
+    Volume const tree = make_amr(uniform_recipe(), execution());
+    Box const region{{21, 5, 3}, {62, 22, 21}};
+    Volume const part = crop_tree(tree, region, execution());
+    ASSERT_LT(part.bricks().size(), tree.bricks().size());
+    for (Boundary const boundary : {Boundary::mirror, Boundary::clamp, Boundary::wrap, Boundary::border}) {
+        BoxMean a(boundary), b(boundary);
+        auto const grid = [&](Volume const& volume) {
+            return reconstruct(volume, whole_grid(volume, region.dims()), Reconstruction::nearest, 0, execution());
+        };
+        Volume const smooth = apply_hierarchical(a, {part}, execution());
+        EXPECT_EQ(values_of<float>(grid(smooth)), values_of<float>(apply(b, {grid(part)}, execution())));
+    }
+}
+
+// What holds the background and what is left out are the same thing, also after arithmetic.
+TEST(AmrApply, HolesFollowPointwiseOperations) {
+    Volume tree = make_tree({16, 8, 8}, {{{0, 0, 0}, {8, 8, 8}, 0}}, [](Vec3 p) { return p.x < 4 ? 2 : -1; });
+    tree.header().attributes["background"] = "-1";
+    for (std::vector<std::string> const words : {std::vector<std::string>{"arith", "mul", "-", "3"},
+                                                 {"arith", "add", "-", "-"},
+                                                 {"fill", "--value", "7"},
+                                                 {"convert", "--dtype", "int16", "--range", "-1:2", "--to", "10:40"}}) {
+        bool const two = words.back() == "-";
+        std::vector<Volume> const trees(two ? 2 : 1, tree);
+        std::vector<Volume> grids;
+        for (Volume const& each : trees)
+            grids.push_back(reconstruct(each, whole_grid(each, {16, 8, 8}), Reconstruction::nearest, -1, execution()));
+        Volume const gridded = apply({"resample", "--method", "nearest"}, {apply(words, trees)});
+        Volume const expected = apply(words, grids);
+        ASSERT_EQ(gridded.header().bytes(), expected.header().bytes());
+        EXPECT_EQ(std::memcmp(gridded.buffer().read(Space::host), expected.buffer().read(Space::host),
+                              expected.header().bytes()),
+                  0)
+            << words[1];
+    }
 }
 
 TEST(AmrApply, RefusalsNameTheWayOut) {

@@ -52,6 +52,28 @@ TEST(AmrFlashFile, SilccLikeRecipeHasItsSize) {
     validate_tree(small.header().dims, small.bricks(), Coverage::complete);
 }
 
+// Cells of cylinders and spheres are not the boxes that everything here takes them for.
+TEST(AmrFlashFile, RefusesGeometriesOtherThanCartesian) {
+    if (!built_with_hdf5()) GTEST_SKIP() << "built without HDF5";
+    Volume const volume = make_amr(small_recipe(), execution());
+    TemporaryFile const file("geometry");
+    FlashWriteOptions options;
+    options.for_others = true;
+    write_flash(volume, file.path(), "dens", options);
+    EXPECT_EQ(read_flash(file.path(), {}, execution()).header().dims, volume.header().dims);
+    for (char const* const geometry : {"cylindrical", "spherical", "polar"}) {
+        options.geometry = geometry;
+        write_flash(volume, file.path(), "dens", options);
+        try {
+            list_flash(file.path());
+            FAIL() << geometry;
+        } catch (Error const& error) {
+            EXPECT_EQ(error.kind(), ErrorKind::data);
+            EXPECT_NE(std::string(error.what()).find(geometry), std::string::npos) << error.what();
+        }
+    }
+}
+
 // Versions, guard cells, both precisions; tests 15 (parents hold NaN) and 17.
 TEST(AmrFlashFile, ReadsBackEveryLayout) {
     if (!built_with_hdf5()) GTEST_SKIP() << "built without HDF5";

@@ -384,6 +384,12 @@ TEST(AmrReconstruct, HolesBecomeBackgroundAndMask) {
     EXPECT_THROW(validate_tree(volume.header().dims, volume.bricks(), Coverage::complete), Error);
     validate_tree(volume.header().dims, volume.bricks(), Coverage::may_have_holes);
     EXPECT_DOUBLE_EQ(summarise(volume.header().dims, volume.bricks()).hole_share(), 1 - 1024.0 / 4096);
+    // Means over voxels that are half full: the background is the other half, unless it is no number.
+    Volume const half = make_tree({8, 8, 8}, {{{0, 0, 0}, {4, 8, 8}, 0}}, [](Vec3) { return 3; });
+    for (Reconstruction const method : {Reconstruction::average, Reconstruction::automatic}) {
+        EXPECT_EQ(values_of<float>(run(half, {1, 2, 2}, method, -7)), std::vector<float>(4, -2));
+        EXPECT_EQ(values_of<float>(run(half, {1, 2, 2}, method, std::nan(""))), std::vector<float>(4, 3));
+    }
     for (Reconstruction const method : all_methods()) {
         Volume mask;
         Volume const grid = reconstruct(volume, whole_grid(volume, {32, 16, 8}), method, -7, execution(), &mask);
