@@ -84,7 +84,7 @@ std::string plan_text(std::string const& stage, Operation const* operation, Plan
             : spools ? ", needs the whole input (re-reads a file, spools a pipe)"
                      : ", streaming";
     line += "\n";
-    if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
+    if (!plan.method.empty()) line += text(stage, ":   method ", printable(plan.method), "\n");
     std::string const error =
         plan.exact ? "exact"
                    : text(plan.error_is_estimate ? "error about " : "error at most ", scientific(plan.error_bound),
@@ -104,7 +104,7 @@ std::string consumer_plan_text(std::string const& stage, Header const& input, st
     auto const bytes = static_cast<double>(input.bytes());
     bool const holds = whole || is_tree(input);
     return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
-                output == "-" ? "standard output" : output, ", peak memory about ",
+                output == "-" ? "standard output" : printable(output), ", peak memory about ",
                 bytes_text(holds ? bytes : in_flight(input, execution)),
                 holds ? ", holds the whole volume\n" : ", streaming\n");
 }

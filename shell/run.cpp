@@ -205,7 +205,7 @@ void StageContext::plan(Header const& header, std::string const& output) {
 
 void StageContext::explain(Header const& header) const {
     for (auto const& line : invocation_.consumer()->explain(header))
-        std::fputs(text(invocation_.stage(), ":   ", line, "\n").c_str(), stderr);
+        std::fputs(text(invocation_.stage(), ":   ", printable(line), "\n").c_str(), stderr);
 }
 
 void StageContext::print(std::string const& report) {
