@@ -83,6 +83,9 @@ bool is_writable_key(std::string const& key) {
     });
 }
 
+/// ITK and VTK give up on lines of 32 KiB and more.
+constexpr std::size_t most_history = 32'000;
+
 /// Everything before ElementDataFile. `compressed` < 0: not compressed.
 std::string metaimage_fields(Header const& header, std::int64_t volumes, std::int64_t compressed) {
     bool const series = volumes > 1;
@@ -107,7 +110,7 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
     for (auto const& [key, value] : header.attributes)
         if (key != "space" && key != "Comment" && is_writable_key(key))
             result += text(key, " = ", one_line(value), "\n");
-    if (header.history) result += text("VktHistory = ", history_text(*header.history), "\n");
+    if (header.history) result += text("VktHistory = ", history_text(*header.history, most_history), "\n");
     return result + text("ElementType = ", metaimage_type_name(header.dtype), "\n");
 }
 

@@ -62,6 +62,9 @@ std::string axis_line(Header const& header, std::string const& field, bool serie
     return text(field, ": ", line, series ? text(" ", extra) : "", "\n");
 }
 
+/// Escaped it may be twice as long, and stays a line that every reader takes.
+constexpr std::size_t most_history = 400'000;
+
 /// The header of a series of volumes, or of one; without the blank line at the end. `data_file` empty: attached.
 std::string nrrd_header_text(Header const& header, std::int64_t volumes, bool gzip, std::string const& data_file) {
     Geometry const& g = header.geometry;
@@ -98,7 +101,7 @@ std::string nrrd_header_text(Header const& header, std::int64_t volumes, bool gz
         result += text("vkt slope:=", header.values.slope, "\nvkt intercept:=", header.values.intercept, "\n");
     for (auto const& [key, value] : header.attributes)
         if (!is_nrrd_attribute(key) && is_writable_key(key)) result += text(escaped(key), ":=", escaped(value), "\n");
-    if (header.history) result += text("vkt history:=", escaped(history_text(*header.history)), "\n");
+    if (header.history) result += text("vkt history:=", escaped(history_text(*header.history, most_history)), "\n");
     return result;
 }
 
