@@ -61,13 +61,13 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
     };
     constexpr int points = 24;
     for (int i = 0; i <= points; ++i) {
-        double const x = i / static_cast<double>(points), value = lower + x * (upper - lower);
+        double const x = i / static_cast<double>(points), value = std::lerp(lower, upper, x);
         // Common values get a sharper edge: they are solid rather than a few bright spots.
         double const share = share_from(value), depth = 16 * x * x + 200 * share * share * std::sqrt(x);
         double const extinction = depth / (extent * std::cbrt(share));
         result.transfer.points.push_back({value, colormap(map, x), -std::expm1(-extinction * unit)});
     }
-    result.iso = lower + 0.3 * (upper - lower);
+    result.iso = std::lerp(lower, upper, 0.3);
     return result;
 }
 

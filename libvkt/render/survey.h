@@ -51,18 +51,27 @@ template <class T> Range range_of(T const* cells, std::int64_t n) {
     return range;
 }
 
+/// The power of two that brings a positive number into [1, 2), or as near as doubles can.
+inline double scale_to_one(double magnitude) {
+    return std::ldexp(1.0, std::clamp(-std::ilogb(magnitude), -1000, 1000));
+}
+
 /// Counts of cells in equal bins over a range. Integers: the order in which they are added does not matter.
 class Bins {
 public:
-    explicit Bins(Range const& range)
-        : counts_(4096), least_(range.least),
-          scale_(range.greatest > range.least ? static_cast<double>(counts_.size()) / (range.greatest - range.least)
-                                              : 0) {}
+    explicit Bins(Range const& range) : counts_(4096) {
+        // Neither the difference of the ends nor what it is divided by needs to be a double.
+        double const largest = std::max(std::abs(range.least), std::abs(range.greatest));
+        if (std::isfinite(largest) && largest > 0) unit_ = scale_to_one(largest) / 4;
+        least_ = range.least * unit_;
+        double const width = range.greatest * unit_ - least_;
+        if (width > 0) per_width_ = static_cast<double>(counts_.size()) / width;
+    }
 
     template <class T> void count(T const* cells, std::int64_t n, std::int64_t weight = 1) {
         auto const last = static_cast<double>(counts_.size() - 1);
         for (std::int64_t i = 0; i < n; ++i) {
-            double const place = (static_cast<double>(cells[i]) - least_) * scale_;
+            double const place = (static_cast<double>(cells[i]) * unit_ - least_) * per_width_;
             if (std::isfinite(place)) counts_[static_cast<std::size_t>(std::clamp(place, 0.0, last))] += weight;
         }
     }
@@ -73,44 +82,54 @@ public:
 
 private:
     std::vector<std::int64_t> counts_;
-    double least_, scale_;
+    double unit_ = 1, least_ = 0, per_width_ = 0;
 };
 
-/// How cells become floats: less an offset. Infinite ones become the nearest finite value.
+/// How cells become floats. Infinite ones become the nearest finite value.
 struct Narrowing {
-    double offset = 0, lower = 0, upper = 0; ///< limits of what is left after the offset
+    Rescaling rescaling;
+    double lower = 0, upper = 0; ///< limits of what comes out
 
     float operator()(double value) const {
-        double const v = value - offset;
+        double const v = value * rescaling.scale - rescaling.offset * rescaling.scale;
         return static_cast<float>(v < lower ? lower : v > upper ? upper : v);
     }
 };
 
-/// Floats and what fits into them keep their values. Where wider types lie further from zero than they are spread,
-/// their median is subtracted, so that floats keep the differences; a few outliers do not matter for it.
-/// `cell(i)` for i in [0, n): some of them are looked at.
-template <class Cell> Narrowing narrowing_of(DataType type, Range const& range, std::int64_t n, Cell cell) {
-    if (!computes_in_double(type)) return {0, range.least, range.greatest};
-    constexpr std::int64_t most = std::int64_t{1} << 16;
-    std::vector<double> some;
-    for (std::int64_t k = 0; k < std::min(n, most); ++k) {
-        // Multiples of the golden ratio, modulo 1, are spread evenly, whatever the extent of a row.
-        double const turns = 0.61803398874989485 * static_cast<double>(k), place = turns - std::floor(turns);
-        double const value = cell(n <= most ? k : static_cast<std::int64_t>(place * static_cast<double>(n)));
-        if (std::isfinite(value)) some.push_back(value);
-    }
+/// An offset for types wider than floats that lie further from zero than they are spread: the median of some values,
+/// so that floats keep the differences; a few outliers do not matter for it.
+inline double offset_for(std::vector<double>& some) {
+    if (some.empty()) return 0;
     auto const quantile = [&](double share) {
         auto const at = some.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(some.size() - 1));
         std::nth_element(some.begin(), at, some.end());
         return *at;
     };
-    double offset = 0;
-    if (!some.empty()) {
-        double const median = quantile(0.5), spread = quantile(0.95) - quantile(0.05);
-        offset = std::abs(median) > spread ? median : 0;
+    double const median = quantile(0.5), spread = quantile(0.95) - quantile(0.05);
+    return std::abs(median) > spread ? median : 0;
+}
+
+/// Floats and what fits into them keep their values, unless these are so large or so small that differences of them, or
+/// the distances of a transfer function's nodes, are no floats. `cell(i)` for i in [0, n): some of them are looked at.
+template <class Cell> Narrowing narrowing_of(DataType type, Range const& range, std::int64_t n, Cell cell) {
+    constexpr std::int64_t most = std::int64_t{1} << 16;
+    std::vector<double> some;
+    for (std::int64_t k = 0; computes_in_double(type) && k < std::min(n, most); ++k) {
+        // Multiples of the golden ratio, modulo 1, are spread evenly, whatever the extent of a row.
+        double const turns = 0.61803398874989485 * static_cast<double>(k), place = turns - std::floor(turns);
+        double const value = cell(n <= most ? k : static_cast<std::int64_t>(place * static_cast<double>(n)));
+        if (std::isfinite(value)) some.push_back(value);
     }
-    constexpr double limit = std::numeric_limits<float>::max() / 4.0; // differences are floats too
-    return {offset, std::max(range.least - offset, -limit), std::min(range.greatest - offset, limit)};
+    Narrowing narrow;
+    double const offset = narrow.rescaling.offset = offset_for(some);
+    double largest = std::max(std::abs(range.least - offset), std::abs(range.greatest - offset));
+    if (!(largest > 0)) largest = std::abs(offset); // of a single value
+    largest = std::min(largest, std::numeric_limits<double>::max());
+    constexpr double usual = 0x1p64;
+    if (largest > usual || (largest > 0 && largest < 1 / usual)) narrow.rescaling.scale = scale_to_one(largest);
+    narrow.lower = narrow.rescaling.of(range.least);
+    narrow.upper = narrow.rescaling.of(range.greatest);
+    return narrow;
 }
 
 /// In physical values. The total is what was counted, which may be a part of the volume.
