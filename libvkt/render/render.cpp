@@ -207,7 +207,7 @@ std::vector<std::string> Renderer::unseen(Look const& look, std::vector<Knot> co
     double const largest =
         std::min(std::max(std::abs(lower), std::abs(upper)), std::max(std::abs(least), std::abs(greatest)));
     double const step = computes_in_double(header_.dtype) ? std::max(largest * 0x1p-23, 0x1p-149) : 0;
-    if (upper > lower && upper - lower < std::max(256 * step, 1024 * 0x1p-126))
+    if (look.domain.upper > look.domain.lower && upper - lower < std::max(256 * step, 1024 * 0x1p-126))
         lines.push_back(text("the colours from ", look.domain.lower, " to ", look.domain.upper,
                              " are closer together than the values that rays sample"));
     return lines;

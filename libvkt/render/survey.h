@@ -51,9 +51,9 @@ template <class T> Range range_of(T const* cells, std::int64_t n) {
     return range;
 }
 
-/// The power of two that brings a positive number into [1, 2), or as near as doubles can.
-inline double scale_to_one(double magnitude) {
-    return std::ldexp(1.0, std::clamp(-std::ilogb(magnitude), -1000, 1000));
+/// The power of two that brings a positive number to 2^exponent or up to twice that, or as near as doubles can.
+inline double scale_to(double magnitude, int exponent) {
+    return std::ldexp(1.0, std::clamp(exponent - std::ilogb(magnitude), -1000, 1000));
 }
 
 /// Counts of cells in equal bins over a range. Integers: the order in which they are added does not matter.
@@ -62,7 +62,7 @@ public:
     explicit Bins(Range const& range) : counts_(4096) {
         // Neither the difference of the ends nor what it is divided by needs to be a double.
         double const largest = std::max(std::abs(range.least), std::abs(range.greatest));
-        if (std::isfinite(largest) && largest > 0) unit_ = scale_to_one(largest) / 4;
+        if (std::isfinite(largest) && largest > 0) unit_ = scale_to(largest, -2);
         least_ = range.least * unit_;
         double const width = range.greatest * unit_ - least_;
         if (width > 0) per_width_ = static_cast<double>(counts_.size()) / width;
@@ -109,6 +109,17 @@ inline double offset_for(std::vector<double>& some) {
     return std::abs(median) > spread ? median : 0;
 }
 
+/// The median distance from the offset, of those that have some; 0 if there is none.
+inline double typical_distance(std::vector<double> const& some, double offset) {
+    std::vector<double> distances;
+    for (double const value : some)
+        if (value != offset) distances.push_back(std::abs(value - offset));
+    if (distances.empty()) return 0;
+    auto const middle = distances.begin() + std::ssize(distances) / 2;
+    std::nth_element(distances.begin(), middle, distances.end());
+    return *middle;
+}
+
 /// Floats and what fits into them keep their values, unless these are so large or so small that differences of them, or
 /// the distances of a transfer function's nodes, are no floats. `cell(i)` for i in [0, n): some of them are looked at.
 template <class Cell> Narrowing narrowing_of(DataType type, Range const& range, std::int64_t n, Cell cell) {
@@ -121,12 +132,20 @@ template <class Cell> Narrowing narrowing_of(DataType type, Range const& range, 
         if (std::isfinite(value)) some.push_back(value);
     }
     Narrowing narrow;
-    double const offset = narrow.rescaling.offset = offset_for(some);
-    double largest = std::max(std::abs(range.least - offset), std::abs(range.greatest - offset));
-    if (!(largest > 0)) largest = std::abs(offset); // of a single value
+    Rescaling& to = narrow.rescaling;
+    to.offset = offset_for(some);
+    double largest = std::max(std::abs(range.least - to.offset), std::abs(range.greatest - to.offset));
+    if (!(largest > 0)) largest = std::abs(to.offset); // of a single value
     largest = std::min(largest, std::numeric_limits<double>::max());
-    constexpr double usual = 0x1p64;
-    if (largest > usual || (largest > 0 && largest < 1 / usual)) narrow.rescaling.scale = scale_to_one(largest);
+    constexpr double tiny = 0x1p-64;
+    if (largest > Rescaling::limit)
+        to.scale = scale_to(largest, std::ilogb(Rescaling::limit) - 2); // the true one may be twice as large
+    else if (largest > 0 && largest < tiny)
+        to.scale = scale_to(largest, 0);
+    // Where a few values are so much larger than the others that these would be lost, it is the few that are limited.
+    double const common = typical_distance(some, to.offset);
+    if (common > 0 && common * to.scale < tiny)
+        to.scale = common >= tiny && common <= Rescaling::limit ? 1 : scale_to(common, 0);
     narrow.lower = narrow.rescaling.of(range.least);
     narrow.upper = narrow.rescaling.of(range.greatest);
     return narrow;

@@ -80,7 +80,6 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
 }
 
 double Rescaling::of(double stored) const {
-    constexpr double limit = 0x1p120;
     return std::clamp(stored * scale - offset * scale, -limit, limit);
 }
 

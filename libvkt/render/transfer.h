@@ -53,7 +53,8 @@ std::string transfer_to_json(TransferFunction const& transfer);
 /// of two, so that it rounds nothing; it keeps values of any size where floats are precise.
 struct Rescaling {
     double offset = 0, scale = 1;
-    /// Limited to 2^120: what lies so far out is beyond all values that rays meet.
+    /// Limited, so that differences are floats: what lies further out differs from nothing there.
+    static constexpr double limit = 0x1p100;
     double of(double stored) const;
 };
 

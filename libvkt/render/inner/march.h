@@ -7,15 +7,15 @@
 
 namespace vkt::render {
 
-/// True if what lies behind changes no pixel by more than a quarter of an sRGB level of 255, whatever it is. Levels are
-/// narrow in the dark: one is 1/3300 of the light there, and 1/290 where there is 0.2 of it. The transmittance allowed
-/// is a straight line below the curve, which is concave, and ends at 0.2.
+/// True if what lies behind changes no pixel by more than a quarter of an sRGB level of 255, whatever it is, nor its
+/// alpha. Levels are narrow in the dark: one is 1/3300 of the light there, and 1/260 where there is 0.24 of it. What
+/// may be left is below the curve, which is concave: two chords of it, from 0.003 over 0.03 to 0.24.
 VKT_HD bool is_settled(double transmittance, Quad const& light) {
-    constexpr float most = 8.6e-4F, in_the_dark = 6.3e-5F, per_light = 4e-3F;
+    constexpr float most = 9.8e-4F;
     auto const left = static_cast<float>(transmittance);
     if (left > most) return false;
     float const rg = light[1] < light[2] ? light[1] : light[2], least = rg < light[3] ? rg : light[3];
-    return left < in_the_dark + per_light * least;
+    return left < 5.1e-5F + 7.9e-3F * least && left < 1.9e-4F + 3.22e-3F * least;
 }
 
 /// Premultiplied linear colour and what is transmitted from behind.
