@@ -16,7 +16,7 @@ std::string command_line(History const& step) {
 /// The newest step first, what it read below it.
 std::string tree(History const& step, std::size_t depth) {
     std::string result = std::string(2 * depth, ' ');
-    result += step.command.empty() ? "(unknown)" : command_line(step);
+    result += !step.command.empty() ? command_line(step) : step.earlier > 0 ? earlier_text(step.earlier) : "(unknown)";
     result += '\n';
     for (auto const& input : step.inputs) result += tree(input, depth + 1);
     return result;
@@ -28,8 +28,26 @@ std::string json(History const& step, std::size_t depth) {
     for (auto const& word : step.command) words.push_back(json_string(word));
     for (auto const& input : step.inputs) inputs.push_back(margin + "    " + json(input, depth + 2));
     std::string result = text("{\n", margin, "  \"command\": [", join(words, ", "), "]");
+    if (step.earlier > 0) result += text(",\n", margin, "  \"earlier\": ", step.earlier);
     if (!inputs.empty()) result += text(",\n", margin, "  \"inputs\": [\n", join(inputs, ",\n"), "\n", margin, "  ]");
     return result += text("\n", margin, "}");
+}
+
+/// Steps that are only counted.
+std::int64_t untold(History const& step) {
+    std::int64_t count = step.earlier;
+    for (auto const& input : step.inputs) count += untold(input);
+    return count;
+}
+
+/// Throws Error{failure} if steps are missing: what is left makes no volume.
+std::string shell_line(History const& history) {
+    if (std::int64_t const missing = untold(history); missing > 0)
+        throw Error(
+            ErrorKind::failure,
+            text("no pipeline makes the volume again: of its history ", missing, " earlier steps are only counted"),
+            "without --as-shell the steps that are known are shown");
+    return history_as_shell(history) + "\n";
 }
 
 class Past : public Consumer {
@@ -50,7 +68,7 @@ public:
             else if (!history)
                 context.note("the volume has no history");
             else
-                texts.push_back(as_shell_ ? history_as_shell(*history) + "\n" : tree(*history, 0));
+                texts.push_back(as_shell_ ? shell_line(*history) : tree(*history, 0));
         }
         if (objects.size() == 1)
             context.print(objects.front() + "\n");

@@ -20,7 +20,8 @@ std::string described(Description const& description) {
     Header const& header = description.header;
     std::string lines;
     auto const line = [&](std::string const& key, std::string const& value) {
-        if (!value.empty()) lines += key + std::string(key.size() < 11 ? 11 - key.size() : 1, ' ') + value + "\n";
+        if (!value.empty())
+            lines += key + std::string(key.size() < 11 ? 11 - key.size() : 1, ' ') + printable(value) + "\n";
     };
     Geometry const& g = header.geometry;
     bool const hierarchical = header.kind == Kind::hierarchical;

@@ -51,6 +51,7 @@ public:
     void parameters(Parameters& list) override { options_.declare(list); }
     void check() const override { options_.check(); }
     bool writes() const override { return true; }
+    std::vector<std::string> suffixes() const override { return {".png"}; }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     std::vector<std::string> explain(Header const& header) const override {

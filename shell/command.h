@@ -71,6 +71,8 @@ public:
     virtual bool reports() const { return false; }
     /// True if -o names a file that this command writes itself (picture, volume file). Adds -o and --force.
     virtual bool writes() const { return false; }
+    /// Suffixes that such a file may have (".png"), if not any; a name without one is always taken.
+    virtual std::vector<std::string> suffixes() const { return {}; }
     /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer).
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.

@@ -41,7 +41,7 @@ std::string option_lines(Parameters const& parameters) {
         if (!p.flag && !p.required) {
             auto const value = p.get();
             std::string const shown = join(value, " ");
-            if (!shown.empty()) help += text(" (default ", shown, ")");
+            if (!shown.empty()) help += text(" (default ", printable(shown), ")");
         }
         lines += text(padded("  " + synopsis(p), column), help, "\n");
     }

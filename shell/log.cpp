@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "shell/log.h"
 
+#include "libvkt/core/text.h"
+
 #include <spdlog/logger.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -12,7 +14,7 @@ namespace {
 void write(std::string const& stage, std::string const& message) {
     spdlog::logger logger("vkt", std::make_shared<spdlog::sinks::stderr_sink_st>());
     logger.set_pattern("%v");
-    logger.log(spdlog::level::info, stage + ": " + message);
+    logger.log(spdlog::level::info, printable(stage) + ": " + printable(message));
 }
 
 } // namespace

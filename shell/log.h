@@ -8,7 +8,8 @@ namespace vkt::shell {
 
 enum class Verbosity : int { quiet = 0, normal = 1, verbose = 2 };
 
-/// Prefixes every line with the stage ("vkt crop: …"). Errors are printed at any verbosity.
+/// Prefixes every line with the stage ("vkt crop: …"). A message is one line: what a terminal would act on is escaped.
+/// Errors are printed at any verbosity.
 class Log {
 public:
     explicit Log(Verbosity verbosity = Verbosity::normal);

@@ -63,12 +63,15 @@ std::vector<std::string> explanation(render::RenderSettings const& settings, Hea
         method = "implicit iso-surface, exact cubic per voxel";
         cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
     } else {
-        method = text(settings.exact ? "exact, two-point Gauss per voxel" : "ray marching", ", step ", settings.step,
-                      header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
-                      settings.skip ? ", empty space skipped" : "");
+        method = settings.exact ? "exact, piece by piece between the points of the transfer function"
+                                : text("ray marching, step ", settings.step,
+                                       header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
+                                       settings.skip ? ", empty space skipped" : "");
         double const diagonal = std::hypot(length(0), length(1), length(2));
-        cost = text("at most ", static_cast<std::int64_t>(std::ceil(diagonal / settings.step)), " steps on each of ",
-                    rays, " rays");
+        cost = settings.exact ? text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ",
+                                     rays, " rays")
+                              : text("at most ", static_cast<std::int64_t>(std::ceil(diagonal / settings.step)),
+                                     " steps on each of ", rays, " rays");
     }
     return {"method " + method, text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory")};
 }
@@ -106,6 +109,7 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
                                      {"Transfer function", r.transfer}});
     if (r.missing > 0) context.lossy(text(r.missing, " voxels are not a number and show nothing"));
     if (r.infinite > 0) context.lossy(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
+    for (auto const& line : r.lossy) context.lossy(line);
     OutputFile file(path, force);
     file.write(png.data(), png.size());
     file.commit();

@@ -110,7 +110,7 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
                             work && work->bands ? " and spools its result" : "")
                      : std::string(", streaming");
     line += "\n";
-    if (!plan.method.empty()) line += text(stage, ":   method ", plan.method, "\n");
+    if (!plan.method.empty()) line += text(stage, ":   method ", printable(plan.method), "\n");
     line += text(stage, ":   ", error_text(plan.error), ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }
@@ -127,7 +127,7 @@ std::string consumer_plan_text(std::string const& stage, Header const& input, st
     bool const holds = whole || is_tree(input);
     if (whole) check_budget(input.bytes(), execution);
     return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
-                output == "-" ? "standard output" : output, ", peak memory about ",
+                output == "-" ? "standard output" : printable(output), ", peak memory about ",
                 bytes_text(holds ? bytes : in_flight(input, execution)),
                 holds ? ", holds the whole volume\n" : ", streaming\n");
 }

@@ -214,7 +214,7 @@ void StageContext::plan(Header const& header, std::string const& output) {
 
 void StageContext::explain(Header const& header) const {
     for (auto const& line : invocation_.consumer()->explain(header))
-        std::fputs(text(invocation_.stage(), ":   ", line, "\n").c_str(), stderr);
+        std::fputs(text(invocation_.stage(), ":   ", printable(line), "\n").c_str(), stderr);
 }
 
 void StageContext::print(std::string const& report) {
@@ -350,6 +350,17 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
     return source;
 }
 
+/// A picture is what its name says.
+void check_suffix(std::string const& path, std::vector<std::string> const& written) {
+    std::string const name = path.substr(path.rfind('/') + 1);
+    auto const dot = name.rfind('.');
+    if (written.empty() || dot == std::string::npos || name.find_first_not_of('.') >= dot) return;
+    std::string const suffix = lower_case(name.substr(dot));
+    if (std::find(written.begin(), written.end(), suffix) != written.end()) return;
+    throw Error(ErrorKind::usage, text("'", path, "': files of that kind are not written"),
+                text("end the name in ", join(written, " or ")));
+}
+
 /// Refuses what would surprise before anything is read.
 void Runner::check_ends() {
     for (std::size_t i = 0; i + 1 < stages_.size(); ++i)
@@ -369,6 +380,7 @@ void Runner::check_ends() {
         throw Error(ErrorKind::usage,
                     text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
                     "use -o FILE, or pipe it into another command, e.g. '| vkt info'");
+    if (picture) check_suffix(c.output, last_.consumer()->suffixes());
     if (picture && !window_) check_output(numbered_path(c.output, 0), c.force); // drawing may take long
     Invocation const& first = stages_.front();
     bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();

@@ -49,7 +49,7 @@ ipc::StageReport TimeMeter::report(std::string stage, ipc::Traffic const* in, ip
 
 std::string timing_table(std::vector<ipc::StageReport> const& stages) {
     std::size_t width = 5;
-    for (auto const& stage : stages) width = std::max(width, stage.stage.size());
+    for (auto const& stage : stages) width = std::max(width, printable(stage.stage).size());
     std::string table = "stage";
     table.append(width - 5, ' ');
     table += "    wall s     cpu s   wait in  wait out    bytes in   bytes out\n";
@@ -58,7 +58,7 @@ std::string timing_table(std::vector<ipc::StageReport> const& stages) {
         std::snprintf(line.data(), line.size(), "  %8.3f  %8.3f  %8.3f  %8.3f  %10s  %10s\n", s.wall, s.cpu, s.wait_in,
                       s.wait_out, bytes_text(static_cast<double>(s.bytes_in)).c_str(),
                       bytes_text(static_cast<double>(s.bytes_out)).c_str());
-        std::string name = s.stage;
+        std::string name = printable(s.stage); // it comes from a stream
         name.append(width - name.size(), ' ');
         table += name + line.data();
     }

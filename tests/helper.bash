@@ -21,6 +21,13 @@ fails_with() {
     [[ -z "$output" || "$output" == VKT1*ERR* ]] || { echo "stdout is not empty: $output" >&2; return 1; }
 }
 
+# only_shown FILE: it is UTF-8 of lines and characters that terminals show and do not act on, by Unicode's categories.
+only_shown() { /usr/bin/python3 -c '
+import sys, unicodedata
+text = open(sys.argv[1], "rb").read().decode()
+bad = {c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")}
+sys.exit(f"{sys.argv[1]} holds {bad}: {text!r}" if bad else 0)' "$1"; }
+
 # needs_data FILE: skips, saying so, where the sample volumes are absent.
 needs_data() {
     [ -e "$VKT_DATA/$1" ] || skip "sample volume $1 is absent (set VKT_DATA)"

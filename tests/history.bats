@@ -67,3 +67,95 @@ assert h[0] is None and h[1]["command"][0] == "make", h'
     [ ! -s out ]
     grep -q 'no history' note
 }
+
+# flips N: a pipeline of as many steps, in one process.
+flips() { printf 'make ramp --dims 4 3 2'; printf ' | flip x%.0s' $(seq 2 "$1"); }
+
+@test "a history of more than 400 steps is folded, and costs no voxel" {
+    vkt make ramp --dims 4 3 2 --no-history -o ramp.vkt
+    vkt pipe "$(flips 401) | write long.vkt"
+    vkt history long.vkt >all
+    [ "$(wc -l <all)" -eq 401 ]
+    vkt pipe "$(flips 400) | write kept.vkt"
+    vkt history kept.vkt --as-shell | grep -o flip | wc -l | grep -qx 399
+    for i in 1 2; do
+        vkt flip x long.vkt -o longer.vkt
+        mv longer.vkt long.vkt
+    done
+    vkt history long.vkt >folded
+    [ "$(wc -l <folded)" -eq 401 ]
+    [ "$(tail -1 folded | sed 's/^ *//')" = "… 3 earlier steps" ]
+    vkt diff ramp.vkt long.vkt # 400 flips and two
+    vkt info long.vkt | grep -q '^history    … 3 earlier steps | vkt flip x | '
+    vkt history long.vkt --json | /usr/bin/python3 -c '
+import json, sys
+h, n = json.load(sys.stdin), 0
+while h.get("inputs"): h, n = h["inputs"][0], n + 1
+assert h == {"command": [], "earlier": 3} and n == 400, (h, n)'
+    # What is left makes no volume, and says so.
+    fails_with 1 "3 earlier steps are only counted" vkt history long.vkt --as-shell
+    for format in nrrd mha; do
+        vkt read long.vkt | vkt write out.$format
+        vkt diff out.$format long.vkt
+    done
+    vkt history out.nrrd | diff - folded
+    vkt history out.mha | diff - folded
+}
+
+@test "MetaImage keeps as much of a long history as foreign readers can take" {
+    python_with vtk
+    vkt pipe "make ramp --dims 4 3 2 --dtype uint8 $(printf "| set --attribute note=$(printf 'x%.0s' $(seq 150)) %.0s" $(seq 300)) | write long.vkt"
+    vkt read long.vkt | vkt write long.mha
+    vkt diff long.vkt long.mha
+    [ "$(vkt history long.vkt | wc -l)" -eq 301 ]
+    kept=$(vkt history long.mha | grep -c 'set --attribute')
+    [ "$kept" -gt 50 ] && [ "$kept" -lt 200 ]
+    [ "$(vkt history long.mha | sed -n '$s/^ *//p')" = "… $((301 - kept)) earlier steps" ]
+    /usr/bin/python3 -c '
+import vtk
+r = vtk.vtkMetaImageReader(); r.SetFileName("long.mha"); r.Update()
+assert r.GetOutput().GetDimensions() == (4, 3, 2) and r.GetOutput().GetScalarRange()[1] > 0'
+}
+
+@test "a stream or file with more steps than are kept is read" {
+    /usr/bin/python3 - <<'PY'
+history = '{"command":["flip","x"],"inputs":[' * 4999 + '{"command":["make","ramp"]}' + ']}' * 4999
+head = 'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nvkt history:=%s\n\n' % history
+open('deep.nrrd', 'wb').write(head.encode() + bytes(range(8)))
+head = ('ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nVktHistory = %s\nElementType = MET_UCHAR\n'
+        'ElementDataFile = LOCAL\n' % history)
+open('deep.mha', 'wb').write(head.encode() + bytes(range(8)))
+PY
+    for file in deep.nrrd deep.mha; do
+        vkt read $file | vkt flip x | vkt flip x | vkt history >steps
+        [ "$(wc -l <steps)" -eq 401 ]
+        [ "$(tail -1 steps | sed 's/^ *//')" = "… 4602 earlier steps" ]
+        run ! grep -q attribute <(vkt info $file)
+    done
+}
+
+@test "a volume that is combined with itself again and again keeps a short history" {
+    vkt make ramp --dims 2 2 2 --dtype float64 -o a.vkt
+    for i in $(seq 40); do
+        timeout 30 vkt arith sub a.vkt a.vkt -o b.vkt
+        mv b.vkt a.vkt
+    done
+    [ "$(stat -c %s a.vkt)" -lt 200000 ]
+    vkt history a.vkt | grep -q 'earlier steps$'
+    vkt stats a.vkt | grep -q '^max *0$'
+}
+
+@test "words that a terminal would act on are quoted, on one line, and still run" {
+    vkt make ramp --dims 2 2 2 | vkt set --attribute "note=$(printf 'a\nb\t\033[31mred\302\233m it'"'"'s')" -o n.vkt
+    again n.vkt
+    vkt history n.vkt --as-shell >line
+    for form in '' --as-shell --json; do
+        vkt history n.vkt $form >out
+        only_shown out
+    done
+    [ "$(wc -l <line)" -eq 1 ]
+    vkt history n.vkt --json | /usr/bin/python3 -c '
+import json, sys
+assert json.load(sys.stdin)["command"][-1] == "note=a\nb\t\x1b[31mred\x9bm it\x27s"'
+    vkt pipe "$(sed 's/vkt //g' line) | diff - n.vkt"
+}

@@ -74,3 +74,45 @@ END
     [[ "$stderr" == *"'w.nrrd' is a vkt stream, whatever its name says"* ]]
     vkt flip x v.nrrd | vkt info | grep -q '^format *vkt$'
 }
+
+@test "what files and arguments say is printed as text, never acted on by terminals" {
+    # A line of its own for each lie, colours, a clear screen, C1 controls, writing from right to left, Latin-1.
+    /usr/bin/python3 - <<'PY'
+head = (b'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 1 1 2\nencoding: raw\nsample units: "HU\x1b[2J"\n'
+        b'lie:=one\\ndims       9 9 9\nk\x1b]0;title\x07ey:=\xc2\x9b31m \xe2\x80\xae back\xff\n'
+        b'vkt history:={"command":["read","\\\\u001b[31m\\\\nholes 1 %"]}\n\n')
+open('evil.nrrd', 'wb').write(head + b'ab')
+PY
+    vkt info evil.nrrd >info
+    only_shown info
+    [ "$(grep -c '^dims' info)" -eq 1 ]
+    run ! grep -q '^holes' info
+    grep -qF 'attribute  lie: one\ndims       9 9 9' info
+    grep -qF '\x1b[2J' info
+    vkt info evil.nrrd --json >info
+    only_shown info
+    python3 - <<'END'
+import json
+info = json.load(open("info", encoding="utf-8"))
+assert info["attributes"]["lie"] == "one\ndims       9 9 9", info
+assert info["units"].endswith("\x1b[2J"), info
+assert info["attributes"]["k\x1b]0;title\x07ey"].startswith("\x9b31m \u202e back"), info
+assert info["history"]["command"][1] == "\x1b[31m\nholes 1 %", info
+END
+    # Errors, hints, plans and notes.
+    name=$(printf 'no\033[31m\nvkt info: all is well\302\233.nrrd')
+    for run in "info|$name" "crop|$name|-o|x.nrrd" "info|in.nrrd|--$name" "$name" "crop|evil.nrrd|--roi|$name|-o|x.nrrd" \
+        "write|evil.nrrd|$name/x.nrrd" "write|$name|evil.nrrd" "render|evil.nrrd|-o|$name" "make|$name"; do
+        IFS='|' read -r -d '' -a words <<<"$run" || true
+        words[-1]=${words[-1]%$'\n'}
+        vkt "${words[@]}" >out 2>err && { echo "no error of $run" >&2; false; }
+        only_shown err
+        run ! grep -q '^vkt info: all is well' err
+    done
+    cp evil.nrrd "$name"
+    vkt render "$name" --size 4 -n -o "$name.png" 2>err
+    vkt convert "$name" --dtype int16 -o "$name.mha" -n 2>>err
+    vkt flip x "$name" -o - -v 2>>err >x.vkt
+    only_shown err
+    run ! grep -q '^vkt info: all is well' err
+}

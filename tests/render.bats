@@ -26,6 +26,29 @@ w, h, _ = i.GetDimensions()
 x, y = int(sys.argv[2]), h - 1 - int(sys.argv[3])
 print(*[int(i.GetScalarComponentAsDouble(x, y, 0, c)) for c in range(i.GetNumberOfScalarComponents())])" "$@"; }
 
+# levels PNG: its bytes as a numpy array, for python.
+levels='
+import numpy as np, struct, zlib
+def levels(name):
+    data, at, parts = open(name, "rb").read(), 8, b""
+    while at < len(data):
+        n, kind = struct.unpack(">I4s", data[at:at + 8])
+        if kind == b"IHDR": w, h, bits, colour = struct.unpack(">IIBB", data[at + 8:at + 18])
+        if kind == b"IDAT": parts += data[at + 8:at + 8 + n]
+        at += n + 12
+    c = {2: 3, 6: 4}[colour]
+    rows = np.frombuffer(zlib.decompress(parts), np.uint8).reshape(h, w * c + 1)
+    out = np.zeros((h, w * c), int)
+    for y in range(h):
+        kind, row, up = rows[y, 0], rows[y, 1:].astype(int), out[y - 1] if y else np.zeros(w * c, int)
+        for x in range(w * c):
+            left, corner = (out[y, x - c], up[x - c]) if x >= c else (0, 0)
+            p = left + up[x] - corner
+            paeth = min((left, up[x], corner), key=lambda v: abs(p - v))
+            out[y, x] = (row[x] + (0, left, up[x], (left + up[x]) // 2, paeth)[kind]) % 256
+    return out.reshape(h, w, c)
+'
+
 @test "a picture from a file and from a pipe is the same" {
     vkt render block_24x18x30_uint8.raw --size 64x48 -o a.png
     [ "$(size_of a.png)" = "64 48 8 2" ]
@@ -96,6 +119,7 @@ PY
     fails_with 2 "--spp does not apply" vkt render $f --spp 3 -o a.png
     fails_with 2 "--shade does not apply" vkt render $f -ra multi-scattering --shade none -o a.png
     fails_with 2 "exclude" vkt render $f --lut 1 1 1 1 --colormap bone -o a.png
+    fails_with 2 "exclude" vkt render $f --exact --step 0.1 -o a.png
     fails_with 2 "multiple of 4" vkt render $f --lut 1 1 1 -o a.png
     fails_with 2 "did you mean 'viridis'" vkt render $f --colormap virids -o a.png
     fails_with 2 "step" vkt render $f --step 0 -o a.png
@@ -128,6 +152,7 @@ PY
 --unit -3 positive
 --domain foo pA:pB
 --domain 3:2 LO:HI
+--domain 5:5 single value
 --colormap virids did you mean
 --step 5 1/256
 --opacity-scale -1 0 or greater
@@ -141,7 +166,7 @@ EOF
     fails_with 2 "--spp: " vkt render $f -n -o a.png -ra multi-scattering --spp 0
     fails_with 2 "--rgba-lookup-table" vkt render $f -n -o a.png --lut 1 1 1 2
     # What suits some volume is not refused: the middle of this one is elsewhere.
-    vkt render $f -n -o a.png --eye 0,0,0 --domain 7:7 --opacity 5:0,6:1 --unit auto
+    vkt render $f -n -o a.png --eye 0,0,0 --domain 7:8 --opacity 5:0,6:1 --unit auto
     vkt render $f -n -o a.png --eye 0.5,0.5,0.5 --domain p1:p99 --opacity 0,1 --up 0,1,0
     [ ! -e a.png ]
 }
@@ -285,4 +310,145 @@ bright, dark = (p.min(1) > 150).mean(), (p.max(1) < 40).mean()
 print(bright, dark)
 assert 0.002 < bright < 0.2 and 0.5 < dark < 0.97
 PY
+}
+
+@test "values of any size draw the same picture" {
+    python_with numpy
+    /usr/bin/python3 - <<'PY'
+import numpy as np
+z, y, x = np.mgrid[0:30, 0:18, 0:24].astype(float)
+blob = lambda a, b, c, r: np.clip(1 - np.sqrt((x - a)**2 + (y - b)**2 + (z - c)**2) / r, 0, 1)
+v = np.floor(200 * np.maximum(blob(8, 6, 10, 7), blob(16, 11, 20, 8)))
+for name, scale, kind in (('one', 1, 'float32'), ('f1', 1e-28, 'float32'), ('f2', 1e-37, 'float32'), ('f3', 1e36, 'float32'),
+                          ('d1', 1e-28, 'float64'), ('d2', 1e-300, 'float64'), ('d3', 5e39, 'float64'), ('d4', 8e305, 'float64')):
+    (v * scale).astype(kind).tofile(f'{name}_24x18x30_{kind}.raw')
+((v / 100 - 1) * 1.5e308).astype('float64').tofile('d5_24x18x30_float64.raw')
+PY
+    while read -r name domain iso; do
+        vkt render ${name}_* --size 48 --domain $domain --opacity 0,0.05,0.3 -o $name.png --strict
+        vkt render ${name}_* --size 48 -o $name-auto.png --strict
+        vkt render ${name}_* --size 48 -ra implicit-iso --iso $iso -o $name-iso.png --strict
+        vkt render ${name}_* --size 48 -ra multi-scattering --spp 2 --domain $domain --opacity 0,0.05,0.3 -o $name-cloud.png --strict
+        vkt refine ${name}_* --tolerance 0 | vkt render --size 48 --domain $domain --opacity 0,0.05,0.3 -o $name-tree.png --strict
+    done <<'EOF'
+one 0:200 60
+f1 0:2e-26 6e-27
+f2 0:2e-35 6e-36
+f3 0:2e38 6e37
+d1 0:2e-26 6e-27
+d2 0:2e-298 6e-299
+d3 0:1e42 3e41
+d4 0:1.6e308 4.8e307
+d5 -1.5e308:1.5e308 -6e307
+EOF
+    /usr/bin/python3 -c "$levels"'
+for name in ("f1", "f2", "f3", "d1", "d2", "d3", "d4", "d5"):
+    for kind in ("", "-auto", "-iso", "-cloud", "-tree"):
+        one = levels("one" + kind + ".png")
+        assert one.max() - one.min() > 50
+        apart = np.abs(one - levels(name + kind + ".png"))
+        # Another rounding may send a path elsewhere.
+        worst = apart.max() if kind != "-cloud" else np.sort(apart.ravel())[-20]
+        assert worst <= 1, (name, kind, worst)
+'
+}
+
+# The reference of the reference: tiny midpoint steps along the same rays, in NumPy.
+@test "--exact is exact, on noise with steps and spikes of opacity" {
+    python_with numpy
+    vkt make noise --dims 6 5 7 --seed 3 --dtype float32 -o n_6x5x7_float32.raw
+    cat >t.json <<'EOF'
+{"colors": "linear", "unit": 1, "points": [[0, 1, 0, 0, 0], [0.3, 1, 0, 0, 0], [0.31, 0, 1, 0, 1], [0.32, 0, 0, 1, 0],
+ [0.5, 1, 1, 1, 0], [0.5, 0, 0, 1, 0.9], [0.7, 1, 1, 0, 0.95], [0.7, 0, 0, 0, 0], [0.9, 1, 0, 1, 0.2], [1, 0, 1, 1, 1]]}
+EOF
+    camera="--projection orthographic --eye 20,-15,14 --target 2.5,2,3 --span 8 --size 20"
+    vkt render n_6x5x7_float32.raw $camera --transfer t.json --background 0,0,0 --exact -o exact.png
+    vkt render n_6x5x7_float32.raw $camera --transfer t.json --background 0,0,0 --step 0.00390625 -o fine.png
+    vkt render n_6x5x7_float32.raw $camera --transfer t.json --background 0,0,0 -o default.png
+    /usr/bin/python3 -c "$levels"'
+import json
+v = np.fromfile("n_6x5x7_float32.raw", np.float32).reshape(7, 5, 6).astype(float)
+p = np.array(json.load(open("t.json"))["points"])
+sigma, colours = np.minimum(-np.log1p(-np.minimum(p[:, 4], 1 - 1e-12)), 16), p[:, 1:4]
+def classify(s):
+    i = np.searchsorted(p[:, 0], s, "right")
+    a, b = np.maximum(i - 1, 0), np.minimum(i, len(p) - 1)
+    w = p[b, 0] - p[a, 0]
+    f = np.where(w > 0, (s - p[a, 0]) / np.where(w > 0, w, 1), 0)
+    return sigma[a] + f * (sigma[b] - sigma[a]), colours[a] + f[..., None] * (colours[b] - colours[a])
+def value(q):
+    q = np.clip(q, 0, np.array([5, 4, 6]))
+    i = np.minimum(q.astype(int), [4, 3, 5]); f = q - i
+    r = 0
+    for k in range(8):
+        d = np.array([k & 1, k >> 1 & 1, k >> 2]); j = i + d
+        r = r + np.prod(np.where(d, f, 1 - f), -1) * v[j[..., 2], j[..., 1], j[..., 0]]
+    return r
+eye, target = np.array([20, -15, 14.]), np.array([2.5, 2, 3.])
+forward = (target - eye) / np.linalg.norm(target - eye)
+right = np.cross(forward, [0, 0, 1]); right /= np.linalg.norm(right)
+up = np.cross(right, forward)
+low, high, steps, size = np.full(3, -0.5), np.array([5.5, 4.5, 6.5]), 40000, 20
+reference = np.zeros((size, size, 3))
+for y in range(size):
+    for x in range(size):
+        o = eye + 4 * ((2 * x + 1) / size - 1) * right + 4 * (1 - (2 * y + 1) / size) * up
+        a, b = (low - o) / forward, (high - o) / forward
+        near, far = np.minimum(a, b).max(), np.maximum(a, b).min()
+        if near >= far: continue
+        dt = (far - near) / steps
+        s, c = classify(value(o + (near + dt * (np.arange(steps) + 0.5))[:, None] * forward))
+        depth = np.concatenate([[0], np.cumsum(s * dt)])
+        reference[y, x] = ((np.exp(-depth[:-1]) * -np.expm1(-s * dt))[:, None] * c).sum(0)
+srgb = np.where(reference <= 0.0031308, 12.92 * reference, 1.055 * np.maximum(reference, 1e-9) ** (1 / 2.4) - 0.055)
+off = {n: np.abs(levels(n + ".png") - 255 * srgb).max() for n in ("exact", "fine", "default")}
+print(off)
+assert srgb.max() > 0.5 and off["exact"] < 0.7 and off["exact"] <= off["fine"] <= off["default"], off
+'
+}
+
+@test "what is asked for and cannot be seen is said" {
+    f=block_24x18x30_uint8.raw
+    while read -r said options; do
+        vkt render $f --size 8 -o a.png --force $options 2>err
+        grep -qF "${said//_/ }" err || { cat err >&2; echo "$options" >&2; false; }
+        fails_with 3 "--strict: ${said//_/ }" vkt render $f --size 8 -o b.png --strict $options
+        [ ! -e b.png ]
+    done <<'EOF'
+no_surface_of_999_is_there:_the_values_are_0_to_200 -ra implicit-iso --iso 999
+no_surface_of_-1_is_there -ra implicit-iso --iso 100 -1
+no_surface_of_0_is_there -ra implicit-iso --iso 0
+nothing_is_visible:_the_opacity_of_all_values,_0_to_200,_is_zero --domain 300:400 --opacity 0,1
+nothing_is_visible --opacity 0
+nothing_is_visible --opacity 0 --ra multi-scattering --spp 1
+EOF
+    vkt render $f --size 8 -o c.png --strict -ra implicit-iso --iso 200 1e-9
+    vkt set $f --slope -1 --intercept 0 | vkt render --size 8 -o d.png --strict -ra implicit-iso --iso -200
+    fails_with 3 "no surface of 0 is there" bash -o pipefail -c "vkt set $f --slope -1 --intercept 0 | vkt render --size 8 -o e.png --strict -ra implicit-iso --iso 0"
+    # Colours closer together than floats of the values are.
+    vkt make ramp --dims 8 8 8 --dtype float64 -o r.nrrd
+    read -r middle next <<<"$(/usr/bin/python3 -c 'print(0.5, 0.5 + 1e-9)')"
+    vkt render r.nrrd --size 8 -o g.png --domain $middle:$next 2>err
+    grep -q "closer together than the values" err
+}
+
+@test "a domain of one value is refused" {
+    fails_with 2 "single value" vkt render block_24x18x30_uint8.raw --size 8 --domain 5:5 -o a.png
+    fails_with 2 "single value" vkt render block_24x18x30_uint8.raw --size 8 --domain 5:5.0 -o a.png
+    [ ! -e a.png ]
+    vkt make constant --value 3 --dims 4 4 4 | vkt render --size 8 --domain minmax --opacity 0,0.5 --strict -o b.png
+}
+
+@test "pictures are written as what their names say" {
+    mkfifo silent
+    exec 5<>silent
+    for name in a.jpg a.tif a.png.jpeg a.nrrd x-%d.exr; do
+        fails_with 2 "end the name in .png" timeout 20 vkt render silent -o $name
+        fails_with 2 "end the name in .png" timeout 20 vkt render silent -o $name -n
+    done
+    for name in a.png A.PNG picture .hidden ./b.d/c; do
+        mkdir -p b.d
+        vkt render block_24x18x30_uint8.raw --size 8 -o $name
+        [ "$(size_of $name)" = "8 8 8 2" ]
+    done
 }

@@ -1,10 +1,12 @@
-// Headers as JSON, their validity, and history as a shell line.
+// Headers as JSON, and their validity.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/header.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/report.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -15,7 +17,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int max_history_depth = 1000;
+/// Nested steps are read by recursion; what lies deeper is counted.
+constexpr std::size_t deepest_step = most_history_steps;
+/// Objects and arrays within each other. The library needs memory, but no stack, for each.
+constexpr int deepest_nesting = 2'000'000;
 
 Json to_value(Index3 v) { return Json::array({v.x, v.y, v.z}); }
 Json to_value(Vec3 v) { return Json::array({v.x, v.y, v.z}); }
@@ -23,6 +28,7 @@ Json to_value(Vec3 v) { return Json::array({v.x, v.y, v.z}); }
 Json to_value(History const& history) {
     Json result;
     result["command"] = history.command;
+    if (history.earlier > 0) result["earlier"] = history.earlier;
     if (!history.inputs.empty()) {
         result["inputs"] = Json::array();
         for (auto const& input : history.inputs) result["inputs"].push_back(to_value(input));
@@ -82,16 +88,45 @@ Vec3 vector(Json const& value, char const* key) {
     return {number(value[0], key), number(value[1], key), number(value[2], key)};
 }
 
-History history(Json const& value, int depth) {
-    if (depth > max_history_depth || !value.is_object()) malformed("\"history\" is malformed");
+/// The words and the count of one step.
+History step_of(Json const& value) {
+    if (!value.is_object()) malformed("\"history\" is malformed");
     History result;
     Json const& command = member(value, "command");
     if (!command.is_array()) malformed("\"history\" is malformed");
     for (auto const& word : command) result.command.push_back(string(word, "history"));
+    if (auto const i = value.find("earlier"); i != value.end()) result.earlier = integer(*i, "history");
+    if (result.earlier < 0) malformed("\"history\" is malformed");
+    result.earlier = std::min(result.earlier, step_count({{}, {}, result.earlier}));
+    return result;
+}
+
+/// What a step read; none if there is nothing.
+Json const* inputs_of(Json const& value) {
     auto const inputs = value.find("inputs");
-    if (inputs == value.end()) return result;
+    if (inputs == value.end()) return nullptr;
     if (!inputs->is_array()) malformed("\"history\" is malformed");
-    for (auto const& input : *inputs) result.inputs.push_back(history(input, depth + 1));
+    return &*inputs;
+}
+
+/// The steps of a branch, without recursion, because it may be long.
+std::int64_t count_steps(Json const& value) {
+    std::int64_t count = 0;
+    for (std::vector<Json const*> next{&value}; !next.empty();) {
+        Json const& step = *next.back();
+        next.pop_back();
+        count = step_count({{}, {step_of(step)}, count});
+        if (Json const* const inputs = inputs_of(step))
+            for (auto const& input : *inputs) next.push_back(&input);
+    }
+    return count;
+}
+
+History history(Json const& value, std::size_t depth) {
+    if (depth == deepest_step) return {{}, {}, count_steps(value)};
+    History result = step_of(value);
+    if (Json const* const inputs = inputs_of(value))
+        for (auto const& input : *inputs) result.inputs.push_back(history(input, depth + 1));
     return result;
 }
 
@@ -106,12 +141,12 @@ void read_optional(Json const& object, Header& header) {
         header.part = Part{index(member(*i, "global_dims"), "part"), index(member(*i, "offset"), "part"),
                            index(member(*i, "halo"), "part")};
     }
-    if (auto const i = object.find("history"); i != object.end()) header.history = history(*i, 0);
+    if (auto const i = object.find("history"); i != object.end()) header.history = folded(history(*i, 0));
     header.dry_run = boolean(object, "dry_run");
     header.timing = boolean(object, "timing");
 }
 
-/// Refuses nesting that would exhaust the parser's or our stack before the JSON library sees it.
+/// Refuses nesting that would cost far more memory than the text before the JSON library sees it.
 void check_nesting(std::string_view json) {
     int depth = 0;
     bool in_string = false;
@@ -123,23 +158,26 @@ void check_nesting(std::string_view json) {
         } else if (c == '"') {
             in_string = true;
         } else if (c == '[' || c == '{') {
-            if (++depth > 2 * max_history_depth + 10) malformed("nesting is too deep");
+            if (++depth > deepest_nesting) malformed("nesting is too deep");
         } else if (c == ']' || c == '}') {
             --depth;
         }
     }
 }
 
-std::string command_line(History const& step) {
-    std::string line = "vkt";
-    std::size_t next_substitution = 1; // inputs[0] arrives on standard input, the others by substitution
-    for (auto const& word : step.command) {
-        if (word == "<(…)" && next_substitution < step.inputs.size())
-            line += text(" <(", history_as_shell(step.inputs[next_substitution++]), ")");
+/// JSON in which a terminal finds nothing to act on: the library escapes only what JSON asks for. Such characters can
+/// only stand within strings.
+std::string with_escapes(std::string_view json) {
+    std::string result;
+    while (!json.empty()) {
+        Character const c = first_character(json);
+        if (c.visible() || c.code < 0x7f)
+            result += json.substr(0, c.bytes);
         else
-            line += text(" ", shell_quoted(word));
+            result += json_string(json.substr(0, c.bytes)).substr(1, 6);
+        json.remove_prefix(c.bytes);
     }
-    return line;
+    return result;
 }
 
 } // namespace
@@ -197,11 +235,12 @@ std::string to_json(Header const& given) {
     }
     if (header.dry_run) result["dry_run"] = true;
     if (header.timing) result["timing"] = true;
-    if (header.history) result["history"] = to_value(*header.history);
+    if (header.history) result["history"] = to_value(folded(*header.history));
     // One key a line: a person who looks into a stream shall see what it is.
     std::string text = "{";
     for (auto const& [key, value] : result.items())
-        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ", value.dump());
+        text += vkt::text(text.size() > 1 ? ",\n " : "\n ", Json(key).dump(), ": ",
+                          with_escapes(value.dump(-1, ' ', false, Json::error_handler_t::replace)));
     return text + "\n}";
 }
 
@@ -235,13 +274,6 @@ Header header_from_json(std::string_view json) {
     read_optional(object, header);
     check(header);
     return header;
-}
-
-std::string history_as_shell(History const& history) {
-    std::string const line = command_line(history);
-    return history.inputs.empty() || history.inputs.front().command.empty()
-               ? line
-               : text(history_as_shell(history.inputs.front()), " | ", line);
 }
 
 } // namespace vkt

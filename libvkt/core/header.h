@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/geometry.h"
+#include "libvkt/core/history.h"
 #include "libvkt/core/types.h"
 
 #include <map>
@@ -20,13 +21,6 @@ struct ValueMap {
     double physical(double stored) const { return slope * stored + intercept; }
     double stored(double physical) const { return (physical - intercept) / slope; }
     friend bool operator==(ValueMap const&, ValueMap const&) = default;
-};
-
-/// One step of the past: the words of a command and what it read. A tree, since commands may have several inputs.
-struct History {
-    std::vector<std::string> command;
-    std::vector<History> inputs;
-    friend bool operator==(History const&, History const&) = default;
 };
 
 /// This volume is a part of a larger one: the whole's dims, where this part starts, and how much of it is halo.
@@ -79,10 +73,9 @@ void check(Header const& header);
 /// what does not says the same.
 Header in_utf8(Header header);
 
-std::string to_json(Header const& header);      ///< one object, one key a line, fixed order; text in UTF-8
-Header header_from_json(std::string_view text); ///< throws Error{data}; unknown keys are ignored
-
-/// The pipeline that a history tree describes, as a line a POSIX shell (with process substitution) runs.
-std::string history_as_shell(History const& history);
+/// One object, one key a line, fixed order, in UTF-8. Histories are folded; what a terminal would act on is escaped.
+std::string to_json(Header const& header);
+/// Throws Error{data}; unknown keys are ignored. Histories of any length are taken, and folded.
+Header header_from_json(std::string_view text);
 
 } // namespace vkt

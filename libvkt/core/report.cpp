@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -12,33 +13,21 @@ namespace vkt {
 
 std::string json_string(std::string_view text) {
     std::string result = "\"";
-    for (char const c : text) {
-        auto const byte = static_cast<unsigned char>(c);
-        switch (c) {
-        case '"':
-            result += "\\\"";
-            break;
-        case '\\':
-            result += "\\\\";
-            break;
-        case '\n':
-            result += "\\n";
-            break;
-        case '\t':
-            result += "\\t";
-            break;
-        case '\r':
-            result += "\\r";
-            break;
-        default:
-            if (byte < 0x20) {
-                char escape[8];
-                std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(byte));
-                result += escape;
-            } else {
-                result += c;
-            }
+    while (!text.empty()) {
+        Character const c = first_character(text);
+        if (!c.valid) {
+            result += "\xef\xbf\xbd"; // U+FFFD
+        } else if (c.code == '\n' || c.code == '\t' || c.code == '\r') {
+            result += c.code == '\n' ? "\\n" : c.code == '\t' ? "\\t" : "\\r";
+        } else if (!c.visible()) {
+            std::array<char, 8> escape{};
+            std::snprintf(escape.data(), escape.size(), "\\u%04x", static_cast<unsigned>(c.code));
+            result += escape.data();
+        } else {
+            if (c.code == '"' || c.code == '\\') result += '\\';
+            result += text.substr(0, c.bytes);
         }
+        text.remove_prefix(c.bytes);
     }
     return result += '"';
 }
@@ -74,12 +63,13 @@ Report& Report::add_number(std::string name, std::string const& digits) {
 
 std::string Report::text() const {
     std::size_t width = 0;
-    for (auto const& field : fields_) width = std::max(width, field.name.size());
+    for (auto const& field : fields_) width = std::max(width, printable(field.name).size());
     std::string result;
     for (auto const& field : fields_) {
-        result += field.name;
-        result.append(width + 2 - field.name.size(), ' ');
-        result += field.text;
+        std::string const name = printable(field.name);
+        result += name;
+        result.append(width + 2 - name.size(), ' ');
+        result += printable(field.text);
         result += '\n';
     }
     return result;

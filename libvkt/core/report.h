@@ -26,7 +26,7 @@ public:
     /// A number given as its decimal text ("nan" and "inf" are null in JSON).
     Report& add_number(std::string name, std::string const& digits);
 
-    std::string text() const;               ///< one "name   value" line per field
+    std::string text() const;               ///< one "name   value" line per field, printable()
     std::string json(int indent = 0) const; ///< one object
 
     /// One report as it is, several as a list.
@@ -40,7 +40,7 @@ private:
     std::vector<Field> fields_;
 };
 
-/// A JSON string literal.
+/// A JSON string literal. Bytes that are no UTF-8 become U+FFFD; what is not visible() is escaped.
 std::string json_string(std::string_view text);
 
 } // namespace vkt

@@ -51,6 +51,38 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     return last.back();
 }
 
+std::string hexadecimal(std::uint32_t value, int digits) {
+    std::array<char, 16> buffer{};
+    std::snprintf(buffer.data(), buffer.size(), "%0*x", digits, value);
+    return buffer.data();
+}
+
+constexpr std::string_view escape_letters = "abefnrtv";
+constexpr std::string_view escaped_controls = "\a\b\x1b\f\n\r\t\v";
+
+int digit_of(char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return 16;
+}
+
+/// What stands for one character within $'…', from behind the backslash on; `i` is left at its last character.
+char escaped_character(std::string_view line, std::size_t& i) {
+    char const c = line[i];
+    if (auto const letter = escape_letters.find(c); letter != std::string_view::npos) return escaped_controls[letter];
+    int const base = c == 'x' ? 16 : digit_of(c) < 8 ? 8 : 0;
+    if (base == 0) return c; // quotes and backslashes stand for themselves
+    std::size_t const begin = c == 'x' ? i + 1 : i, most = begin + (c == 'x' ? 2 : 3);
+    std::size_t end = begin;
+    int value = 0;
+    for (; end < std::min(most, line.size()) && digit_of(line[end]) < base; ++end)
+        value = value * base + digit_of(line[end]);
+    if (end == begin) return c;
+    i = end - 1;
+    return static_cast<char>(value);
+}
+
 /// Splits like a shell does; with `bars` a bar outside quotes begins the words of the next stage.
 std::vector<std::vector<std::string>> words_of(std::string_view line, bool bars) {
     std::vector<std::vector<std::string>> stages(1);
@@ -64,7 +96,12 @@ std::vector<std::vector<std::string>> words_of(std::string_view line, bool bars)
     };
     for (std::size_t i = 0; i < line.size(); ++i) {
         char const c = line[i];
-        if (quote != 0) {
+        if (quote == '$') { // $'…'
+            if (c == '\'')
+                quote = 0;
+            else
+                word += c == '\\' && i + 1 < line.size() ? escaped_character(line, ++i) : c;
+        } else if (quote != 0) {
             if (c == quote)
                 quote = 0;
             else if (quote == '"' && c == '\\' && i + 1 < line.size())
@@ -78,7 +115,9 @@ std::vector<std::vector<std::string>> words_of(std::string_view line, bool bars)
             stages.emplace_back();
         } else {
             in_word = true;
-            if (c == '\'' || c == '"')
+            if (c == '$' && i + 1 < line.size() && line[i + 1] == '\'')
+                quote = c, ++i;
+            else if (c == '\'' || c == '"')
                 quote = c;
             else
                 word += c == '\\' && i + 1 < line.size() ? line[++i] : c;
@@ -172,7 +211,69 @@ std::string join(std::vector<std::string> const& parts, std::string_view separat
     return result;
 }
 
+bool Character::visible() const {
+    bool const control = code < 0x20 || (code >= 0x7f && code < 0xa0), line_break = code == 0x2028 || code == 0x2029;
+    bool const direction = code == 0x61c || code == 0x200e || code == 0x200f || (code >= 0x202a && code <= 0x202e) ||
+                           (code >= 0x2066 && code <= 0x2069);
+    return valid && !control && !line_break && !direction;
+}
+
+Character first_character(std::string_view text) {
+    auto const byte = [&](std::size_t i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i])); };
+    std::uint32_t const first = byte(0);
+    if (first < 0x80) return {first, 1, true};
+    std::size_t const n = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+    Character const none{0xfffd, 1, false};
+    if (first < 0xc2 || first > 0xf4 || text.size() < n) return none;
+    std::uint32_t code = first & (0x7fU >> n);
+    for (std::size_t i = 1; i < n; ++i) {
+        if ((byte(i) & 0xc0) != 0x80) return none;
+        code = code << 6 | (byte(i) & 0x3f);
+    }
+    bool const longer = code < (n == 3 ? 0x800U : 0x10000U) && n > 2, surrogate = code >= 0xd800 && code < 0xe000;
+    if (longer || surrogate || code > 0x10ffff) return none;
+    return {code, n, true};
+}
+
+std::string printable(std::string_view text) {
+    std::string result;
+    result.reserve(text.size());
+    while (!text.empty()) {
+        Character const c = first_character(text);
+        if (c.visible())
+            result += text.substr(0, c.bytes);
+        else if (c.code == '\n' || c.code == '\t' || c.code == '\r')
+            result += c.code == '\n' ? "\\n" : c.code == '\t' ? "\\t" : "\\r";
+        else if (c.bytes == 1)
+            result += "\\x" + hexadecimal(static_cast<unsigned char>(text.front()), 2);
+        else
+            result += "\\u" + hexadecimal(c.code, 4);
+        text.remove_prefix(c.bytes);
+    }
+    return result;
+}
+
 std::string shell_quoted(std::string_view word) {
+    if (printable(word) != word) {
+        std::string quoted = "$'";
+        while (!word.empty()) {
+            Character const c = first_character(word);
+            std::string_view const bytes = word.substr(0, c.bytes);
+            word.remove_prefix(c.bytes);
+            if (c.code == '\'' || c.code == '\\') quoted += '\\';
+            if (c.visible()) {
+                quoted += bytes;
+                continue;
+            }
+            for (char const b : bytes) { // three octal digits cannot run into what follows
+                std::array<char, 8> octal{};
+                std::snprintf(octal.data(), octal.size(), "\\%03o",
+                              static_cast<unsigned>(static_cast<unsigned char>(b)));
+                quoted += octal.data();
+            }
+        }
+        return quoted + "'";
+    }
     bool plain = !word.empty();
     for (char c : word) {
         bool const letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');

@@ -36,9 +36,25 @@ std::string lower_case(std::string_view text);
 std::string in_utf8(std::string_view text);
 std::vector<std::string> split(std::string_view text, char separator);
 std::string join(std::vector<std::string> const& parts, std::string_view separator);
-/// Quotes a word for a POSIX shell if it needs quoting.
+/// A character of UTF-8 text.
+struct Character {
+    char32_t code = 0;     ///< U+FFFD for a byte that is no UTF-8
+    std::size_t bytes = 0; ///< that it takes, at least 1
+    bool valid = false;    ///< it is UTF-8
+    /// False of what terminals act on, what breaks lines and what turns the direction of writing.
+    bool visible() const;
+};
+/// The first one of text that is not empty.
+Character first_character(std::string_view text);
+/// Text from files, streams and arguments as a person may see it, in one line: characters that are not visible() appear
+/// as \n, \t, \x1b or \u202e, bytes that are no UTF-8 as \xff. All else is left alone, backslashes too.
+std::string printable(std::string_view text);
+
+/// Quotes a word for a POSIX shell if it needs quoting. Words that are not printable() as they are become $'…', which
+/// bash, zsh and ksh know, so that a line is always one line.
 std::string shell_quoted(std::string_view word);
-/// Splits like a POSIX shell does for words: quotes, backslashes, blanks. Throws Error{usage} on an open quote.
+/// Splits like a POSIX shell does for words: quotes (also $'…'), backslashes, blanks. Throws Error{usage} on an open
+/// quote.
 std::vector<std::string> shell_words(std::string_view line);
 /// The words of each stage of a pipeline: the same, parted at bars outside quotes. A stage may be empty.
 std::vector<std::vector<std::string>> shell_stages(std::string_view line);

@@ -87,7 +87,7 @@ History history_step(StageInfo const& info, std::vector<Header> const& headers) 
         else if (word[1] == 'e')
             step.command.emplace_back("-");
     }
-    return step;
+    return folded(std::move(step));
 }
 
 std::string input_placeholder(std::size_t i, bool explicit_word) {

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <utility>
 
 namespace vkt {
 
@@ -160,11 +160,18 @@ bool same_lattice(Header const& a, Header const& b) {
     return a.dims == b.dims && a.dtype == b.dtype && same_place(a, b) && a.values == b.values;
 }
 
-std::string history_text(History const& history) {
-    Header header;
-    header.history = history;
-    auto const object = nlohmann::ordered_json::parse(to_json(header));
-    return object.at("history").dump();
+std::string history_text(History const& history, std::size_t most_bytes) {
+    auto const line_of = [](History kept) {
+        Header header;
+        header.history = std::move(kept);
+        std::string const json = to_json(header), key = "\"history\": ";
+        std::size_t const begin = json.rfind("\n " + key) + 2 + key.size(); // the last key, on a line of its own
+        return json.substr(begin, json.size() - begin - 2);
+    };
+    for (std::size_t bytes = most_bytes; bytes > 0; bytes /= 2)
+        if (std::string line = line_of(folded(history, most_history_steps, bytes)); line.size() <= most_bytes)
+            return line;
+    return line_of({{}, {}, step_count(history)}); // a single step is too long
 }
 
 std::string attributes_text(std::map<std::string, std::string> const& attributes) {

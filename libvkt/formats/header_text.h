@@ -41,8 +41,9 @@ void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what
 /// True if two volumes can be entries of one series in a file: equal dims, type, geometry, value map.
 bool same_lattice(Header const& a, Header const& b);
 
-/// The history as one line of JSON, and back; text that is no history is nullopt.
-std::string history_text(History const& history);
+/// The history as one line of JSON of at most so many bytes (at least 64), folded until it is, and back; text that is
+/// no history is nullopt.
+std::string history_text(History const& history, std::size_t most_bytes);
 std::optional<History> parse_history(std::string const& text);
 
 /// Attributes that a format has no other place for as one line of JSON, and back; text that is none is empty.

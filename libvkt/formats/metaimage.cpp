@@ -141,6 +141,9 @@ std::string attribute_fields(Header const& header, bool in_series, std::string c
     return result;
 }
 
+/// ITK and VTK give up on lines of 32 KiB and more.
+constexpr std::size_t most_history = 32'000;
+
 /// Everything before ElementDataFile. `compressed` < 0: not compressed.
 std::string metaimage_fields(Header const& header, std::int64_t volumes, std::int64_t compressed) {
     bool const series = volumes > 1;
@@ -168,7 +171,7 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
     if (series && !along.known) result += text(unknown_sequence, " = unknown\n");
     if (!header.units.empty()) result += text("VktUnits = ", one_line(header.units), "\n");
     result += attribute_fields(header, series && along.known, unit);
-    if (header.history) result += text("VktHistory = ", history_text(*header.history), "\n");
+    if (header.history) result += text("VktHistory = ", history_text(*header.history, most_history), "\n");
     return result + text("ElementType = ", metaimage_type_name(header.dtype), "\n");
 }
 

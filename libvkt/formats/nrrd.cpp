@@ -159,6 +159,9 @@ std::string FieldWriter::kind() {
     return said.empty() ? "list" : said;
 }
 
+/// Escaped it may be twice as long, and stays a line that every reader takes.
+constexpr std::size_t most_history = 400'000;
+
 void FieldWriter::put_pairs() {
     if (header_.values != ValueMap{})
         result_ += text("vkt slope:=", header_.values.slope, "\nvkt intercept:=", header_.values.intercept, "\n");
@@ -171,7 +174,7 @@ void FieldWriter::put_pairs() {
             others.emplace(key, value);
     }
     if (!others.empty()) result_ += text("vkt attributes:=", escaped(attributes_text(others)), "\n");
-    if (header_.history) result_ += text("vkt history:=", escaped(history_text(*header_.history)), "\n");
+    if (header_.history) result_ += text("vkt history:=", escaped(history_text(*header_.history, most_history)), "\n");
 }
 
 std::string FieldWriter::text_of(bool gzip, std::string const& data_file) {

@@ -54,7 +54,7 @@ bool RegionSource::next_volume() {
     tree_.reset();
     box_ = world_roi_.empty() ? roi_.resolve(header_.dims) : world_roi_.resolve(header_.geometry, header_.dims);
     std::optional<History> history = header_.history;
-    if (history) history = History{{"crop", "--roi", to_text(box_)}, {*history}};
+    if (history) history = folded({{"crop", "--roi", to_text(box_)}, {*history}});
     if (on_region_) on_region_(box_);
     if (header_.kind == Kind::hierarchical) {
         if (!narrowed_ && !header_.dry_run) {

@@ -31,12 +31,6 @@ std::size_t otsu(std::vector<std::int64_t> const& bins, std::size_t first) {
     return split;
 }
 
-/// Also where the difference of the ends is not finite.
-double between(double lower, double upper, double share) {
-    double const extent = upper - lower;
-    return std::isfinite(extent) ? lower + share * extent : std::lerp(lower, upper, share);
-}
-
 } // namespace
 
 /// Everything below the split is clear. Above it, the voxels at or above a value form an object that fills a share F of
@@ -67,13 +61,13 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
     };
     constexpr int points = 24;
     for (int i = 0; i <= points; ++i) {
-        double const x = i / static_cast<double>(points), value = between(lower, upper, x);
+        double const x = i / static_cast<double>(points), value = std::lerp(lower, upper, x);
         // Common values get a sharper edge: they are solid rather than a few bright spots.
         double const share = share_from(value), depth = 16 * x * x + 200 * share * share * std::sqrt(x);
         double const extinction = depth / (extent * std::cbrt(share));
         result.transfer.points.push_back({value, colormap(map, x), -std::expm1(-extinction * unit)});
     }
-    result.iso = between(lower, upper, 0.3);
+    result.iso = std::lerp(lower, upper, 0.3);
     return result;
 }
 

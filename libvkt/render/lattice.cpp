@@ -80,7 +80,7 @@ template <class T> void convert(ConstView voxels, Range const& range, Lattice& l
             std::int64_t const y = row % dims.y, z = row / dims.y;
             return static_cast<double>(v.data[i % dims.x + y * v.row + z * v.slice]);
         });
-        lattice.offset = narrow.offset;
+        lattice.rescaling = narrow.rescaling;
         lattice.view.type = LatticeType::float32;
         fill<T, float>(v, dims, lattice, threads, [=](T a) { return narrow(static_cast<double>(a)); });
     }

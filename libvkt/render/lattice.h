@@ -12,13 +12,13 @@
 namespace vkt::render {
 
 /// Voxels with two voxels of clamped padding on every side. uint8, uint16 and int16 are kept; other types become float
-/// after subtracting `offset` (int8 becomes int16) and are limited to what floats hold. Infinite voxels become the
+/// and are rescaled where that needs it (int8 becomes int16). Infinite voxels become the
 /// nearest finite value of the volume and are counted; NaN stays and means no data.
 struct Lattice {
     Buffer voxels;
     LatticeView view;
     Index3 dims;          ///< without padding
-    double offset = 0;    ///< stored value = lattice value + offset
+    Rescaling rescaling;  ///< of stored values
     bool missing = false; ///< has NaN
     Histogram histogram;  ///< of physical values
     CellGrid cells;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/render.h"
 
+#include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/inner/exact.h"
@@ -55,7 +56,7 @@ std::vector<std::pair<double, double>> read_opacity(std::string const& words, Do
             refuse(text("--opacity '", words, "' is neither auto nor A,A,… nor VALUE:A,VALUE:A,…"),
                    "for example --opacity 0,0,0.1,0.8");
         double const share = parts.size() > 1 ? static_cast<double>(i) / static_cast<double>(parts.size() - 1) : 1;
-        double const value = placed ? parse_double(pair[0]) : domain.lower + share * (domain.upper - domain.lower);
+        double const value = placed ? parse_double(pair[0]) : std::lerp(domain.lower, domain.upper, share);
         ramp.emplace_back(value, parse_double(pair.back()));
         if (!(ramp.back().second >= 0 && ramp.back().second <= 1))
             refuse(text("--opacity '", words, "' has an opacity outside 0 to 1"));
@@ -63,19 +64,23 @@ std::vector<std::pair<double, double>> read_opacity(std::string const& words, Do
     return ramp;
 }
 
+/// Where a value lies between two others: 0 to 1 from the lower to the upper one; `alone` if these are equal.
+double share_of(double value, double lower, double upper, double alone) {
+    double const half = upper / 2 - lower / 2; // the whole may be more than doubles hold
+    return half > 0 ? (value / 2 - lower / 2) / half : alone;
+}
+
 /// A colour map over the domain with opacities of its own: control points wherever either bends.
 TransferFunction combine(std::string const& map, Domain const& domain, std::vector<std::pair<double, double>> ramp) {
     std::stable_sort(ramp.begin(), ramp.end(), [](auto const& a, auto const& b) { return a.first < b.first; });
-    double const width = domain.upper - domain.lower;
-    auto const color_at = [&](double v) { return colormap(map, width > 0 ? (v - domain.lower) / width : 0.5); };
+    auto const color_at = [&](double v) { return colormap(map, share_of(v, domain.lower, domain.upper, 0.5)); };
     // Between the opacities it is extinction that runs linearly.
     auto const alpha_at = [&](double v) {
         if (v <= ramp.front().first) return ramp.front().second;
         for (std::size_t i = 1; i < ramp.size(); ++i) {
             if (v > ramp[i].first) continue;
-            double const w = ramp[i].first - ramp[i - 1].first;
             double const a = extinction_of(ramp[i - 1].second), b = extinction_of(ramp[i].second);
-            return w > 0 ? -std::expm1(-(a + (v - ramp[i - 1].first) / w * (b - a))) : ramp[i].second;
+            return -std::expm1(-(a + share_of(v, ramp[i - 1].first, ramp[i].first, 1) * (b - a)));
         }
         return ramp.back().second;
     };
@@ -83,7 +88,7 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
     for (auto const& [value, alpha] : ramp) transfer.points.push_back({value, color_at(value), alpha});
     constexpr int parts = 64;
     for (int i = 0; i <= parts; ++i) {
-        double const v = domain.lower + width * i / parts;
+        double const v = std::lerp(domain.lower, domain.upper, static_cast<double>(i) / parts);
         bool const taken = std::any_of(ramp.begin(), ramp.end(), [&](auto const& r) { return r.first == v; });
         if (!taken) transfer.points.push_back({v, color_at(v), alpha_at(v)});
     }
@@ -170,13 +175,42 @@ Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
 
     std::vector<double> isos = settings.isos;
     if (isos.empty()) isos.push_back(automatic.iso);
-    std::vector<Knot> const knots = knots_of(look.transfer, {}, 0, 1, 1);
+    auto const& [least, greatest] = std::pair(histogram().least, histogram().greatest);
+    std::vector<Knot> const knots = knots_of(look.transfer, header_.values, rescaling(), 1, 1);
     for (double const iso : isos) {
-        Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), iso);
-        look.isos.push_back({static_cast<float>(header_.values.stored(iso) - offset()), static_cast<float>(k.red),
-                             static_cast<float>(k.green), static_cast<float>(k.blue)});
+        double const value = rescaling().of(header_.values.stored(iso));
+        Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), value);
+        // What is at the value counts as above it, and above is where stored values are greater.
+        bool const met = header_.values.slope > 0 ? least < iso && iso <= greatest : least <= iso && iso < greatest;
+        if (!met)
+            look.lossy.push_back(text("no surface of ", iso, " is there: the values are ", least, " to ", greatest));
+        look.isos.push_back({static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
+                             static_cast<float>(k.blue)});
     }
     return look;
+}
+
+std::vector<std::string> Renderer::unseen(Look const& look, std::vector<Knot> const& knots,
+                                          TransferTable const& table) const {
+    std::vector<std::string> lines = look.lossy;
+    if (!look.isos.empty()) return lines;
+    double const one = rescaling().of(header_.values.stored(histogram().least)),
+                 other = rescaling().of(header_.values.stored(histogram().greatest));
+    double const least = std::min(one, other), greatest = std::max(one, other);
+    if (!(table.greatest_extinction(static_cast<float>(least), static_cast<float>(greatest)) > 0)) {
+        lines.push_back(text("nothing is visible: the opacity of all values, ", histogram().least, " to ",
+                             histogram().greatest, ", is zero"));
+        return lines;
+    }
+    // Floats of wider types were rounded; and no table has nodes closer together than floats can say.
+    double const lower = knots.front().value, upper = knots.back().value;
+    double const largest =
+        std::min(std::max(std::abs(lower), std::abs(upper)), std::max(std::abs(least), std::abs(greatest)));
+    double const step = computes_in_double(header_.dtype) ? std::max(largest * 0x1p-23, 0x1p-149) : 0;
+    if (look.domain.upper > look.domain.lower && upper - lower < std::max(256 * step, 1024 * 0x1p-126))
+        lines.push_back(text("the colours from ", look.domain.lower, " to ", look.domain.upper,
+                             " are closer together than the values that rays sample"));
+    return lines;
 }
 
 SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const {
@@ -200,16 +234,18 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
     Double3 const rows[3] = {Double3{a.x.x, a.y.x, a.z.x} * smallest, Double3{a.x.y, a.y.y, a.z.y} * smallest,
                              Double3{a.x.z, a.y.z, a.z.z} * smallest};
     auto const metric = [&](int i, int j, double factor) { return static_cast<float>(factor * dot(rows[i], rows[j])); };
-    double range = look.domain.upper - look.domain.lower;
+    auto const part_of = [](double share, double from, double to) { return share * to - share * from; };
+    double part = part_of(0.02, look.domain.lower, look.domain.upper);
     // Of a single value all surfaces are shaded, and of a constant volume none.
-    if (!(range > 0)) range = 1e-6 * (histogram().greatest - histogram().least);
-    if (!(range > 0)) range = 1;
-    double const reference = 0.02 * range / std::abs(header_.values.slope) / (tree_ ? tree_->typical_width() : 1);
+    if (!(part > 0)) part = part_of(2e-8, histogram().least, histogram().greatest);
+    if (!(part > 0)) part = 0.02;
+    double const reference =
+        part / std::abs(header_.values.slope) * rescaling().scale / (tree_ ? tree_->typical_width() : 1);
     scene.shade = {
         static_cast<float>(look.shade),
         0.25F,
         0.12F,
-        static_cast<float>(1 / reference),
+        static_cast<float>(std::min(1 / reference, 1e30)),
         static_cast<float>(smallest),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
     scene.iso_count = static_cast<int>(look.isos.size());
@@ -237,7 +273,7 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     auto const start = Clock::now();
     Look const look = look_of(settings);
     std::vector<Knot> const knots =
-        knots_of(look.transfer, header_.values, offset(), look.unit, settings.opacity_scale);
+        knots_of(look.transfer, header_.values, rescaling(), look.unit, settings.opacity_scale);
     TransferTable const table(knots);
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
     CellVisibility cells;
@@ -298,13 +334,14 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
+        report->lossy = unseen(look, knots, table);
         report->missing = histogram().missing, report->infinite = histogram().infinite;
-        report->method =
-            surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-            : integrator == Integrator::scatter
-                ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
-                : text(settings.exact ? "exact (two-point Gauss per voxel), step " : "ray marching, step ",
-                       settings.step, tree_ ? " of the finest cell" : " voxel", ", shading ", look.shade);
+        report->method = surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
+                         : integrator == Integrator::scatter ? text("delta tracking, isotropic, ", settings.samples,
+                                                                    " paths per pixel, seed ", settings.seed)
+                         : settings.exact ? "exact, piece by piece between the points of the transfer function"
+                                          : text("ray marching, step ", settings.step,
+                                                 tree_ ? " of the finest cell" : " voxel", ", shading ", look.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }

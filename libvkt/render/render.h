@@ -38,7 +38,7 @@ struct RenderSettings {
 
     // Ray marching.
     double step = 0.5;  ///< in voxels along the ray, in [1/256, 4]
-    bool exact = false; ///< reference mode
+    bool exact = false; ///< reference mode, which has no step
     double shade =
         -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
     bool skip = true; ///< leave out empty space; the picture is the same bit for bit
@@ -73,6 +73,7 @@ struct RenderReport {
     double skipped = 0;                     ///< share of the macrocells or bricks that nothing can be seen in
     char const* parts = "macrocells";       ///< or bricks
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
+    std::vector<std::string> lossy;         ///< one line each: what was asked for and cannot be seen, and why
     double prepare_seconds = 0, render_seconds = 0;
 };
 
@@ -95,10 +96,13 @@ private:
         Domain domain;
         double unit = 1;
         double shade = 0;
-        std::vector<IsoView> isos; ///< in lattice values
+        std::vector<IsoView> isos;      ///< in sampled values
+        std::vector<std::string> lossy; ///< surfaces that are not there
     };
-    double offset() const { return tree_ ? tree_->offset() : lattice_.offset; }
+    Rescaling const& rescaling() const { return tree_ ? tree_->rescaling() : lattice_.rescaling; }
     Look look_of(RenderSettings const& settings) const;
+    /// What was asked for and cannot be seen, one line each.
+    std::vector<std::string> unseen(Look const& look, std::vector<Knot> const& knots, TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const;
 
     Header header_;

@@ -102,7 +102,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("shade", shading_, "SHADING", "light at the camera: auto shades iso-surfaces and automatic colours");
 
     list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
-    list.flag("exact", s.exact, "ray marching: slow reference, fourth order, transfer function without a table");
+    list.flag("exact", s.exact,
+              "ray marching: slow reference, exact but for rounding, transfer function without a table");
     list.flag("no-skip", no_skip_, "ray marching: sample empty space too; the picture is the same");
 
     list.option("iso", s.isos, "VALUE", "implicit-iso: values of the surfaces (default: chosen from the data)");
@@ -149,6 +150,7 @@ void SettingsParameters::refuse_misfits() const {
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
     exclude("exact", "shade");
     exclude("exact", "no-skip");
+    exclude("exact", "step");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
         refuse("--fov does not apply to --projection orthographic", "--zoom does");
     if (settings_.camera.projection == Projection::perspective && list_->given("span"))

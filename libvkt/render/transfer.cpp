@@ -73,18 +73,20 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
     for (std::size_t i = 0; i < n; ++i) {
         double const share = n > 1 ? static_cast<double>(i) / static_cast<double>(n - 1) : 0.5;
         transfer.points.push_back(
-            {lower + share * (upper - lower), {rgba[4 * i], rgba[4 * i + 1], rgba[4 * i + 2]}, rgba[4 * i + 3]});
+            {std::lerp(lower, upper, share), {rgba[4 * i], rgba[4 * i + 1], rgba[4 * i + 2]}, rgba[4 * i + 3]});
     }
     transfer.check_and_sort();
     return transfer;
 }
 
-std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit,
-                           double scale) {
+double Rescaling::of(double stored) const { return std::clamp(stored * scale - offset * scale, -limit, limit); }
+
+std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, Rescaling const& rescaling,
+                           double unit, double scale) {
     std::vector<Knot> knots;
     auto const add = [&](double value, double extinction, Color c) {
         if (!transfer.linear_colors) c = {srgb_to_linear(c.red), srgb_to_linear(c.green), srgb_to_linear(c.blue)};
-        knots.push_back({values.stored(value) - offset, extinction, c.red, c.green, c.blue});
+        knots.push_back({rescaling.of(values.stored(value)), extinction, c.red, c.green, c.blue});
     };
     auto const extinction = [&](double alpha) {
         return std::min(extinction_of(alpha) * scale, most_extinction) / unit;
@@ -97,7 +99,7 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
             int const parts = transfer.linear_colors || o.color == p.color || o.value == p.value ? 1 : 16;
             for (int k = 1; k < parts; ++k) {
                 double const f = k / static_cast<double>(parts);
-                auto const mix = [f](double a, double b) { return a + f * (b - a); };
+                auto const mix = [f](double a, double b) { return std::lerp(a, b, f); };
                 add(mix(o.value, p.value), mix(extinction(o.alpha), extinction(p.alpha)),
                     {mix(o.color.red, p.color.red), mix(o.color.green, p.color.green),
                      mix(o.color.blue, p.color.blue)});
@@ -111,8 +113,10 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
 
 TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_(std::max(nodes, 2)) {
     double lower = knots.front().value, upper = knots.back().value;
-    // Positions are floats: nodes are no closer together than these are, and begin at one of them.
-    double const gap = std::max(std::max(std::abs(lower), std::abs(upper)) * 0x1p-23, 1e-30);
+    // Positions are floats: nodes are no closer together than these are, and begin at one of them. Closer than the
+    // least distance their number per value would not be a float.
+    constexpr double least_gap = 0x1p-126;
+    double const gap = std::max(std::max(std::abs(lower), std::abs(upper)) * 0x1p-23, least_gap);
     // A domain without extent is a step: below the value the first knot holds, from the value on the last one. Values
     // that were interpolated may be a few roundings lower.
     bool const step = !(upper > lower);
@@ -209,12 +213,6 @@ std::vector<std::uint32_t> TransferTable::visible_before() const {
     return before;
 }
 
-double Histogram::value_at(double place) const {
-    auto const count = static_cast<double>(bins.size());
-    double const width = (greatest - least) / count;
-    return std::isfinite(width) ? least + place * width : std::lerp(least, greatest, place / count);
-}
-
 double Histogram::percentile(double p) const {
     std::int64_t const finite = total - missing - infinite;
     if (finite <= 0 || bins.empty()) return least;
@@ -245,6 +243,9 @@ Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
         return histogram.percentile(p / 100);
     };
     Domain domain{text_of, read(parts[0]), read(parts[1])};
+    if (is_number(parts[0]) && is_number(parts[1]) && domain.lower == domain.upper)
+        throw Error(ErrorKind::usage, text("domain '", text_of, "' holds a single value"),
+                    "give LO:HI with LO below HI; --opacity VALUE:A,VALUE:A places opacities at values");
     if (!std::isfinite(domain.lower) || !std::isfinite(domain.upper) || domain.lower > domain.upper) throw fail();
     return domain;
 }

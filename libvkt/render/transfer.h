@@ -8,6 +8,7 @@
 #include "libvkt/render/inner/scene.h"
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -48,10 +49,19 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
 TransferFunction transfer_from_json(std::string const& json);
 std::string transfer_to_json(TransferFunction const& transfer);
 
-/// Knots in stored values: stored = (physical - intercept) / slope - offset, ascending. Extinctions are per world
+/// How stored values become those that rays sample, which are floats: (stored - offset) * scale. The scale is a power
+/// of two, so that it rounds nothing; it keeps values of any size where floats are precise.
+struct Rescaling {
+    double offset = 0, scale = 1;
+    /// Limited, so that differences are floats: what lies further out differs from nothing there.
+    static constexpr double limit = 0x1p100;
+    double of(double stored) const;
+};
+
+/// Knots in sampled values, ascending. Extinctions are per world
 /// length (unit in world units), multiplied by `scale` and then limited; colours are linear.
-std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, double offset, double unit,
-                           double scale);
+std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, Rescaling const& rescaling,
+                           double unit, double scale);
 
 /// The knots sampled at equidistant nodes with running integrals, and maxima over ranges for majorants.
 class TransferTable {
@@ -87,14 +97,17 @@ struct Histogram {
     std::vector<std::int64_t> bins;
     std::int64_t total = 0, missing = 0, infinite = 0;
 
-    /// The value that lies a number of bins above the least one.
-    double value_at(double place) const;
+    double bin_width() const { // the difference of the ends may be more than doubles hold
+        return greatest / static_cast<double>(bins.size()) - least / static_cast<double>(bins.size());
+    }
+    /// The value after so many bins.
+    double value_at(double bin) const { return std::lerp(least, greatest, bin / static_cast<double>(bins.size())); }
     double center(std::size_t i) const { return value_at(static_cast<double>(i) + 0.5); }
     /// The value below which the share p of the finite voxels lies.
     double percentile(double p) const;
 };
 
-/// "lo:hi", "minmax", "pA:pB" (percentiles) or "auto". Throws Error{usage}.
+/// "lo:hi" with lo below hi, "minmax", "pA:pB" (percentiles) or "auto". Throws Error{usage}.
 struct Domain {
     std::string text = "auto";
     double lower = 0, upper = 1;

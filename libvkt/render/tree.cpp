@@ -70,7 +70,7 @@ struct Tree::Survey {
     /// True if rays can sample the cells as they are.
     bool usable(DataType type) const {
         return type == DataType::uint8 || type == DataType::uint16 || type == DataType::int16 ||
-               (type == DataType::float32 && all.infinite == 0);
+               (type == DataType::float32 && all.infinite == 0 && narrow.rescaling.scale == 1);
     }
     Volume sampled(Volume const& volume, Execution const& execution) const {
         if (usable(volume.header().dtype)) return volume;
@@ -92,7 +92,8 @@ struct Tree::Survey {
 Tree::Tree(Volume const& volume, Execution const& execution) : Tree(volume, Survey(volume, execution), execution) {}
 
 Tree::Tree(Volume const& volume, Survey const& survey, Execution const& execution)
-    : sampler_(survey.sampled(volume, execution)), offset_(survey.narrow.offset), region_(region_of(volume.header())) {
+    : sampler_(survey.sampled(volume, execution)), rescaling_(survey.narrow.rescaling),
+      region_(region_of(volume.header())) {
     Header const& header = volume.header();
     std::vector<Brick> const& bricks = volume.bricks();
     switch (sampler_.volume().header().dtype) {

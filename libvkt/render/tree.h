@@ -10,16 +10,17 @@
 
 namespace vkt::render {
 
-/// Cells of type uint8, uint16, int16 and finite float32 are used in place; others become float after subtracting
-/// `offset`. Infinite cells become the nearest finite value of the volume and are counted; NaN means no data.
-/// Memory besides cells: about 140 bytes a brick.
+/// Cells of type uint8, uint16, int16 and finite float32 are used in place; others become float and are
+/// rescaled where that needs it, as float32 is if its values are extremely large or small. Infinite cells become the
+/// nearest finite value of the volume and are counted; NaN means no data. Memory besides cells: about 140 bytes a
+/// brick.
 class Tree {
 public:
     /// Throws Error{data} for volumes without bricks or without any finite cell, Error{resources} for bricks of 2^31
     /// cells and more.
     Tree(Volume const& volume, Execution const& execution);
 
-    double offset() const { return offset_; }
+    Rescaling const& rescaling() const { return rescaling_; } ///< of stored values
     /// Cells count by their volume, because that is what a picture shows.
     Histogram const& histogram() const { return histogram_; }
     /// Finest cells that are shown.
@@ -45,12 +46,13 @@ private:
     Tree(Volume const& volume, Survey const& survey, Execution const& execution);
 
     TreeSampler sampler_;
+    Rescaling rescaling_;
     LatticeType type_ = LatticeType::float32;
-    double offset_ = 0, covered_ = 0, typical_width_ = 1;
+    double covered_ = 0, typical_width_ = 1;
     Histogram histogram_;
     Box region_;
     std::vector<BrickBox> boxes_;
-    std::vector<float> lowest_, highest_; ///< per brick, stored values less the offset; lowest > highest: no data
+    std::vector<float> lowest_, highest_; ///< per brick, sampled values; lowest > highest: no data
     std::vector<std::uint8_t> missing_;
 };
 

@@ -31,7 +31,7 @@ TEST(RenderTransfer, TablesFollowTheKnots) {
     transfer.linear_colors = true;
     transfer.points = {{30, {0, 0, 1}, 0.5}, {10, {1, 0, 0}, 0}, {20, {1, 1, 0}, 0.2}}; // not sorted
     transfer.check_and_sort();
-    std::vector<Knot> const knots = knots_of(transfer, {}, 0, 2, 1);
+    std::vector<Knot> const knots = knots_of(transfer, {}, {}, 2, 1);
     TransferTable const table(knots, 2001);
     for (double v = 5; v < 35; v += 0.37) {
         auto const stored = static_cast<float>(v);
@@ -45,7 +45,7 @@ TEST(RenderTransfer, TablesFollowTheKnots) {
 
 TEST(RenderTransfer, ADomainWithoutExtentIsAStep) {
     TransferFunction transfer = transfer_from_lut({1, 1, 1, 0, 1, 1, 1, 0.5}, 7, 7);
-    TransferTable const table(knots_of(transfer, {}, 0, 1, 1));
+    TransferTable const table(knots_of(transfer, {}, {}, 1, 1));
     auto const extinction = [&](float v) { return classify(table.view(), table_position(table.view(), v)).density[0]; };
     EXPECT_EQ(extinction(6.9F), 0);
     EXPECT_NEAR(extinction(7.1F), std::log(2), 1e-6);
@@ -60,7 +60,7 @@ TEST(RenderTransfer, ConstantVolumesAreDrawn) {
         EXPECT_NEAR(render_one(volume, s).center()[3], std::exp(-4 * extinction_of(0.2)), 1e-4) << value;
         s.opacity = "auto";
         EXPECT_LT(render_one(volume, s).center()[3], 1e-2) << value;
-        TransferTable const table(knots_of(transfer_from_lut({1, 1, 1, 0, 1, 1, 1, 0.5}, value, value), {}, 0, 1, 1));
+        TransferTable const table(knots_of(transfer_from_lut({1, 1, 1, 0, 1, 1, 1, 0.5}, value, value), {}, {}, 1, 1));
         auto const below = static_cast<float>(value - (value != 0 ? 1e-2 * std::abs(value) : 1e-3));
         EXPECT_EQ(classify(table.view(), table_position(table.view(), below)).density[0], 0) << value;
     }
@@ -82,7 +82,7 @@ TEST(RenderTransfer, GreatestExtinctionBoundsEveryValueBetween) {
     std::uniform_real_distribution<double> share(0, 1);
     std::vector<double> lut;
     for (int i = 0; i < 4 * 37; ++i) lut.push_back(i % 4 == 3 && i % 3 == 0 ? 0 : share(random));
-    TransferTable const table(knots_of(transfer_from_lut(lut, -3, 5), {}, 0, 1, 1));
+    TransferTable const table(knots_of(transfer_from_lut(lut, -3, 5), {}, {}, 1, 1));
     for (int i = 0; i < 3000; ++i) {
         double const a = -4 + 10 * share(random), b = a + share(random) * share(random) * 3;
         float const bound = table.greatest_extinction(static_cast<float>(a), static_cast<float>(b));
@@ -119,7 +119,7 @@ TEST(RenderTransfer, Domains) {
     EXPECT_NEAR(resolve_domain("p1:p99", h).lower, 1, 1e-9);
     EXPECT_NEAR(resolve_domain("p1:p99", h).upper, 99, 1e-9);
     EXPECT_EQ(resolve_domain("-5:7.5", h).lower, -5);
-    for (char const* bad : {"5", "7:5", "a:b", "p200:p3", ":", "1:2:3"})
+    for (char const* bad : {"5", "7:5", "5:5", "5:5.0", "a:b", "p200:p3", ":", "1:2:3"})
         EXPECT_THROW(resolve_domain(bad, h), Error) << bad;
 }
 

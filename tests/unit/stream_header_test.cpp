@@ -3,8 +3,11 @@
 #include "ipc/frame.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/report.h"
+#include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
 
+#include <algorithm>
 #include <cstring>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
@@ -112,6 +115,86 @@ TEST(StreamHeader, WordsThatAreUnknownAreRefused) {
     expect_refused(stream_of("{"), "no JSON");
     expect_refused(stream_of(""), "nothing");
     expect_refused(stream_of(std::string(100000, '[')), "deep");
+}
+
+std::int64_t depth_of(History const& history) {
+    std::int64_t deepest = 0;
+    for (History const& input : history.inputs) deepest = std::max(deepest, depth_of(input));
+    return 1 + deepest;
+}
+
+// Written with more steps than any reader could take, a volume was lost.
+TEST(StreamHeader, LongHistoriesAreFoldedAndNeverCostTheVolume) {
+    for (std::int64_t const steps : {1, 399, 400, 401, 2500, 100000}) {
+        std::string json = R"({"command": ["make", "ramp"]})";
+        std::string open, close;
+        for (std::int64_t i = 1; i < steps; ++i) {
+            open += R"({"command": ["flip", "x"], "inputs": [)";
+            close += "]}";
+        }
+        std::string const whole = with("\"intercept\": 0.0", "\"intercept\": 0.0, \"history\": " + open + json + close);
+        EXPECT_NO_THROW(read_all(stream_of(whole))) << steps;
+        Header const header = header_from_json(whole);
+        ASSERT_TRUE(header.history);
+        EXPECT_EQ(step_count(*header.history), steps);
+        EXPECT_EQ(depth_of(*header.history), std::min<std::int64_t>(steps, 401));
+        EXPECT_EQ(header_from_json(to_json(header)), header) << steps;
+        History oldest = *header.history;
+        while (!oldest.inputs.empty()) oldest = History(oldest.inputs.front());
+        EXPECT_EQ(oldest.earlier, steps > 400 ? steps - 400 : 0);
+        EXPECT_EQ(oldest.command.empty(), steps > 400);
+    }
+}
+
+// A volume added to itself has twice the steps each time.
+TEST(StreamHeader, HistoriesOfSeveralInputsStaySmall) {
+    History history{{"make", "ramp"}, {}};
+    for (int i = 0; i < 200; ++i) history = folded({{"arith", "add", "-", "<(…)"}, {history, history}});
+    EXPECT_EQ(step_count(history), std::int64_t{1} << 50);
+    Header header;
+    header.history = history;
+    EXPECT_LT(to_json(header).size(), 100000U);
+    EXPECT_EQ(header_from_json(to_json(header)), header);
+    // A long command or many of them: the newest is always told.
+    History const words{{"set", std::string(1 << 20, 'x')}, {{{"set", std::string(1000, 'y')}, {}}}};
+    EXPECT_EQ(folded(words).command, words.command);
+    EXPECT_EQ(folded(words).inputs.front().earlier, 1);
+}
+
+TEST(StreamHeader, ImpossibleHistoriesAreRefused) {
+    for (char const* history : {"[]", R"({"command": 3})", R"({"command": [], "earlier": -1})",
+                                R"({"command": [], "earlier": "many"})", R"({"command": [], "earlier": 1e30})",
+                                R"({"command": [], "inputs": {}})", R"({"command": [], "inputs": [7]})"})
+        expect_refused(
+            stream_of(with("\"intercept\": 0.0", std::string("\"intercept\": 0.0, \"history\": ") + history)), history);
+}
+
+// What a terminal acts on, by UTF-8's own definition.
+TEST(StreamHeader, TextForPeopleHoldsNothingThatTerminalsActOn) {
+    EXPECT_EQ(printable("plain: é µ 体 \\n"), "plain: é µ 体 \\n");
+    EXPECT_EQ(printable("a\nb\tc\rd"), "a\\nb\\tc\\rd");
+    EXPECT_EQ(printable("\x1b[31m\x7f"), "\\x1b[31m\\x7f");
+    EXPECT_EQ(printable("\xc2\x9b"
+                        "31m"),
+              "\\u009b31m");
+    EXPECT_EQ(printable("\u202e\u2028"), "\\u202e\\u2028");
+    EXPECT_EQ(printable("\xe9t\xff \xc0\x8a \xed\xa0\x80"),
+              "\\xe9t\\xff \\xc0\\x8a \\xed\\xa0\\x80"); // Latin-1, overlong, half
+    EXPECT_EQ(json_string("a\"\\\n\x1b\xc2\x9b\xff"), R"("a\"\\\n\u001b\u009b�")");
+    Header header;
+    header.units = "\x1b[2J\xc2\x9b\x7f\u202e";
+    for (char const c : to_json(header)) EXPECT_TRUE(c == '\n' || (c >= ' ' && c < 0x7f));
+    EXPECT_EQ(header_from_json(to_json(header)).units, header.units);
+    for (std::string const word : {"a\nb", "\x1b[31m 'x' \\n $HOME", "\xff",
+                                   "\xc2\x9b"
+                                   "7",
+                                   "it's", "é"}) {
+        std::string const quoted = shell_quoted(word);
+        EXPECT_EQ(printable(quoted), quoted);
+        EXPECT_EQ(shell_words("a " + quoted + " b"), (std::vector<std::string>{"a", word, "b"})) << quoted;
+    }
+    EXPECT_EQ(shell_words(R"($'\x41\102\e\'' $x)"), (std::vector<std::string>{"AB\x1b'", "$x"}));
+    EXPECT_THROW(shell_words("$'open"), Error);
 }
 
 TEST(StreamHeader, OtherVersionsAreRefused) {

@@ -1,16 +1,15 @@
-// The reference integrator: double precision, two-point Gauss in every lattice cell, transfer function without a table.
+// The reference integrator: double precision, exact values of depth in every piece of a ray, no table, no step.
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/cubic.h"
 #include "libvkt/render/inner/march.h"
 
 namespace vkt::render {
 
-/// Extinction per world length and colour straight from the knots; constant beyond the ends, zero where there is no
-/// data.
-VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
-    if (!(value == value)) return {value, 0, 0, 0, 0};
-    int low = 0, high = count; // the first knot beyond the value
+/// How many knots lie at or before a value.
+VKT_HD int knots_before(Knot const* knots, int count, double value) {
+    int low = 0, high = count;
     while (low < high) {
         int const middle = (low + high) / 2;
         if (knots[middle].value > value)
@@ -18,9 +17,15 @@ VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
         else
             low = middle + 1;
     }
-    if (low == 0) return knots[0];
-    if (low == count) return knots[count - 1];
-    Knot const &a = knots[low - 1], &b = knots[low];
+    return low;
+}
+
+/// Extinction per world length and colour straight from the knots; constant beyond the ends.
+VKT_HD Knot evaluate(Knot const* knots, int count, double value) {
+    int const i = knots_before(knots, count, value);
+    if (i == 0) return knots[0];
+    if (i == count) return knots[count - 1];
+    Knot const &a = knots[i - 1], &b = knots[i];
     double const f = (value - a.value) / (b.value - a.value);
     return {value, a.extinction + f * (b.extinction - a.extinction), a.red + f * (b.red - a.red),
             a.green + f * (b.green - a.green), a.blue + f * (b.blue - a.blue)};
@@ -31,48 +36,158 @@ struct ExactRadiance {
     double red, green, blue, transmittance;
 };
 
-/// Fourth order in the length of the parts: within a lattice cell the value along a ray is a cubic, and extinction is
-/// taken as linear through the two Gauss points. Parts are cells cut into pieces no longer than the step.
-template <Sampler S>
-VKT_HD ExactRadiance exact_integral(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
-    constexpr double offset = 0.28867513459481287; // 1 / (2 sqrt 3)
+/// Light gathered along a ray, piece by piece: within a lattice cell the value is a cubic, and where that runs between
+/// two neighbouring knots extinction and colours are cubics too. So the depth of a piece is exact, and its light is a
+/// smooth integral, which five Gauss points in parts that are not deep give to ten digits.
+struct ExactMarch {
+    static constexpr double deepest = 0.5;       ///< part, in optical depth
+    static constexpr double invisible = 30;      ///< depth of which no float tells more
+    static constexpr double most_parts = 0x1p16; ///< of a piece; only the first ones of such a piece are seen
+    Knot const* knots;
+    int count;
+    Counters* counters;
     double red = 0, green = 0, blue = 0, depth = 0;
+
+    VKT_HD bool done() const { return depth > invisible; }
+
+    /// Where a monotone stretch of the cubic passes a value that lies between those at its ends.
+    VKT_HD static double place_of(Cubic const& f, double value, double from, double to) {
+        bool const rising = f(to) > f(from);
+        double low = from, high = to, s = 0.5 * (from + to);
+        for (int i = 0; i < 60; ++i) {
+            double const off = f(s) - value;
+            if (off == 0) return s;
+            if ((off < 0) == rising)
+                low = s;
+            else
+                high = s;
+            double const slope = (3 * f.a * s + 2 * f.b) * s + f.c, newton = s - off / slope;
+            double const next = newton > low && newton < high ? newton : 0.5 * (low + high);
+            if (std::abs(next - s) < 1e-15) return next;
+            s = next;
+        }
+        return s;
+    }
+
+    /// Adds the cubic from `from` to `to`, of which `world` is the length of [0, 1]. All values lie between knots i - 1
+    /// and i.
+    VKT_HD void add_piece(Cubic const& f, double from, double to, int i, double world) {
+        Knot const &a = knots[i > 0 ? i - 1 : 0], &b = knots[i < count ? i : count - 1];
+        if (!(to > from) || !(a.extinction > 0 || b.extinction > 0)) return;
+        double const width = b.value - a.value, per_value = width > 0 ? 1 / width : 0;
+        double const rise = (b.extinction - a.extinction) * per_value;
+        double const whole = depth_of(f, a, rise, from, to) * world;
+        if (!(whole > 0)) return;
+        double const wanted = std::ceil(whole / deepest);
+        int const parts = wanted < most_parts ? static_cast<int>(wanted) : static_cast<int>(most_parts);
+        for (int k = 0; k < parts && !done(); ++k) {
+            double const begin = from + (to - from) * k / parts, end = from + (to - from) * (k + 1) / parts;
+            add_part(f, begin, end, a, b, rise, per_value, world);
+        }
+    }
+
+    /// Extinction at s.
+    VKT_HD static double extinction_at(Cubic const& f, Knot const& a, double rise, double s) {
+        double const extinction = a.extinction + rise * (f(s) - a.value);
+        return extinction > 0 ? extinction : 0; // next to a knot it may round to less
+    }
+    /// Integral of the extinction over s: two Gauss points are exact for a cubic.
+    VKT_HD static double depth_of(Cubic const& f, Knot const& a, double rise, double from, double to) {
+        constexpr double offset = 0.28867513459481288; // 1 / (2 sqrt 3)
+        double const middle = 0.5 * (from + to), width = to - from;
+        return 0.5 * width *
+               (extinction_at(f, a, rise, middle - offset * width) +
+                extinction_at(f, a, rise, middle + offset * width));
+    }
+
+    VKT_HD void add_part(Cubic const& f, double from, double to, Knot const& a, Knot const& b, double rise,
+                         double per_value, double world) {
+        constexpr double place[5] = {0.046910077030668004, 0.23076534494715845, 0.5, 0.76923465505284155,
+                                     0.953089922969332};
+        constexpr double weight[5] = {0.11846344252809454, 0.23931433524968324, 0.28444444444444444,
+                                      0.23931433524968324, 0.11846344252809454};
+        double sum = 0, r = 0, g = 0, bl = 0;
+        for (int k = 0; k < 5; ++k) {
+            double const s = from + (to - from) * place[k];
+            double const w =
+                weight[k] * extinction_at(f, a, rise, s) * std::exp(-world * depth_of(f, a, rise, from, s));
+            double const share = (f(s) - a.value) * per_value;
+            sum += w;
+            r += w * (a.red + share * (b.red - a.red));
+            g += w * (a.green + share * (b.green - a.green));
+            bl += w * (a.blue + share * (b.blue - a.blue));
+        }
+        double const through = world * depth_of(f, a, rise, from, to);
+        ++counters->segments;
+        counters->samples += 5;
+        if (!(sum > 0)) return;
+        double const share = std::exp(-depth) * -std::expm1(-through) / sum;
+        red += share * r, green += share * g, blue += share * bl;
+        depth += through;
+    }
+
+    /// Adds one cell. `least` and `greatest` bound its values.
+    VKT_HD void add_cell(Cubic const& f, double least, double greatest, double world) {
+        int const first = knots_before(knots, count, least);
+        bool const one = first == count || knots[first].value > greatest; // all values are between the same knots
+        if (one) return add_piece(f, 0, 1, first, world);
+        double cuts[3];
+        int n = extrema(f, cuts);
+        cuts[n++] = 1;
+        double from = 0;
+        for (int k = 0; k < n && !done(); from = cuts[k], ++k) add_monotone(f, from, cuts[k], world);
+    }
+
+    VKT_HD void add_monotone(Cubic const& f, double from, double to, double world) {
+        double const begin = f(from), end = f(to);
+        int i = knots_before(knots, count, begin);
+        if (end >= begin) {
+            for (; i < count && knots[i].value < end && !done(); ++i) {
+                if (knots[i].value == knots[i > 0 ? i - 1 : 0].value && i > 0) continue; // the other side of a step
+                double const next = place_of(f, knots[i].value, from, to);
+                add_piece(f, from, next, i, world);
+                from = next;
+            }
+        } else {
+            while (i > 0 && knots[i - 1].value >= begin) --i; // it goes down from there
+            for (; i > 0 && knots[i - 1].value > end && !done(); --i) {
+                if (i < count && knots[i - 1].value == knots[i].value) continue;
+                double const next = place_of(f, knots[i - 1].value, from, to);
+                add_piece(f, from, next, i, world);
+                from = next;
+            }
+        }
+        add_piece(f, from, to, i, world);
+    }
+};
+
+template <CellSampler S>
+VKT_HD ExactRadiance exact_integral(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ExactMarch march{scene.knots, scene.knot_count, &counters};
     CellWalk<double> cells;
     cells.start(ray.entry, ray.direction, ray.length, 0.0, 1.0, 1 << 30, 1 << 30, 1 << 30);
     ++counters.rays;
     do {
-        double const width = cells.leave() - cells.t;
-        int const parts = width > scene.step ? static_cast<int>(std::ceil(width / scene.step - 1e-9)) : 1;
-        double const part = width / parts, world = part * ray.world_per_lattice;
-        for (int i = 0; i < parts; ++i) {
-            double const middle = cells.t + part * (i + 0.5);
-            Knot const a = evaluate(scene.knots, scene.knot_count,
-                                    sampler.precise(ray.entry + ray.direction * (middle - part * offset)));
-            Knot const b = evaluate(scene.knots, scene.knot_count,
-                                    sampler.precise(ray.entry + ray.direction * (middle + part * offset)));
-            counters.samples += 2;
-            ++counters.segments;
-            double const through = 0.5 * world * (a.extinction + b.extinction);
-            if (!(through > 0)) continue;
-            // Depth from the part's begin to a Gauss point, for extinction linear through both points.
-            double const slope = (b.extinction - a.extinction) / (2 * offset),
-                         centre = 0.5 * (a.extinction + b.extinction);
-            auto const depth_to = [&](double s) __attribute__((always_inline)) {
-                return world * (centre * s + 0.5 * slope * (s * s - s));
-            };
-            double const wa = a.extinction * std::exp(-depth_to(0.5 - offset));
-            double const wb = b.extinction * std::exp(-depth_to(0.5 + offset));
-            double const share = std::exp(-depth) * -std::expm1(-through) / (wa + wb);
-            red += share * (wa * a.red + wb * b.red);
-            green += share * (wa * a.green + wb * b.green);
-            blue += share * (wa * a.blue + wb * b.blue);
-            depth += through;
+        float v[8];
+        sampler.corners(cells.cell[0], cells.cell[1], cells.cell[2], v);
+        bool missing = false;
+        float least = v[0], greatest = v[0];
+        for (float const c : v) {
+            missing = missing || !(c == c);
+            least = c < least ? c : least;
+            greatest = c > greatest ? c : greatest;
         }
-    } while (cells.advance());
-    return {red, green, blue, std::exp(-depth)};
+        if (missing) continue;
+        double const width = cells.leave() - cells.t;
+        Double3 const corner{static_cast<double>(cells.cell[0]), static_cast<double>(cells.cell[1]),
+                             static_cast<double>(cells.cell[2])};
+        Cubic const f = cubic_along(v, ray.entry + ray.direction * cells.t - corner, ray.direction * width);
+        march.add_cell(f, static_cast<double>(least), static_cast<double>(greatest), width * ray.world_per_lattice);
+    } while (!march.done() && cells.advance());
+    return {march.red, march.green, march.blue, std::exp(-march.depth)};
 }
 
-template <Sampler S>
+template <CellSampler S>
 VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ExactRadiance const r = exact_integral(sampler, scene, ray, counters);
     return {static_cast<float>(r.red), static_cast<float>(r.green), static_cast<float>(r.blue),
