@@ -227,7 +227,7 @@ public:
             if (result.bricks().empty()) {
                 result = Volume(output_header(plan.output), input_.bricks());
                 if (told != nullptr) told->plan = plan;
-                if (told != nullptr && !is_uniform(input_.header())) told->plan.error = {ErrorBound::Kind::unknown};
+                if (told != nullptr && !is_uniform(input_.header())) told->plan.error = ErrorBound::none_known();
             }
             for (std::size_t const b : bricks) run_brick(lattice, plan, b, result);
             if (told != nullptr)

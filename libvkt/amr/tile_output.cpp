@@ -153,7 +153,7 @@ struct TileOutput {
             work.high[i] = far && work.wide.weight[i] > 0 ? work.wide.sum[i] / work.wide.weight[i] : 0;
         part.load = far ? tile::Load::low_halves : tile::Load::differences;
         basis(part, work.wide, instructions);
-        T const nothing = store_cell<T>(background);
+        T const nothing = store_cell<T>(rule.background);
         for (int k = 0; k < job.count[2]; ++k)
             for (int j = 0; j < job.count[1]; ++j) {
                 int const at = (k * job.count[1] + j) * job.count[0];

@@ -23,6 +23,11 @@ struct ErrorBound {
     double absolute = 0;             ///< physical value
     std::optional<double> in_values; ///< all of it as a physical value, where the input's type limits the values
 
+    static ErrorBound none_known() {
+        ErrorBound error;
+        error.kind = Kind::unknown;
+        return error;
+    }
     bool exact() const { return kind == Kind::exact; }
     /// The bound for stored values of that range and largest magnitude under a slope of 1.
     double over(double value_range, double largest) const {

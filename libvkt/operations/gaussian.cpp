@@ -89,7 +89,6 @@ Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
 }
 
 Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
-    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype));
     int active = 0;
     for (int axis = 0; axis < 3; ++axis) active += sigma[axis] > 0 ? 1 : 0;
     passes_ = {};
@@ -156,7 +155,7 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
         double const floor = steps * 8 * storing_floor(computes) + (rounds_out ? storing_floor(in.dtype) : 0);
         plan.error.absolute = std::abs(in.values.slope) * floor;
     }
-    if (!plan.error.exact() && !is_uniform(in)) plan.error = {ErrorBound::Kind::unknown};
+    if (!plan.error.exact() && !is_uniform(in)) plan.error = ErrorBound::none_known();
     plan.error.limit(in.dtype, in.values.slope, constant ? std::optional(border) : std::nullopt);
     if (copies_) {
         plan.shift = Index3{};

@@ -441,7 +441,7 @@ Plan Resample::plan_tree(Header const& input) {
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
     stored_background_ =
-        background ? input.values.stored(*background) : stored_background(input).value_or(input.values.stored(0));
+        background ? input.values.stored(*background) : vkt::stored_background(input).value_or(input.values.stored(0));
     values_.reset();
     if (mask) {
         plan.output.dtype = DataType::uint8;

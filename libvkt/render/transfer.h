@@ -97,9 +97,6 @@ struct Histogram {
     std::vector<std::int64_t> bins;
     std::int64_t total = 0, missing = 0, infinite = 0;
 
-    double bin_width() const { // the difference of the ends may be more than doubles hold
-        return greatest / static_cast<double>(bins.size()) - least / static_cast<double>(bins.size());
-    }
     /// The value after so many bins.
     double value_at(double bin) const { return std::lerp(least, greatest, bin / static_cast<double>(bins.size())); }
     double center(std::size_t i) const { return value_at(static_cast<double>(i) + 0.5); }

@@ -209,22 +209,20 @@ TEST(AmrApply, TreesWithoutBricksAndOfOneCell) {
     for (auto const& words : commands) {
         bool const two = words.size() == 4 && words[3] == "-";
         std::string const said = text(words[0], " ", words[1]);
-        Volume const nothing = apply(words, two ? std::vector<Volume>{empty, empty} : std::vector<Volume>{empty});
-        if (words[0] == "resample")
-            EXPECT_EQ(nothing.header().voxels(), 27) << said;
-        else
-            EXPECT_EQ(nothing.bricks().size(), 0u) << said;
-        Volume const one = apply(words, two ? std::vector<Volume>{cell, cell} : std::vector<Volume>{cell});
+        Volume const nothing = vkt::apply(words, two ? std::vector<Volume>{empty, empty} : std::vector<Volume>{empty});
+        EXPECT_EQ(nothing.header().voxels(), words[0] == "resample" ? 27 : 0) << said;
+        Volume const one = vkt::apply(words, two ? std::vector<Volume>{cell, cell} : std::vector<Volume>{cell});
         EXPECT_EQ(one.header().voxels(), words[0] == "resample" ? 27 : 1) << said;
         double const want = words[0] == "fill"         ? 3
                             : words[0] == "arith"      ? (two ? 10 : 6)
                             : words.back() == "--mask" ? 1
                                                        : 5;
-        if (one.header().dtype == DataType::float32)
+        if (one.header().dtype == DataType::float32) {
             EXPECT_EQ(cells_of<float>(one)[0], static_cast<float>(want)) << said;
+        }
     }
-    EXPECT_THROW(apply({"convert", "--range", "minmax", "--dtype", "uint8"}, {empty}), Error);
-    EXPECT_THROW(apply({"crop", "--roi", "0:1,:,:"}, {empty}), Error);
+    EXPECT_THROW(vkt::apply({"convert", "--range", "minmax", "--dtype", "uint8"}, {empty}), Error);
+    EXPECT_THROW(vkt::apply({"crop", "--roi", "0:1,:,:"}, {empty}), Error);
     Statistics statistics;
     reduce_hierarchical(statistics, empty, execution());
     EXPECT_EQ(statistics.result().count, 0);
@@ -252,17 +250,18 @@ TEST(AmrApply, NeighbourhoodsEndAtTheRegion) {
 TEST(AmrApply, HolesFollowPointwiseOperations) {
     Volume tree = make_tree({16, 8, 8}, {{{0, 0, 0}, {8, 8, 8}, 0}}, [](Vec3 p) { return p.x < 4 ? 2 : -1; });
     tree.header().attributes["background"] = "-1";
-    for (std::vector<std::string> const words : {std::vector<std::string>{"arith", "mul", "-", "3"},
-                                                 {"arith", "add", "-", "-"},
-                                                 {"fill", "--value", "7"},
-                                                 {"convert", "--dtype", "int16", "--range", "-1:2", "--to", "10:40"}}) {
+    for (std::vector<std::string> const& words :
+         {std::vector<std::string>{"arith", "mul", "-", "3"},
+          {"arith", "add", "-", "-"},
+          {"fill", "--value", "7"},
+          {"convert", "--dtype", "int16", "--range", "-1:2", "--to", "10:40"}}) {
         bool const two = words.back() == "-";
         std::vector<Volume> const trees(two ? 2 : 1, tree);
         std::vector<Volume> grids;
         for (Volume const& each : trees)
             grids.push_back(reconstruct(each, whole_grid(each, {16, 8, 8}), Reconstruction::nearest, -1, execution()));
-        Volume const gridded = apply({"resample", "--method", "nearest"}, {apply(words, trees)});
-        Volume const expected = apply(words, grids);
+        Volume const gridded = vkt::apply({"resample", "--method", "nearest"}, {vkt::apply(words, trees)});
+        Volume const expected = vkt::apply(words, grids);
         ASSERT_EQ(gridded.header().bytes(), expected.header().bytes());
         EXPECT_EQ(std::memcmp(gridded.buffer().read(Space::host), expected.buffer().read(Space::host),
                               expected.header().bytes()),
