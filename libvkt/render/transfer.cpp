@@ -79,9 +79,7 @@ TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower
     return transfer;
 }
 
-double Rescaling::of(double stored) const {
-    return std::clamp(stored * scale - offset * scale, -limit, limit);
-}
+double Rescaling::of(double stored) const { return std::clamp(stored * scale - offset * scale, -limit, limit); }
 
 std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, Rescaling const& rescaling,
                            double unit, double scale) {
