@@ -44,7 +44,15 @@ struct Setting {
         return result;
     }
     double value(Double3 p) const {
-        return sampler.precise(p + Double3{lattice_padding, lattice_padding, lattice_padding});
+        Double3 const q = p + Double3{lattice_padding, lattice_padding, lattice_padding};
+        int const x = static_cast<int>(q.x), y = static_cast<int>(q.y), z = static_cast<int>(q.z);
+        float c[8];
+        sampler.corners(x, y, z, c);
+        double sum = 0;
+        for (int k = 0; k < 8; ++k)
+            sum += (1 - std::abs(q.x - x - (k & 1))) * (1 - std::abs(q.y - y - (k >> 1 & 1))) *
+                   (1 - std::abs(q.z - z - (k >> 2))) * static_cast<double>(c[k]);
+        return sum;
     }
 };
 

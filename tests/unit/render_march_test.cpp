@@ -22,7 +22,6 @@ namespace {
 struct Ramp : PointSampler<Ramp> {
     double depth = 1;
     VKT_HD float value(Float3 p) const { return static_cast<float>(p.z / depth); }
-    VKT_HD double precise(Double3 p) const { return p.z / depth; }
     VKT_HD Float3 gradient(Float3) const { return {0, 0, 1}; }
     VKT_HD void corners(int, int, int z, float* c) const {
         for (int k = 0; k < 8; ++k) c[k] = value({0, 0, static_cast<float>(z + k / 4)});

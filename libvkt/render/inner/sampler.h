@@ -26,13 +26,12 @@ namespace vkt::render {
 /// Samples that are taken together along a ray.
 inline constexpr int chunk = 16;
 
-/// value(): the stored value at a lattice position inside the box (NaN: no data), precise(): the same in double,
+/// value(): the stored value at a lattice position inside the box (NaN: no data),
 /// gradient(): its derivative per lattice unit, values() and gradients(): `chunk` positions origin + t[k]*direction at
 /// once, with the same bits as one by one.
 template <class S>
-concept Sampler = requires(S const& s, Float3 p, Double3 q, float const* t, float* out) {
+concept Sampler = requires(S const& s, Float3 p, float const* t, float* out) {
     { s.value(p) } -> std::same_as<float>;
-    { s.precise(q) } -> std::same_as<double>;
     { s.gradient(p) } -> std::same_as<Float3>;
     s.values(p, p, t, out);
     s.gradients(p, p, t, out, out, out);
@@ -65,18 +64,6 @@ template <class T> struct LatticeSampler {
         float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y),
                     fz = p.z - static_cast<float>(z);
         return cell_value(data + (x + y * row + z * slice), fx, fy, fz);
-    }
-    VKT_HD double precise(Double3 p) const {
-        int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
-        float c[8];
-        corners(x, y, z, c);
-        double const fx = p.x - x, fy = p.y - y, fz = p.z - z;
-        double const a = c[0] + fx * (static_cast<double>(c[1]) - c[0]),
-                     b = c[2] + fx * (static_cast<double>(c[3]) - c[2]);
-        double const d = c[4] + fx * (static_cast<double>(c[5]) - c[4]),
-                     e = c[6] + fx * (static_cast<double>(c[7]) - c[6]);
-        double const near = a + fy * (b - a), far = d + fy * (e - d);
-        return near + fz * (far - near);
     }
     VKT_HD float cell_value(T const* v, float fx, float fy, float fz) const {
         T const* w = v + slice;
