@@ -87,7 +87,7 @@ std::map<std::string, std::string> const& synonyms() {
 }
 std::string synonyms(std::string const& name) {
     auto const found = synonyms().find(name);
-    return found == synonyms().end() ? "" : " " + found->second;
+    return found == synonyms().end() ? std::string() : text(" ", found->second);
 }
 
 /// What may stand for an option's value, as far as it can be known.
@@ -182,9 +182,11 @@ std::string common_help() {
 }
 
 std::string command_of_synonym(std::string const& word) {
-    std::string const needle = " " + lower_case(word) + " ";
-    for (auto const& [name, words] : synonyms())
-        if ((" " + words + " ").find(needle) != std::string::npos) return name;
+    std::string const needle = lower_case(word);
+    for (auto const& [name, words] : synonyms()) {
+        auto const known = split(words, ' ');
+        if (std::find(known.begin(), known.end(), needle) != known.end()) return name;
+    }
     return {};
 }
 

@@ -48,9 +48,9 @@ std::string error_text(ErrorBound const& error) {
     add(error.range, " of the value range");
     add(error.magnitude, " of the largest magnitude");
     if (terms.empty() || error.absolute > 1e-30) add(error.absolute, " in values");
-    if (terms.empty()) terms = "0";
-    if (error.in_values) terms += text(" (", at_least(*error.in_values), " in values)");
-    return text(error.kind == ErrorBound::Kind::estimate ? "error about " : "error at most ", terms);
+    return text(error.kind == ErrorBound::Kind::estimate ? "error about " : "error at most ",
+                terms.empty() ? "0" : terms.c_str(),
+                error.in_values ? text(" (", at_least(*error.in_values), " in values)") : std::string());
 }
 
 bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
