@@ -86,8 +86,9 @@ std::string wrapped(std::string const& text, std::size_t width) {
         bool const prose = first == 0, columns = deep || (!prose && second != std::string::npos);
         std::size_t const indent = deep ? first : columns ? second : 0;
         while ((prose || columns) && line.size() > width && width > indent + 20) {
-            std::size_t const space = line.rfind(' ', width);
-            if (space == std::string::npos || space <= indent) break;
+            std::size_t space = line.rfind(' ', width);
+            if (space == std::string::npos || space <= indent) space = line.find(' ', indent + 1); // a long word
+            if (space == std::string::npos) break;
             result += line.substr(0, line.find_last_not_of(' ', space) + 1) + "\n";
             line = std::string(indent, ' ') + line.substr(space + 1);
         }

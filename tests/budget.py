@@ -48,7 +48,7 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
-    "write": ["- {f} --format raw"],
+    "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
 held_whole = {"refine", "render"}  # may be refused, before anything is held

@@ -356,7 +356,7 @@ assert info["attributes"]["name"] == "M\u00fcller" and info["units"] == "\u00b5g
     printf 'NDims = 3\nDimSize = 5 6 7\nElementType = MET_SHORT\nName = M\374ller\nElementDataFile = LOCAL\n' | cat - a.raw >latin.mha
     for name in latin.nrrd latin.mha; do
         for format in nrrd metaimage; do
-            vkt write - $name --format $format >direct
+            vkt write $name - --format $format >direct
             vkt read $name --no-history | vkt write - --format $format | cmp - direct
             vkt read $name | vkt info --json | iconv -f utf-8 -t utf-8 | grep -q 'Müller'
         done

@@ -45,7 +45,8 @@ load helper
 
 @test "help is wrapped to the terminal, its commands are not" {
     script -qec 'stty cols 70; vkt render --help' /dev/null </dev/null | tr -d '\r' >out
-    [ "$(grep -v '^  vkt\|^  #' out | awk 'length($0) > 70' | grep -c ' [^ ]* ' || true)" -eq 0 ]
+    # A word may be longer than a line.
+    [ "$(grep -v '^  vkt\|^  #' out | awk 'length($0) > 70' | sed 's/^ *//' | grep -c ' ' || true)" -eq 0 ]
     grep -q '^  vkt render volume.nrrd --render-algo multi-scattering --spp 16 --size 256 -o picture.png$' out
     # Elsewhere lines are as long as they are.
     vkt render --help | awk 'length($0) > 100' | grep -q .

@@ -70,7 +70,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     vkt write v.nrrd --output w.nrrd
     vkt read v.nrrd | vkt write -o x.vkt
     for f in w.vkt w.nrrd x.vkt; do vkt diff $f v.nrrd; done
-    fails_with 2 "unexpected argument 'w.nrrd'" vkt write -o z.vkt v.nrrd w.nrrd
+    fails_with 2 "two outputs: 'w.nrrd' and 'z.vkt'" vkt write -o z.vkt v.nrrd w.nrrd
     [ ! -e z.vkt ]
 }
 

@@ -81,7 +81,7 @@ assert (numpy.fromfile("n_100x90x17_float32_be.raw", ">f4") == numpy.fromfile("n
         nrrd "$outside"
         metaimage "${outside/LIST 3/LIST 3D}"
         for name in set/h.nhdr set/h.mhd; do
-            for command in info read "flip x" "write - --format raw" stats "diff $name"; do
+            for command in info read "flip x" "write --format raw -o -" stats "diff $name"; do
                 # shellcheck disable=SC2086
                 fails_with 3 "$name" vkt $command $name
                 [[ "$stderr" == *"--trust-paths"* ]] || { echo "$command $outside: $stderr" >&2; false; }

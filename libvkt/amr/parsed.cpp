@@ -39,6 +39,7 @@ void put(Message& message, AmrListing const& listing) {
         message.put(static_cast<std::int64_t>(variable.dtype));
         put(message, variable.minimum);
         put(message, variable.maximum);
+        message.put(variable.extent);
     }
     message.put(to_json(listing.header));
     message.put_table(std::span<Brick const>(listing.bricks));
@@ -61,6 +62,7 @@ AmrListing listing_in(Message& message) {
         variable.dtype = data_type(message.number());
         variable.minimum = optional_real(message);
         variable.maximum = optional_real(message);
+        variable.extent = message.text();
         listing.variables.push_back(std::move(variable));
     }
     listing.header = header_from_json(message.text());

@@ -303,7 +303,10 @@ void Convert::scan(ConstView slab, Execution const& execution) {
             any_finite_ = true;
         }
     }
-    if (quantiles_) quantiles_->add(slab, execution.threads);
+    if (!quantiles_) return;
+    // Every thread has counters of its own; all together they take no more than an eighth of the budget.
+    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(1)));
+    quantiles_->add(slab, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)));
 }
 
 /// Of integers without a value map whole numbers are kept as they are.

@@ -16,8 +16,8 @@
 namespace vkt {
 namespace {
 
-constexpr std::int64_t most_at_once = std::int64_t{1} << 21;   ///< voxels that are kept from the beginning
-constexpr std::int64_t most_collected = std::int64_t{1} << 22; ///< voxels kept when their classes are known
+/// Voxels that are kept, from the beginning or when their classes are known: no more memory than counters take.
+constexpr std::int64_t most_collected = std::int64_t{1} << 18;
 constexpr std::size_t bins = 65536;
 constexpr int most_threads = 16;
 
@@ -63,7 +63,7 @@ template <class T> bool is_finite(T value) {
 
 Quantiles::Quantiles(DataType type, std::vector<double> percents, std::int64_t voxels)
     : type_(type), width_(static_cast<int>(8 * size_of(type))), percents_(std::move(percents)) {
-    collects_ = width_ > 16 && voxels <= most_at_once;
+    collects_ = width_ > 16 && voxels <= most_collected;
     targets_.resize(2 * percents_.size());
     begin_pass();
 }

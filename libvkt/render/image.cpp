@@ -37,8 +37,13 @@ void append(png_structp png, png_bytep data, std::size_t n) {
 }
 
 [[noreturn]] void fail(png_structp, char const* message) {
-    throw Error(ErrorKind::failure, std::string("cannot encode PNG: ") + message);
+    std::string const what = message;
+    bool const memory = what.find("memory") != std::string::npos;
+    throw Error(memory ? ErrorKind::resources : ErrorKind::failure, "cannot encode PNG: " + what);
 }
+
+/// Whatever it warns of and goes on with has no place among the messages of a stage.
+void ignore(png_structp, char const*) {}
 
 } // namespace
 
@@ -68,7 +73,7 @@ std::vector<std::byte> to_png(Image const& image, Background const& background,
     std::vector<unsigned char> const bytes = to_bytes(image, background);
     bool const opaque = background.alpha >= 1;
     std::vector<std::byte> out;
-    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, nullptr);
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore);
     if (png == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
     png_infop info = png_create_info_struct(png);
     try {
