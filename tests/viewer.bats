@@ -144,8 +144,11 @@ PY
     xdotool mouseup 1 mousedown 3 mousemove_relative 20 10 mouseup 3 click 4 click 4 key c
     titled 'grey, [0-9]+ ms'
     saves block_24x18x30_uint8.png
-    xdotool keydown shift mousedown 1 mousemove_relative 20 10 mouseup 1 keyup shift
-    titled ' ms.*'
+    xdotool keydown shift mousedown 1
+    for _ in {1..4}; do xdotool mousemove_relative 5 3; done
+    xdotool mouseup 1 keyup shift
+    sleep 0.5 # the title of the view before is of the same form
+    titled ' ms'
     saves block_24x18x30_uint8-2.png
     # Reset leaves the colours.
     xdotool key r

@@ -283,7 +283,7 @@ Plan Convert::plan(std::span<Header const> inputs) {
     plan.method = percents.empty() ? "extremes first, then linear map" : "percentiles first, then linear map";
     any_finite_ = scans_again_ = false;
     if (percents.empty()) return plan;
-    plan.state_bytes = Quantiles::state_bytes(1);
+    plan.state_bytes = Quantiles::state_bytes(input_.dtype, 1);
     quantiles_ = std::make_unique<Quantiles>(input_.dtype, std::move(percents), input_.voxels());
     return plan;
 }
@@ -305,7 +305,7 @@ void Convert::scan(ConstView slab, Execution const& execution) {
     }
     if (!quantiles_) return;
     // Every thread has counters of its own; all together they take no more than an eighth of the budget.
-    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(1)));
+    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(input_.dtype, 1)));
     quantiles_->add(slab, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)));
 }
 

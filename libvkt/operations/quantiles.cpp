@@ -68,9 +68,12 @@ Quantiles::Quantiles(DataType type, std::vector<double> percents, std::int64_t v
     begin_pass();
 }
 
-std::size_t Quantiles::state_bytes(int threads) {
-    auto const counters = static_cast<std::size_t>(std::min(threads, most_threads)) * 4 * bins * sizeof(std::int64_t);
-    return std::max(counters, static_cast<std::size_t>(most_collected) * sizeof(std::uint64_t));
+std::size_t Quantiles::state_bytes(DataType type, int threads) {
+    auto const sharers = static_cast<std::size_t>(std::min(threads, most_threads));
+    std::size_t const bits = 8 * size_of(type);
+    if (bits <= 16) return sharers * sizeof(std::int64_t) << bits; // all values are counted in one pass
+    return std::max(sharers * 4 * bins * sizeof(std::int64_t),
+                    static_cast<std::size_t>(most_collected) * sizeof(std::uint64_t));
 }
 
 /// Every thread begins with empty classes, one for every prefix that a target has.

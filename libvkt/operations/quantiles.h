@@ -39,7 +39,7 @@ public:
     /// The value below which percents[i] of the voxels lie, interpolated between neighbours in rank (numpy's "linear").
     /// After the last pass, if there is a finite voxel.
     StoredValue percentile(std::size_t i) const;
-    static std::size_t state_bytes(int threads);
+    static std::size_t state_bytes(DataType type, int threads);
 
 private:
     struct Target {
