@@ -207,7 +207,8 @@ std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions 
 }
 
 void StageContext::plan(Header const& header, std::string const& output) {
-    bool const whole = invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole();
+    bool const whole = (invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole()) ||
+                       format_of_name(output) == "vdb"; // OpenVDB's trees are made in memory
     std::fputs(consumer_plan_text(invocation_.stage(), header, output, whole, execution_).c_str(), stderr);
     explain(header);
 }
@@ -414,7 +415,7 @@ bool is_pair(std::string const& path) {
     return lower.ends_with(".nhdr") || lower.ends_with(".mhd");
 }
 
-/// A file, and where formats of two files keep the voxels of a header by this name.
+/// A file, and where formats of two files keep the voxels of a header by this name when they write it.
 std::vector<std::string> files_of(std::string const& path) {
     std::vector<std::string> files{path};
     if (is_pair(path))
@@ -430,12 +431,17 @@ void Runner::spare_inputs() {
     if (last_.consumer() != nullptr && last_.own_parameters().find("out") != nullptr)
         for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
             if (last_.own_parameters().given(name)) output = last_.own_parameters().find(name)->get().front();
-    bool const series = is_numbered(output);
-    if (output == "-" || dry_run_ || (!series && !is_pair(output))) return;
+    bool const series = is_numbered(output), pair = is_pair(output);
+    bool const replaces = series || ::access(output.c_str(), F_OK) == 0 || pair;
+    if (output == "-" || dry_run_ || !replaces) return;
     std::vector<std::string> inputs;
     for (auto& stage : stages_)
-        for (auto const& name : named_inputs(stage))
-            for (auto& file : files_of(name)) inputs.push_back(std::move(file));
+        for (auto const& name : named_inputs(stage)) {
+            // A header stays beside what replaces its voxels, and would describe them wrongly.
+            for (auto& file : detached_files(name)) inputs.push_back(std::move(file));
+            if (series || pair)
+                for (auto& file : files_of(name)) inputs.push_back(std::move(file));
+        }
     if (inputs.empty()) return;
     constexpr std::int64_t most_files = std::int64_t{1} << 20;
     for (std::int64_t i = 0; i < (series ? most_files : 1); ++i) {
@@ -445,9 +451,12 @@ void Runner::spare_inputs() {
             for (auto const& input : inputs)
                 if (same_file(input, file))
                     throw Error(ErrorKind::usage,
-                                text("'", input, "' is read and would be replaced, but not in one step: ",
-                                     series ? "a series is" : "header and voxels are",
-                                     " written one file after the other"),
+                                series || pair
+                                    ? text("'", input, "' is read and would be replaced, but not in one step: ",
+                                           series ? "a series is" : "header and voxels are",
+                                           " written one file after the other")
+                                    : text("'", input, "' holds the voxels of an input, whose header would ",
+                                           "describe the new ones"),
                                 "write under another name");
         }
         if (!any) break;
@@ -475,6 +484,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.format = c.format;
     options.force = c.force;
     options.compress = c.compress;
+    options.memory = execution_of(last_).memory;
     bool const stream = named_stream || c.format == "vkt";
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);

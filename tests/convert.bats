@@ -173,3 +173,30 @@ np.array([2**64 - 1001 + i for i in range(1001)], "u8").tofile("u_1001x1x1_uint6
     fails_with 3 "range to map is empty" vkt convert c.vkt --dtype uint8 --range minmax -o out.vkt
     fails_with 2 "does not fit" vkt convert c.vkt --dtype uint8 --range 0:1 --to 0:300 -o out.vkt
 }
+
+@test "the bound of a range holds for what is stored" {
+    python_with numpy
+    /usr/bin/python3 -c "
+import numpy as np
+np.random.default_rng(5).random((8, 16, 16)).tofile('u_16x16x8_float64.raw')"
+    for options in '--dtype float32 --range 0:1' '--dtype float16 --range 0:1' '--dtype float32 --range 0:1 --to 1000000:1000001' \
+        '--dtype float32 --range minmax' '--dtype float64 --range minmax'; do
+        # shellcheck disable=SC2086
+        vkt convert u_16x16x8_float64.raw $options --explain -o out.nrrd --force 2>plan
+        vkt convert out.nrrd --dtype float64 -o stored.nrrd --force
+        vkt info stored.nrrd --json >info.json
+        vkt write stored.nrrd - --format raw >stored.raw
+        /usr/bin/python3 - "$options" <<'EOF2'
+import json, re, sys, numpy as np
+i = json.load(open('info.json'))
+exact = np.fromfile('u_16x16x8_float64.raw').astype(np.longdouble)
+got = np.fromfile('stored.raw').astype(np.longdouble) * np.longdouble(i.get('slope', 1)) + np.longdouble(i.get('intercept', 0))
+line = next(l for l in open('plan') if 'error' in l)
+bound = 0.0
+for number, what in re.findall(r'([0-9.e+-]+) (of the value range|of the largest magnitude|in values)', line):
+    bound += float(number) * {'of the value range': float(np.ptp(exact)), 'of the largest magnitude': 1.0, 'in values': 1.0}[what]
+error = float(abs(got - exact).max())
+assert error <= bound, (sys.argv[1], error, bound, line)
+EOF2
+    done
+}

@@ -325,3 +325,28 @@ open('points.vdb', 'wb').write(b[:at].replace(old, new) + b[at:parent] + struct.
     [[ "$stderr" == *"rasterize the points"* ]]
     fails_with 3 "holds points" vkt read points.vdb --variable density
 }
+
+@test "a grid written again keeps its background, and ':' is all of it" {
+    python_with pyopenvdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+grid = vdb.createLevelSetSphere(5, voxelSize=0.5)
+grid.name = 'ls'
+vdb.write('ls.vdb', grids=[grid])"
+    vkt write ls.vdb again.vdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+a, b = (vdb.readAllGridMetadata(n)[0].background for n in ('ls.vdb', 'again.vdb'))
+assert a == b == 1.5, (a, b)"
+    diff <(vkt stats ls.vdb) <(vkt stats again.vdb)
+    vkt crop ls.vdb --roi :,:,: | vkt stats | diff - <(vkt stats ls.vdb)
+    vkt resample ls.vdb --roi :,:,: --method nearest -o a.nrrd
+    vkt resample ls.vdb --method nearest | vkt diff - a.nrrd
+}
+
+@test "a volume that OpenVDB has no room for is refused before it is read" {
+    vkt make constant --dims 512 512 1 --dtype uint8 -o flat.nrrd
+    vkt write flat.nrrd flat.vdb
+    fails_with 5 "OpenVDB needs 8.2 MiB" vkt write flat.nrrd small.vdb --memory 4M
+    [ ! -e small.vdb ]
+}

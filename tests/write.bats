@@ -287,3 +287,16 @@ print(f"{name}{h:08x}")')
     done
     diff -r 1 2
 }
+
+@test "voxels that a detached header names are not replaced under it" {
+    vkt make ramp --dims 4 3 2 --dtype uint16 -o ramp.nrrd
+    vkt write ramp.nrrd e.nhdr
+    sed -i 's/^data file: .*/data file: other.raw/' e.nhdr
+    mv e.raw other.raw
+    cp other.raw before.raw
+    fails_with 2 "'./other.raw' holds the voxels of an input" vkt write e.nhdr other.raw --force
+    fails_with 2 "holds the voxels of an input" vkt convert e.nhdr --dtype float32 -o other.raw --force
+    cmp other.raw before.raw
+    vkt write e.nhdr third.raw
+    cmp third.raw before.raw
+}

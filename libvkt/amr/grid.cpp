@@ -21,8 +21,9 @@ Box wanted_region(Header const& header, GridRequest const& request) {
         throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
     Box const present = region_of(header);
     if (request.roi.empty() && request.world_roi.empty()) return present;
-    Box const wanted = request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
-                                           : request.roi.resolve(header.dims);
+    Box const wanted = with_whole_axes(request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
+                                                           : request.roi.resolve(header.dims),
+                                       header);
     if (!present.contains(wanted))
         throw Error(ErrorKind::usage, text("region ", wanted, " leaves the part that is left of the volume, ", present),
                     "regions of a hierarchical volume count finest cells of the whole logical grid");
@@ -57,6 +58,16 @@ Box region_of(Header const& header) {
     } catch (Error const& error) {
         throw Error(ErrorKind::data, text("attribute 'roi' of the hierarchical volume: ", error.what()));
     }
+}
+
+Box with_whole_axes(Box wanted, Header const& header) {
+    Box const present = region_of(header);
+    for (int axis = 0; axis < 3; ++axis) {
+        if (wanted.lower[axis] != 0 || wanted.upper[axis] != header.dims[axis]) continue;
+        wanted.lower[axis] = present.lower[axis];
+        wanted.upper[axis] = present.upper[axis];
+    }
+    return wanted;
 }
 
 SampleGrid plan_grid(Header const& header, GridRequest const& request) {

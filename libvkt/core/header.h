@@ -6,6 +6,7 @@
 #include "libvkt/core/history.h"
 #include "libvkt/core/types.h"
 
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -18,7 +19,11 @@ enum class Kind : std::uint8_t { structured, hierarchical };
 /// physical value = slope * stored value + intercept.
 struct ValueMap {
     double slope = 1, intercept = 0;
-    double physical(double stored) const { return slope * stored + intercept; }
+    double physical(double stored) const {
+        double const value = slope * stored + intercept;
+        // The product may be beyond double where the sum is not.
+        return std::isfinite(value) || !std::isfinite(stored) ? value : std::fma(slope, stored, intercept);
+    }
     double stored(double physical) const { return (physical - intercept) / slope; }
     friend bool operator==(ValueMap const&, ValueMap const&) = default;
 };

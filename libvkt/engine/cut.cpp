@@ -23,9 +23,10 @@ std::size_t row_bytes(Header const& header) { return static_cast<std::size_t>(he
 std::int64_t times(std::size_t bytes, std::size_t unit) { return static_cast<std::int64_t>(bytes / unit); }
 
 [[noreturn]] void beyond(std::string const& what, double bytes, Execution const& execution) {
+    std::string const needed = bytes_text(bytes), allowed = bytes_text(static_cast<double>(execution.memory));
     throw Error(ErrorKind::resources,
-                text(what, " needs ", bytes_text(bytes), " of memory at once, the budget is ",
-                     bytes_text(static_cast<double>(execution.memory))),
+                text(what, " needs ", needed == allowed ? "a little more than " : "", needed,
+                     " of memory at once, the budget is ", allowed),
                 "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
 }
 

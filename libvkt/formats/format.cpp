@@ -7,6 +7,8 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/foreign.h"
+#include "libvkt/formats/metaimage_header.h"
+#include "libvkt/formats/nrrd_header.h"
 
 namespace vkt {
 
@@ -77,6 +79,22 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
 } // namespace
 
 bool ReadOptions::describes() const { return describes_raw(*this) || spacing || !format.empty() || !variable.empty(); }
+
+std::vector<std::string> detached_files(std::string const& path) {
+    std::string const lower = lower_case(path);
+    try {
+        if (lower.ends_with(".nhdr") || lower.ends_with(".nrrd")) {
+            auto const bytes = open_bytes(path);
+            return nrrd_layout(read_nrrd_header(*bytes), true).files;
+        }
+        if (lower.ends_with(".mhd") || lower.ends_with(".mha")) {
+            auto const bytes = open_bytes(path);
+            return metaimage_layout(read_metaimage_header(*bytes), true).files;
+        }
+    } catch (Error const&) { // who reads it will say what is wrong
+    }
+    return {};
+}
 
 std::string format_of_name(std::string const& name) {
     Format const* const format = by_name(name);

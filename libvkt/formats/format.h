@@ -85,7 +85,11 @@ struct WriteOptions {
     std::string format; ///< forces a format by name; empty: by the file's extension
     bool force = false; ///< overwrite an existing file
     bool compress = false;
-    double background = 0;         ///< sparse formats: voxels of this value are not stored
+    /// Sparse formats: voxels of this stored value are not kept; by default what the volume names as its background, or
+    /// 0.
+    std::optional<double> background;
+    /// Budget of formats that hold a volume until it is written; none: default_memory().
+    std::optional<std::size_t> memory;
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 
@@ -104,6 +108,8 @@ std::vector<Format> const& formats();
 
 /// Content first, name second. Throws Error{data} for unknown content with a hint what to say.
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options);
+/// The files that hold the voxels of a detached header, as far as it can be read: none for other files.
+std::vector<std::string> detached_files(std::string const& path);
 /// Name of the format that a file name promises by its extension; empty if it promises none.
 std::string format_of_name(std::string const& name);
 /// Name of the format that open_volume chooses. Throws the same.

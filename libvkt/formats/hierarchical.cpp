@@ -131,7 +131,8 @@ public:
         if (file_.in_place())
             throw Error(ErrorKind::usage, text("'", path, "': OpenVDB files cannot be written to a pipe"),
                         "name a file: -o out.vdb");
-        written_.background = options.background;
+        background_ = options.background;
+        memory_ = options.memory.value_or(default_memory());
         written_.prune = options.prune;
     }
 
@@ -140,7 +141,9 @@ public:
             throw Error(ErrorKind::usage,
                         text("'", file_.path(), "': an OpenVDB file written by vkt holds one volume"));
         header_ = header;
-        if (header.kind == Kind::structured) volume_ = Volume(header);
+        if (header.kind != Kind::structured) return;
+        check_memory(header);
+        volume_ = Volume(header);
     }
     AnyView acquire(Box const& slab) override { return volume_->mutable_view().part(slab); }
     void commit() override {}
@@ -151,6 +154,7 @@ public:
             auto const found = header_.attributes.find(name);
             return found == header_.attributes.end() ? otherwise : found->second;
         };
+        written_.background = background_ ? *background_ : stored_background(header_).value_or(0);
         written_.name = attribute("variable", "density");
         written_.grid_class = attribute("class", "");
         write_vdb(*volume_, text("/dev/fd/", file_.descriptor()), written_);
@@ -158,8 +162,23 @@ public:
     void close() override { file_.commit(); }
 
 private:
+    /// Dense voxels, and OpenVDB's leaves of 8^3 cells of 4 bytes or 8 which they become.
+    void check_memory(Header const& header) const {
+        auto const padded = [](std::int64_t n) { return static_cast<double>((n + 7) / 8 * 8); };
+        double const cell = size_of(header.dtype) == 8 ? 8 : 4;
+        double const bytes = static_cast<double>(header.bytes()) +
+                             padded(header.dims.x) * padded(header.dims.y) * padded(header.dims.z) * cell;
+        if (bytes <= static_cast<double>(memory_)) return;
+        throw Error(ErrorKind::resources,
+                    text("'", file_.path(), "': OpenVDB needs ", bytes_text(bytes),
+                         " to write this volume, the budget is ", bytes_text(static_cast<double>(memory_))),
+                    "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+    }
+
     OutputFile file_;
     VdbWriteOptions written_;
+    std::optional<double> background_;
+    std::size_t memory_ = 0;
     Header header_;
     std::optional<Volume> volume_;
 };

@@ -54,7 +54,8 @@ std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,
 void WriteRequest::declare(Parameters& p) {
     p.option("format", options_.format, "F", "output format, if the file name does not tell it");
     p.flag("compress", options_.compress, "compress, where the format can");
-    p.option("background", background_, "VALUE", "OpenVDB: voxels of this stored value are left out (0)");
+    p.option("background", background_, "VALUE",
+             "OpenVDB: voxels of this stored value are left out (default: the volume's own background, or 0)");
     p.option("prune", options_.prune, "TOLERANCE",
              "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
     p.flag("force", options_.force, "overwrite an existing output file");
@@ -71,7 +72,7 @@ void WriteRequest::check(std::string const& path) const {
 
 WriteOptions WriteRequest::options() const {
     WriteOptions options = options_;
-    options.background = background_.value_or(0);
+    options.background = background_;
     return options;
 }
 

@@ -92,7 +92,9 @@ std::string signal_text(int signal) {
 ParserLimits parser_limits(std::size_t budget, std::int64_t file_size) {
     ParserLimits limits;
     auto const size = static_cast<std::size_t>(std::clamp<std::int64_t>(file_size, 0, std::int64_t{1} << 52));
-    limits.memory = std::max(std::min(budget, std::size_t{1} << 60), 64 * size) + 256 * mebi;
+    // What a file can rightly become grows with it: a small one that asks for gigabytes is damaged.
+    std::size_t const wanted = std::max(std::min(budget, std::size_t{1} << 60), 64 * size);
+    limits.memory = std::min(wanted, std::max(1024 * size, 256 * mebi)) + 256 * mebi;
     limits.seconds = static_cast<int>(std::clamp<std::int64_t>(file_size / 1000000, 600, 1 << 30));
     if (char const* const asked = std::getenv("VKT_PARSER_PATIENCE"); asked != nullptr && *asked != '\0') {
         std::int64_t const seconds = parse_integer(asked);

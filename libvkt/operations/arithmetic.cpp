@@ -70,7 +70,11 @@ C const* operand_row(ArithmeticOperand const& operand, std::int64_t x, std::int6
     if (operand.map == ValueMap{}) return buffer;
     C const slope = static_cast<C>(operand.map.slope), intercept = static_cast<C>(operand.map.intercept);
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) buffer[i] = slope * buffer[i] + intercept;
+    for (std::int64_t i = 0; i < n; ++i) {
+        C const value = slope * buffer[i] + intercept;
+        // The product may be beyond C where the sum is not.
+        buffer[i] = value - value == 0 ? value : C(2) * (C(0.5) * slope * buffer[i] + C(0.5) * intercept);
+    }
     return buffer;
 }
 

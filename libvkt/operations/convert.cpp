@@ -266,10 +266,19 @@ Plan Convert::plan(std::span<Header const> inputs) {
     double const share =
         0x1p-53 * (5 + std::max(std::abs(to_low_), std::abs(to_high_)) / (to_high_ / 2 - to_low_ / 2) / 2);
     bool const known = !range->low.percentile && !range->high.percentile;
-    if (known)
-        plan.error.absolute = share * (range->high.value.value - range->low.value.value);
-    else
-        plan.error.range = share;
+    double const stores = storing_error(type_), largest = std::max(std::abs(to_low_), std::abs(to_high_));
+    double const width = to_high_ - to_low_; // of stored values that the range becomes
+    double const stored_share = std::isfinite(largest / width) ? stores * largest / width : 1;
+    // The maps of both sides round as well: a few units in the last place of what their terms reach.
+    plan.error.magnitude = 4 * 0x1p-53;
+    plan.error.absolute = 8 * 0x1p-53 * std::abs(input_.values.intercept);
+    if (known) {
+        double const low = range->low.value.value, high = range->high.value.value;
+        plan.error.absolute +=
+            (share + stored_share) * (high - low) + 8 * 0x1p-53 * std::max(std::abs(low), std::abs(high));
+    } else {
+        plan.error.range = share + stored_share;
+    }
     if (known) {
         set_map(stored(range->low.value), stored(range->high.value));
         plan.output.values = values_;
