@@ -182,8 +182,8 @@ np.random.default_rng(5).random((8, 16, 16)).tofile('u_16x16x8_float64.raw')"
     for options in '--dtype float32 --range 0:1' '--dtype float16 --range 0:1' '--dtype float32 --range 0:1 --to 1000000:1000001' \
         '--dtype float32 --range minmax' '--dtype float64 --range minmax'; do
         # shellcheck disable=SC2086
-        vkt convert u_16x16x8_float64.raw $options --explain -o out.nrrd --force 2>plan
-        vkt convert out.nrrd --dtype float64 -o stored.nrrd --force
+        vkt convert u_16x16x8_float64.raw $options --explain -o out.vkt --force 2>plan
+        vkt convert out.vkt --dtype float64 -o stored.nrrd --force
         vkt info stored.nrrd --json >info.json
         vkt write stored.nrrd - --format raw >stored.raw
         /usr/bin/python3 - "$options" <<'EOF2'

@@ -336,7 +336,7 @@ vdb.write('ls.vdb', grids=[grid])"
     vkt write ls.vdb again.vdb
     /usr/bin/python3 -c "
 import pyopenvdb as vdb
-a, b = (vdb.readAllGridMetadata(n)[0].background for n in ('ls.vdb', 'again.vdb'))
+a, b = (vdb.read(n, 'ls').background for n in ('ls.vdb', 'again.vdb'))
 assert a == b == 1.5, (a, b)"
     diff <(vkt stats ls.vdb) <(vkt stats again.vdb)
     vkt crop ls.vdb --roi :,:,: | vkt stats | diff - <(vkt stats ls.vdb)

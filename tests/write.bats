@@ -294,7 +294,7 @@ print(f"{name}{h:08x}")')
     sed -i 's/^data file: .*/data file: other.raw/' e.nhdr
     mv e.raw other.raw
     cp other.raw before.raw
-    fails_with 2 "'./other.raw' holds the voxels of an input" vkt write e.nhdr other.raw --force
+    fails_with 2 "'other.raw' holds the voxels of an input" vkt write e.nhdr other.raw --force
     fails_with 2 "holds the voxels of an input" vkt convert e.nhdr --dtype float32 -o other.raw --force
     cmp other.raw before.raw
     vkt write e.nhdr third.raw
