@@ -23,7 +23,8 @@ trap 'rm -rf "$scratch"' EXIT
 
 # Names in /dev/shm that are ours or an OpenMP runtime's and belong to no living process.
 left_in_shm() {
-    for name in $(ls -A /dev/shm 2>/dev/null); do
+    for path in /dev/shm/* /dev/shm/.[!.]*; do
+        name=${path#/dev/shm/}
         case $name in
         *vkt*) echo "$name" ;;
         __KMP_REGISTERED_LIB_*)

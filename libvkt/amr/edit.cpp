@@ -113,12 +113,12 @@ bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
 
 } // namespace
 
-Volume crop_tree(Volume const& volume, Box const& wanted, Execution const& execution) {
+Volume crop_tree(Volume const& volume, Box const& region, Execution const& execution) {
     require_tree(volume);
     Header header = volume.header();
-    Box const present = region_of(header), region = with_whole_axes(wanted, header);
+    Box const present = region_of(header);
     if (region.empty() || !present.contains(region))
-        throw Error(ErrorKind::usage, text("region ", wanted, " leaves the hierarchical volume's ", present));
+        throw Error(ErrorKind::usage, text("region ", region, " leaves the hierarchical volume's ", present));
     std::vector<Brick> bricks;
     std::vector<std::size_t> kept;
     for (std::size_t b = 0; b < volume.bricks().size(); ++b) {

@@ -21,9 +21,8 @@ Box wanted_region(Header const& header, GridRequest const& request) {
         throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
     Box const present = region_of(header);
     if (request.roi.empty() && request.world_roi.empty()) return present;
-    Box const wanted = with_whole_axes(request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
-                                                           : request.roi.resolve(header.dims),
-                                       header);
+    Box const wanted = request.roi.empty() ? request.world_roi.resolve(header.geometry, header.dims)
+                                           : resolve_in_tree(request.roi, header);
     if (!present.contains(wanted))
         throw Error(ErrorKind::usage, text("region ", wanted, " leaves the part that is left of the volume, ", present),
                     "regions of a hierarchical volume count finest cells of the whole logical grid");
@@ -60,14 +59,17 @@ Box region_of(Header const& header) {
     }
 }
 
-Box with_whole_axes(Box wanted, Header const& header) {
+Box resolve_in_tree(Roi const& roi, Header const& header) {
+    Box box = roi.resolve(header.dims);
     Box const present = region_of(header);
-    for (int axis = 0; axis < 3; ++axis) {
-        if (wanted.lower[axis] != 0 || wanted.upper[axis] != header.dims[axis]) continue;
-        wanted.lower[axis] = present.lower[axis];
-        wanted.upper[axis] = present.upper[axis];
+    auto const ranges = split(roi.text, ',');
+    for (std::size_t a = 0; a < ranges.size() && a < 3; ++a) {
+        auto const axis = static_cast<int>(a);
+        if (ranges[a] != ":") continue;
+        box.lower[axis] = present.lower[axis];
+        box.upper[axis] = present.upper[axis];
     }
-    return wanted;
+    return box;
 }
 
 SampleGrid plan_grid(Header const& header, GridRequest const& request) {

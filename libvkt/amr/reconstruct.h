@@ -60,9 +60,9 @@ struct GridRequest {
 /// The box of finest cells a hierarchical volume stands for: its "roi" attribute if it was cropped, else everything.
 /// Throws Error{data} if the attribute is malformed.
 Box region_of(Header const& header);
-/// A region in which whole axes of the lattice, ':' on a command line, mean those of the volume's own region: the
+/// The box of a region of a hierarchical volume. An axis taken whole, by ':', is that of the volume's own region: the
 /// lattice of OpenVDB's blocks is larger than what they hold.
-Box with_whole_axes(Box wanted, Header const& header);
+Box resolve_in_tree(Roi const& roi, Header const& header);
 
 /// Throws Error{usage} for contradictory requests and empty regions.
 SampleGrid plan_grid(Header const& header, GridRequest const& request);

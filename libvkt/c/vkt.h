@@ -4,10 +4,10 @@
    Volumes are opaque. Functions that can fail return a status, which is the exit code that the command would have; what
    went wrong is said by vkt_error() and vkt_error_hint(). Nothing is thrown across this border. Options are words as on
    the command line, {"--dims", "40,30,10"}, and are those of the command that does the same. The number of threads and
-   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. Memory of volumes that were freed is kept for the
-   results that come next, see vkt_trim(). A pointer that must not be null, but is, makes a
-   call fail with VKT_USAGE. What a call that fails would have set (*volume, *result, *json) stays untouched. Several
-   threads may use different volumes, and read from the same one. */
+   the memory that a volume may take follow VKT_THREADS and VKT_MEMORY. Memory of volumes that were freed is kept for
+   the results that come next, see vkt_trim(). A pointer that must not be null, but is, makes a call fail with
+   VKT_USAGE. What a call that fails would have set (*volume, *result, *json) stays untouched. Several threads may use
+   different volumes, and read from the same one. */
 #ifndef LIBVKT_C_VKT_H
 #define LIBVKT_C_VKT_H
 

@@ -164,7 +164,10 @@ public:
 private:
     /// Dense voxels, and OpenVDB's leaves of 8^3 cells of 4 bytes or 8 which they become.
     void check_memory(Header const& header) const {
-        auto const padded = [](std::int64_t n) { return static_cast<double>((n + 7) / 8 * 8); };
+        auto const padded = [](std::int64_t n) {
+            std::int64_t const cells = (n + 7) / 8 * 8;
+            return static_cast<double>(cells);
+        };
         double const cell = size_of(header.dtype) == 8 ? 8 : 4;
         double const bytes = static_cast<double>(header.bytes()) +
                              padded(header.dims.x) * padded(header.dims.y) * padded(header.dims.z) * cell;

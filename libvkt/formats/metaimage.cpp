@@ -92,7 +92,7 @@ std::string distance_unit(Header const& header) {
     auto const found = header.attributes.find("space units");
     auto const entries = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
     if (!entries || entries->size() != 3) return {};
-    for (std::string const unit : {"um", "mm", "cm"})
+    for (char const* const unit : {"um", "mm", "cm"})
         if (std::all_of(entries->begin(), entries->end(), [&](auto const& e) { return e == text("\"", unit, "\""); }))
             return unit;
     return {};

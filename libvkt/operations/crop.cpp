@@ -3,6 +3,7 @@
 #include "libvkt/operations/crop.h"
 
 #include "libvkt/amr/edit.h"
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/affine.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/formats/format.h"
@@ -56,7 +57,8 @@ Box Crop::wanted(Header const& in) {
                         "compare the extents with 'vkt info'");
         return box;
     }
-    return world_.empty() ? region_.resolve(in.dims) : world_.resolve(in.geometry, in.dims);
+    if (!world_.empty()) return world_.resolve(in.geometry, in.dims);
+    return in.kind == Kind::hierarchical ? resolve_in_tree(region_, in) : region_.resolve(in.dims);
 }
 
 Plan Crop::plan(std::span<Header const> inputs) {

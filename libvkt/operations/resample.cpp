@@ -352,8 +352,7 @@ bool Resample::sums_exactly(DataType input) const {
 bool Resample::sums_in_integers(DataType input) const {
     if (!is_integer(input) || size_of(input) != 8 || method == ResampleMethod::cubic) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
-    // A border value was read as double: beyond this it may not be the number that was given.
-    bool const inside = border_ >= std::max(lowest_of(input), -0x1p53) && border_ <= 0x1p53;
+    bool const inside = border_ >= lowest_of(input) && border_ < highest_of(input);
     return inside && border_ == std::rint(border_) && divisor <= 0x1p62;
 }
 
