@@ -10,6 +10,8 @@
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/nrrd_header.h"
 
+#include <filesystem>
+
 namespace vkt {
 
 namespace {
@@ -82,6 +84,8 @@ bool ReadOptions::describes() const { return describes_raw(*this) || spacing || 
 
 std::vector<std::string> detached_files(std::string const& path) {
     std::string const lower = lower_case(path);
+    std::error_code failed;
+    if (!std::filesystem::is_regular_file(path, failed)) return {}; // a pipe can be read only once
     try {
         if (lower.ends_with(".nhdr") || lower.ends_with(".nrrd")) {
             auto const bytes = open_bytes(path);
