@@ -65,7 +65,7 @@ check() {
     log=$scratch/ctest.log
     status=0
     rm -f "$folder/Testing/Temporary/LastTest.log"
-    ctest --test-dir "$folder" -j "$jobs" --output-on-failure --no-tests=error --timeout 600 "$@" >"$log" 2>&1 || status=$?
+    ctest --test-dir "$folder" -j "$jobs" --output-on-failure --no-tests=error --timeout 1200 "$@" >"$log" 2>&1 || status=$?
     # One line per test of CTest, "n/m Test #k: name ... Passed"; those of bats are counted by their own lines.
     sh "$root/tests/tally.sh" "$log" "$folder/Testing/Temporary/LastTest.log" >"$scratch/tally"
     read -r p f s <"$scratch/tally"
