@@ -526,17 +526,10 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         convert_values(in.part(out.box), out, tally, execution);
         return count();
     }
-    WeightedSum sum;
-    sum.x = tables_[0].taps(execution.space());
-    sum.y = tables_[1].taps(execution.space());
-    sum.z = tables_[2].taps(execution.space());
+    WeightedSum sum = weighted_sum(tables_, in.type, execution.space());
     if (way_ == Way::nearest) return resample_nearest(in, out, sum, execution);
     sum.border = border_;
-    sum.x_identity = tables_[0].kernel() == Kernel::identity;
     if (way_ == Way::whole) return resample_whole(in, out, sum, execution);
-    sum.divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
-    // Sums of float64 then stay below a quarter of the largest number, or a half for Keys' kernel, which overshoots.
-    if (in.type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
     sum.scale = scale_value_;
     sum.offset = offset_value_;
     resample_weighted(in, out, sum, scratch_, tally, execution);

@@ -5,6 +5,9 @@
 #include "libvkt/core/view.h"
 #include "libvkt/operations/resample_weights.h"
 
+#include <array>
+#include <cmath>
+
 namespace vkt {
 
 /// Everything that the weighted kernels need besides the voxels.
@@ -18,5 +21,18 @@ struct WeightedSum {
 
     VKT_HD bool reaches_border() const { return x.inside != nullptr || y.inside != nullptr || z.inside != nullptr; }
 };
+
+/// The sum along three axes of voxels of a type, whose values stay as they are and outside of which lies 0.
+inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataType type, Space space) {
+    WeightedSum sum;
+    sum.x = tables[0].taps(space);
+    sum.y = tables[1].taps(space);
+    sum.z = tables[2].taps(space);
+    sum.divisor = tables[0].divisor() * tables[1].divisor() * tables[2].divisor();
+    // Sums of float64 then stay below a quarter of the largest number, or a half for Keys' kernel, which overshoots.
+    if (type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
+    sum.x_identity = tables[0].kernel() == Kernel::identity;
+    return sum;
+}
 
 } // namespace vkt

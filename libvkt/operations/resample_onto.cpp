@@ -320,17 +320,11 @@ void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const&
         if (way_ == Way::copy) return copy_region(same, to, execution);
         return convert_values(same, to, tally, execution);
     }
-    WeightedSum sum;
-    sum.x = tables_[0].taps(Space::host);
-    sum.y = tables_[1].taps(Space::host);
-    sum.z = tables_[2].taps(Space::host);
+    WeightedSum sum = weighted_sum(tables_, in.type, Space::host);
     if (way_ == Way::nearest) return resample_nearest(from, to, sum, execution);
-    sum.divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
+    sum.border = values_.border;
     sum.scale = values_.scale;
     sum.offset = values_.offset;
-    sum.border = values_.border;
-    if (in.type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
-    sum.x_identity = tables_[0].kernel() == Kernel::identity;
     resample_weighted(from, to, sum, scratch_, tally, execution);
 }
 
