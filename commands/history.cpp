@@ -50,7 +50,7 @@ std::string shell_line(History const& history) {
     return history_as_shell(history) + "\n";
 }
 
-class Past : public Consumer {
+class ShowHistory : public Consumer {
 public:
     void parameters(Parameters& p) override {
         p.flag("as-shell", as_shell_, "print a pipeline that makes the volume again");
@@ -86,7 +86,7 @@ private:
 } // namespace
 
 Command history_command() {
-    return consumer_command<Past>(
+    return consumer_command<ShowHistory>(
         {"Show the commands that made a volume.",
          "The newest step comes first, what it read is indented below it. With --as-shell the same as a pipeline that "
          "a shell runs.",

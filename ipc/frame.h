@@ -44,7 +44,7 @@ struct FrameHeader {
 static_assert(sizeof(FrameHeader) == 32);
 
 /// Where a slab's voxels are.
-enum class Place : std::uint32_t {
+enum class Residence : std::uint32_t {
     here = 0,    ///< they follow in the pipe
     shared = 1,  ///< in a slot of the ring of shared memory that the side channel handed over
     segment = 2, ///< at their own place in a piece of shared memory that holds the whole volume
@@ -53,7 +53,7 @@ enum class Place : std::uint32_t {
 /// First 32 bytes of a SLAB payload; the voxels follow if their place is here.
 struct SlabHeader {
     std::int64_t z_begin = 0, z_end = 0; ///< slices, half-open
-    Place place = Place::here;
+    Residence place = Residence::here;
     std::uint32_t slot = 0;
     std::uint64_t bytes = 0; ///< of voxels
 };

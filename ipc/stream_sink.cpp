@@ -294,7 +294,7 @@ void StreamSink::Writer::recycle(Slab slab) {
 }
 
 void StreamSink::Writer::write_slab(Slab& slab) {
-    Place const place = !slab.slot ? Place::here : segment_ ? Place::segment : Place::shared;
+    Residence const place = !slab.slot ? Residence::here : segment_ ? Residence::segment : Residence::shared;
     SlabHead const whole{{slab.box.lower.z, slab.box.upper.z, place, slab.slot.value_or(0), slab.bytes},
                          {slab.box.lower.y, slab.box.upper.y}};
     bool const rows = slab.box.dims().y < header_.dims.y;

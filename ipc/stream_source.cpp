@@ -262,8 +262,8 @@ SlabHead StreamSource::Reader::read_slab_head(FrameHeader const& frame) {
     Box const box = box_of_slab(head);
     // Extents only once the order has shown them to be within the volume: nothing is multiplied before.
     if (!order_.takes(box) || slab.bytes != static_cast<std::uint64_t>(box.voxels()) * size_of(header_.dtype) ||
-        frame.length != bytes + (slab.place == Place::here ? slab.bytes : 0) ||
-        (slab.place != Place::here && slab.place != Place::shared && slab.place != Place::segment))
+        frame.length != bytes + (slab.place == Residence::here ? slab.bytes : 0) ||
+        (slab.place != Residence::here && slab.place != Residence::shared && slab.place != Residence::segment))
         throw Error(ErrorKind::data, text("a slab on ", input_.name(), " is out of order or of the wrong size"));
     return head;
 }
@@ -294,7 +294,8 @@ std::int64_t StreamSource::Reader::first_slab_height() {
     if (thread_.joinable() || complete_ || header_.dry_run || header_.kind != Kind::structured) return 0;
     if (!peek_slab()) throw Error(ErrorKind::data, text("the volume on ", input_.name(), " has no slabs"));
     Box const slab = box_of_slab(*pending_slab_);
-    return pending_slab_->slab.place != Place::here ? slab.dims().z : std::min(slab.dims().z, pieces_of(slab).slices);
+    return pending_slab_->slab.place != Residence::here ? slab.dims().z
+                                                        : std::min(slab.dims().z, pieces_of(slab).slices);
 }
 
 void StreamSource::Reader::start() {
@@ -371,7 +372,7 @@ void StreamSource::Reader::read_shared(SlabHead const& head) {
     SlabHeader const& slab = head.slab;
     Piece piece;
     piece.box = box_of_slab(head);
-    if (slab.place == Place::segment) {
+    if (slab.place == Residence::segment) {
         if (slab.slot == segment_) segment_bytes_ += slab.bytes;
         std::size_t const slice = slice_bytes(), row = slice / static_cast<std::size_t>(header_.dims.y);
         piece.shared = shared_slot(slab.slot, header_.bytes()) + static_cast<std::size_t>(piece.box.lower.z) * slice +
@@ -401,7 +402,7 @@ bool StreamSource::Reader::read_slab() {
     pending_.reset();
     pending_slab_.reset();
     bool const check = (frame.flags & flag_checksum) != 0;
-    if (slab.place != Place::here) {
+    if (slab.place != Residence::here) {
         read_shared(head);
     } else if (!wanted(box)) {
         // Nobody will look at these voxels: their length counts, their bytes are not even copied.
@@ -474,7 +475,7 @@ Piece* StreamSource::Reader::piece_with(Index3 at) {
 void StreamSource::Reader::receive() {
     if (!peek_slab())
         complete_ = true;
-    else if (pending_slab_->slab.place == Place::here)
+    else if (pending_slab_->slab.place == Residence::here)
         start();
     else
         read_slab();
@@ -503,7 +504,8 @@ std::shared_ptr<Lease> StreamSource::Reader::lease(Box const& region) {
 }
 
 std::optional<Volume> StreamSource::Reader::take_whole() {
-    if (!options_.whole || first_slab_height() == 0 || pending_slab_->slab.place != Place::segment) return std::nullopt;
+    if (!options_.whole || first_slab_height() == 0 || pending_slab_->slab.place != Residence::segment)
+        return std::nullopt;
     std::uint32_t const name = pending_slab_->slab.slot;
     segment_ = name;
     segment_bytes_ = 0;

@@ -54,8 +54,8 @@ public:
     virtual std::function<void(std::string const& message)> detail() = 0;
     /// The format of the input opened last, "vkt" for a stream.
     virtual std::string const& format() const = 0;
-    /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `told`.
-    virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told = {}) = 0;
+    /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `stated`.
+    virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated = {}) = 0;
 };
 
 /// Reads volumes and reports on them or turns them into something that is no volume.

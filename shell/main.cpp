@@ -1,7 +1,7 @@
 // Where the process begins: words in, exit code out.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
-#include "libvkt/formats/temporaries.h"
+#include "libvkt/io/temporaries.h"
 #include "shell/help.h"
 #include "shell/run.h"
 

@@ -4,14 +4,13 @@
 
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
-#include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
-#include "libvkt/formats/system_error.h"
-#include "libvkt/operations/like.h"
+#include "libvkt/io/system_error.h"
+#include "libvkt/operations/reference_volume.h"
 #include "shell/help.h"
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
@@ -136,7 +135,7 @@ public:
     void lossy(std::string const& message) override;
     std::function<void(std::string const&)> detail() override;
     std::string const& format() const override;
-    std::unique_ptr<Source> open(std::string const& path, ReadOptions const& told) override;
+    std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override;
 
 private:
     Runner& runner_;
@@ -151,8 +150,8 @@ public:
     int run();
 
     StageInfo stage_info(Invocation const& stage);
-    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions told = {});
-    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& told);
+    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
+    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
@@ -202,8 +201,8 @@ std::function<void(std::string const&)> StageContext::detail() {
         [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };
 }
 std::string const& StageContext::format() const { return runner_.format(); }
-std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& told) {
-    return runner_.open(invocation_, path, told);
+std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& stated) {
+    return runner_.open(invocation_, path, stated);
 }
 
 void StageContext::plan(Header const& header, std::string const& output) {
@@ -258,22 +257,22 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
                stderr);
 }
 
-std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions told) {
-    told.trust_paths = told.trust_paths || stage.common().trust_paths;
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
+    stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
     auto const paths = matching_files(path);
-    if (paths.size() == 1) return open(stage, open_bytes(paths.front()), told);
-    return series_source(paths,
-                         [this, &stage, told](std::string const& one) { return open(stage, open_bytes(one), told); });
+    if (paths.size() == 1) return open(stage, open_bytes(paths.front()), stated);
+    return series_source(
+        paths, [this, &stage, stated](std::string const& one) { return open(stage, open_bytes(one), stated); });
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
-                                     ReadOptions const& told) {
+                                     ReadOptions const& stated) {
     std::unique_ptr<Source> source;
     std::string const name = bytes->name();
     format_ = "vkt";
-    bool const directory = is_amrex(bytes->name()); // there are no bytes to look at
+    bool const directory = bytes->directory(); // there are no bytes to look at
     // What nobody described may be a stream as well as a file.
-    bool const described = told.describes();
+    bool const described = stated.describes();
     if (!described && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
@@ -288,7 +287,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
-        ReadOptions options = told;
+        ReadOptions options = stated;
         options.memory = execution_of(stage).memory;
         format_ = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
@@ -320,7 +319,7 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
 
 /// The library opens files of its formats; the volume that --like names may be a stream as well.
 void Runner::look_at_like(Invocation const& stage) {
-    Like* const like = stage.operation()->like();
+    ReferenceVolume* const like = stage.operation()->like();
     if (like == nullptr || like->file.empty()) return;
     auto const record = stream_in_; // what arrives here is not what the stage works on
     like->take(*open(stage, like->file));

@@ -7,7 +7,7 @@
 #include "libvkt/core/pool.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
-#include "libvkt/formats/system_error.h"
+#include "libvkt/io/system_error.h"
 #include "libvkt/operations/statistics.h"
 
 #include <cstdlib>

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/buffer.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
-#include "libvkt/kernel/device.h"
 
 #include <cstdlib>
 #include <new>

@@ -3,9 +3,9 @@
 #include "libvkt/core/execution.h"
 
 #include "libvkt/core/cgroup.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/kernel/device.h"
 
 #include <algorithm>
 #include <cstdlib>

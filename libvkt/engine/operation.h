@@ -53,7 +53,7 @@ struct Remark {
     bool lossy = true;
 };
 
-class Like;
+class ReferenceVolume;
 
 /// One instance is configured once (parameters), planned per volume, and then run on regions, always from one thread at
 /// a time. Results must not depend on how the output is cut into regions.
@@ -68,7 +68,7 @@ public:
     virtual std::vector<std::string> input_names() const { return {}; }
 
     /// The volume whose header the plan follows, for operations with an option --like.
-    virtual Like* like() { return nullptr; }
+    virtual ReferenceVolume* like() { return nullptr; }
 
     /// Declares the parameters and binds them to members.
     virtual void parameters(Parameters&) {}

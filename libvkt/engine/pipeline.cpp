@@ -2,13 +2,13 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
 
-#include "libvkt/amr/apply.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
-#include "libvkt/engine/link.h"
+#include "libvkt/engine/operation_source.h"
+#include "libvkt/engine/tree_run.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -53,7 +53,7 @@ void Sink::put_bricks(BrickSequence) {
 
 std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
                                Execution const& execution, StageInfo info) {
-    return std::make_unique<Link>(std::move(inputs), operation, execution, std::move(info));
+    return std::make_unique<OperationSource>(std::move(inputs), operation, execution, std::move(info));
 }
 
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times) {

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/format.h"
 
-#include "libvkt/amr/amrex.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/amrex.h"
 #include "libvkt/formats/foreign.h"
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/nrrd_header.h"
@@ -56,6 +56,8 @@ std::string writable_extensions() {
 }
 
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
+    if (bytes.directory() && !is_amrex(bytes.name()))
+        throw Error(ErrorKind::io, text("cannot read '", bytes.name(), "': it is a directory"), "name a file in it");
     if (!options.format.empty()) {
         Format const& format = by_format_name(options.format);
         if (!format.open) throw Error(ErrorKind::usage, text("format ", format.name, " can only be written"));
@@ -64,7 +66,7 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         return format;
     }
     if (describes_raw(options)) return by_format_name("raw");
-    if (is_amrex(bytes.name())) return by_format_name("amrex"); // a directory: there are no bytes to look at
+    if (bytes.directory()) return by_format_name("amrex"); // there are no bytes to look at
     auto const head = bytes.peek(head_bytes);
     for (auto const& candidate : formats())
         if (candidate.open && candidate.recognise && candidate.recognise(head)) return candidate;

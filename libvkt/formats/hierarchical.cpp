@@ -1,12 +1,12 @@
 // Formats of hierarchical volumes: FLASH (HDF5), AMReX plotfiles, OpenVDB.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/amrex.h"
-#include "libvkt/amr/flash.h"
-#include "libvkt/amr/vdb.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/amrex.h"
+#include "libvkt/formats/flash.h"
+#include "libvkt/formats/vdb.h"
 
 #include <cstring>
 #include <optional>

@@ -4,7 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/system_error.h"
+#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <bit>

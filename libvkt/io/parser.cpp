@@ -4,8 +4,8 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/system_error.h"
 #include "libvkt/io/parser_child.h"
+#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <array>

@@ -51,8 +51,8 @@ void take_limits(ParserTask const& task) {
 void watch_parent(int descriptor, int parent) {
     for (;;) {
         pollfd ends[] = {{parser_socket, POLLRDHUP, 0}, {descriptor, POLLIN, 0}};
-        bool const told = descriptor >= 0; // else, on old kernels, we look
-        int const n = ::poll(ends, told ? 2 : 1, told ? -1 : 1000);
+        bool const notified = descriptor >= 0; // else, on old kernels, we look
+        int const n = ::poll(ends, notified ? 2 : 1, notified ? -1 : 1000);
         if (n > 0 || ::getppid() != parent) ::_exit(0);
     }
 }

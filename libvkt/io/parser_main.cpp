@@ -1,6 +1,6 @@
 // vkt_parser: the program of children that parse. It is started by the library (parser.h) and by nobody else.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/module.h"
+#include "libvkt/io/module.h"
 #include "libvkt/io/parser_child.h"
 
 #include <cstdio>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/view.h"
 
@@ -107,9 +108,6 @@
 #endif
 
 namespace vkt {
-
-/// Throws Error{resources}: this build has no CUDA.
-[[noreturn]] void throw_without_cuda();
 
 namespace VKT_BACKEND {
 

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
-#include "libvkt/kernel/device.h"
 #include "libvkt/kernel/kernel.h"
 
 namespace vkt::VKT_BACKEND {

@@ -510,22 +510,22 @@ void Arithmetic::choose_values(Header const& first, Header const* second, Header
     bool const integers = is_integer(first.dtype) && (second == nullptr || is_integer(second->dtype));
     bool const wide = is_wide(first.dtype) || (second != nullptr && is_wide(second->dtype)) || is_wide(type_);
     integers_ = integers && is_integer(type_);
-    way_ = Way::in_double;
+    algorithm_ = Algorithm::in_double;
     if (stored && integers_ && wide && whole)
-        way_ = Way::in_integers;
+        algorithm_ = Algorithm::in_integers;
     else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) &&
              small_type(type_) && fits_float(number_a_) && fits_float(number_b_))
-        way_ = Way::in_float;
+        algorithm_ = Algorithm::in_float;
     Operand const u = number_a_ ? Operand::of(*number_a_) : Operand::of(first.dtype);
     Operand const v =
         number_b_ ? Operand::of(*number_b_) : Operand::of(second == nullptr ? first.dtype : second->dtype);
-    settles_ = stored && way_ != Way::in_integers && rounds_twice(u, v);
+    settles_ = stored && algorithm_ != Algorithm::in_integers && rounds_twice(u, v);
 }
 
 /// True if rounding to the type of the computation first, and then to that of the result, may go wrong.
 bool Arithmetic::rounds_twice(Operand const& u, Operand const& v) const {
     if (u.inexact || v.inexact) return true;
-    bool const single = way_ == Way::in_float;
+    bool const single = algorithm_ == Algorithm::in_float;
     if (op == ArithmeticOp::min || op == ArithmeticOp::max) return false;
     if (type_ == (single ? DataType::float32 : DataType::float64)) return false;
     int const digits = single ? 24 : 53;
@@ -561,9 +561,11 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     plan.output = first;
     choose_values(first, second, plan.output);
     voxels_ = first.voxels();
-    plan.method = way_ == Way::in_integers ? "128-bit integers" : way_ == Way::in_float ? "float32" : "float64";
+    plan.method = algorithm_ == Algorithm::in_integers ? "128-bit integers"
+                  : algorithm_ == Algorithm::in_float  ? "float32"
+                                                       : "float64";
     if (settles_) plan.method += ", exact where that would round twice";
-    if (way_ == Way::in_integers) plan.cost = 8;
+    if (algorithm_ == Algorithm::in_integers) plan.cost = 8;
     if (!(map_a_ == ValueMap{} && map_b_ == ValueMap{})) { // a few roundings, unless values cancel
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
@@ -594,14 +596,14 @@ void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution c
     task.settles = settles_;
     task.count_zeros = op == ArithmeticOp::div && integers_;
     ArithmeticCounts counts;
-    switch (way_) {
-    case Way::in_float:
+    switch (algorithm_) {
+    case Algorithm::in_float:
         arithmetic_float(task, out, counts, execution);
         break;
-    case Way::in_double:
+    case Algorithm::in_double:
         arithmetic_double(task, out, counts, execution);
         break;
-    case Way::in_integers:
+    case Algorithm::in_integers:
         arithmetic_integers(task, out, counts, execution);
         break;
     }

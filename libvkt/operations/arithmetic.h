@@ -46,12 +46,12 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
-    enum class Way : std::uint8_t { in_float, in_double, in_integers };
+    enum class Algorithm : std::uint8_t { in_float, in_double, in_integers };
     struct Operand;
     void choose_values(Header const& first, Header const* second, Header& output);
     bool rounds_twice(Operand const& u, Operand const& v) const;
 
-    Way way_ = Way::in_double;
+    Algorithm algorithm_ = Algorithm::in_double;
     std::optional<Number> number_a_, number_b_;
     ValueMap map_a_, map_b_, map_out_; ///< from stored operands to what is computed with, and back
     bool integers_ = false, settles_ = false;

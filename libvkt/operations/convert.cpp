@@ -201,22 +201,22 @@ bool is_wide(DataType type) { return type == DataType::int64 || type == DataType
 
 } // namespace
 
-ValueRange ValueText<ValueRange>::read(std::vector<std::string> const& w, std::string_view name) {
+RangeOption ValueText<RangeOption>::read(std::vector<std::string> const& w, std::string_view name) {
     std::string_view const word = w.front();
     if (word == "minmax") return {{true, Number(0)}, {true, Number(100)}};
     std::size_t const colon = word.find(':');
     if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
         throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
                     "for example 0:255, minmax or p1:p99");
-    ValueRange const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
+    RangeOption const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
     if (range.low.percentile == range.high.percentile && !is_below(range.low.value, range.high.value))
         throw Error(ErrorKind::usage,
                     text("--", name, ": '", word, "' is empty: the first end must be below the second"));
     return range;
 }
 
-std::vector<std::string> ValueText<ValueRange>::write(ValueRange const& v) {
-    if (v == ValueRange{{true, Number(0)}, {true, Number(100)}}) return {"minmax"};
+std::vector<std::string> ValueText<RangeOption>::write(RangeOption const& v) {
+    if (v == RangeOption{{true, Number(0)}, {true, Number(100)}}) return {"minmax"};
     return {text(v.low.percentile ? "p" : "", to_text(v.low.value), ":", v.high.percentile ? "p" : "",
                  to_text(v.high.value))};
 }

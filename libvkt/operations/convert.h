@@ -19,14 +19,14 @@ struct RangeEnd {
 };
 
 /// "LO:HI", "minmax", "p1:p99", or mixtures such as "0:p99.5".
-struct ValueRange {
+struct RangeOption {
     RangeEnd low, high;
-    friend bool operator==(ValueRange const&, ValueRange const&) = default;
+    friend bool operator==(RangeOption const&, RangeOption const&) = default;
 };
 
-template <> struct ValueText<ValueRange> : OneWord {
-    static ValueRange read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(ValueRange const& v);
+template <> struct ValueText<RangeOption> : OneWord {
+    static RangeOption read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(RangeOption const& v);
 };
 
 /// Without a range stored values are kept: rounded half to even, saturated, NaN to 0; both are counted. 64-bit integers
@@ -39,8 +39,8 @@ template <> struct ValueText<ValueRange> : OneWord {
 class Convert : public Operation {
 public:
     std::optional<DataType> dtype;
-    std::optional<ValueRange> range;
-    std::optional<ValueRange> to; ///< stored values of the output
+    std::optional<RangeOption> range;
+    std::optional<RangeOption> to; ///< stored values of the output
 
     std::string_view name() const override { return "convert"; }
     Shape shape() const override { return Shape::pointwise; }

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/like.h"
+#include "libvkt/operations/reference_volume.h"
 
 namespace vkt {
 
@@ -28,14 +28,14 @@ public:
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
-    Like* like() override { return &like_; }
+    ReferenceVolume* like() override { return &like_; }
 
 private:
     Box wanted(Header const& in);
 
     Roi region_;
     WorldRoi world_;
-    Like like_;
+    ReferenceVolume like_;
     Box box_;
 };
 

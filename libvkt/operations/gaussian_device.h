@@ -19,7 +19,7 @@ constexpr std::int64_t shared_limit = 200 << 10;
 constexpr std::int64_t middle_bytes = 24 << 20; ///< of planes between the kernels, well below the L2's 50 MB
 
 /// Shares of the pairs, in device memory.
-template <class C> struct Taps {
+template <class C> struct DeviceTaps {
     int radius;
     C const* shares;
 };
@@ -35,7 +35,7 @@ __device__ __forceinline__ double blend(double share, double pair, double sum) {
 /// Nested averages (see GaussianTaps) of `outputs` neighbours. at(i) yields the value at offset i from the first
 /// output, -radius <= i < outputs + radius. V is C or a small vector of C.
 template <class V, class C, class At>
-__device__ __forceinline__ void window_average(Taps<C> taps, At const& at, V (&sum)[outputs]) {
+__device__ __forceinline__ void window_average(DeviceTaps<C> taps, At const& at, V (&sum)[outputs]) {
     int const r = taps.radius;
     V low[outputs], high[outputs];
 #pragma unroll
@@ -78,7 +78,7 @@ template <class C> struct Middle {
     __device__ C* slice(std::int64_t z) const { return data + ((z % slots + slots) % slots) * plane; }
 };
 
-template <class C> struct Rule {
+template <class C> struct Surroundings {
     Index3 dims;
     Boundary boundary;
     C scaled_border;
@@ -86,8 +86,9 @@ template <class C> struct Rule {
 
 /// Filters one slice along x and y into the middle; a block makes tile_x * tile_y voxels of it.
 template <class T, class C>
-__global__ void __launch_bounds__(threads) filter_xy(View<T const> in, Box box, std::int64_t first_slice,
-                                                     Taps<C> x_taps, Taps<C> y_taps, Rule<C> rule, Middle<C> middle) {
+__global__ void __launch_bounds__(threads)
+    filter_xy(View<T const> in, Box box, std::int64_t first_slice, DeviceTaps<C> x_taps, DeviceTaps<C> y_taps,
+              Surroundings<C> rule, Middle<C> middle) {
     extern __shared__ unsigned char shared[];
     int const rx = x_taps.radius, ry = y_taps.radius;
     int const wide = tile_x + 2 * rx, high = tile_y + 2 * ry;
@@ -161,7 +162,7 @@ __global__ void __launch_bounds__(threads) filter_xy(View<T const> in, Box box, 
 /// The same for radii whose tiles exceed shared memory: one pass along x (axis 0) from the input, or y from the middle.
 template <int Axis, class From, class C>
 __global__ void __launch_bounds__(threads) filter_line(From from, Box box, std::int64_t first_slice, std::int64_t rows,
-                                                       Taps<C> taps, Rule<C> rule, Middle<C> middle) {
+                                                       DeviceTaps<C> taps, Surroundings<C> rule, Middle<C> middle) {
     std::int64_t const n = box.upper.x - box.lower.x;
     std::int64_t const item = static_cast<std::int64_t>(blockIdx.x) * threads + threadIdx.x;
     if (item >= n * rows) return;
@@ -176,7 +177,7 @@ __global__ void __launch_bounds__(threads) filter_line(From from, Box box, std::
 template <class T, class C> struct AlongX {
     View<T const> in;
     Index3 lower; ///< of the output; y less the radius along y
-    Rule<C> rule;
+    Surroundings<C> rule;
     __device__ C operator()(std::int64_t x, std::int64_t row, std::int64_t z, std::int64_t k) const {
         std::int64_t const fx = fold(lower.x + x + k, rule.dims.x, rule.boundary);
         std::int64_t const fy = fold(lower.y + row, rule.dims.y, rule.boundary);
@@ -195,7 +196,7 @@ template <class C> struct AlongY {
 /// Along z, out of the middle into the output: two voxels of a row and `outputs` slices a thread.
 template <class T, class C>
 __global__ void __launch_bounds__(threads)
-    filter_z(Middle<C> middle, Box box, View<T> out, Taps<C> taps, Rule<C> rule) {
+    filter_z(Middle<C> middle, Box box, View<T> out, DeviceTaps<C> taps, Surroundings<C> rule) {
     extern __shared__ long long offsets[]; // of the slices that the block reads; -1 for the border value
     std::int64_t const z0 = box.lower.z + static_cast<std::int64_t>(blockIdx.y) * outputs;
     int const r = taps.radius;
@@ -374,9 +375,9 @@ private:
     View<T const> in_;
     View<T> out_;
     Box box_;
-    Rule<C> rule_;
+    Surroundings<C> rule_;
     Middle<C> middle_, rows_; ///< filtered planes; rows filtered along x only, where the passes are not fused
-    Taps<C> taps_[3];
+    DeviceTaps<C> taps_[3];
     std::int64_t group_, shared_xy_, shared_z_;
     bool fused_;
 };

@@ -27,14 +27,14 @@ template <class C> constexpr std::int64_t block = block_bytes / static_cast<std:
 
 constexpr std::int64_t round_up(std::int64_t n, std::int64_t unit) { return (n + unit - 1) / unit * unit; }
 
-template <class C> struct Taps {
+template <class C> struct TapView {
     std::int64_t radius;
     C const* shares;
 };
 
 /// `registers` registers from i on of: out = factor * nested average of rows[0…2r] (see GaussianTaps).
 template <std::int64_t registers, class C>
-VKT_HD void average_at(C const* const* rows, Taps<C> taps, Lanes<C> factor, C* out, std::int64_t i) {
+VKT_HD void average_at(C const* const* rows, TapView<C> taps, Lanes<C> factor, C* out, std::int64_t i) {
     std::int64_t const r = taps.radius;
     Lanes<C> sum[static_cast<std::size_t>(registers)];
     C const* low = rows[0] + i;
@@ -56,7 +56,7 @@ VKT_HD void average_at(C const* const* rows, Taps<C> taps, Lanes<C> factor, C* o
 
 /// out[i] = factor * nested average of rows[0…2r][i] for begin <= i < end, up to whole registers.
 template <class C>
-void average(C const* const* rows, Taps<C> taps, C factor, C* out, std::int64_t begin, std::int64_t end) {
+void average(C const* const* rows, TapView<C> taps, C factor, C* out, std::int64_t begin, std::int64_t end) {
     Lanes<C> const scale = Lanes<C>{} + factor;
     std::int64_t i = begin;
     for (; i + block<C> <= end; i += block<C>) average_at<block<C> / lane_count<C>>(rows, taps, scale, out, i);
@@ -271,7 +271,7 @@ private:
     Ring<T, R, C> const& ring_;
     C *planes_, *taken_, *along_y_, *result_, *border_;
     C const **slices_, **rows_, **shifted_;
-    Taps<C> taps_[3];
+    TapView<C> taps_[3];
     Tally tally_;
 };
 

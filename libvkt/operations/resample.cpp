@@ -258,21 +258,23 @@ Plan Resample::plan(std::span<Header const> inputs) {
         plan.state_bytes += table.bytes();
     }
     bool const same_map = scale_value_ == 1 && offset_value_ == 0, same_values = same_map && out_type_ == input.dtype;
-    way_ = Way::weighted;
+    algorithm_ = Algorithm::weighted;
     if (same_values && from_ == to_)
-        way_ = Way::copy;
+        algorithm_ = Algorithm::copy;
     else if (same_map && from_ == to_)
-        way_ = Way::convert;
+        algorithm_ = Algorithm::convert;
     else if (same_values && all_nearest)
-        way_ = Way::nearest;
+        algorithm_ = Algorithm::nearest;
     else if (same_values && halving.x * halving.y * halving.z > 1)
-        way_ = Way::halving;
+        algorithm_ = Algorithm::halving;
     else if (same_values && sums_in_integers(input.dtype))
-        way_ = Way::whole;
-    if (way_ == Way::copy) plan.shift = Index3{};
+        algorithm_ = Algorithm::whole;
+    if (algorithm_ == Algorithm::copy) plan.shift = Index3{};
     plan.method = describe();
     plan.error = error_of(input, plan.output);
-    plan.cost = way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest ? 0 : taps;
+    plan.cost = algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest
+                    ? 0
+                    : taps;
     return plan;
 }
 
@@ -280,12 +282,14 @@ Plan Resample::plan(std::span<Header const> inputs) {
 ErrorBound Resample::error_of(Header const& input, Header const& output) const {
     ErrorBound error;
     bool const same_map = scale_value_ == 1 && offset_value_ == 0;
-    if (way_ == Way::copy || way_ == Way::convert || way_ == Way::nearest || way_ == Way::whole) return error;
-    if (way_ == Way::halving && is_integer(input.dtype)) return error;
-    if (way_ == Way::weighted && same_map && sums_exactly(input.dtype)) return error;
+    if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest ||
+        algorithm_ == Algorithm::whole)
+        return error;
+    if (algorithm_ == Algorithm::halving && is_integer(input.dtype)) return error;
+    if (algorithm_ == Algorithm::weighted && same_map && sums_exactly(input.dtype)) return error;
     error.kind = ErrorBound::Kind::bound;
     double const slope = std::abs(input.values.slope);
-    if (way_ == Way::halving) { // three additions, in float32 for float16
+    if (algorithm_ == Algorithm::halving) { // three additions, in float32 for float16
         bool const half = input.dtype == DataType::float16;
         DataType const sums = half ? DataType::float32 : input.dtype;
         error.magnitude = 3 * storing_error(sums) + (half ? storing_error(input.dtype) : 0);
@@ -484,9 +488,9 @@ std::string Resample::describe() const {
         std::string const name = names[static_cast<std::size_t>(tables_[axis].kernel())];
         result += axis == 0 ? name : ", " + name;
     }
-    if (way_ == Way::copy) return "copy";
-    if (way_ == Way::convert) return "rounded half to even, saturated";
-    return way_ == Way::halving ? result + " (halving)" : result;
+    if (algorithm_ == Algorithm::copy) return "copy";
+    if (algorithm_ == Algorithm::convert) return "rounded half to even, saturated";
+    return algorithm_ == Algorithm::halving ? result + " (halving)" : result;
 }
 
 Box Resample::footprint(Box const& output, int) const {
@@ -512,8 +516,8 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         counts_.nan += tally.nan;
         return;
     }
-    if (way_ == Way::copy) return copy_region(in.part(out.box), out, execution);
-    if (way_ == Way::halving) {
+    if (algorithm_ == Algorithm::copy) return copy_region(in.part(out.box), out, execution);
+    if (algorithm_ == Algorithm::halving) {
         Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
         return resample_halved(in, out, factors, execution);
     }
@@ -522,14 +526,14 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         counts_.clipped += tally.clipped;
         counts_.nan += tally.nan;
     };
-    if (way_ == Way::convert) {
+    if (algorithm_ == Algorithm::convert) {
         convert_values(in.part(out.box), out, tally, execution);
         return count();
     }
     WeightedSum sum = weighted_sum(tables_, in.type, execution.space());
-    if (way_ == Way::nearest) return resample_nearest(in, out, sum, execution);
+    if (algorithm_ == Algorithm::nearest) return resample_nearest(in, out, sum, execution);
     sum.border = border_;
-    if (way_ == Way::whole) return resample_whole(in, out, sum, execution);
+    if (algorithm_ == Algorithm::whole) return resample_whole(in, out, sum, execution);
     sum.scale = scale_value_;
     sum.offset = offset_value_;
     resample_weighted(in, out, sum, scratch_, tally, execution);

@@ -5,7 +5,7 @@
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/like.h"
+#include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_onto.h"
@@ -54,14 +54,14 @@ public:
 
     std::string_view name() const override { return "resample"; }
     Shape shape() const override { return Shape::geometric; }
-    Like* like() override { return &like_; }
+    ReferenceVolume* like() override { return &like_; }
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return way_ != Way::convert && !onto_; }
+    bool runs_on_gpu() const override { return algorithm_ != Algorithm::convert && !onto_; }
     std::vector<Remark> remarks() const override;
 
 private:
@@ -83,13 +83,13 @@ private:
     bool sums_in_integers(DataType input) const;
     ErrorBound error_of(Header const& input, Header const& output) const;
 
-    enum class Way : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
+    enum class Algorithm : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
 
     Index3 from_, to_;
-    Like like_;                ///< the grid of the result
+    ReferenceVolume like_;     ///< the grid of the result
     std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
     std::array<WeightTable, 3> tables_;
-    Way way_ = Way::copy;
+    Algorithm algorithm_ = Algorithm::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
     double border_ = 0;                         ///< stored input value
     StoreCounts counts_;

@@ -41,7 +41,7 @@ template <class T> Sum<T> share_of(int shift) {
 }
 
 /// Sum of the weights of output o along an axis that stay in the volume.
-VKT_HD double inside_of(Taps const& taps, std::int64_t o) {
+VKT_HD double inside_of(AxisTable const& taps, std::int64_t o) {
     return taps.inside != nullptr ? taps.inside[o] : taps.divisor;
 }
 
@@ -294,7 +294,7 @@ void sum_rows(View<T const> in, WeightedSum const& sum, std::int64_t y, std::int
 }
 
 /// Weighted sums along x. columns[i] belongs to input column lower + i.
-void sum_columns(Taps const& x, std::int64_t x0, std::int64_t x1, double const* columns, std::int64_t lower,
+void sum_columns(AxisTable const& x, std::int64_t x0, std::int64_t x1, double const* columns, std::int64_t lower,
                  double* to) {
     if (x.pair != nullptr) { // a zero weight must not touch its neighbour: 0 * infinity is NaN
         double const* const pairs = x.pair + 2 * x0;

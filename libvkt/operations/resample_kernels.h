@@ -12,7 +12,7 @@ namespace vkt {
 
 /// Everything that the weighted kernels need besides the voxels.
 struct WeightedSum {
-    Taps x, y, z;
+    AxisTable x, y, z;
     double divisor = 1;           ///< product of the axes' divisors
     double unit = 1;              ///< power of two that all weights are multiplied with, lest float64 overflows
     double scale = 1, offset = 0; ///< applied before the value is stored

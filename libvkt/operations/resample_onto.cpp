@@ -164,10 +164,10 @@ void Onto::plan_aligned() {
     if (inner_.empty()) inner_ = {};
     bool const same_map = values_.scale == 1 && values_.offset == 0;
     bool const in_place = placement_.whole() && placement_.upright() && !boundary_;
-    way_ = in_place && same_map                                  ? Way::convert
-           : all_single && same_map && values_.in == values_.out ? Way::nearest
-                                                                 : Way::weighted;
-    if (way_ == Way::convert && values_.in == values_.out) way_ = Way::copy;
+    algorithm_ = in_place && same_map                                  ? Algorithm::convert
+                 : all_single && same_map && values_.in == values_.out ? Algorithm::nearest
+                                                                       : Algorithm::weighted;
+    if (algorithm_ == Algorithm::convert && values_.in == values_.out) algorithm_ = Algorithm::copy;
 }
 
 void Onto::plan_turned() {
@@ -188,7 +188,7 @@ void Onto::plan_turned() {
     sampling_.scale = values_.scale;
     sampling_.offset = values_.offset;
     bool const same_values = values_.scale == 1 && values_.offset == 0 && values_.in == values_.out;
-    way_ = same_values && method_ == ResampleMethod::nearest ? Way::turned_nearest : Way::turned;
+    algorithm_ = same_values && method_ == ResampleMethod::nearest ? Algorithm::turned_nearest : Algorithm::turned;
 }
 
 /// Positions are good to 1e-9 voxels, and a voxel's width changes a value by no more than a few ranges; the rest is the
@@ -205,7 +205,7 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
 }
 
 void Onto::describe(Plan& plan) const {
-    bool const exact = way_ != Way::weighted && way_ != Way::turned;
+    bool const exact = algorithm_ != Algorithm::weighted && algorithm_ != Algorithm::turned;
     if (!placement_.aligned) {
         Index3 const k = sampling_.samples;
         double const count = static_cast<double>(k.x) * static_cast<double>(k.y) * static_cast<double>(k.z);
@@ -224,14 +224,14 @@ void Onto::describe(Plan& plan) const {
         plan.state_bytes += tables_[a].bytes();
         taps *= static_cast<double>(tables_[a].most_taps());
     }
-    if (way_ == Way::copy) plan.method = "copy";
-    if (way_ == Way::convert) plan.method = "rounded half to even, saturated";
+    if (algorithm_ == Algorithm::copy) plan.method = "copy";
+    if (algorithm_ == Algorithm::convert) plan.method = "rounded half to even, saturated";
     if (!exact) plan.error = error_of(plan.output, 12 + 2 * taps);
     plan.cost = exact ? 0 : taps;
     bool const forward = placement_.axis[2] == 2 && tables_[2].ascends();
     plan.access = forward ? Access::forward : Access::random;
     if (boundary_) plan.boundary = boundary_->boundary;
-    if (way_ == Way::copy && inner_ == box_of(to_)) {
+    if (algorithm_ == Algorithm::copy && inner_ == box_of(to_)) {
         auto const whole = [](double v) { return static_cast<std::int64_t>(v); };
         plan.shift = Index3{whole(placement_.offset.x), whole(placement_.offset.y), whole(placement_.offset.z)};
     }
@@ -282,7 +282,7 @@ Box Onto::turned_footprint(Box const& output) const {
 void Onto::run(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
     if (out.box.empty()) return;
     if (placement_.aligned) return run_aligned(in, out, tally, execution);
-    if (way_ == Way::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
+    if (algorithm_ == Algorithm::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
     affine_sample(in, out, sampling_, tally, outside_, execution);
 }
 
@@ -315,13 +315,13 @@ void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const&
     if (part.empty()) return;
     AnyView const to = out.part(part);
     ConstView const from = with_axes_in_order(in, execution);
-    if (way_ == Way::copy || way_ == Way::convert) {
+    if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert) {
         ConstView const same = from.moved_to(part.lower); // its footprint is the part, elsewhere
-        if (way_ == Way::copy) return copy_region(same, to, execution);
+        if (algorithm_ == Algorithm::copy) return copy_region(same, to, execution);
         return convert_values(same, to, tally, execution);
     }
     WeightedSum sum = weighted_sum(tables_, in.type, Space::host);
-    if (way_ == Way::nearest) return resample_nearest(from, to, sum, execution);
+    if (algorithm_ == Algorithm::nearest) return resample_nearest(from, to, sum, execution);
     sum.border = values_.border;
     sum.scale = values_.scale;
     sum.offset = values_.offset;

@@ -63,7 +63,7 @@ public:
     std::int64_t outside() const { return outside_; }
 
 private:
-    enum class Way : std::uint8_t { copy, convert, nearest, weighted, turned_nearest, turned };
+    enum class Algorithm : std::uint8_t { copy, convert, nearest, weighted, turned_nearest, turned };
 
     ErrorBound error_of(Header const& output, double steps) const;
     void plan_aligned();
@@ -78,7 +78,7 @@ private:
     ResampleMethod method_;
     std::optional<BoundaryRule> boundary_;
     OntoValues values_;
-    Way way_ = Way::turned;
+    Algorithm algorithm_ = Algorithm::turned;
     std::array<WeightTable, 3> tables_; ///< aligned: of the output's axes
     Box inner_;               ///< aligned: output voxels with centres in the input, or that follow the boundary
     AffineSampling sampling_; ///< turned

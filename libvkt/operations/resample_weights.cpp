@@ -262,7 +262,7 @@ void WeightTable::build(std::int64_t n_in, std::int64_t n_out, Boundary boundary
         std::memcpy(to + (first.size() + start.size() + weights.size()) * 8, inside.data(), inside.size() * 8);
 }
 
-Taps WeightTable::taps(Space space) const {
+AxisTable WeightTable::taps(Space space) const {
     auto const* const first = reinterpret_cast<std::int64_t const*>(memory_.read(space));
     auto const* const start = first + n_out_;
     auto const* const weight = reinterpret_cast<double const*>(start + n_out_ + 1);
@@ -272,12 +272,12 @@ Taps WeightTable::taps(Space space) const {
 }
 
 bool WeightTable::reaches(std::int64_t o) const {
-    Taps const t = taps(Space::host);
+    AxisTable const t = taps(Space::host);
     return std::any_of(t.weight + t.start[o], t.weight + t.start[o + 1], [](double w) { return w != 0; });
 }
 
 std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin, std::int64_t end) const {
-    Taps const t = taps(Space::host);
+    AxisTable const t = taps(Space::host);
     std::int64_t low = t.first[begin], high = low;
     for (std::int64_t o = begin; o < end; ++o) {
         low = std::min(low, t.first[o]);
@@ -287,7 +287,7 @@ std::pair<std::int64_t, std::int64_t> WeightTable::footprint(std::int64_t begin,
 }
 
 bool WeightTable::ascends() const {
-    Taps const t = taps(Space::host);
+    AxisTable const t = taps(Space::host);
     return std::is_sorted(t.first, t.first + n_out_);
 }
 

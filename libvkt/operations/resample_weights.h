@@ -14,7 +14,7 @@ enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic };
 
 /// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] +
 /// i), 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
-struct Taps {
+struct AxisTable {
     std::int64_t const* first = nullptr;
     std::int64_t const* start = nullptr;
     double const* weight = nullptr;
@@ -35,8 +35,8 @@ struct LinePlacement {
 /// Cell-centred sampling of n_in voxels at n_out: output o lies at (o + 1/2) n_in / n_out - 1/2. Positions are rational
 /// and kept as such: linear and area weights are integers over one divisor, so that the products and sums of integer
 /// voxels in double are exact (while they stay below 2^53) and the one division rounds correctly; constants are
-/// reproduced. Taps beyond the ends are folded back (mirror, clamp), left outside for the engine to fill (wrap), or
-/// left out (border). Weights that are zero at either end are left out, so that a NaN spreads no further than the
+/// reproduced. AxisTable beyond the ends are folded back (mirror, clamp), left outside for the engine to fill (wrap),
+/// or left out (border). Weights that are zero at either end are left out, so that a NaN spreads no further than the
 /// kernel's support.
 class WeightTable {
 public:
@@ -51,7 +51,7 @@ public:
     double divisor() const { return divisor_; }
     /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 unless cubic.
     double gain() const { return gain_; }
-    /// True if some weights fall on a constant border: Taps::inside says how much stays in the volume.
+    /// True if some weights fall on a constant border: AxisTable::inside says how much stays in the volume.
     bool leaves_out() const { return leaves_out_; }
     /// False for an output all of whose weights fall on a constant border.
     bool reaches(std::int64_t o) const;
@@ -63,7 +63,7 @@ public:
     std::pair<std::int64_t, std::int64_t> footprint(std::int64_t begin, std::int64_t end) const;
     /// True if no output begins to look further back than the one before it.
     bool ascends() const;
-    Taps taps(Space space) const;
+    AxisTable taps(Space space) const;
 
 private:
     template <class LineAt> void build(std::int64_t n_in, std::int64_t n_out, Boundary boundary, LineAt const& line_at);

@@ -138,62 +138,64 @@ Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(v
     prepare_seconds_ = seconds_since(start);
 }
 
-Renderer::Look Renderer::look_of(RenderSettings const& settings) const {
-    Look look;
+Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) const {
+    Appearance appearance;
     Geometry const& g = header_.geometry;
-    look.domain = resolve_domain(settings.domain, histogram());
+    appearance.domain = resolve_domain(settings.domain, histogram());
     double const smallest = smallest_spacing(g);
-    look.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
+    appearance.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
-        look.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
+        appearance.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
     else if (!settings.unit.empty())
-        look.unit = parse_double(settings.unit);
-    if (!(look.unit > 0) || !std::isfinite(look.unit)) refuse("the unit distance must be positive");
+        appearance.unit = parse_double(settings.unit);
+    if (!(appearance.unit > 0) || !std::isfinite(appearance.unit)) refuse("the unit distance must be positive");
 
     double const voxels =
         tree_ ? std::min(tree_->covered(), volume_of(tree_->region().dims())) : static_cast<double>(header_.voxels());
     double const extent = std::cbrt(voxel_size(g) * voxels);
-    Automatic const automatic = choose_transfer(histogram(), look.domain, settings.colormap, extent, look.unit);
+    Automatic const automatic =
+        choose_transfer(histogram(), appearance.domain, settings.colormap, extent, appearance.unit);
     bool chosen = false;
     if (settings.transfer) {
-        look.transfer = *settings.transfer;
+        appearance.transfer = *settings.transfer;
     } else if (!settings.lut.empty()) {
-        look.transfer = transfer_from_lut(settings.lut, look.domain.lower, look.domain.upper);
+        appearance.transfer = transfer_from_lut(settings.lut, appearance.domain.lower, appearance.domain.upper);
     } else if (settings.opacity != "auto") {
-        look.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, look.domain,
-                                read_opacity(settings.opacity, look.domain));
+        appearance.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, appearance.domain,
+                                      read_opacity(settings.opacity, appearance.domain));
     } else {
-        look.transfer = automatic.transfer;
+        appearance.transfer = automatic.transfer;
         chosen = true;
     }
-    look.transfer.check_and_sort();
-    look.domain.lower = look.transfer.points.front().value;
-    look.domain.upper = look.transfer.points.back().value;
+    appearance.transfer.check_and_sort();
+    appearance.domain.lower = appearance.transfer.points.front().value;
+    appearance.domain.upper = appearance.transfer.points.back().value;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
-    look.shade = settings.shade >= 0 ? settings.shade : surfaces ? 1 : chosen ? 0.8 : 0;
-    if (!surfaces) return look;
+    appearance.shade = settings.shade >= 0 ? settings.shade : surfaces ? 1 : chosen ? 0.8 : 0;
+    if (!surfaces) return appearance;
 
     std::vector<double> isos = settings.isos;
     if (isos.empty()) isos.push_back(automatic.iso);
     auto const& [least, greatest] = std::pair(histogram().least, histogram().greatest);
-    std::vector<Knot> const knots = knots_of(look.transfer, header_.values, rescaling(), 1, 1);
+    std::vector<Knot> const knots = knots_of(appearance.transfer, header_.values, rescaling(), 1, 1);
     for (double const iso : isos) {
         double const value = rescaling().of(header_.values.stored(iso));
         Knot const k = evaluate(knots.data(), static_cast<int>(knots.size()), value);
         // What is at the value counts as above it, and above is where stored values are greater.
         bool const met = header_.values.slope > 0 ? least < iso && iso <= greatest : least <= iso && iso < greatest;
         if (!met)
-            look.lossy.push_back(text("no surface of ", iso, " is there: the values are ", least, " to ", greatest));
-        look.isos.push_back({static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
-                             static_cast<float>(k.blue)});
+            appearance.lossy.push_back(
+                text("no surface of ", iso, " is there: the values are ", least, " to ", greatest));
+        appearance.isos.push_back({static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
+                                   static_cast<float>(k.blue)});
     }
-    return look;
+    return appearance;
 }
 
-std::vector<std::string> Renderer::unseen(Look const& look, std::vector<Knot> const& knots,
+std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                           TransferTable const& table) const {
-    std::vector<std::string> lines = look.lossy;
-    if (!look.isos.empty()) return lines;
+    std::vector<std::string> lines = appearance.lossy;
+    if (!appearance.isos.empty()) return lines;
     double const one = rescaling().of(header_.values.stored(histogram().least)),
                  other = rescaling().of(header_.values.stored(histogram().greatest));
     double const least = std::min(one, other), greatest = std::max(one, other);
@@ -207,13 +209,13 @@ std::vector<std::string> Renderer::unseen(Look const& look, std::vector<Knot> co
     double const largest =
         std::min(std::max(std::abs(lower), std::abs(upper)), std::max(std::abs(least), std::abs(greatest)));
     double const step = computes_in_double(header_.dtype) ? std::max(largest * 0x1p-23, 0x1p-149) : 0;
-    if (look.domain.upper > look.domain.lower && upper - lower < std::max(256 * step, 1024 * 0x1p-126))
-        lines.push_back(text("the colours from ", look.domain.lower, " to ", look.domain.upper,
+    if (appearance.domain.upper > appearance.domain.lower && upper - lower < std::max(256 * step, 1024 * 0x1p-126))
+        lines.push_back(text("the colours from ", appearance.domain.lower, " to ", appearance.domain.upper,
                              " are closer together than the values that rays sample"));
     return lines;
 }
 
-SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const {
+SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const {
     SceneView scene{};
     Geometry const& g = header_.geometry;
     double const first = tree_ ? 0.5 : lattice_padding;
@@ -235,21 +237,21 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Look const& look, C
                              Double3{a.x.z, a.y.z, a.z.z} * smallest};
     auto const metric = [&](int i, int j, double factor) { return static_cast<float>(factor * dot(rows[i], rows[j])); };
     auto const part_of = [](double share, double from, double to) { return share * to - share * from; };
-    double part = part_of(0.02, look.domain.lower, look.domain.upper);
+    double part = part_of(0.02, appearance.domain.lower, appearance.domain.upper);
     // Of a single value all surfaces are shaded, and of a constant volume none.
     if (!(part > 0)) part = part_of(2e-8, histogram().least, histogram().greatest);
     if (!(part > 0)) part = 0.02;
     double const reference =
         part / std::abs(header_.values.slope) * rescaling().scale / (tree_ ? tree_->typical_width() : 1);
     scene.shade = {
-        static_cast<float>(look.shade),
+        static_cast<float>(appearance.shade),
         0.25F,
         0.12F,
         static_cast<float>(std::min(1 / reference, 1e30)),
         static_cast<float>(smallest),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
-    scene.iso_count = static_cast<int>(look.isos.size());
-    std::copy(look.isos.begin(), look.isos.end(), scene.isos);
+    scene.iso_count = static_cast<int>(appearance.isos.size());
+    std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
     scene.skip = settings.skip;
     scene.samples = settings.samples;
@@ -271,9 +273,9 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
                     " is for structured volumes, and this one is hierarchical"),
                "vkt resample makes a structured volume of it");
     auto const start = Clock::now();
-    Look const look = look_of(settings);
+    Appearance const appearance = appearance_of(settings);
     std::vector<Knot> const knots =
-        knots_of(look.transfer, header_.values, rescaling(), look.unit, settings.opacity_scale);
+        knots_of(appearance.transfer, header_.values, rescaling(), appearance.unit, settings.opacity_scale);
     TransferTable const table(knots);
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
     CellVisibility cells;
@@ -281,12 +283,12 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     if (tree_)
         bricks = tree_->classify(table);
     else
-        cells = surfaces ? classify_cells(lattice_.cells, look.isos) : classify_cells(lattice_.cells, table);
+        cells = surfaces ? classify_cells(lattice_.cells, appearance.isos) : classify_cells(lattice_.cells, table);
     Box content = tree_ ? tree_->region() : box_of(header_.dims);
     if (settings.camera.fit == Fit::content) content = tree_ ? bricks.content : visible_box(cells, header_.dims);
     Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
                                       static_cast<double>(settings.width) / settings.height);
-    SceneView scene = scene_of(settings, look, camera);
+    SceneView scene = scene_of(settings, appearance, camera);
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
@@ -327,21 +329,22 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     if (failure) std::rethrow_exception(failure);
     if (report != nullptr) {
         report->camera = camera;
-        report->unit = look.unit;
-        report->domain = look.domain;
-        report->transfer = transfer_to_json(look.transfer);
+        report->unit = appearance.unit;
+        report->domain = appearance.domain;
+        report->transfer = transfer_to_json(appearance.transfer);
         report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
-        report->lossy = unseen(look, knots, table);
+        report->lossy = unseen(appearance, knots, table);
         report->missing = histogram().missing, report->infinite = histogram().infinite;
-        report->method = surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-                         : integrator == Integrator::scatter ? text("delta tracking, isotropic, ", settings.samples,
-                                                                    " paths per pixel, seed ", settings.seed)
-                         : settings.exact ? "exact, piece by piece between the points of the transfer function"
-                                          : text("ray marching, step ", settings.step,
-                                                 tree_ ? " of the finest cell" : " voxel", ", shading ", look.shade);
+        report->method =
+            surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
+            : integrator == Integrator::scatter
+                ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
+            : settings.exact ? "exact, piece by piece between the points of the transfer function"
+                             : text("ray marching, step ", settings.step, tree_ ? " of the finest cell" : " voxel",
+                                    ", shading ", appearance.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }

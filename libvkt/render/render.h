@@ -91,7 +91,7 @@ public:
 
 private:
     /// What the settings mean for this volume.
-    struct Look {
+    struct Appearance {
         TransferFunction transfer;
         Domain domain;
         double unit = 1;
@@ -100,10 +100,11 @@ private:
         std::vector<std::string> lossy; ///< surfaces that are not there
     };
     Rescaling const& rescaling() const { return tree_ ? tree_->rescaling() : lattice_.rescaling; }
-    Look look_of(RenderSettings const& settings) const;
+    Appearance appearance_of(RenderSettings const& settings) const;
     /// What was asked for and cannot be seen, one line each.
-    std::vector<std::string> unseen(Look const& look, std::vector<Knot> const& knots, TransferTable const& table) const;
-    SceneView scene_of(RenderSettings const& settings, Look const& look, Camera const& camera) const;
+    std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
+                                    TransferTable const& table) const;
+    SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
 
     Header header_;
     Execution execution_;

@@ -4,10 +4,10 @@
 //   vkt_amr_bench flash FILE [BLOCKS LEVELS]               writes a FLASH file (default: the tree of a SILCC snapshot)
 //   vkt_amr_bench rate FILE METHOD THREADS X Y Z [RUNS]    reads one, prints samples per second on an X x Y x Z grid
 //   vkt_amr_bench accuracy THREADS                         prints a CSV table
-#include "libvkt/amr/flash.h"
 #include "libvkt/amr/make_amr.h"
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
+#include "libvkt/formats/flash.h"
 
 #include <algorithm>
 #include <chrono>

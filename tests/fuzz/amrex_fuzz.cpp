@@ -1,6 +1,6 @@
 // Fuzzes the reader of AMReX plotfiles, directories of text headers and records.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/amrex.h"
+#include "libvkt/formats/amrex.h"
 #include "tests/fuzz/volume_input.h"
 
 #include <filesystem>

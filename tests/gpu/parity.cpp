@@ -1,8 +1,8 @@
 // Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/device.h"
 #include "libvkt/core/half.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/device.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/fill.h"
 #include "libvkt/operations/flip.h"

@@ -3,7 +3,7 @@
 #include "libvkt/amr/make_amr.h"
 #include "libvkt/amr/sampler.h"
 #include "libvkt/amr/tree.h"
-#include "libvkt/kernel/device.h"
+#include "libvkt/core/device.h"
 
 #include <algorithm>
 #include <chrono>

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "amr_helper.h"
 
-#include "libvkt/amr/amrex.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/amrex.h"
 
 #include <bit>
 

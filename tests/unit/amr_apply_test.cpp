@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "amr_helper.h"
 
-#include "libvkt/amr/apply.h"
 #include "libvkt/amr/edit.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
+#include "libvkt/engine/tree_run.h"
 #include "libvkt/operations/statistics.h"
 
 using namespace amr_test;

@@ -3,8 +3,8 @@
 #include "amr_helper.h"
 
 #include "libvkt/amr/edit.h"
-#include "libvkt/amr/flash.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/flash.h"
 
 #include <random>
 

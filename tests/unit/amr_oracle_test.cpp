@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "amr_helper.h"
 
-#include "libvkt/amr/flash.h"
+#include "libvkt/formats/flash.h"
 
 using namespace amr_test;
 

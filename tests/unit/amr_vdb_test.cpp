@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "amr_helper.h"
 
-#include "libvkt/amr/vdb.h"
 #include "libvkt/core/half.h"
+#include "libvkt/formats/vdb.h"
 
 using namespace amr_test;
 

@@ -5,7 +5,7 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/raw_name.h"
 #include "libvkt/formats/raw_source.h"
-#include "libvkt/formats/temporaries.h"
+#include "libvkt/io/temporaries.h"
 #include "tests/unit/format_testing.h"
 
 #include <cstring>
@@ -283,7 +283,7 @@ TEST(ByteSource, SaysWhyAFileCannotBeRead) {
     auto const missing = caught([] { open_bytes("/nowhere/at all"); });
     EXPECT_EQ(missing.kind, ErrorKind::io);
     EXPECT_EQ(missing.message, "cannot open '/nowhere/at all': no such file or directory");
-    EXPECT_EQ(caught([] { open_bytes("/tmp"); }).kind, ErrorKind::io);
+    EXPECT_EQ(caught([] { open_volume(open_bytes("/tmp"), {}); }).kind, ErrorKind::io);
 }
 
 TEST(OutputFile, AppearsOnlyWhenCommitted) {

@@ -7,7 +7,7 @@
 namespace vkt {
 namespace {
 
-double sum_of_weights(Taps const& t, std::int64_t o) {
+double sum_of_weights(AxisTable const& t, std::int64_t o) {
     double sum = 0;
     for (std::int64_t i = t.start[o]; i < t.start[o + 1]; ++i) sum += t.weight[i];
     return sum;
@@ -19,7 +19,7 @@ TEST(WeightTable, WeightsSumToTheDivisor) {
             for (auto const& [from, to] :
                  {std::pair<int, int>{7, 3}, {3, 7}, {512, 216}, {1, 5}, {5, 1}, {9, 9}, {2, 1000}}) {
                 WeightTable const table(from, to, kernel, boundary);
-                Taps const t = table.taps(Space::host);
+                AxisTable const t = table.taps(Space::host);
                 for (std::int64_t o = 0; o < to; ++o) {
                     if (kernel == Kernel::cubic)
                         EXPECT_NEAR(sum_of_weights(t, o), table.divisor(), 1e-14);
@@ -38,7 +38,7 @@ TEST(WeightTable, BordersKeepTapsInsideAndSayWhatIsMissing) {
             EXPECT_LE(high, from);
             // Of the taps that wrap keeps, those in the volume.
             WeightTable const all(from, to, kernel, Boundary::wrap);
-            Taps const t = table.taps(Space::host), whole = all.taps(Space::host);
+            AxisTable const t = table.taps(Space::host), whole = all.taps(Space::host);
             for (std::int64_t o = 0; o < to; ++o) {
                 double inside = 0;
                 for (std::int64_t i = whole.start[o]; i < whole.start[o + 1]; ++i) {
@@ -63,7 +63,7 @@ TEST(WeightTable, ClampAndMirrorStayInside) {
 
 TEST(WeightTable, PositionsAreCellCentred) {
     WeightTable const table(4, 8, Kernel::linear, Boundary::clamp);
-    Taps const t = table.taps(Space::host);
+    AxisTable const t = table.taps(Space::host);
     EXPECT_EQ(t.first[0], 0); // -1/4, folded onto the first voxel
     EXPECT_EQ(t.start[1] - t.start[0], 1);
     EXPECT_EQ(t.first[1], 0); // 1/4
@@ -83,7 +83,7 @@ TEST(WeightTable, PositionsOfLongLinesAreExact) {
     // (2 o + 1) n / 6 for a prime n near 10^9: far beyond what float32 coordinates tell apart
     std::int64_t const n = 1'000'000'007;
     WeightTable const nearest(n, 3, Kernel::nearest, Boundary::clamp);
-    Taps const t = nearest.taps(Space::host);
+    AxisTable const t = nearest.taps(Space::host);
     for (std::int64_t o = 0; o < 3; ++o) EXPECT_EQ(t.first[o], (2 * o + 1) * n / 6);
     WeightTable const linear(n, 3, Kernel::linear, Boundary::clamp);
     EXPECT_EQ(linear.taps(Space::host).first[2], (5 * n - 3) / 6);

@@ -18,13 +18,13 @@ struct Sums {
 
 namespace detail {
 
-/// Taps of a chunk of points along one axis of a brick: weights and places of cells; those that are not
+/// CellWeights of a chunk of points along one axis of a brick: weights and places of cells; those that are not
 /// there weigh nothing.
-struct Taps {
+struct CellWeights {
     alignas(64) float weight[2][chunk];
     alignas(64) std::int32_t place[2][chunk];
 
-    VKT_HD Taps(double const* p, double lower, double inverse, std::int32_t dims, std::int32_t stride) {
+    VKT_HD CellWeights(double const* p, double lower, double inverse, std::int32_t dims, std::int32_t stride) {
         double const end = static_cast<double>(dims);
         for (int k = 0; k < chunk; ++k) {
             double const exact = (p[k] - lower) * inverse - 0.5;
@@ -42,7 +42,8 @@ struct Taps {
 };
 
 /// Adds what a brick contributes to a chunk of points; the same operations in the same order as sample().
-template <class T> VKT_HD void add_cells(T const* cells, Taps const& x, Taps const& y, Taps const& z, Sums& sums) {
+template <class T>
+VKT_HD void add_cells(T const* cells, CellWeights const& x, CellWeights const& y, CellWeights const& z, Sums& sums) {
     for (int corner = 0; corner < 8; ++corner) {
         int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
         for (int k = 0; k < chunk; ++k) {
@@ -55,7 +56,7 @@ template <class T> VKT_HD void add_cells(T const* cells, Taps const& x, Taps con
     }
 }
 
-VKT_HD Taps taps_along(SampledBrick const& brick, int a, double const* p) {
+VKT_HD CellWeights taps_along(SampledBrick const& brick, int a, double const* p) {
     std::int32_t const stride = a == 0 ? 1 : a == 1 ? brick.dims[0] : brick.dims[0] * brick.dims[1];
     return {p, brick.lower[a], static_cast<double>(brick.inverse_width[a]), brick.dims[a], stride};
 }
@@ -130,8 +131,9 @@ template <class T> struct TreeField {
         Sums sums;
         for (int i = 0; i < count; ++i) {
             SampledBrick const& brick = tree.bricks[ids[i]];
-            detail::Taps const x = detail::taps_along(brick, 0, p.x[0]), y = detail::taps_along(brick, 1, p.x[1]),
-                               z = detail::taps_along(brick, 2, p.x[2]);
+            detail::CellWeights const x = detail::taps_along(brick, 0, p.x[0]),
+                                      y = detail::taps_along(brick, 1, p.x[1]),
+                                      z = detail::taps_along(brick, 2, p.x[2]);
             detail::add_cells(cells + brick.offset, x, y, z, sums);
         }
         for (int k = 0; k < chunk; ++k) out[k] = sums.weight[k] > 0 ? sums.sum[k] / sums.weight[k] : nothing;
@@ -185,12 +187,12 @@ template <class T> struct TreeField {
             for (int s = 0; s < 6; ++s) any = (met[s] = lines[s].meets(box, tree.slack)) || any;
             if (!any) continue;
             SampledBrick const& brick = tree.bricks[box.id];
-            detail::Taps const x = detail::taps_along(brick, 0, middle.x[0]),
-                               y = detail::taps_along(brick, 1, middle.x[1]),
-                               z = detail::taps_along(brick, 2, middle.x[2]);
+            detail::CellWeights const x = detail::taps_along(brick, 0, middle.x[0]),
+                                      y = detail::taps_along(brick, 1, middle.x[1]),
+                                      z = detail::taps_along(brick, 2, middle.x[2]);
             for (int s = 0; s < 6; ++s) {
                 if (!met[s]) continue;
-                detail::Taps const there = detail::taps_along(brick, s / 2, moved[s]);
+                detail::CellWeights const there = detail::taps_along(brick, s / 2, moved[s]);
                 detail::add_cells(cells + brick.offset, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
                                   s / 2 == 2 ? there : z, sums[s]);
             }

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/amr/parsed.h"
-#include "libvkt/amr/vdb.h"
-#include "libvkt/formats/module.h"
+#include "libvkt/formats/parsed_tree.h"
+#include "libvkt/formats/vdb.h"
+#include "libvkt/io/module.h"
 
 #include <string_view>
 

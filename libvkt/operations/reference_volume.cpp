@@ -1,7 +1,7 @@
 // Headers of volumes named by --like.
 // SPDX-License-Identifier: MIT
 #if VKT_HOST
-#include "libvkt/operations/like.h"
+#include "libvkt/operations/reference_volume.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -9,12 +9,12 @@
 
 namespace vkt {
 
-Header const& Like::header() const {
+Header const& ReferenceVolume::header() const {
     if (!header_) take(*open_volume(open_bytes(file), {}));
     return *header_;
 }
 
-void Like::take(Source& opened) const {
+void ReferenceVolume::take(Source& opened) const {
     if (!opened.next_volume()) throw Error(ErrorKind::data, text("--like: ", file, " holds no volume"));
     header_ = opened.header();
 }

@@ -1,6 +1,6 @@
 // Loading of modules.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/module.h"
+#include "libvkt/io/module.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

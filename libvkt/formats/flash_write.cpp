@@ -1,6 +1,6 @@
 // FLASH-like files for tests and benchmarks of readers.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/flash_module.h"
+#include "libvkt/formats/flash_module.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"

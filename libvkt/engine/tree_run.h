@@ -29,10 +29,10 @@ struct TreeRun {
 ///   the plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
 ///   they are. What would spread into holes is lost, since no bricks are added.
 /// - geometric: by the operation's own run_tree().
-/// Everything else throws Error{usage} that names `vkt resample`. `told`, if given, receives plan and remarks. A tree
+/// Everything else throws Error{usage} that names `vkt resample`. `report`, if given, receives plan and remarks. A tree
 /// of one level gives what the structured volume gives, bit for bit.
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                          TreeOptions const& options = {}, TreeRun* told = nullptr);
+                          TreeOptions const& options = {}, TreeRun* report = nullptr);
 
 /// Feeds all cells to a reduction: plan, then enter_level and scan for runs of bricks of one level, then scan_end.
 void reduce_hierarchical(Operation& reduction, Volume const& volume, Execution const& execution);

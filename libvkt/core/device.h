@@ -6,6 +6,9 @@
 
 namespace vkt {
 
+/// Throws Error{resources}: this build has no CUDA.
+[[noreturn]] void throw_without_cuda();
+
 /// Number of usable CUDA devices; 0 without CUDA, driver or device. Never throws.
 int device_count();
 /// Makes a device the current one of this thread. Throws Error{resources}.

@@ -1,11 +1,11 @@
 // Both ends of the conversation about a tree.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/parsed.h"
+#include "libvkt/formats/parsed_tree.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/module.h"
+#include "libvkt/io/module.h"
 #include "libvkt/io/parser.h"
 
 #include <algorithm>

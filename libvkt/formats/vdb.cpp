@@ -1,6 +1,6 @@
 // The OpenVDB reader; part of the module openvdb.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/vdb_module.h"
+#include "libvkt/formats/vdb_module.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"

@@ -1,7 +1,7 @@
 // vdb.h: reading by a child, writing through the module openvdb.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/vdb_module.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/vdb_module.h"
 
 namespace vkt {
 

@@ -9,9 +9,10 @@
 
 namespace vkt {
 
-class Link : public Source {
+class OperationSource : public Source {
 public:
-    Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution, StageInfo info);
+    OperationSource(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution,
+                    StageInfo info);
 
     bool next_volume() override;
     Header const& header() const override { return plan_.output; }

@@ -1,11 +1,11 @@
 // The AMReX plotfile reader.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/amrex.h"
+#include "libvkt/formats/amrex.h"
 
-#include "libvkt/amr/amrex_header.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/amrex_header.h"
 
 #include <bit>
 #include <cmath>

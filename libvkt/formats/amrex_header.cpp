@@ -1,6 +1,6 @@
 // The text headers of AMReX plotfiles.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/amrex_header.h"
+#include "libvkt/formats/amrex_header.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/amr/file.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/tree_file.h"
 #include "libvkt/io/parser_child.h"
 
 #include <cstdint>

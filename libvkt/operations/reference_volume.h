@@ -10,7 +10,7 @@
 namespace vkt {
 
 /// A volume file of which only the header matters, and which is opened only once, since it may be a pipe.
-class Like {
+class ReferenceVolume {
 public:
     std::string file; ///< empty: none
 

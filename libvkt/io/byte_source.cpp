@@ -1,11 +1,10 @@
 // Sequential and positioned reading of one descriptor, with look-ahead so that pipes can be sniffed.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/amrex.h"
+#include "libvkt/io/byte_source.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/format.h"
-#include "libvkt/formats/system_error.h"
+#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <array>
@@ -46,6 +45,7 @@ std::size_t read_some(int descriptor, void* to, std::size_t n, std::string const
 ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descriptor), name_(std::move(name)) {
     struct stat status {};
     if (::fstat(descriptor_, &status) != 0) return;
+    directory_ = S_ISDIR(status.st_mode);
     off_t const here = ::lseek(descriptor_, 0, SEEK_CUR);
     if (here < 0) return;
     if (S_ISREG(status.st_mode)) {
@@ -234,12 +234,7 @@ std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
     int const descriptor = standard_input ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     std::string const name = standard_input ? "standard input" : path;
     if (descriptor < 0) throw system_error(text("cannot open '", name, "'"));
-    auto bytes = std::make_unique<ByteSource>(descriptor, name);
-    struct stat status {};
-    if (::fstat(descriptor, &status) != 0) throw system_error(text("cannot open '", name, "'"));
-    if (S_ISDIR(status.st_mode) && !is_amrex(path)) // some formats are directories
-        throw Error(ErrorKind::io, text("cannot read '", name, "': it is a directory"), "name a file in it");
-    return bytes;
+    return std::make_unique<ByteSource>(descriptor, name);
 }
 
 } // namespace vkt

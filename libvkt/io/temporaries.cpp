@@ -1,6 +1,6 @@
 // Temporary files: names with a nonce, a table for signal handlers, locks that tell living owners from dead ones.
 // SPDX-License-Identifier: MIT
-#include "libvkt/formats/temporaries.h"
+#include "libvkt/io/temporaries.h"
 
 #include "libvkt/core/text.h"
 

@@ -1,13 +1,13 @@
 // Links.
 // SPDX-License-Identifier: MIT
-#include "libvkt/engine/link.h"
+#include "libvkt/engine/operation_source.h"
 
-#include "libvkt/amr/apply.h"
 #include "libvkt/core/collect.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/tree_run.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/device.h"
 
 #include <algorithm>
 #include <chrono>
@@ -94,49 +94,51 @@ std::string input_placeholder(std::size_t i, bool explicit_word) {
     return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));
 }
 
-bool Link::Input::next_volume() {
+bool OperationSource::Input::next_volume() {
     spool_.reset();
     return source_->next_volume();
 }
 
-void Link::Input::read(AnyView out) {
+void OperationSource::Input::read(AnyView out) {
     if (spool_)
         spool_->read(out);
     else
         source_->read(out);
 }
 
-std::optional<ConstView> Link::Input::borrow(Box const& region) {
+std::optional<ConstView> OperationSource::Input::borrow(Box const& region) {
     return spool_ ? spool_->borrow(region) : source_->borrow(region);
 }
 
-std::shared_ptr<Lease> Link::Input::lease(Box const& region) { return spool_ ? nullptr : source_->lease(region); }
+std::shared_ptr<Lease> OperationSource::Input::lease(Box const& region) {
+    return spool_ ? nullptr : source_->lease(region);
+}
 
-void Link::Input::expect(Box const& region) {
+void OperationSource::Input::expect(Box const& region) {
     if (!spool_) source_->expect(region);
 }
 
-void Link::Input::finish() {
+void OperationSource::Input::finish() {
     if (!spool_) source_->finish();
 }
 
-void Link::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
+void OperationSource::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
     auto spool = std::make_unique<Spool>(source_->header(), in_memory, execution, info);
     spool->fill(*source_, execution);
     spool_ = std::move(spool);
 }
 
-bool Link::Input::in_memory() {
+bool OperationSource::Input::in_memory() {
     return access() == Access::random && space() == Space::host && borrow(box_of(header().dims)).has_value();
 }
 
-Link::Link(std::vector<std::unique_ptr<Source>> inputs, Operation& operation, Execution const& execution,
-           StageInfo info)
+OperationSource::OperationSource(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
+                                 Execution const& execution, StageInfo info)
     : operation_(operation), requested_(execution), execution_(execution), info_(std::move(info)) {
     for (auto& input : inputs) inputs_.push_back(std::make_unique<Input>(std::move(input)));
 }
 
-bool Link::next_volume() {
+bool OperationSource::next_volume() {
     if (inputs_.empty()) {
         if (std::exchange(generated_, true)) return false;
     } else {
@@ -149,7 +151,7 @@ bool Link::next_volume() {
     return true;
 }
 
-void Link::plan_volume() {
+void OperationSource::plan_volume() {
     std::vector<Header> headers;
     for (auto const& input : inputs_) headers.push_back(input->header());
     tree_.reset();
@@ -178,7 +180,7 @@ void Link::plan_volume() {
 }
 
 /// Chooses how to work within the budget, before anything is read, and spools what then cannot be read as it comes.
-void Link::prepare_inputs(std::vector<Header> const& headers) {
+void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
     std::size_t const in_memory = spool_limit(inputs_.size(), requested_);
     std::size_t spooled = 0;
     std::vector<bool> lent, spool;
@@ -204,7 +206,7 @@ void Link::prepare_inputs(std::vector<Header> const& headers) {
 
 /// Rows by rows through all slices, so that the inputs' slices come in order and what an operation keeps of them is
 /// small; the result is whole only then.
-void Link::compute_bands() {
+void OperationSource::compute_bands() {
     auto result = std::make_unique<Spool>(plan_.output, execution_.memory / 8, execution_, info_);
     Index3 const n = plan_.output.dims;
     for_each_piece(box_of(n), {n.z, work_.cut.rows}, [&](Box const& band) {
@@ -221,26 +223,26 @@ void Link::compute_bands() {
 }
 
 /// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
-void Link::plan_tree(std::vector<Header> const& headers) {
+void OperationSource::plan_tree(std::vector<Header> const& headers) {
     execution_ = requested_;
     execution_.device = Device::cpu;
     std::vector<Volume> volumes = collect(inputs_, [&](auto const& input) { return load(*input, requested_); });
     inputs_used_up_ = true;
-    TreeRun told;
+    TreeRun report;
     {
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
         if (volumes.size() == 1 && operation_.shape() == Shape::geometric) {
-            told.plan = labelled(info_, [&] { return operation_.plan(headers); });
-            if (told.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
+            report.plan = labelled(info_, [&] { return operation_.plan(headers); });
+            if (report.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
         }
-        if (told.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {
-            tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &told);
-            told.plan.output = tree_->header();
+        if (report.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {
+            tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &report);
+            report.plan.output = tree_->header();
             if (info_.times) info_.times->voxels += tree_->header().voxels();
         }
     }
-    plan_ = std::move(told.plan);
-    tree_remarks_ = std::move(told.remarks);
+    plan_ = std::move(report.plan);
+    tree_remarks_ = std::move(report.remarks);
     check(plan_.output);
     if (plan_.output.kind == Kind::structured) work_.cut = cut_of(plan_.output, plan_.slab_hint, requested_);
     plan_.output.timing = headers.front().timing;
@@ -250,7 +252,7 @@ void Link::plan_tree(std::vector<Header> const& headers) {
 }
 
 /// The plan's output is hierarchical, its input is not.
-void Link::make_tree() {
+void OperationSource::make_tree() {
     execution_ = requested_;
     execution_.device = Device::cpu;
     check_budget(plan_.state_bytes, requested_);
@@ -271,12 +273,12 @@ void Link::make_tree() {
     tree_ = std::move(result);
 }
 
-BrickSequence Link::take_bricks() {
+BrickSequence OperationSource::take_bricks() {
     if (!tree_) return Source::take_bricks();
     return std::move(*tree_);
 }
 
-void Link::scan() {
+void OperationSource::scan() {
     Input& input = *inputs_.front();
     do scan_volume(input, operation_, requested_, info_.times.get());
     while (operation_.scans_again());
@@ -284,14 +286,14 @@ void Link::scan() {
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }
 
-Access Link::access() const {
+Access OperationSource::access() const {
     if (inputs_used_up_ || work_.bands) return Access::random;
     bool const random =
         std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
 }
 
-std::int64_t Link::natural_slab() const {
+std::int64_t OperationSource::natural_slab() const {
     if (plan_.slab_hint > 0) return plan_.slab_hint;
     bool const in_step = operation_.shape() == Shape::pointwise || (plan_.shift && plan_.shift->z == 0);
     if (!inputs_.empty() && !inputs_used_up_ && in_step && plan_.access == Access::forward)
@@ -299,7 +301,7 @@ std::int64_t Link::natural_slab() const {
     return 0;
 }
 
-void Link::expect(Box const& region) {
+void OperationSource::expect(Box const& region) {
     if (inputs_used_up_ || region.empty() || plan_.access == Access::random || work_.jumps)
         return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -308,7 +310,7 @@ void Link::expect(Box const& region) {
     }
 }
 
-std::optional<ConstView> Link::borrow(Box const& region) {
+std::optional<ConstView> OperationSource::borrow(Box const& region) {
     if (work_.bands) return result_ ? result_->borrow(region) : std::nullopt;
     if (!plan_.shift) return std::nullopt;
     auto lent = inputs_.front()->borrow(moved(region));
@@ -316,11 +318,11 @@ std::optional<ConstView> Link::borrow(Box const& region) {
     return lent->moved_to(region.lower);
 }
 
-std::shared_ptr<Lease> Link::lease(Box const& region) {
+std::shared_ptr<Lease> OperationSource::lease(Box const& region) {
     return plan_.shift ? inputs_.front()->lease(moved(region)) : nullptr;
 }
 
-ConstView Link::fetch(std::size_t i, Box const& footprint) {
+ConstView OperationSource::fetch(std::size_t i, Box const& footprint) {
     Stopwatch const watch(info_.times ? &info_.times->input : nullptr);
     Input& input = *inputs_[i];
     if (input.space() == execution_.space() && box_of(input.header().dims).contains(footprint))
@@ -335,7 +337,7 @@ ConstView Link::fetch(std::size_t i, Box const& footprint) {
     return input.window.fetch(input, footprint, execution_);
 }
 
-void Link::read(AnyView out) {
+void OperationSource::read(AnyView out) {
     if (plan_.shift) {
         AnyView const to = out.moved_to(out.box.lower + *plan_.shift);
         if (auto const lent = inputs_.front()->borrow(to.box))
@@ -361,7 +363,7 @@ void Link::read(AnyView out) {
 }
 
 /// What jumps may look at much of its input for a slab: then it is worked in pieces whose footprints fit the memory.
-void Link::run_in_pieces(AnyView out) {
+void OperationSource::run_in_pieces(AnyView out) {
     Index3 const n = out.dims();
     if (plan_.access == Access::random && !out.box.empty() && n.x * n.y * n.z > 1) {
         double bytes = 0;
@@ -378,7 +380,7 @@ void Link::run_in_pieces(AnyView out) {
     run(out);
 }
 
-void Link::run(AnyView out) {
+void OperationSource::run(AnyView out) {
     if (out.box.empty()) return;
     if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
     std::vector<ConstView> views;
@@ -401,7 +403,7 @@ void Link::run(AnyView out) {
     copy_region(staged, out, execution_);
 }
 
-void Link::finish() {
+void OperationSource::finish() {
     if (!inputs_used_up_)
         for (auto& input : inputs_) input->finish();
     if (!info_.listener) return;

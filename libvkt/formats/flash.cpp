@@ -1,9 +1,9 @@
 // The FLASH reader; part of the module hdf5.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/flash_module.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/format.h"
 
 #include <hdf5.h>

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/amr/flash.h"
-#include "libvkt/amr/parsed.h"
-#include "libvkt/formats/module.h"
+#include "libvkt/formats/flash.h"
+#include "libvkt/formats/parsed_tree.h"
+#include "libvkt/io/module.h"
 
 namespace vkt {
 

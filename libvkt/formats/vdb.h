@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/amr/file.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/tree_file.h"
 
 #include <memory>
 #include <optional>

@@ -1,6 +1,6 @@
 // Operations on hierarchical volumes.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/apply.h"
+#include "libvkt/engine/tree_run.h"
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/ghost.h"
@@ -140,11 +140,11 @@ Header tree_header(Operation const& operation, Plan const& plan, Header const& i
 }
 
 Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                       TreeRun* told) {
+                       TreeRun* report) {
     require_equal_trees(operation, inputs);
     std::vector<Header> const headers = headers_of(inputs);
     Plan const plan = operation.plan(headers);
-    if (told != nullptr) told->plan = plan;
+    if (report != nullptr) report->plan = plan;
     Header header = tree_header(operation, plan, inputs[0].header());
     if (plan.scans) {
         do scan_cells(operation, inputs[0], execution);
@@ -184,7 +184,7 @@ Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, 
             operation.run(views, dense_view(at, header.dtype, box), execution_for(box, execution));
         }
     }
-    if (told != nullptr) told->remarks = operation.remarks();
+    if (report != nullptr) report->remarks = operation.remarks();
     map_background(operation, inputs, result.header(), execution);
     return result;
 }
@@ -211,7 +211,7 @@ public:
                             united(brick_ranges(input, execution))),
                   execution.instructions) {}
 
-    Volume run(TreeRun* told) {
+    Volume run(TreeRun* report) {
         std::map<int, std::vector<std::size_t>> levels;
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels[input_.bricks()[b].level].push_back(b);
         Volume result;
@@ -226,18 +226,18 @@ public:
             operation_.enter_level(lattice.width, lattice.lower);
             if (result.bricks().empty()) {
                 result = Volume(output_header(plan.output), input_.bricks());
-                if (told != nullptr) told->plan = plan;
-                if (told != nullptr && !is_uniform(input_.header())) told->plan.error = ErrorBound::none_known();
+                if (report != nullptr) report->plan = plan;
+                if (report != nullptr && !is_uniform(input_.header())) report->plan.error = ErrorBound::none_known();
             }
             for (std::size_t const b : bricks) run_brick(lattice, plan, b, result);
-            if (told != nullptr)
-                for (Remark const& remark : operation_.remarks()) told->remarks.push_back(remark);
+            if (report != nullptr)
+                for (Remark const& remark : operation_.remarks()) report->remarks.push_back(remark);
         }
         if (levels.empty()) { // nothing to run, but a header to make
             Header const& header = input_.header();
             Plan const plan = operation_.plan({&header, 1});
             result = Volume(output_header(plan.output), std::vector<Brick>{});
-            if (told != nullptr) told->plan = plan;
+            if (report != nullptr) report->plan = plan;
         }
         return result;
     }
@@ -298,23 +298,23 @@ private:
 } // namespace
 
 Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                          TreeOptions const& options, TreeRun* told) {
+                          TreeOptions const& options, TreeRun* report) {
     Execution on_host = execution;
     on_host.device = Device::cpu;
     if (inputs.empty()) refuse(operation, "it has no input");
     if (inputs[0].header().kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
     switch (operation.shape()) {
     case Shape::pointwise:
-        return apply_pointwise(operation, inputs, on_host, told);
+        return apply_pointwise(operation, inputs, on_host, report);
     case Shape::neighbourhood:
         if (inputs.size() != 1) refuse(operation, "it takes several inputs");
-        return NeighbourhoodRun(operation, inputs[0], on_host, options).run(told);
+        return NeighbourhoodRun(operation, inputs[0], on_host, options).run(report);
     case Shape::geometric: {
         if (inputs.size() != 1) break;
         Plan const plan = operation.plan(headers_of(inputs));
         Volume output;
         if (!operation.run_tree(inputs[0], output, on_host)) break;
-        if (told != nullptr) *told = {plan, operation.remarks()};
+        if (report != nullptr) *report = {plan, operation.remarks()};
         return output;
     }
     case Shape::source:

@@ -1,7 +1,7 @@
 // flash.h: reading by a child, writing through the module hdf5.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/flash_module.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/flash_module.h"
 
 namespace vkt {
 

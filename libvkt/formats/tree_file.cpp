@@ -1,6 +1,6 @@
 // What all readers of hierarchical files share.
 // SPDX-License-Identifier: MIT
-#include "libvkt/amr/file.h"
+#include "libvkt/formats/tree_file.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"

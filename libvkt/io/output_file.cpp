@@ -1,11 +1,11 @@
 // Files that appear whole or not at all: unnamed until committed where the file system can, else under a temporary
 // name.
 // SPDX-License-Identifier: MIT
+#include "libvkt/io/output_file.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/format.h"
-#include "libvkt/formats/system_error.h"
-#include "libvkt/formats/temporaries.h"
+#include "libvkt/io/system_error.h"
+#include "libvkt/io/temporaries.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -1,10 +1,9 @@
 // The device runtime over the CUDA runtime API, or its absence.
 // SPDX-License-Identifier: MIT
-#include "libvkt/kernel/device.h"
+#include "libvkt/core/device.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/kernel/backend.h"
 
 #ifdef VKT_CUDA
 #include <cuda_runtime_api.h>

@@ -1,0 +1,54 @@
+// Files that appear under their final name only when they are whole.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace vkt {
+
+/// Throws what OutputFile would for this name, Error{usage} or Error{io}; creates and opens nothing.
+void check_output(std::string const& path, bool force);
+
+class Guard;
+
+/// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
+/// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
+/// name at all (O_TMPFILE) until then; while it has one, another process stands by to remove it, so that kill -9 leaves
+/// nothing either. What it replaces hands on its mode, and its owner and group where this process may give files away.
+/// A symbolic link stays, and what it leads to is replaced; not one that somebody else made where all may write.
+class OutputFile {
+public:
+    OutputFile(std::string path, bool force);
+    ~OutputFile();
+    OutputFile(OutputFile const&) = delete;
+    OutputFile& operator=(OutputFile const&) = delete;
+
+    int descriptor() const { return descriptor_; }
+    std::string const& path() const { return path_; }
+    /// Where it will lie: the path, or what it leads to if it is a symbolic link.
+    std::string const& target() const { return target_; }
+    /// Pipes, devices and standard output are written as they are: there is nothing to replace and nothing to seek in.
+    bool in_place() const { return in_place_; }
+    void write(void const* data, std::size_t n); ///< all of it, or Error{io} with the reason (disk full, …)
+    void write_at(std::int64_t position, void const* data, std::size_t n); ///< not if in_place()
+    void commit();
+
+private:
+    void open_temporary();
+    void keep_existing(std::string const& from, bool unnamed);
+    void replace(std::string const& from, bool unnamed);
+    void keep_mode();
+
+    std::string path_, target_;
+    std::string temporary_; ///< empty for an unnamed file
+    bool force_ = false;
+    bool in_place_ = false;
+    int descriptor_ = -1;
+    int slot_ = -1; ///< where a temporary name is remembered for signal handlers
+    std::unique_ptr<Guard> guard_;
+};
+
+} // namespace vkt
