@@ -49,7 +49,7 @@ void append(std::string& stream, ipc::FrameType type, std::string_view payload) 
 std::string stream_of(std::string const& json, std::string_view magic = {ipc::magic.data(), ipc::magic.size()}) {
     std::string stream(magic);
     append(stream, ipc::FrameType::header, json);
-    ipc::SlabHeader const slab{0, 2, ipc::Place::here, 0, 12};
+    ipc::SlabHeader const slab{0, 2, ipc::Residence::here, 0, 12};
     std::string payload(reinterpret_cast<char const*>(&slab), sizeof slab);
     append(stream, ipc::FrameType::slab, payload + "abcdefghijkl");
     ipc::EndReport end;
