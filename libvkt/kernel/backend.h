@@ -6,27 +6,18 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/view.h"
 
-// An operation source looks like this:
+// Sources in folders called kernels, and rows.cpp, are compiled as baseline, avx2, avx512 and cuda, each into the
+// namespace VKT_BACKEND of its own; all others once. What is called from outside is declared in a header beside it:
 //
-//     #include "libvkt/kernel/kernel.h"
-//     namespace vkt {
-//     VKT_KERNEL(threshold, (ConstView in, AnyView out, double at, Execution const& execution), (in, out, at,
-//     execution)) namespace VKT_BACKEND { template <class T> static void run(View<T const> in, View<T> out, Box const&
-//     box, T at, Execution const& execution) {
-//         map(execution, box, out, [=] VKT_DEVICE(T v) { return v < at ? T(0) : T(1); }, in);
+//     // operations/kernels/flip.h
+//     VKT_KERNEL(flip_box, (ConstView from, AnyView to, Axis axis, Execution const& execution), (from, to, axis,
+//     execution))
+//     // operations/kernels/flip.cpp
+//     namespace vkt::VKT_BACKEND {
+//     void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution) { ... }
 //     }
-//     void threshold(ConstView in, AnyView out, double at, Execution const& execution) {
-//         for_each_type(in.type, [&]<class T>(T) { run<T>(in.as<T>(), out.as<T>(), out.box, round_to<T>(at),
-//         execution); });
-//     }
-//     } // namespace VKT_BACKEND
-//     #if VKT_HOST
-//     void Threshold::run(...) { threshold(inputs[0], out, at_, execution); }   // the dispatcher
-//     #endif
-//     }
-//
-// Everything in namespace VKT_BACKEND is compiled as baseline, avx2, avx512 and cuda; what is inside #if VKT_HOST once.
-// A lambda for the device must not be written inside a generic lambda or a private member: give it a function template.
+//     // operations/flip.cpp
+//     flip_box(inputs[0], out, axis_, execution); // the one for the device and instruction set of `execution`
 
 #ifdef __CUDACC__
 #define VKT_DEVICE __device__
@@ -65,45 +56,36 @@
     if (execution.device == Device::gpu) throw_without_cuda();
 #endif
 
-/// VKT_KERNEL(name, (parameters), (arguments)): declares void name(parameters) in every back end, and in the host part
-/// a function of that name which chooses by the parameter called `execution`. Use it in namespace vkt, in a source.
-#if VKT_HOST
+/// VKT_KERNEL(name, (parameters), (arguments)): declares void name(parameters) in namespace vkt for every back end. In
+/// kernel sources that is the function of their own back end; elsewhere one that chooses by the parameter `execution`.
+/// VKT_CPU_KERNEL is for kernels that no GPU runs.
+#ifdef VKT_BACKEND
+#define VKT_KERNEL(name, params, args)                                                                                 \
+    namespace VKT_BACKEND {                                                                                            \
+    void name params;                                                                                                  \
+    }
+#define VKT_CPU_KERNEL(name, params, args) VKT_KERNEL(name, params, args)
+#else
+#define VKT_BACKEND baseline // arithmetic and drivers for sources that are compiled once
+#define VKT_CPU_KERNEL(name, params, args)                                                                             \
+    namespace baseline {                                                                                               \
+    void name params;                                                                                                  \
+    }                                                                                                                  \
+    VKT_IN_X86_BACKENDS(void name params)                                                                              \
+    [[maybe_unused]] static void name params {                                                                         \
+        VKT_CALL_X86_BACKEND(name, args)                                                                               \
+        return baseline::name args;                                                                                    \
+    }
 #define VKT_KERNEL(name, params, args)                                                                                 \
     namespace baseline {                                                                                               \
     void name params;                                                                                                  \
     }                                                                                                                  \
     VKT_IN_X86_BACKENDS(void name params)                                                                              \
     VKT_IN_CUDA_BACKEND(void name params)                                                                              \
-    static void name params {                                                                                          \
+    [[maybe_unused]] static void name params {                                                                         \
         VKT_CALL_CUDA_BACKEND(name, args)                                                                              \
         VKT_CALL_X86_BACKEND(name, args)                                                                               \
         return baseline::name args;                                                                                    \
-    }
-#else
-#define VKT_KERNEL(name, params, args)                                                                                 \
-    namespace VKT_BACKEND {                                                                                            \
-    void name params;                                                                                                  \
-    }
-#endif
-
-/// The same for kernels that run on CPUs only; their operations leave runs_on_gpu() false, and their back-end part
-/// stands inside #ifndef __CUDACC__.
-#if VKT_HOST
-#define VKT_CPU_KERNEL(name, params, args)                                                                             \
-    namespace baseline {                                                                                               \
-    void name params;                                                                                                  \
-    }                                                                                                                  \
-    VKT_IN_X86_BACKENDS(void name params)                                                                              \
-    static void name params {                                                                                          \
-        VKT_CALL_X86_BACKEND(name, args)                                                                               \
-        return baseline::name args;                                                                                    \
-    }
-#elif defined(__CUDACC__)
-#define VKT_CPU_KERNEL(name, params, args)
-#else
-#define VKT_CPU_KERNEL(name, params, args)                                                                             \
-    namespace VKT_BACKEND {                                                                                            \
-    void name params;                                                                                                  \
     }
 #endif
 

@@ -1,6 +1,5 @@
 // Border fill and region copies in host memory; device memory goes to the CUDA side.
 // SPDX-License-Identifier: MIT
-#define VKT_BACKEND baseline // for its arithmetic
 #include "libvkt/kernel/border.h"
 
 #include "libvkt/core/error.h"

@@ -3,9 +3,14 @@
 #pragma once
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/stream.h"
 
 #include <omp.h>
+
+#include <type_traits>
+#include <utility>
+#include <vector>
 
 namespace vkt::VKT_BACKEND {
 
@@ -54,20 +59,7 @@ template <class F> void for_each_segment(Execution const& execution, Box const& 
 
 namespace driver {
 
-// The functor arrives by value: its copy's address never escapes, so that stores through `out` cannot alias what it
-// captured, and the loop vectorises (measured: six times faster for uint8 stencils).
-template <class T, class F, class... In> void map_segment(std::int64_t n, T* out, F const f, In const*... in) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) out[i] = f(in[i]...);
-}
-template <class T, class F, class... In>
-void map_at_segment(std::int64_t n, std::int64_t x, std::int64_t y, std::int64_t z, T* out, F const f,
-                    In const*... in) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) out[i] = f(x + i, y, z, in[i]...);
-}
-
-template <class T, class F> Tally round_segment(std::int64_t n, T* out, F const f) {
+template <class T, class F> Losses round_segment(std::int64_t n, T* out, F const f) {
     std::int32_t clipped = 0, nan = 0;
 #pragma omp simd reduction(+ : clipped, nan)
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
@@ -88,7 +80,7 @@ inline Box as_one_row(Box const& box) {
     return {box.lower, {box.lower.x + box.voxels(), box.lower.y + 1, box.lower.z + 1}};
 }
 
-inline void add(Tally& total, Tally const& part) {
+inline void add(Losses& total, Losses const& part) {
     if (part.clipped != 0) {
 #pragma omp atomic
         total.clipped += part.clipped;
@@ -97,51 +89,141 @@ inline void add(Tally& total, Tally const& part) {
 #pragma omp atomic
         total.nan += part.nan;
     }
+    if (part.undefined != 0) {
+#pragma omp atomic
+        total.undefined += part.undefined;
+    }
 }
 
 } // namespace driver
 
-template <class T, class F, class... In>
-void map(Execution const& execution, Box const& box, View<T> out, F const& f, View<In>... in) {
-    Box const rows = !box.empty() && driver::dense(box, out, in...) ? driver::as_one_row(box) : box;
+namespace driver {
+
+/// A piece of a row to compute with: the voxels themselves where they are of type C, else loaded into `buffer`.
+template <class C>
+C const* row_of(ConstView in, std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* buffer) {
+    std::byte const* const from = in.at(x, y, z);
+    if (is_stored_as<C>(in.type)) return reinterpret_cast<C const*>(from);
+    load_row(in.type, from, buffer, n);
+    return buffer;
+}
+
+/// Where a piece of a row of results goes: past the caches if the output is large, and rounded if it is of another
+/// type.
+template <class C> class RowResult {
+public:
+    RowResult(AnyView out, std::byte* to, bool stream)
+        : type_(out.type), to_(to), stream_(stream), direct_(is_stored_as<C>(out.type) && !stream) {}
+    C* data() { return direct_ ? reinterpret_cast<C*>(to_) : values_; }
+    /// Call once, when data() is filled.
+    Losses store(std::int64_t n) {
+        if (direct_) return {};
+        std::size_t const bytes = static_cast<std::size_t>(n) * size_of(type_);
+        if (is_stored_as<C>(type_)) {
+            stream_bytes(to_, reinterpret_cast<std::byte const*>(values_), bytes);
+            return {};
+        }
+        if (!stream_) return store_row(type_, static_cast<C const*>(values_), to_, n);
+        alignas(64) std::byte stored[row_piece * 8];
+        Losses const losses = store_row(type_, static_cast<C const*>(values_), stored, n);
+        stream_bytes(to_, stored, bytes);
+        return losses;
+    }
+
+private:
+    DataType type_;
+    std::byte* to_;
+    bool stream_, direct_;
+    alignas(64) C values_[row_piece];
+};
+
+inline bool is_large(AnyView out) { return out.bytes() >= stream_threshold; }
+
+// The functor arrives by value: its copy's address never escapes, so that stores through `out` cannot alias what it
+// captured, and the loop vectorises.
+template <class R, class F, class... In> void apply(std::int64_t n, R* out, F const f, In const*... in) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) out[i] = f(in[i]...);
+}
+template <class R, class F, class... In>
+void apply_at(std::int64_t n, double x, double y, double z, R* out, F const f, In const*... in) {
+#pragma omp simd
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i)
+        out[i] = f(x + static_cast<double>(i), y, z, in[i]...);
+}
+template <class C, class F, class... In> std::int64_t count_undefined(std::int64_t n, F const f, In const*... in) {
+    std::int32_t count = 0;
+#pragma omp simd reduction(+ : count)
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += f.undefined(in[i]...) ? 1 : 0;
+    return count;
+}
+template <class F, class... C>
+concept CountsUndefined = requires(F const& f, C... values) {
+    f.undefined(values...);
+};
+
+/// What the functor returns, which is what is rounded.
+template <bool At, class C, class F, class... In> struct ResultOf {
+    template <class> using Each = C;
+    using type = std::conditional_t<At, std::invoke_result<F const&, double, double, double, Each<In>...>,
+                                    std::invoke_result<F const&, Each<In>...>>::type;
+};
+
+template <class C, bool At, class F, std::size_t... k, class... In>
+void map_rows(Execution const& execution, AnyView out, Losses& losses, F const& f, std::index_sequence<k...>,
+              In const&... in) {
+    using Result = typename ResultOf<At, C, F, In...>::type;
+    bool const stream = is_large(out), one_row = !At && dense(out.box, out, in...) && !out.box.empty();
+    for_each_segment(execution, one_row ? as_one_row(out.box) : out.box,
+                     [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+                         alignas(64) C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
+                         Losses mine;
+                         for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
+                             std::int64_t const m = std::min(row_piece, x + n - begin);
+                             RowResult<Result> result(out, out.at(begin, y, z), stream);
+                             auto const compute = [&](auto const*... values) {
+                                 if constexpr (At)
+                                     apply_at(m, static_cast<double>(begin), static_cast<double>(y),
+                                              static_cast<double>(z), result.data(), f, values...);
+                                 else
+                                     apply(m, result.data(), f, values...);
+                                 if constexpr (CountsUndefined<F, decltype(*values)...>)
+                                     mine.undefined += count_undefined<C>(m, f, values...);
+                             };
+                             compute(row_of<C>(in, begin, y, z, m, buffer[k])...);
+                             mine += result.store(m);
+                         }
+                         add(losses, mine);
+                     });
+}
+
+} // namespace driver
+
+template <class C, class F, class... In>
+void map(Execution const& execution, AnyView out, Losses& losses, F const& f, In const&... in) {
+    driver::map_rows<C, false>(execution, out, losses, f, std::index_sequence_for<In...>{}, in...);
+}
+
+template <class C, class F, class... In>
+void map_at(Execution const& execution, AnyView out, Losses& losses, F const& f, In const&... in) {
+    driver::map_rows<C, true>(execution, out, losses, f, std::index_sequence_for<In...>{}, in...);
+}
+
+template <class C, class R> R reduce(Execution const& execution, ConstView in, R const& zero) {
+    std::vector<R> parts(static_cast<std::size_t>(std::max(1, execution.threads)), zero);
+    Box const rows = driver::dense(in.box, in) && !in.box.empty() ? driver::as_one_row(in.box) : in.box;
     for_each_segment(execution, rows, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        driver::map_segment(n, &out(x, y, z), f, &in(x, y, z)...);
+        alignas(64) C buffer[row_piece];
+        R mine = zero;
+        for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
+            std::int64_t const m = std::min(row_piece, x + n - begin);
+            mine.add_row(driver::row_of<C>(in, begin, y, z, m, buffer), m);
+        }
+        parts[static_cast<std::size_t>(omp_get_thread_num())].merge(mine);
     });
-}
-
-template <class T, class F, class... In>
-void map_at(Execution const& execution, Box const& box, View<T> out, F const& f, View<In>... in) {
-    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        driver::map_at_segment(n, x, y, z, &out(x, y, z), f, &in(x, y, z)...);
-    });
-}
-
-template <class T, class F> void gather(Execution const& execution, Box const& box, View<T> out, F const& f) {
-    map_at(execution, box, out, f);
-}
-
-template <class T, class F, class... In>
-void map_rounded(Execution const& execution, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
-    Box const rows = !box.empty() && driver::dense(box, out, in...) ? driver::as_one_row(box) : box;
-    for_each_segment(execution, rows, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        driver::add(tally, [n](T* to, F const local, In*... from) {
-            return driver::round_segment(n, to, [=](std::int32_t i) { return local(from[i]...); });
-        }(&out(x, y, z), f, &in(x, y, z)...));
-    });
-}
-
-template <class T, class F, class... In>
-void map_at_rounded(Execution const& execution, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
-    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        driver::add(tally, [n, x, y, z](T* to, F const local, In*... from) {
-            return driver::round_segment(n, to, [=](std::int32_t i) { return local(x + i, y, z, from[i]...); });
-        }(&out(x, y, z), f, &in(x, y, z)...));
-    });
-}
-
-template <class T, class F>
-void gather_rounded(Execution const& execution, Box const& box, View<T> out, Tally& tally, F const& f) {
-    map_at_rounded(execution, box, out, tally, f);
+    R result = zero;
+    for (R const& part : parts) result.merge(part);
+    return result;
 }
 
 template <class T> void fill(Execution const& execution, Box const& box, View<T> out, T value) {

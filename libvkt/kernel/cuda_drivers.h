@@ -83,7 +83,7 @@ template <bool At, bool Rounded, class T, class F> struct Voxel {
 /// N consecutive voxels a unit (aligned on the output), K units a thread, the block's width apart.
 template <int N, int K, bool At, bool Rounded, class T, class F, class... In>
 __global__ void __launch_bounds__(block_threads)
-    map_kernel(Rows rows, Index3 lower, View<T> out, F f, unsigned long long* tally, View<In>... in) {
+    map_kernel(Rows rows, Index3 lower, View<T> out, F f, unsigned long long* losses, View<In>... in) {
     std::int64_t const row = static_cast<std::int64_t>(blockIdx.x / rows.blocks_per_row) * blockDim.y + threadIdx.y;
     Voxel<At, Rounded, T, F> voxel{f};
     if (row < rows.rows) {
@@ -117,32 +117,33 @@ __global__ void __launch_bounds__(block_threads)
     if constexpr (Rounded) {
         unsigned const clipped = __reduce_add_sync(~0u, voxel.clipped), nan = __reduce_add_sync(~0u, voxel.nan);
         if ((threadIdx.y * blockDim.x + threadIdx.x) % 32 == 0) {
-            if (clipped != 0) atomicAdd(tally, static_cast<unsigned long long>(clipped));
-            if (nan != 0) atomicAdd(tally + 1, static_cast<unsigned long long>(nan));
+            if (clipped != 0) atomicAdd(losses, static_cast<unsigned long long>(clipped));
+            if (nan != 0) atomicAdd(losses + 1, static_cast<unsigned long long>(nan));
         }
     }
 }
 
 template <int N, int K, bool At, bool Rounded, class T, class F, class... In>
-void launch_map(Box const& box, View<T> out, F const& f, unsigned long long* tally, View<In>... in) {
+void launch_map(Box const& box, View<T> out, F const& f, unsigned long long* losses, View<In>... in) {
     if (box.empty()) return;
     Rows const rows = rows_of(box.dims(), (box.dims().x + 2 * N - 2) / N, K);
-    map_kernel<N, K, At, Rounded><<<rows.grid, rows.block>>>(rows, box.lower, out, f, tally, in...);
+    map_kernel<N, K, At, Rounded><<<rows.grid, rows.block>>>(rows, box.lower, out, f, losses, in...);
     check_launch(At ? "map_at" : "map");
 }
 
-/// Two counters in device memory for the time of one call.
-class DeviceTally {
+/// Three counters in device memory for the time of one call.
+class DeviceLosses {
 public:
-    DeviceTally() : counts_(reinterpret_cast<unsigned long long*>(device_allocate(16))) { device_clear(counts_, 16); }
-    ~DeviceTally() { device_free(reinterpret_cast<std::byte*>(counts_)); }
-    DeviceTally(DeviceTally const&) = delete;
-    DeviceTally& operator=(DeviceTally const&) = delete;
+    DeviceLosses() : counts_(reinterpret_cast<unsigned long long*>(device_allocate(24))) { device_clear(counts_, 24); }
+    ~DeviceLosses() { device_free(reinterpret_cast<std::byte*>(counts_)); }
+    DeviceLosses(DeviceLosses const&) = delete;
+    DeviceLosses& operator=(DeviceLosses const&) = delete;
     unsigned long long* get() const { return counts_; }
-    void add_to(Tally& tally) const {
-        unsigned long long counts[2];
+    void add_to(Losses& losses) const {
+        unsigned long long counts[3];
         copy_to_host(counts, counts_, sizeof counts);
-        tally += {static_cast<std::int64_t>(counts[0]), static_cast<std::int64_t>(counts[1])};
+        losses += {static_cast<std::int64_t>(counts[0]), static_cast<std::int64_t>(counts[1]),
+                   static_cast<std::int64_t>(counts[2])};
     }
 
 private:
@@ -183,25 +184,25 @@ template <class T, class F> void gather(Execution const&, Box const& box, View<T
 }
 
 template <class T, class F, class... In>
-void map_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
-    driver::DeviceTally const counts;
+void map_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, F const& f, View<In>... in) {
+    driver::DeviceLosses const counts;
     Box const rows = !box.empty() && driver::dense(box, out, in...) ? driver::as_one_row(box) : box;
     driver::launch_map<driver::pack_size<T, In...>(), 2, false, true>(rows, out, f, counts.get(), in...);
-    counts.add_to(tally);
+    counts.add_to(losses);
 }
 
 template <class T, class F, class... In>
-void map_at_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f, View<In>... in) {
-    driver::DeviceTally const counts;
+void map_at_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, F const& f, View<In>... in) {
+    driver::DeviceLosses const counts;
     driver::launch_map<driver::pack_size<T, In...>(), 2, true, true>(box, out, f, counts.get(), in...);
-    counts.add_to(tally);
+    counts.add_to(losses);
 }
 
 template <class T, class F>
-void gather_rounded(Execution const&, Box const& box, View<T> out, Tally& tally, F const& f) {
-    driver::DeviceTally const counts;
+void gather_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, F const& f) {
+    driver::DeviceLosses const counts;
     driver::launch_map<1, 4, true, true>(box, out, f, counts.get());
-    counts.add_to(tally);
+    counts.add_to(losses);
 }
 
 namespace driver {

@@ -2,17 +2,31 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-// Drivers (same names and meaning in every back end; a functor returns the voxel and the driver stores it):
+// Drivers: the same names and meaning in every back end, so that a kernel is one functor. Views have any data type; C,
+// float, double or Int128, is what the functor is given; what it returns is rounded half to even and saturated. What
+// that lost is added to a Losses. Functors are structs whose operator() is VKT_HD.
 //
-//   map(execution, box, out, f, in...)          out = f(in...)           inputs have out's coordinates
-//   map_at(execution, box, out, f, in...)       out = f(x, y, z, in...)  x, y, z are std::int64_t, absolute
-//   gather(execution, box, out, f)              out = f(x, y, z)         f reads what it likes
-//   map_rounded, map_at_rounded, gather_rounded the same, but f returns a compute type; the driver applies round_to<T>,
-//                                               and adds to a Tally what was clipped or lost (extra last parameter)
-//   fill(execution, box, out, value)            out = value
-//   copy_box(execution, from, to, mirror)       permuting copy between boxes of equal dims
+//   map<C>(execution, out, losses, f, in...)              out = f(in...)           inputs have out's coordinates
+//   map_at<C>(execution, out, losses, f, in...)           out = f(x, y, z, in...)  coordinates as double
+//   stencil<C>(execution, out, losses, radius, f, in)     out = f(window)          window(dx, dy, dz) is a neighbour's
+//                                                         value; `in` covers out.box grown by the radius
+//   reduce<C>(execution, in, zero)                        an R made of all voxels by add_row(values, n) on the CPU,
+//                                                         add(value) on the GPU, and merge(other): exact, so that no
+//                                                         order matters
+//   fill(execution, box, out, value)                      out = value
+//   copy_box(execution, from, to, mirror)                 permuting copy between boxes of equal dims
 //
-// `box` is the part of `out` to be computed, in out's coordinates. In and out may be the same memory in map and map_at.
+// out.box is what is computed. In and out may be the same memory in map and map_at. A functor that also has
+// undefined(in...) has the voxels counted for which that is true.
+//
+//     template <class C> struct Inside {
+//         C low, high;
+//         VKT_HD C operator()(C v) const { return v >= low && v <= high ? C(1) : C(0); }
+//     };
+//     void threshold(ConstView in, AnyView out, double low, double high, Losses& losses, Execution const& execution) {
+//         with_compute_type(in.type, [&]<class C>(C) { map<C>(execution, out, losses, Inside<C>{C(low), C(high)}, in);
+//         });
+//     }
 
 #include "libvkt/kernel/backend.h"
 #include "libvkt/kernel/numeric.h"
@@ -27,7 +41,7 @@ struct Mirror {
 } // namespace vkt
 
 #ifdef __CUDACC__
-#include "libvkt/kernel/cuda_drivers.h"
+#include "libvkt/kernel/cuda_map.h"
 #else
 #include "libvkt/kernel/cpu_drivers.h"
 #endif

@@ -12,10 +12,8 @@
 
 namespace vkt::VKT_BACKEND {
 
-/// Lanes<C>: as many C as a register holds, with + - * per lane.
-template <class C> struct LanesOf;
-template <> struct LanesOf<float> { typedef float type __attribute__((vector_size(register_bytes))); };
-template <> struct LanesOf<double> { typedef double type __attribute__((vector_size(register_bytes))); };
+/// Lanes<C>: as many C as a register holds, with + - * < ?: per lane.
+template <class C> struct LanesOf { typedef C type __attribute__((vector_size(register_bytes))); };
 template <class C> using Lanes = typename LanesOf<C>::type;
 
 template <class C> inline constexpr std::int64_t lane_count = static_cast<std::int64_t>(register_bytes / sizeof(C));

@@ -3,7 +3,9 @@
 #pragma once
 
 #include "libvkt/core/half.h"
+#include "libvkt/core/losses.h"
 #include "libvkt/core/types.h"
+#include "libvkt/core/wide.h"
 #include "libvkt/kernel/backend.h"
 
 #include <array>
@@ -20,16 +22,6 @@ template <class T> struct Compute {
         std::conditional_t<std::is_same_v<T, Half> || std::is_same_v<T, float> || sizeof(T) <= 2, float, double>;
 };
 template <class T> using compute_t = typename Compute<T>::type;
-
-/// What a rounding driver saw: values outside the range of the output type, and NaN where it has none.
-struct Tally {
-    std::int64_t clipped = 0, nan = 0;
-    Tally& operator+=(Tally const& other) {
-        clipped += other.clipped;
-        nan += other.nan;
-        return *this;
-    }
-};
 
 /// One voxel of any type, from the first byte on.
 using VoxelBytes = std::array<std::byte, 8>;
@@ -64,6 +56,12 @@ template <class F> void for_each_type(DataType type, F&& f) {
     }
 }
 
+/// Calls f(C{}) with the type that kernels compute in for voxels of this type, see Compute.
+template <class F> void with_compute_type(DataType type, F&& f) {
+    if (size_of(type) <= 2 || type == DataType::float32) return f(float{});
+    f(double{});
+}
+
 /// Calls f(U{}) with the unsigned type of that many bytes: permutations do not look at values.
 template <class F> void for_each_size(std::size_t bytes, F&& f) {
     switch (bytes) {
@@ -96,7 +94,17 @@ VKT_HD double madd(double a, double b, double c) {
 
 /// The storage value nearest to v: halves to even, saturating, NaN to 0 for integers. Half overflows to infinity.
 template <class T, class C> VKT_HD T round_to(C v) {
-    if constexpr (std::is_same_v<T, Half>) {
+    if constexpr (std::is_same_v<C, Int128>) {
+        if constexpr (std::is_same_v<T, Half>)
+            return Half(static_cast<float>(v)); // more than twice the digits of a half: no double rounding below 2^16
+        else if constexpr (std::is_floating_point_v<T>)
+            return static_cast<T>(v);
+        else if (v < static_cast<Int128>(std::numeric_limits<T>::lowest()))
+            return std::numeric_limits<T>::lowest();
+        else
+            return v > static_cast<Int128>(std::numeric_limits<T>::max()) ? std::numeric_limits<T>::max()
+                                                                          : static_cast<T>(v);
+    } else if constexpr (std::is_same_v<T, Half>) {
         return Half(v);
     } else if constexpr (std::is_floating_point_v<T>) {
         return static_cast<T>(v);
@@ -141,7 +149,15 @@ template <class T, class C> VKT_HD T round_to(C v) {
 /// True if round_to<T>(v) saturates, that is if the rounded value lies outside of T; false for NaN and for floats,
 /// except that a finite value may become an infinite Half.
 template <class T, class C> VKT_HD bool is_clipped(C v) {
-    if constexpr (std::is_same_v<T, Half>) {
+    if constexpr (std::is_same_v<C, Int128>) {
+        if constexpr (std::is_same_v<T, Half>)
+            return v >= 65520 || v <= -65520;
+        else if constexpr (std::is_floating_point_v<T>)
+            return false;
+        else
+            return v < static_cast<Int128>(std::numeric_limits<T>::lowest()) ||
+                   v > static_cast<Int128>(std::numeric_limits<T>::max());
+    } else if constexpr (std::is_same_v<T, Half>) {
         C const magnitude = v < C(0) ? -v : v;
         return magnitude >= C(65520) && magnitude <= std::numeric_limits<C>::max();
     } else if constexpr (std::is_floating_point_v<T>) {
@@ -170,7 +186,7 @@ template <class T, class C> VKT_HD bool is_clipped(C v) {
 /// True if v is NaN and T cannot say so.
 template <class T, class C> VKT_HD bool is_lost_nan(C v) {
     if constexpr (std::is_integral_v<T> && std::is_floating_point_v<C>)
-        return !(v == v);
+        return v != v;
     else
         return false;
 }

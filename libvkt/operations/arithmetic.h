@@ -55,9 +55,9 @@ private:
     std::optional<Number> number_a_, number_b_;
     ValueMap map_a_, map_b_, map_out_; ///< from stored operands to what is computed with, and back
     bool integers_ = false, settles_ = false;
-    std::int64_t voxels_ = 0, zero_divisors_ = 0;
+    std::int64_t voxels_ = 0;
     DataType type_ = DataType::uint8;
-    StoreCounts counts_;
+    Losses counts_;
 };
 
 /// Type of the result of two volumes: the type itself if both agree; the smallest integer type that holds both (int64

@@ -1,6 +1,5 @@
 // How much of a voxel a ball covers: analytic along two axes, quadrature between the kinks of the third.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/make.h"
 
 #include <algorithm>
@@ -82,4 +81,3 @@ double ball_coverage(Vec3 center, double radius) {
 }
 
 } // namespace vkt
-#endif

@@ -3,182 +3,12 @@
 #include "libvkt/operations/convert.h"
 
 #include "libvkt/kernel/border.h"
-#include "libvkt/operations/rows.h"
+#include "libvkt/operations/kernels/convert.h"
 
 #include <cmath>
 #include <limits>
 
 namespace vkt {
-
-/// stored = (v * scale - low * scale) * factor + to_low for v limited to [least, most]. All but to_low count from
-/// `base`. The scale is a power of two that keeps differences of the largest doubles finite, and 1 for all others.
-struct LinearMap {
-    Int128 base = 0;
-    double low = 0, scale = 1, factor = 1, to_low = 0, least = 0, most = 0;
-};
-
-/// The finite extremes of stored values, low > high if there are none. Integers also have them exactly.
-struct FiniteExtremes {
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    Int128 whole_low = 0, whole_high = 0;
-};
-
-VKT_CPU_KERNEL(find_extremes, (ConstView in, FiniteExtremes& found, Execution const& execution), (in, found, execution))
-VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
-               (in, out, tally, execution))
-VKT_CPU_KERNEL(convert_range,
-               (ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution),
-               (in, out, map, tally, execution))
-
-#ifndef __CUDACC__
-namespace VKT_BACKEND {
-namespace {
-
-/// Calls f(x, y, z, n, scratch) for pieces of rows; scratch holds row_piece values of C.
-template <class C, class F> void for_each_row_piece(Execution const& execution, Box const& box, F const& f) {
-    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        alignas(64) C scratch[row_piece];
-        for (std::int64_t i = 0; i < n; i += row_piece) f(x + i, y, z, std::min(row_piece, n - i), scratch);
-    });
-}
-
-template <class C> void convert_through(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
-    for_each_row_piece<C>(
-        execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, C* scratch) {
-            load_row(in.type, in.at(x, y, z), scratch, n);
-            driver::add(tally, store_row(out.type, static_cast<C const*>(scratch), out.at(x, y, z), n));
-        });
-}
-
-template <class T, class U> U direct(T v) {
-    if constexpr (std::is_same_v<U, Half>)
-        return Half(
-            static_cast<float>(v)); // floats hold more than twice the bits of a half: no double rounding below 2^16
-    else if constexpr (std::is_floating_point_v<U>)
-        return static_cast<U>(v);
-    else
-        return round_to<U>(v);
-}
-
-/// 64-bit integers, which double does not hold.
-template <class T, class U>
-void convert_wide(View<T const> in, View<U> out, Box const& box, Tally& tally, Execution const& execution) {
-    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        T const* const from = &in(x, y, z);
-        U* const to = &out(x, y, z);
-        Tally mine;
-        for (std::int64_t i = 0; i < n; ++i) {
-            if constexpr (std::is_integral_v<U>)
-                mine.clipped += is_clipped<U>(from[i]) ? 1 : 0;
-            else if constexpr (std::is_same_v<U, Half>)
-                mine.clipped += is_clipped<U>(static_cast<double>(from[i])) ? 1 : 0;
-            to[i] = direct<T, U>(from[i]);
-        }
-        driver::add(tally, mine);
-    });
-}
-
-template <class T> void convert_wide_from(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
-    for_each_type(out.type,
-                  [&]<class U>(U) { convert_wide<T, U>(in.as<T>(), out.as<U>(), out.box, tally, execution); });
-}
-
-Tally limit_and_map(double* v, std::int64_t n, LinearMap const& map) {
-    std::int64_t clipped = 0;
-    double const scale = map.scale, low = map.low * scale, factor = map.factor, to_low = map.to_low;
-    double const least = map.least, most = map.most;
-#pragma omp simd reduction(+ : clipped)
-    for (std::int64_t i = 0; i < n; ++i) {
-        double u = v[i];
-        clipped += (u < least ? 1 : 0) + (u > most ? 1 : 0);
-        u = u < least ? least : u; // NaN passes
-        u = u > most ? most : u;
-        v[i] = (u * scale - low) * factor + to_low;
-    }
-    return {clipped, 0};
-}
-
-template <class T> void load_from_base(T const* from, double* to, std::int64_t n, Int128 base) {
-    for (std::int64_t i = 0; i < n; ++i) {
-        std::int64_t distance = 0;
-        bool const far = __builtin_sub_overflow(from[i], base, &distance);
-        to[i] = far ? static_cast<double>(static_cast<Int128>(from[i]) - base) : static_cast<double>(distance);
-    }
-}
-
-/// Voxels less the base, which is 0 for all but 64-bit integers.
-void load_differences(DataType type, std::byte const* from, double* to, std::int64_t n, Int128 base) {
-    if (type == DataType::int64) return load_from_base(reinterpret_cast<std::int64_t const*>(from), to, n, base);
-    if (type == DataType::uint64) return load_from_base(reinterpret_cast<std::uint64_t const*>(from), to, n, base);
-    load_row(type, from, to, n);
-}
-
-template <class T>
-void whole_extremes(View<T const> in, Box const& box, FiniteExtremes& found, Execution const& execution) {
-    for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        T const* const from = &in(x, y, z);
-        T low = from[0], high = from[0];
-        for (std::int64_t i = 1; i < n; ++i) {
-            low = std::min(low, from[i]);
-            high = std::max(high, from[i]);
-        }
-#pragma omp critical(vkt_convert)
-        {
-            bool const first = !(found.low <= found.high);
-            found.whole_low = first ? Int128{low} : std::min<Int128>(found.whole_low, low);
-            found.whole_high = first ? Int128{high} : std::max<Int128>(found.whole_high, high);
-            found.low = static_cast<double>(found.whole_low);
-            found.high = static_cast<double>(found.whole_high);
-        }
-    });
-}
-
-} // namespace
-
-void convert_values(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
-    if (in.type == DataType::int64) return convert_wide_from<std::int64_t>(in, out, tally, execution);
-    if (in.type == DataType::uint64) return convert_wide_from<std::uint64_t>(in, out, tally, execution);
-    if (float_suffices(in.type) && float_suffices(out.type)) return convert_through<float>(in, out, tally, execution);
-    convert_through<double>(in, out, tally, execution);
-}
-
-void find_extremes(ConstView in, FiniteExtremes& found, Execution const& execution) {
-    if (in.type == DataType::int64) return whole_extremes(in.as<std::int64_t>(), in.box, found, execution);
-    if (in.type == DataType::uint64) return whole_extremes(in.as<std::uint64_t>(), in.box, found, execution);
-    for_each_row_piece<double>(execution, in.box,
-                               [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
-                                   load_row(in.type, in.at(x, y, z), scratch, n);
-                                   double low = std::numeric_limits<double>::infinity(), high = -low;
-#pragma omp simd reduction(min : low) reduction(max : high)
-                                   for (std::int64_t i = 0; i < n; ++i) {
-                                       double const v = scratch[i];
-                                       bool const finite = v - v == 0;
-                                       low = finite && v < low ? v : low;
-                                       high = finite && v > high ? v : high;
-                                   }
-#pragma omp critical(vkt_convert)
-                                   {
-                                       found.low = std::min(found.low, low);
-                                       found.high = std::max(found.high, high);
-                                   }
-                               });
-}
-
-void convert_range(ConstView in, AnyView out, LinearMap const& map, Tally& tally, Execution const& execution) {
-    for_each_row_piece<double>(
-        execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n, double* scratch) {
-            load_differences(in.type, in.at(x, y, z), scratch, n, map.base);
-            Tally counts = limit_and_map(scratch, n, map);
-            // What lies in the range fits; the ends of 64-bit types, which double rounds up, only seem not to.
-            counts.nan = store_row(out.type, static_cast<double const*>(scratch), out.at(x, y, z), n).nan;
-            driver::add(tally, counts);
-        });
-}
-
-} // namespace VKT_BACKEND
-#endif
-
-#if VKT_HOST
 
 namespace {
 
@@ -367,15 +197,15 @@ void Convert::set_map(StoredValue low, StoredValue high) {
 void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     ConstView const in = inputs.front().part(out.box);
     if (copies_) return copy_region(in, out, execution);
-    Tally tally;
+    Losses losses;
     if (range) {
         double const low = low_.rest, high = high_.rest + static_cast<double>(high_.whole - low_.whole);
         LinearMap const map{low_.whole, low, scale_, factor_, to_low_, std::min(low, high), std::max(low, high)};
-        convert_range(in, out, map, tally, execution);
+        convert_range(in, out, map, losses, execution);
     } else
-        convert_values(in, out, tally, execution);
-    counts_.clipped += tally.clipped;
-    counts_.nan += tally.nan;
+        convert_values(in, out, losses, execution);
+    counts_.clipped += losses.clipped;
+    counts_.nan += losses.nan;
 }
 
 std::vector<Remark> Convert::remarks() const {
@@ -386,7 +216,5 @@ std::vector<Remark> Convert::remarks() const {
             text(share_text(counts_.clipped, voxels), " clipped to [", to_low_, ",", to_high_, "]");
     return result;
 }
-
-#endif
 
 } // namespace vkt

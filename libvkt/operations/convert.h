@@ -69,7 +69,7 @@ private:
     double to_low_ = 0, to_high_ = 1;
     double scale_ = 1, factor_ = 1; ///< see LinearMap
     std::unique_ptr<Quantiles> quantiles_;
-    StoreCounts counts_;
+    Losses counts_;
     bool copies_ = false;
 };
 

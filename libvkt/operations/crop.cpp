@@ -9,8 +9,6 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 
-#if VKT_HOST
-
 #include <cmath>
 
 namespace vkt {
@@ -95,5 +93,3 @@ void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& 
 }
 
 } // namespace vkt
-
-#endif

@@ -1,6 +1,5 @@
 // Exact sums, products and quotients in 128 bits with a sticky rest.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/exact.h"
 
 #include <bit>
@@ -115,4 +114,3 @@ Int128 nearest_integer(ExactResult const& value) {
 }
 
 } // namespace vkt
-#endif

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "libvkt/core/types.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
 
 #include <cstdint>
 

@@ -4,27 +4,11 @@
 
 #include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/fill.h"
 
 #include <cmath>
 
 namespace vkt {
-
-VKT_KERNEL(fill_box, (AnyView out, VoxelBytes const& voxel, Execution const& execution), (out, voxel, execution))
-
-namespace VKT_BACKEND {
-
-void fill_box(AnyView out, VoxelBytes const& voxel, Execution const& execution) {
-    for_each_size(size_of(out.type), [&]<class U>(U) {
-        U bits;
-        std::memcpy(&bits, voxel.data(), sizeof bits);
-        fill(execution, out.box, out.as<U>(), bits);
-    });
-}
-
-} // namespace VKT_BACKEND
-
-#if VKT_HOST
 
 VKT_OPERATION(Fill, "fill")
 VKT_OPERATION(FillRange, "fill-range")
@@ -85,7 +69,5 @@ std::vector<Remark> Fill::remarks() const {
                                            : highest_of(type_);
     return {{text("the value ", value_, " does not fit ", type_, ": stored as ", held, " in ", count), true}};
 }
-
-#endif
 
 } // namespace vkt

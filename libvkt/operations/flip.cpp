@@ -4,21 +4,9 @@
 
 #include "libvkt/amr/edit.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/flip.h"
 
 namespace vkt {
-
-VKT_KERNEL(flip_box, (ConstView from, AnyView to, Axis axis, Execution const& execution), (from, to, axis, execution))
-
-namespace VKT_BACKEND {
-
-void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution) {
-    copy_box(execution, from, to, {axis == Axis::x, axis == Axis::y, axis == Axis::z});
-}
-
-} // namespace VKT_BACKEND
-
-#if VKT_HOST
 
 VKT_OPERATION(Flip, "flip")
 VKT_OPERATION(FlipRange, "flip-range")
@@ -95,7 +83,5 @@ void Flip::run(std::span<ConstView const> inputs, AnyView out, Execution const& 
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
     if (!inside.empty()) flip_box(inputs[0].part(mirrored(inside)), out.part(inside), axis_, execution);
 }
-
-#endif
 
 } // namespace vkt

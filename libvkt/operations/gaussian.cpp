@@ -4,18 +4,10 @@
 
 #include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/kernel.h"
 
 #include <cmath>
 
 namespace vkt {
-
-VKT_KERNEL(gaussian_run,
-           (GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
-            Execution const& execution),
-           (passes, planes, in, out, tally, execution))
-
-#if VKT_HOST
 
 namespace {
 
@@ -218,13 +210,11 @@ Box Gaussian::footprint(Box const& output, int) const {
 
 void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (copies_) return copy_region(inputs[0].part(out.box), out, execution);
-    Tally tally;
-    gaussian_run(passes_, planes_, inputs[0], out, tally, execution);
-    counts_.clipped += tally.clipped;
+    Losses losses;
+    gaussian_run(passes_, planes_, inputs[0], out, losses, execution);
+    counts_.clipped += losses.clipped;
 }
 
 std::vector<Remark> Gaussian::remarks() const { return store_remarks(counts_, planned_.voxels(), planned_.dtype); }
-
-#endif
 
 } // namespace vkt

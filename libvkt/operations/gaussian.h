@@ -4,7 +4,7 @@
 
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/gaussian_kernel.h"
+#include "libvkt/operations/kernels/gaussian.h"
 #include "libvkt/operations/remarks.h"
 
 namespace vkt {
@@ -68,7 +68,7 @@ private:
     bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
-    StoreCounts counts_;
+    Losses counts_;
     Header planned_; ///< output
 };
 

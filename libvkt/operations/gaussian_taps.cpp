@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/gaussian_taps.h"
 
-#if VKT_HOST
-
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -131,5 +129,3 @@ GaussianTaps gaussian_taps(double sigma, std::int64_t n, Boundary boundary, doub
 }
 
 } // namespace vkt
-
-#endif

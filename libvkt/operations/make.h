@@ -88,7 +88,7 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
-    StoreCounts counts_; ///< distances that did not fit
+    Losses counts_; ///< distances that did not fit
 };
 
 /// The test signal of Marschner and Lobb (Visualization 1994) on [-1, 1]^3, sampled at voxel centres, scaled to

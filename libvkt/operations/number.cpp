@@ -1,6 +1,5 @@
 // Whole numbers beside doubles.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/number.h"
 
 #include "libvkt/kernel/numeric.h"
@@ -72,4 +71,3 @@ bool fits(DataType type, Number const& number) {
 }
 
 } // namespace vkt
-#endif

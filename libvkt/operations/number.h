@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/parameters.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
 
 #include <array>
 #include <cstddef>

@@ -1,6 +1,5 @@
 // Selection by ordered patterns, 16 bits at a time.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/quantiles.h"
 
 #include "libvkt/core/error.h"
@@ -223,4 +222,3 @@ StoredValue Quantiles::percentile(std::size_t i) const {
 }
 
 } // namespace vkt
-#endif

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/view.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
 
 #include <cstdint>
 #include <vector>

@@ -1,6 +1,5 @@
 // Headers of volumes named by --like.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/reference_volume.h"
 
 #include "libvkt/core/error.h"
@@ -20,4 +19,3 @@ void ReferenceVolume::take(Source& opened) const {
 }
 
 } // namespace vkt
-#endif

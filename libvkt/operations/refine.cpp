@@ -1,6 +1,5 @@
 // Refine: physical values become stored ones; the work is libvkt/amr/refine.cpp.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/refine.h"
 
 #include "libvkt/core/text.h"
@@ -58,4 +57,3 @@ void Refine::run(std::span<ConstView const>, AnyView, Execution const&) {
 }
 
 } // namespace vkt
-#endif

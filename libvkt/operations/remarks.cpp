@@ -1,6 +1,5 @@
 // Wording of losses.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/remarks.h"
 
 #include <cstdio>
@@ -31,7 +30,7 @@ std::string share_text(std::int64_t part, std::int64_t whole) {
     return text(part, " of ", whole, " voxels (", digits, " %)");
 }
 
-std::vector<Remark> store_remarks(StoreCounts const& counts, std::int64_t voxels, DataType type) {
+std::vector<Remark> store_remarks(Losses const& counts, std::int64_t voxels, DataType type) {
     std::vector<Remark> result;
     if (counts.clipped > 0)
         result.push_back({text(share_text(counts.clipped, voxels),
@@ -42,4 +41,3 @@ std::vector<Remark> store_remarks(StoreCounts const& counts, std::int64_t voxels
 }
 
 } // namespace vkt
-#endif

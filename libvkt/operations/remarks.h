@@ -2,17 +2,13 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/losses.h"
 #include "libvkt/engine/operation.h"
 
 namespace vkt {
 
-/// Voxels that did not fit their type.
-struct StoreCounts {
-    std::int64_t clipped = 0, nan = 0;
-};
-
 /// "12034 of 16777216 voxels (0.07 %) clipped to [0,255]" and the like; nothing if nothing was lost.
-std::vector<Remark> store_remarks(StoreCounts const& counts, std::int64_t voxels, DataType type);
+std::vector<Remark> store_remarks(Losses const& counts, std::int64_t voxels, DataType type);
 /// "N of M voxels (P %)", with as many digits as tell it from zero.
 std::string share_text(std::int64_t part, std::int64_t whole);
 

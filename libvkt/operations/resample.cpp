@@ -1,30 +1,16 @@
 // Resample: what is asked for, which tables that needs, and which kernel does it.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/resample.h"
 
 #include "libvkt/core/frame.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/kernel/kernel.h"
-#include "libvkt/operations/resample_kernels.h"
+#include "libvkt/operations/kernels/convert.h"
+#include "libvkt/operations/kernels/resample.h"
 
 #include <cmath>
 
 namespace vkt {
-
-VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
-               (in, out, tally, execution))
-VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
-           (in, out, sum, execution))
-VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution),
-           (in, out, factors, execution))
-VKT_KERNEL(resample_whole, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
-           (in, out, sum, execution))
-VKT_KERNEL(resample_weighted,
-           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
-            Execution const& execution),
-           (in, out, sum, scratch, tally, execution))
 
 VKT_OPERATION(Resample, "resample")
 
@@ -510,10 +496,10 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (from_tree_) return run_tree(out, execution);
     ConstView const in = inputs.front();
     if (onto_) {
-        Tally tally;
-        onto_->run(in, out, tally, execution);
-        counts_.clipped += tally.clipped;
-        counts_.nan += tally.nan;
+        Losses losses;
+        onto_->run(in, out, losses, execution);
+        counts_.clipped += losses.clipped;
+        counts_.nan += losses.nan;
         return;
     }
     if (algorithm_ == Algorithm::copy) return copy_region(in.part(out.box), out, execution);
@@ -521,13 +507,13 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
         Index3 const factors{tables_[0].halving(), tables_[1].halving(), tables_[2].halving()};
         return resample_halved(in, out, factors, execution);
     }
-    Tally tally;
+    Losses losses;
     auto const count = [&] {
-        counts_.clipped += tally.clipped;
-        counts_.nan += tally.nan;
+        counts_.clipped += losses.clipped;
+        counts_.nan += losses.nan;
     };
     if (algorithm_ == Algorithm::convert) {
-        convert_values(in.part(out.box), out, tally, execution);
+        convert_values(in.part(out.box), out, losses, execution);
         return count();
     }
     WeightedSum sum = weighted_sum(tables_, in.type, execution.space());
@@ -536,7 +522,7 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (algorithm_ == Algorithm::whole) return resample_whole(in, out, sum, execution);
     sum.scale = scale_value_;
     sum.offset = offset_value_;
-    resample_weighted(in, out, sum, scratch_, tally, execution);
+    resample_weighted(in, out, sum, scratch_, losses, execution);
     count();
 }
 
@@ -550,4 +536,3 @@ std::vector<Remark> Resample::remarks() const {
 }
 
 } // namespace vkt
-#endif

@@ -92,7 +92,7 @@ private:
     Algorithm algorithm_ = Algorithm::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values
     double border_ = 0;                         ///< stored input value
-    StoreCounts counts_;
+    Losses counts_;
     DataType out_type_ = DataType::uint8;
     Buffer scratch_; ///< device: sums in double before they change type
 

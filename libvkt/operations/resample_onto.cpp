@@ -1,34 +1,16 @@
 // Resampling onto another volume's grid.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/resample_onto.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
-#include "libvkt/operations/resample_kernels.h"
+#include "libvkt/operations/kernels/affine.h"
+#include "libvkt/operations/kernels/convert.h"
+#include "libvkt/operations/kernels/resample.h"
 
 #include <cmath>
 
 namespace vkt {
-
-VKT_CPU_KERNEL(convert_values, (ConstView in, AnyView out, Tally& tally, Execution const& execution),
-               (in, out, tally, execution))
-VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
-           (in, out, sum, execution))
-VKT_KERNEL(resample_weighted,
-           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
-            Execution const& execution),
-           (in, out, sum, scratch, tally, execution))
-VKT_CPU_KERNEL(affine_sample,
-               (ConstView in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
-                Execution const& execution),
-               (in, out, rule, tally, outside, execution))
-VKT_CPU_KERNEL(affine_nearest,
-               (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
-                Execution const& execution),
-               (in, out, rule, outside, execution))
-VKT_CPU_KERNEL(permute_axes, (ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution),
-               (in, out, axes, execution))
 
 namespace {
 
@@ -279,11 +261,11 @@ Box Onto::turned_footprint(Box const& output) const {
     return result;
 }
 
-void Onto::run(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+void Onto::run(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
     if (out.box.empty()) return;
-    if (placement_.aligned) return run_aligned(in, out, tally, execution);
+    if (placement_.aligned) return run_aligned(in, out, losses, execution);
     if (algorithm_ == Algorithm::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
-    affine_sample(in, out, sampling_, tally, outside_, execution);
+    affine_sample(in, out, sampling_, losses, outside_, execution);
 }
 
 ConstView Onto::with_axes_in_order(ConstView in, Execution const& execution) {
@@ -299,7 +281,7 @@ ConstView Onto::with_axes_in_order(ConstView in, Execution const& execution) {
     return ordered;
 }
 
-void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const& execution) {
+void Onto::run_aligned(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
     Box part = intersect(out.box, inner_);
     if (part.empty()) part = {};
     if (!(part == out.box)) {
@@ -309,7 +291,7 @@ void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const&
                     beyond, execution);
         std::int64_t const voxels = out.box.voxels() - part.voxels();
         bool const fits = !is_integer(out.type) || (beyond >= lowest_of(out.type) && beyond <= highest_of(out.type));
-        if (!fits) tally.clipped += voxels;
+        if (!fits) losses.clipped += voxels;
         if (!boundary_) outside_ += voxels;
     }
     if (part.empty()) return;
@@ -318,15 +300,14 @@ void Onto::run_aligned(ConstView in, AnyView out, Tally& tally, Execution const&
     if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert) {
         ConstView const same = from.moved_to(part.lower); // its footprint is the part, elsewhere
         if (algorithm_ == Algorithm::copy) return copy_region(same, to, execution);
-        return convert_values(same, to, tally, execution);
+        return convert_values(same, to, losses, execution);
     }
     WeightedSum sum = weighted_sum(tables_, in.type, Space::host);
     if (algorithm_ == Algorithm::nearest) return resample_nearest(from, to, sum, execution);
     sum.border = values_.border;
     sum.scale = values_.scale;
     sum.offset = values_.offset;
-    resample_weighted(from, to, sum, scratch_, tally, execution);
+    resample_weighted(from, to, sum, scratch_, losses, execution);
 }
 
 } // namespace vkt
-#endif

@@ -5,7 +5,7 @@
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/error_bound.h"
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/affine_sample.h"
+#include "libvkt/operations/kernels/affine.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_weights.h"
 
@@ -58,7 +58,7 @@ public:
     /// Method, error, cost, state, shift and order of access.
     void describe(Plan& plan) const;
     Box footprint(Box const& output) const;
-    void run(ConstView in, AnyView out, Tally& tally, Execution const& execution);
+    void run(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     /// Voxels of what was computed that became background.
     std::int64_t outside() const { return outside_; }
 
@@ -70,7 +70,7 @@ private:
     void plan_turned();
     Kernel kernel_for(double scale) const;
     Box turned_footprint(Box const& output) const;
-    void run_aligned(ConstView in, AnyView out, Tally& tally, Execution const& execution);
+    void run_aligned(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     ConstView with_axes_in_order(ConstView in, Execution const& execution);
 
     Placement placement_;

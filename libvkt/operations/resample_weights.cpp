@@ -1,11 +1,10 @@
 // Building the tables of a resampling.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/resample_weights.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
 
 #include <algorithm>
 #include <cmath>
@@ -292,4 +291,3 @@ bool WeightTable::ascends() const {
 }
 
 } // namespace vkt
-#endif

@@ -1,9 +1,8 @@
 // Rows as numbers.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/row_values.h"
 
-#include "libvkt/operations/rows.h"
+#include "libvkt/kernel/rows.h"
 
 namespace vkt {
 
@@ -12,4 +11,3 @@ void read_row(ConstView view, std::int64_t y, std::int64_t z, double* to) {
 }
 
 } // namespace vkt
-#endif

@@ -1,6 +1,5 @@
 // Header edits.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/set_header.h"
 
 #include "libvkt/amr/tree.h"
@@ -192,4 +191,3 @@ void DeclareStructured::run(std::span<ConstView const>, AnyView out, Execution c
 }
 
 } // namespace vkt
-#endif

@@ -1,20 +1,15 @@
 // Statistics: bands of rows merged in order, and what follows from the sums.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/statistics.h"
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/amr/reconstruct.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/statistics.h"
 
 #include <cmath>
 #include <limits>
 
 namespace vkt {
-
-VKT_CPU_KERNEL(band_statistics,
-               (ConstView slab, MeanOrigin const& origin, BandStatistics* bands, Execution const& execution),
-               (slab, origin, bands, execution))
 
 namespace {
 
@@ -382,4 +377,3 @@ Report report(StatisticsResult const& r) {
 }
 
 } // namespace vkt
-#endif

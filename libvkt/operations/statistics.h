@@ -4,7 +4,7 @@
 
 #include "libvkt/core/report.h"
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
 
 #include <algorithm>
 #include <map>

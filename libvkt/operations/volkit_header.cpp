@@ -1,6 +1,5 @@
 // Checks and meanings of header options.
 // SPDX-License-Identifier: MIT
-#if VKT_HOST
 #include "libvkt/operations/volkit_header.h"
 
 #include <cmath>
@@ -55,4 +54,3 @@ void check_dims(Index3 dims, DataType type, std::string_view option) {
 }
 
 } // namespace vkt
-#endif

@@ -200,12 +200,12 @@ TEST(Drivers, RoundedMapsCountWhatIsLost) {
     std::int64_t expected = 0;
     for (float v : in) expected += v > 255 ? 1 : 0;
     std::vector<std::uint8_t> out(in.size());
-    Tally tally;
+    Losses losses;
     baseline::map_rounded(
-        execution, box, View<std::uint8_t>{out.data(), {}, 500, 15000}, tally, [](float v) { return v; },
+        execution, box, View<std::uint8_t>{out.data(), {}, 500, 15000}, losses, [](float v) { return v; },
         View<float const>{in.data(), {}, 500, 15000});
-    EXPECT_EQ(tally.nan, 77);
-    EXPECT_EQ(tally.clipped, expected);
+    EXPECT_EQ(losses.nan, 77);
+    EXPECT_EQ(losses.clipped, expected);
     EXPECT_EQ(out[290], 255);
     EXPECT_EQ(out[1000], 0);
     EXPECT_EQ(out[1001], in[1001]);

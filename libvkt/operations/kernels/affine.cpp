@@ -1,9 +1,9 @@
 // Affine sampling: rows of output, in vectors where all that is looked at lies inside, voxel by voxel at the faces.
 // SPDX-License-Identifier: MIT
 #ifndef __CUDACC__
-#include "libvkt/operations/affine_sample.h"
+#include "libvkt/operations/kernels/affine.h"
 
-#include "libvkt/operations/rows.h"
+#include "libvkt/kernel/rows.h"
 
 #include <cmath>
 
@@ -247,7 +247,7 @@ void join_mean(double const* sample, double* to, std::int64_t n, std::int64_t co
 }
 
 template <class T, class Kernel>
-void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
+void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
                 Execution const& execution) {
     Index3 const k = rule.samples;
     auto const aside = [](std::int64_t i, std::int64_t n) {
@@ -255,7 +255,7 @@ void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule
     };
     for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
         alignas(64) double values[row_piece], sample[row_piece];
-        Tally mine;
+        Losses mine;
         std::int64_t beyond = 0;
         for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
             XRange const piece{x, std::min(x + row_piece, x0 + length)};
@@ -283,7 +283,7 @@ void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule
             }
             mine += store_row(out.type, static_cast<double const*>(values), out.at(x, y, z), n);
         }
-        driver::add(tally, mine);
+        driver::add(losses, mine);
         if (beyond == 0) return;
 #pragma omp atomic
         outside += beyond;
@@ -319,17 +319,17 @@ void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, 
 
 } // namespace
 
-void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Tally& tally, std::int64_t& outside,
+void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
                    Execution const& execution) {
     for_each_type(in.type, [&]<class T>(T) {
         View<T const> const from = in.as<T>();
         switch (rule.interpolant) {
         case Interpolant::nearest:
-            return sample_box<T, Nearest>(from, out, rule, tally, outside, execution);
+            return sample_box<T, Nearest>(from, out, rule, losses, outside, execution);
         case Interpolant::linear:
-            return sample_box<T, Linear>(from, out, rule, tally, outside, execution);
+            return sample_box<T, Linear>(from, out, rule, losses, outside, execution);
         case Interpolant::cubic:
-            return sample_box<T, Cubic>(from, out, rule, tally, outside, execution);
+            return sample_box<T, Cubic>(from, out, rule, losses, outside, execution);
         }
     });
 }

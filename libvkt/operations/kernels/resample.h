@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/view.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/resample_weights.h"
 
 #include <array>
@@ -34,5 +35,16 @@ inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataTy
     sum.x_identity = tables[0].kernel() == Kernel::identity;
     return sum;
 }
+
+VKT_KERNEL(resample_nearest, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
+           (in, out, sum, execution))
+VKT_KERNEL(resample_halved, (ConstView in, AnyView out, Index3 factors, Execution const& execution),
+           (in, out, factors, execution))
+VKT_KERNEL(resample_whole, (ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution),
+           (in, out, sum, execution))
+VKT_KERNEL(resample_weighted,
+           (ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
+            Execution const& execution),
+           (in, out, sum, scratch, losses, execution))
 
 } // namespace vkt

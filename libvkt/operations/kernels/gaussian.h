@@ -5,6 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/types.h"
 #include "libvkt/core/view.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/gaussian_taps.h"
 
 #include <array>
@@ -53,5 +54,10 @@ struct GaussianPlanes {
 
 /// Input region that an output region needs: grown by the radius and cut to the volume. Only slices wrap outside.
 Box gaussian_input(GaussianPasses const& passes, Box const& output);
+
+VKT_KERNEL(gaussian_run,
+           (GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
+            Execution const& execution),
+           (passes, planes, in, out, losses, execution))
 
 } // namespace vkt

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "libvkt/kernel/kernel.h"
-#include "libvkt/operations/gaussian_kernel.h"
+#include "libvkt/operations/kernels/gaussian.h"
 
 #include <cuda_runtime.h>
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #ifndef VKT_BACKEND_cuda // rays hold lists that grow: a GPU needs another loop around the same march
 
-#include "libvkt/render/backend/pixels.h"
+#include "libvkt/render/kernels/pixels.h"
 #include "libvkt/render/inner/tree_march.h"
 
 namespace vkt::render::VKT_BACKEND {

@@ -1,19 +1,16 @@
 // Gaussian, CPU: out of a ring of input slices along z, then each slice along y and x, a row at a time.
 // SPDX-License-Identifier: MIT
 
+#include "libvkt/operations/kernels/gaussian.h"
 #include "libvkt/kernel/kernel.h"
-#include "libvkt/operations/gaussian_kernel.h"
 
 #ifdef __CUDACC__
-#include "libvkt/operations/gaussian_device.h"
+#include "libvkt/operations/kernels/gaussian_device.h"
 #else
 #include "libvkt/kernel/lanes.h"
 #endif
 
 namespace vkt::VKT_BACKEND {
-
-void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
-                  Execution const& execution);
 
 #ifndef __CUDACC__
 namespace {
@@ -240,7 +237,7 @@ public:
         }
     }
 
-    Tally const& tally() const { return tally_; }
+    Losses const& losses() const { return tally_; }
 
 private:
     C* plane_row(std::int64_t y, std::int64_t plane) const {
@@ -272,11 +269,11 @@ private:
     C *planes_, *taken_, *along_y_, *result_, *border_;
     C const **slices_, **rows_, **shifted_;
     TapView<C> taps_[3];
-    Tally tally_;
+    Losses tally_;
 };
 
 template <class T, class C>
-void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
+void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
          Execution const& execution) {
     using R = Stored<T, C>;
     int const threads = threads_for(execution, out.box.voxels());
@@ -317,7 +314,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
             }
         }
         if (stream) stream_fence();
-        driver::add(tally, worker.tally());
+        driver::add(losses, worker.losses());
 #pragma omp single
         held = have;
     }
@@ -331,23 +328,23 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 namespace {
 
 template <class T, class C>
-void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally&, Execution const&) {
+void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses&, Execution const&) {
     gaussian::Launcher<T, C>(passes, planes, in, out).run();
 }
 
 } // namespace
 #endif
 
-void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Tally& tally,
+void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
                   Execution const& execution) {
     if (out.box.empty()) return;
     for_each_type(out.type, [&]<class T>(T) {
         if constexpr (std::is_same_v<compute_t<T>, double>)
-            run<T, double>(passes, planes, in, out, tally, execution);
+            run<T, double>(passes, planes, in, out, losses, execution);
         else if (passes.wide)
-            run<T, double>(passes, planes, in, out, tally, execution);
+            run<T, double>(passes, planes, in, out, losses, execution);
         else
-            run<T, float>(passes, planes, in, out, tally, execution);
+            run<T, float>(passes, planes, in, out, losses, execution);
     });
 }
 

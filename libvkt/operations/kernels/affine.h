@@ -46,4 +46,15 @@ inline constexpr double face_slack = 1e-6;
 VKT_HD double first_position() { return -0.5 - face_slack; }
 VKT_HD double end_position(std::int64_t n) { return static_cast<double>(n) - 0.5 - face_slack; }
 
+VKT_CPU_KERNEL(affine_sample,
+               (ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+                Execution const& execution),
+               (in, out, rule, losses, outside, execution))
+VKT_CPU_KERNEL(affine_nearest,
+               (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
+                Execution const& execution),
+               (in, out, rule, outside, execution))
+VKT_CPU_KERNEL(permute_axes, (ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution),
+               (in, out, axes, execution))
+
 } // namespace vkt

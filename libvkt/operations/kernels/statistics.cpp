@@ -1,7 +1,7 @@
 // Statistics of bands of rows: 16 lanes on every back end, whatever its registers hold.
 // SPDX-License-Identifier: MIT
 #ifndef __CUDACC__
-#include "libvkt/operations/statistics.h"
+#include "libvkt/operations/kernels/statistics.h"
 
 #include "libvkt/kernel/kernel.h"
 

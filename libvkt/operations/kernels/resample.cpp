@@ -1,9 +1,9 @@
 // Resampling kernels: one pass over rows on the CPU, one thread per voxel on the GPU, the same sums in the same order.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/resample_kernels.h"
+#include "libvkt/operations/kernels/resample.h"
 
-#include "libvkt/operations/rows.h"
-#include "libvkt/operations/wide.h"
+#include "libvkt/core/wide.h"
+#include "libvkt/kernel/rows.h"
 
 #include <vector>
 
@@ -152,25 +152,25 @@ void weighted_to_double(View<T const> in, View<double> out, Box const& box, Weig
     gather(execution, box, out, WeightedAt<T>{in, sum});
 }
 template <class T>
-void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Tally& tally,
+void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Losses& losses,
                         Execution const& execution) {
-    gather_rounded(execution, box, out, tally, WeightedAt<T>{in, sum});
+    gather_rounded(execution, box, out, losses, WeightedAt<T>{in, sum});
 }
 template <class U>
-void store_doubles(View<double const> in, View<U> out, Box const& box, Tally& tally, Execution const& execution) {
+void store_doubles(View<double const> in, View<U> out, Box const& box, Losses& losses, Execution const& execution) {
     map_rounded(
-        execution, box, out, tally, [=] VKT_DEVICE(double v) { return v; }, in);
+        execution, box, out, losses, [=] VKT_DEVICE(double v) { return v; }, in);
 }
 
 template <class T>
-void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
               Execution const& execution) {
-    if (in.type == out.type) return weighted_same_type(in.as<T>(), out.as<T>(), out.box, sum, tally, execution);
+    if (in.type == out.type) return weighted_same_type(in.as<T>(), out.as<T>(), out.box, sum, losses, execution);
     scratch.reserve(static_cast<std::size_t>(out.box.voxels()) * sizeof(double));
     AnyView const wide = dense_view(scratch.write(Space::device), DataType::float64, out.box, Space::device);
     weighted_to_double<T>(in.as<T>(), wide.as<double>(), out.box, sum, execution);
     for_each_type(out.type, [&]<class U>(U) {
-        store_doubles<U>(ConstView(wide).as<double>(), out.as<U>(), out.box, tally, execution);
+        store_doubles<U>(ConstView(wide).as<double>(), out.as<U>(), out.box, losses, execution);
     });
 }
 
@@ -346,7 +346,8 @@ std::int64_t piece_length(ConstView in, Box const& box) {
 }
 
 template <class T>
-void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tally& tally, Execution const& execution) {
+void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Losses& losses,
+              Execution const& execution) {
     View<T const> const in = from.as<T>();
     Box const box = out.box;
     std::int64_t const length = piece_length(from, box);
@@ -368,7 +369,7 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Tall
             std::int64_t const n = x1 - x0;
             if (sum.reaches_border()) add_border(sum, x0, n, y, z, values);
             scale_row<T>(values, n, sum.divisor * sum.unit, sum.scale, sum.offset);
-            driver::add(tally, store_row(out.type, static_cast<double const*>(values), out.at(x0, y, z), n));
+            driver::add(losses, store_row(out.type, static_cast<double const*>(values), out.at(x0, y, z), n));
         };
     });
 }
@@ -426,9 +427,9 @@ void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution
     whole<std::uint64_t>(in, out, sum, execution);
 }
 
-void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Tally& tally,
+void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
                        Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, tally, execution); });
+    for_each_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, losses, execution); });
 }
 
 } // namespace VKT_BACKEND

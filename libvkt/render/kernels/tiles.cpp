@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/tiles.h"
 
-#include "libvkt/render/backend/pixels.h"
+#include "libvkt/render/kernels/pixels.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/scatter.h"

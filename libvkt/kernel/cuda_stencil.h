@@ -1,0 +1,102 @@
+// stencil on a GPU: a block's voxels and their neighbours in shared memory.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/cuda_map.h"
+
+namespace vkt::VKT_BACKEND {
+
+/// The neighbours of one voxel.
+template <class C> class Window {
+public:
+    using Value = C;
+    __device__ __forceinline__ Window(C const* centre, int row, int slice)
+        : centre_(centre), row_(row), slice_(slice) {}
+    __device__ __forceinline__ C operator()(int dx, int dy, int dz) const {
+        return centre_[dx + dy * row_ + dz * slice_];
+    }
+
+private:
+    C const* centre_;
+    int row_, slice_;
+};
+
+namespace driver {
+
+inline constexpr int tile_x = 32, tile_y = 8;
+
+struct Tiles {
+    int deep, across, along; ///< slices a block; blocks in x and y
+    int rx, ry, rz;
+};
+
+template <class C, class F>
+__global__ void __launch_bounds__(tile_x* tile_y)
+    stencil_any(DeviceRows in, DeviceRows out, Index3 dims, Tiles tiles, F f, unsigned long long* totals) {
+    extern __shared__ __align__(16) unsigned char memory[];
+    C* const values = reinterpret_cast<C*>(memory);
+    int const wide = tile_x + 2 * tiles.rx, high = tile_y + 2 * tiles.ry, slice = wide * high;
+    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % tiles.across) * tile_x;
+    std::int64_t const y0 = static_cast<std::int64_t>(blockIdx.x / tiles.across % tiles.along) * tile_y;
+    std::int64_t const z0 = static_cast<std::int64_t>(blockIdx.x / tiles.across / tiles.along) * tiles.deep;
+    int const thread = static_cast<int>(threadIdx.y * tile_x + threadIdx.x);
+    int const deep = static_cast<int>(dims.z - z0 < tiles.deep ? dims.z - z0 : tiles.deep);
+    for (int i = thread; i < slice * (deep + 2 * tiles.rz); i += tile_x * tile_y) {
+        int const k = i / slice, j = i % slice / wide, x = i % wide;
+        // The last blocks reach beyond: neighbours that no voxel of theirs has need not be read.
+        std::int64_t const gx = x0 + x - tiles.rx, gy = y0 + j - tiles.ry;
+        if (gx < dims.x + tiles.rx && gy < dims.y + tiles.ry)
+            values[i] = load_value<C>(in.type, in.at(gx, gy, z0 + k - tiles.rz));
+    }
+    __syncthreads();
+    LossCounts counts;
+    std::int64_t const x = x0 + threadIdx.x, y = y0 + threadIdx.y;
+    if (x < dims.x && y < dims.y)
+        for (int k = 0; k < deep; ++k) {
+            C const* const centre = values + (k + tiles.rz) * slice +
+                                    (static_cast<int>(threadIdx.y) + tiles.ry) * wide + static_cast<int>(threadIdx.x) +
+                                    tiles.rx;
+            store_value(out.type, out.at(x, y, z0 + k), f(Window<C>(centre, wide, slice)), counts);
+        }
+    add_counts(counts, totals);
+}
+
+} // namespace driver
+
+template <class C, class F>
+void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
+    if (out.box.empty()) return;
+    Index3 const n = out.dims();
+    std::int64_t const plane =
+        (driver::tile_x + 2 * radius.x) * (driver::tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
+    constexpr std::int64_t shared = 200 << 10, comfortable = 48 << 10;
+    std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : shared;
+    std::int64_t const deep = std::min<std::int64_t>(8, room / plane - 2 * radius.z);
+    if (deep < 1)
+        throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",
+                    "use --device cpu");
+    driver::Tiles const tiles{static_cast<int>(deep),
+                              static_cast<int>((n.x + driver::tile_x - 1) / driver::tile_x),
+                              static_cast<int>((n.y + driver::tile_y - 1) / driver::tile_y),
+                              static_cast<int>(radius.x),
+                              static_cast<int>(radius.y),
+                              static_cast<int>(radius.z)};
+    std::int64_t const blocks = static_cast<std::int64_t>(tiles.across) * tiles.along * ((n.z + deep - 1) / deep);
+    if (blocks > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    auto const bytes = static_cast<int>(plane * (deep + 2 * radius.z));
+    if (bytes > comfortable &&
+        cudaFuncSetAttribute(driver::stencil_any<C, F>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes) !=
+            cudaSuccess) {
+        (void)cudaGetLastError();
+        throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",
+                    "use --device cpu");
+    }
+    driver::DeviceLosses const counts;
+    driver::stencil_any<C><<<static_cast<unsigned>(blocks), dim3(driver::tile_x, driver::tile_y), bytes>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n, tiles, f, counts.get());
+    check_launch("stencil");
+    counts.add_to(losses);
+}
+
+} // namespace vkt::VKT_BACKEND

@@ -1,0 +1,15 @@
+// Mirrored copies.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/flip.h"
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+
+void flip_box(ConstView from, AnyView to, Axis axis, Execution const& execution) {
+    copy_box(execution, from, to, {axis == Axis::x, axis == Axis::y, axis == Axis::z});
+}
+
+} // namespace VKT_BACKEND
+
+} // namespace vkt

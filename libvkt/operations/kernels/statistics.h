@@ -1,0 +1,16 @@
+// Statistics of bands of rows.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/statistics.h"
+
+namespace vkt {
+
+/// One band of rows after the other, as BandStatistics cuts them.
+
+VKT_CPU_KERNEL(band_statistics,
+               (ConstView slab, MeanOrigin const& origin, BandStatistics* bands, Execution const& execution),
+               (slab, origin, bands, execution))
+
+} // namespace vkt
