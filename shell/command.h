@@ -4,6 +4,7 @@
 
 #include "libvkt/core/execution.h"
 #include "libvkt/core/parameters.h"
+#include "libvkt/core/texts.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
@@ -17,18 +18,6 @@
 #include <vector>
 
 namespace vkt::shell {
-
-/// A command line that help shows first and tests execute, where there are volume.nrrd and engine_8x8x8_uint8.raw.
-struct Example {
-    std::string what;
-    std::string line;
-};
-
-struct Texts {
-    std::string summary;     ///< one sentence, capital first, full stop last
-    std::string description; ///< paragraphs for help; may be empty
-    std::vector<Example> examples;
-};
 
 /// What a command's body may use besides its parameters and inputs.
 class Context {
@@ -123,6 +112,13 @@ inline Command operation_command(std::string name, Texts texts) {
     c.operation = [name = std::move(name)] { return make_operation(name); };
     return c;
 }
+/// The same with the operation's own texts.
+inline Command operation_command(std::string name) {
+    Texts texts = make_operation(name)->texts();
+    return operation_command(std::move(name), std::move(texts));
+}
+/// All operations that are registered under names of two words that begin with this one, by their second.
+std::vector<NamedCommand> methods_of(std::string_view name);
 template <class T> Command consumer_command(Texts texts) {
     Command c;
     c.texts = std::move(texts);

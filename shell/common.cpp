@@ -32,6 +32,8 @@ void Common::declare(Parameters& p, CommonKind kind) {
         p.option("transport", transport, "T", "how voxels travel to the next stage: pipe or shm (VKT_TRANSPORT)")
             .not_in_history();
     }
+    if (kind.report_file)
+        p.option("report", report_file, "FILE", "write what was found to this file, as JSON").not_in_history();
     if (kind.input) ReadRequest::declare_trust(p, trust_paths);
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
     ExecutionOptions::declare(p);

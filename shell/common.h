@@ -23,6 +23,7 @@ struct CommonKind {
     bool volume_output = false; ///< writes volumes: -o, --force, --format, --no-checksum
     bool file_output = false;   ///< writes its own file: -o, --force
     bool report = false;        ///< --json
+    bool report_file = false;   ///< --report FILE
     bool input = false;         ///< reads volumes: --trust-paths
 };
 
@@ -32,6 +33,7 @@ struct Common : ExecutionOptions {
     bool trust_paths = false;
     bool force = false, no_checksum = false, no_history = false, compress = false;
     std::string output = "-";
+    std::string report_file; ///< where the operation's report goes; empty: nowhere
     std::string format;
     bool help = false, examples = false;
 

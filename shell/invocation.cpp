@@ -42,6 +42,19 @@ std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
 
 } // namespace
 
+std::vector<NamedCommand> methods_of(std::string_view name) {
+    std::vector<NamedCommand> result;
+    std::string const prefix = std::string(name) + " ";
+    for (RegisteredOperation const& entry : operations()) {
+        if (!entry.name.starts_with(prefix)) continue;
+        std::string const full(entry.name);
+        result.push_back({full.substr(prefix.size()), operation_command(full)});
+    }
+    std::sort(result.begin(), result.end(),
+              [](NamedCommand const& a, NamedCommand const& b) { return a.name < b.name; });
+    return result;
+}
+
 Verb find_verb(std::vector<std::string> const& words) {
     if (words.empty()) throw Error(ErrorKind::usage, "missing command", "'vkt help' lists the commands");
     Verb verb{words.front(), lookup(commands(), words.front()), {words.begin() + 1, words.end()}};
@@ -64,6 +77,7 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
         inputs = operation_->inputs();
         inputs_are_parameters_ = !operation_->input_names().empty();
         kind.volume_output = true;
+        kind.report_file = operation_->reports();
         kind.input = inputs > 0 || operation_->like() != nullptr;
     } else if (c.consumer) {
         consumer_ = c.consumer();

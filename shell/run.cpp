@@ -236,6 +236,16 @@ StageInfo Runner::stage_info(Invocation const& stage) {
         log_.note(name, message);
         if (lossy && strict) lossy_ = message;
     };
+    if (!stage.common().report_file.empty()) {
+        auto const collected = std::make_shared<std::vector<Report>>();
+        info.on_report = [&stage, collected](Report const& report) {
+            collected->push_back(report);
+            OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
+            std::string const text = Report::json(*collected);
+            file.write(text.data(), text.size());
+            file.commit();
+        };
+    }
     info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) {
         print_plan(stage, plan, inputs);
     };

@@ -61,12 +61,55 @@ Report& Report::add_number(std::string name, std::string const& digits) {
     return *this;
 }
 
+Report& Report::add(std::string name, std::vector<Report> rows) {
+    fields_.push_back({std::move(name), "", "", std::move(rows)});
+    if (fields_.back().rows.empty()) fields_.back() = {fields_.back().name, "none", "[]"};
+    return *this;
+}
+
+Report& Report::add(std::string name, std::vector<double> const& values) {
+    std::string text, json;
+    for (double const v : values) {
+        text += (text.empty() ? "" : " ") + to_text(v);
+        json += (json.empty() ? "" : ", ") + (std::isfinite(v) ? to_text(v) : std::string("null"));
+    }
+    fields_.push_back({std::move(name), text, "[" + json + "]"});
+    return *this;
+}
+
+std::string Report::table(std::vector<Report> const& rows) {
+    std::vector<std::vector<std::string>> lines(1);
+    for (Field const& field : rows.front().fields_) lines.front().push_back(printable(field.name));
+    for (Report const& row : rows) {
+        lines.emplace_back();
+        for (Field const& field : row.fields_) lines.back().push_back(printable(field.text));
+    }
+    std::vector<std::size_t> widths;
+    for (auto const& line : lines) {
+        widths.resize(std::max(widths.size(), line.size()));
+        for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], line[i].size());
+    }
+    std::string result;
+    for (auto const& line : lines) {
+        for (std::size_t i = 0; i < line.size(); ++i) {
+            result += line[i];
+            if (i + 1 < line.size()) result.append(widths[i] + 2 - line[i].size(), ' ');
+        }
+        result += '\n';
+    }
+    return result;
+}
+
 std::string Report::text() const {
     std::size_t width = 0;
     for (auto const& field : fields_) width = std::max(width, printable(field.name).size());
     std::string result;
     for (auto const& field : fields_) {
         std::string const name = printable(field.name);
+        if (!field.rows.empty()) {
+            result += table(field.rows);
+            continue;
+        }
         result += name;
         result.append(width + 2 - name.size(), ' ');
         result += printable(field.text);
@@ -78,8 +121,13 @@ std::string Report::text() const {
 std::string Report::json(int indent) const {
     std::string const margin(static_cast<std::size_t>(indent), ' ');
     std::string result = "{";
-    for (std::size_t i = 0; i < fields_.size(); ++i)
-        result += vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(fields_[i].name), ": ", fields_[i].json);
+    for (std::size_t i = 0; i < fields_.size(); ++i) {
+        std::string value = fields_[i].json;
+        for (Report const& row : fields_[i].rows)
+            value += vkt::text(value.empty() ? "[\n" : ",\n", margin, "    ", row.json(indent + 4));
+        if (!fields_[i].rows.empty()) value += vkt::text("\n", margin, "  ]");
+        result += vkt::text(i == 0 ? "\n" : ",\n", margin, "  ", json_string(fields_[i].name), ": ", value);
+    }
     return result += vkt::text("\n", margin, "}");
 }
 

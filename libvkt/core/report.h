@@ -23,6 +23,10 @@ public:
     Report& add(std::string name, char const* value) { return add(std::move(name), std::string_view(value)); }
     Report& add(std::string name, Index3 value);
     Report& add(std::string name, Vec3 value);
+    /// A table: reports of the same fields.
+    Report& add(std::string name, std::vector<Report> rows);
+    /// A list of numbers.
+    Report& add(std::string name, std::vector<double> const& values);
     /// A number given as its decimal text ("nan" and "inf" are null in JSON).
     Report& add_number(std::string name, std::string const& digits);
 
@@ -32,10 +36,13 @@ public:
     /// One report as it is, several as a list.
     static std::string text(std::vector<Report> const& reports);
     static std::string json(std::vector<Report> const& reports);
+    /// Reports of the same fields as columns under a line of names.
+    static std::string table(std::vector<Report> const& rows);
 
 private:
     struct Field {
         std::string name, text, json;
+        std::vector<Report> rows{}; ///< of a table, instead of text and json
     };
     std::vector<Field> fields_;
 };

@@ -137,8 +137,30 @@ void PieceOrder::advance(Box const& piece) {
     z_ = y_ == 0 ? piece.upper.z : piece.lower.z;
 }
 
+namespace {
+
+/// All at once, or not at all.
+WorkPlan whole_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
+                    std::vector<bool> const& lent, Execution const& execution) {
+    WorkPlan work;
+    work.cut = {plan.output.dims.z, plan.output.dims.y};
+    work.bands = true; // the result is kept
+    work.bytes = plan.state_bytes + operation.fit(plan.output.dims, execution);
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        work.window.push_back(inputs[i].bytes());
+        if (i >= lent.size() || !lent[i]) work.bytes += inputs[i].bytes();
+    }
+    double const needed = static_cast<double>(work.bytes) + static_cast<double>(plan.output.bytes());
+    if (needed > static_cast<double>(budget(execution)))
+        beyond(text(operation.name(), ", which works on whole volumes,"), needed, execution);
+    return work;
+}
+
+} // namespace
+
 WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
                    std::vector<bool> const& lent, std::size_t spooled, Execution const& execution) {
+    if (plan.whole) return whole_plan(operation, plan, inputs, lent, execution);
     std::size_t const limit = budget(execution) / (spooled > 0 ? 4 : 2);
     Sizes const sizes(operation, plan, inputs, lent, execution);
     Index3 const n = plan.output.dims;

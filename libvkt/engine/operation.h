@@ -6,6 +6,8 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/header.h"
 #include "libvkt/core/parameters.h"
+#include "libvkt/core/report.h"
+#include "libvkt/core/texts.h"
 #include "libvkt/core/view.h"
 #include "libvkt/engine/error_bound.h"
 #include "libvkt/engine/source.h"
@@ -31,9 +33,12 @@ enum class Shape : std::uint8_t {
 
 /// All that is known before any voxel moves.
 struct Plan {
-    Header output;                       ///< ignored for reductions
-    Access access = Access::forward;     ///< random: ascending output slabs need input slabs in another order
-    bool scans = false;                  ///< wants scan() over the whole input before the first run()
+    Header output;                   ///< ignored for reductions
+    Access access = Access::forward; ///< random: ascending output slabs need input slabs in another order
+    bool scans = false;              ///< wants scan() over the whole input before the first run()
+    /// run() is called once, for all of the output; footprints are whole inputs. Refused where these, the output and
+    /// state_bytes exceed the budget.
+    bool whole = false;
     Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
     /// Stored value for Boundary::border. The engine stores it as a voxel of the input's type; operations that compute
     /// with it keep their footprints inside the volume and use the value as it is.
@@ -62,6 +67,8 @@ public:
     virtual ~Operation() = default;
 
     virtual std::string_view name() const = 0;
+    /// What help says. Commands with texts of their own (commands/) need none here.
+    virtual Texts texts() const { return {}; }
     virtual Shape shape() const = 0;
     virtual int inputs() const { return shape() == Shape::source ? 0 : 1; }
     /// Paths of the inputs, for operations that take them among their own arguments; otherwise the framework asks.
@@ -126,6 +133,10 @@ public:
     virtual bool runs_on_gpu() const { return false; }
     /// What was clipped, not a number, … in the volume just finished.
     virtual std::vector<Remark> remarks() const { return {}; }
+    /// True if there is a report() beside the output. Adds the option --report to the command.
+    virtual bool reports() const { return false; }
+    /// What was found in the volume just finished.
+    virtual Report report() const { return {}; }
 };
 
 /// An operation under the name that commands, C API and Python know it by. See libvkt/engine/registry.h.

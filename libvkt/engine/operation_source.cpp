@@ -406,6 +406,7 @@ void OperationSource::run(AnyView out) {
 void OperationSource::finish() {
     if (!inputs_used_up_)
         for (auto& input : inputs_) input->finish();
+    if (info_.on_report && operation_.reports()) info_.on_report(operation_.report());
     if (!info_.listener) return;
     for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks())
         info_.listener(info_.name, remark.message, remark.lossy);

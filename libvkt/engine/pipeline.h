@@ -31,9 +31,10 @@ struct StageInfo {
     std::vector<std::string> input_names; ///< what input_placeholder words stand for
     Listener listener;                    ///< may be empty
     std::function<void(Plan const&, std::vector<Header> const& inputs)>
-        on_plan;                       ///< sees the plan of every volume; may be empty
-    std::shared_ptr<StageTimes> times; ///< filled in if set
-    bool among_processes = false;      ///< the neighbours compute on the same processors at the same time
+        on_plan;                                  ///< sees the plan of every volume; may be empty
+    std::function<void(Report const&)> on_report; ///< the report of every volume; may be empty
+    std::shared_ptr<StageTimes> times;            ///< filled in if set
+    bool among_processes = false;                 ///< the neighbours compute on the same processors at the same time
 };
 
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of

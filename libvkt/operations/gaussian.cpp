@@ -43,6 +43,15 @@ double sigma_of_variance(double variance) {
 
 VKT_OPERATION(Gaussian, "filter gaussian")
 
+Texts Gaussian::texts() const {
+    return {"Smooth with a Gaussian.",
+            "A separable convolution whose radius follows from --tolerance: the error against the infinite kernel is "
+            "bounded before it runs (--explain prints the bound). The data type is kept; integers round half to even.",
+            {{"A standard deviation of two voxels", "vkt filter gaussian volume.nrrd --sigma 2 -o smooth.nrrd"},
+             {"Millimetres instead of voxels, and the plan",
+              "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
+}
+
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
     parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");

@@ -40,6 +40,7 @@ public:
 
     std::string_view name() const override { return "filter gaussian"; }
     Shape shape() const override { return Shape::neighbourhood; }
+    Texts texts() const override;
     void parameters(Parameters& parameters) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
