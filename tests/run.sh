@@ -1,9 +1,10 @@
 #!/bin/sh
-# Installs what is missing, builds, and runs every test: run.sh [unit] [bats] [asan] [tsan] [fuzz] [lint]
+# Installs what is missing, builds, and runs every test: run.sh [unit] [bats] [cuda] [asan] [tsan] [fuzz] [lint]
 # SPDX-License-Identifier: MIT
 #
 #   unit   release build, tests of the library
 #   bats   release build, tests of the commands, manual pages, completion and installation
+#   cuda   compiles every CUDA source; no GPU is needed (what runs on one: tests/gpu.sh)
 #   asan   address and undefined-behaviour sanitizers: library and commands
 #   tsan   thread sanitizer: library and the commands whose pipelines use every thread of the engine
 #   fuzz   libFuzzer on everything that parses, VKT_FUZZ_SECONDS (20) each
@@ -13,7 +14,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 root=$(pwd)
-parts=${*:-unit bats asan tsan fuzz lint}
+parts=${*:-unit bats cuda asan tsan fuzz lint}
 jobs=$(nproc)
 passed=0 failed=0 skipped=0
 started=$(date +%s)
@@ -82,9 +83,9 @@ check() {
 has() { case " $parts " in *" $1 "*) true ;; *) false ;; esac }
 for part in $parts; do
     case $part in
-    unit | bats | asan | tsan | fuzz | lint) ;;
+    unit | bats | cuda | asan | tsan | fuzz | lint) ;;
     *)
-        echo "run.sh: '$part' is not one of unit, bats, asan, tsan, fuzz, lint" >&2
+        echo "run.sh: '$part' is not one of unit, bats, cuda, asan, tsan, fuzz, lint" >&2
         exit 2
         ;;
     esac
@@ -106,6 +107,26 @@ if has unit || has bats; then
         if has unit; then check build unit -L unit; fi
         if has bats; then check build bats -L bats; fi
     fi
+fi
+
+# counted FILE: adds up the lines "pass|fail|skip NAME" of a script.
+counted() {
+    while read -r outcome what; do
+        case $outcome in
+        pass) pass ;;
+        skip)
+            skipped=$((skipped + 1))
+            echo "skipped: $what"
+            ;;
+        *) fail "$2: $what" ;;
+        esac
+    done <"$1"
+}
+
+if has cuda; then
+    say 'cuda'
+    sh tests/cuda.sh "$scratch/cuda" || fail 'cuda'
+    counted "$scratch/cuda" cuda
 fi
 
 # Or vkt starts itself once more each time, which takes long under a sanitizer; the tests of the release build do.
@@ -149,17 +170,8 @@ fi
 
 if has lint; then
     say 'lint'
-    if sh tests/lint.sh "$scratch/lint"; then :; else :; fi
-    while read -r outcome what; do
-        case $outcome in
-        pass) pass ;;
-        skip)
-            skipped=$((skipped + 1))
-            echo "skipped: $what"
-            ;;
-        *) fail "lint: $what" ;;
-        esac
-    done <"$scratch/lint"
+    sh tests/lint.sh "$scratch/lint" || true
+    counted "$scratch/lint" lint
 fi
 
 say 'leftovers'

@@ -1,6 +1,5 @@
 // Affine sampling: rows of output, in vectors where all that is looked at lies inside, voxel by voxel at the faces.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/affine.h"
 
 #include "libvkt/kernel/rows.h"
@@ -363,4 +362,3 @@ void permute_axes(ConstView in, AnyView out, std::array<int, 3> axes, Execution 
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif

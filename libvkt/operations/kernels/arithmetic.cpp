@@ -1,7 +1,6 @@
 // Arithmetic: pieces of rows in float or double; voxels that this would round twice once more exactly. 64-bit integers
 // among themselves in 128 bits.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/arithmetic.h"
 
 #include "libvkt/kernel/rows.h"
@@ -334,4 +333,3 @@ void arithmetic_integers(ArithmeticTask const& task, AnyView out, Losses& counts
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

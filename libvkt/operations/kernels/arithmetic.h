@@ -3,10 +3,10 @@
 #pragma once
 
 #include "libvkt/core/header.h"
+#include "libvkt/core/wide.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/arithmetic.h"
 #include "libvkt/operations/exact.h"
-#include "libvkt/core/wide.h"
 
 #include <limits>
 

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/kernel.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/kernel/kernel.h"
 
 #include <limits>
 

@@ -1,6 +1,5 @@
 // Comparing rows.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/difference.h"
 
 #include "libvkt/kernel/rows.h"
@@ -173,4 +172,3 @@ void difference_rows(SlabPair const& pair, RowDifference* rows, Execution const&
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

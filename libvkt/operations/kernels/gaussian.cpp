@@ -4,15 +4,10 @@
 #include "libvkt/operations/kernels/gaussian.h"
 #include "libvkt/kernel/kernel.h"
 
-#ifdef __CUDACC__
-#include "libvkt/operations/kernels/gaussian_device.h"
-#else
 #include "libvkt/kernel/lanes.h"
-#endif
 
 namespace vkt::VKT_BACKEND {
 
-#ifndef __CUDACC__
 namespace {
 
 constexpr std::int64_t block_bytes = 256;       ///< rows are worked in blocks of this many bytes, whole registers
@@ -324,16 +319,6 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 }
 
 } // namespace
-#else
-namespace {
-
-template <class T, class C>
-void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses&, Execution const&) {
-    gaussian::Launcher<T, C>(passes, planes, in, out).run();
-}
-
-} // namespace
-#endif
 
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
                   Execution const& execution) {

@@ -1,6 +1,5 @@
 // Test fields: each is a function that fills a piece of a row.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/make.h"
 
 #include "libvkt/kernel/rows.h"
@@ -157,4 +156,3 @@ void make_noise(AnyView out, NoiseField const& field, Execution const& execution
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

@@ -1,6 +1,7 @@
 // Resampling kernels: one pass over rows on the CPU, one thread per voxel on the GPU, the same sums in the same order.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/resample.h"
+#include "libvkt/operations/kernels/resample_sums.h"
 
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/rows.h"
@@ -11,170 +12,6 @@ namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// The type in which up to eight voxels are added: exactly for integers, in their own precision for floats.
-template <class T>
-using Sum = std::conditional_t<
-    !std::is_integral_v<T>, std::conditional_t<std::is_same_v<T, double>, double, float>,
-    std::conditional_t<sizeof(T) <= 2, std::int32_t, std::conditional_t<sizeof(T) == 4, std::int64_t, Int128>>>;
-
-/// A term of the mean of 2^shift voxels: floats are divided first, so that no sum overflows.
-template <class T> VKT_HD Sum<T> term_of(T v, Sum<T> share) {
-    if constexpr (std::is_integral_v<T>)
-        return static_cast<Sum<T>>(v);
-    else
-        return static_cast<Sum<T>>(v) * share;
-}
-
-/// The mean of 2^shift voxels from their terms, halves to even.
-template <class T> VKT_HD T mean_of(Sum<T> sum, int shift) {
-    if constexpr (std::is_integral_v<T>) {
-        Sum<T> const half = (Sum<T>(1) << shift) / 2;
-        return static_cast<T>(shift == 0 ? sum : (sum + half - 1 + ((sum >> shift) & 1)) >> shift);
-    } else {
-        return round_to<T>(sum);
-    }
-}
-
-template <class T> Sum<T> share_of(int shift) {
-    return std::is_integral_v<T> ? Sum<T>(1) : Sum<T>(1) / static_cast<Sum<T>>(1 << shift);
-}
-
-/// Sum of the weights of output o along an axis that stay in the volume.
-VKT_HD double inside_of(AxisTable const& taps, std::int64_t o) {
-    return taps.inside != nullptr ? taps.inside[o] : taps.divisor;
-}
-
-VKT_HD std::int64_t as_whole(double weight) { return static_cast<std::int64_t>(weight); }
-
-/// A weighted sum divided by its divisor. A finite sum of float64 cannot be infinite only for being divided last.
-template <class T> VKT_HD double divided(double total, double divisor) {
-    double const mean = total / divisor;
-    if constexpr (std::is_same_v<T, double>) {
-        constexpr double most = std::numeric_limits<double>::max();
-        double const kept = mean > most ? most : mean < -most ? -most : mean;
-        return total - total == 0 ? kept : mean;
-    }
-    return mean;
-}
-
-/// sum / divisor of whole numbers, halves to even.
-template <class T> VKT_HD T rounded_quotient(Int128 sum, std::int64_t divisor) {
-    Int128 quotient = sum / divisor, left = sum - quotient * divisor;
-    if (left < 0) {
-        quotient -= 1;
-        left += divisor;
-    }
-    left = 2 * left - divisor;
-    bool const up = left > 0 || (left == 0 && (quotient & 1) != 0);
-    return static_cast<T>(quotient + (up ? 1 : 0));
-}
-
-int log2_of(Index3 factors) { return static_cast<int>(factors.x + factors.y + factors.z - 3); }
-
-#ifdef __CUDACC__
-
-template <class U>
-void nearest(View<U const> in, View<U> out, Box const& box, WeightedSum const& sum, Execution const& execution) {
-    std::int64_t const *const x_of = sum.x.first, *const y_of = sum.y.first, *const z_of = sum.z.first;
-    gather(execution, box, out,
-           [=] VKT_DEVICE(std::int64_t x, std::int64_t y, std::int64_t z) { return in(x_of[x], y_of[y], z_of[z]); });
-}
-
-template <class T>
-void halved(View<T const> in, View<T> out, Box const& box, Index3 factors, Execution const& execution) {
-    int const fx = static_cast<int>(factors.x), fy = static_cast<int>(factors.y), fz = static_cast<int>(factors.z);
-    int const shift = log2_of(factors);
-    Sum<T> const share = share_of<T>(shift);
-    gather(execution, box, out, [=] VKT_DEVICE(std::int64_t x, std::int64_t y, std::int64_t z) {
-        Sum<T> pair[2] = {};
-        for (int i = 0; i < fx; ++i)
-            for (int k = 0; k < fz; ++k)
-                for (int j = 0; j < fy; ++j) pair[i] += term_of<T>(in(x * fx + i, y * fy + j, z * fz + k), share);
-        return mean_of<T>(pair[0] + pair[1], shift);
-    });
-}
-
-template <class T> struct WeightedAt {
-    View<T const> in;
-    WeightedSum sum;
-    VKT_HD double operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        double total = 0;
-        std::int64_t const fx = sum.x.first[x], fy = sum.y.first[y], fz = sum.z.first[z];
-        std::int64_t const x0 = sum.x.start[x], y0 = sum.y.start[y], z0 = sum.z.start[z];
-        std::int64_t const nx = sum.x.start[x + 1] - x0, ny = sum.y.start[y + 1] - y0, nz = sum.z.start[z + 1] - z0;
-        for (std::int64_t i = 0; i < nx; ++i) {
-            double column = 0;
-            for (std::int64_t k = 0; k < nz; ++k)
-                for (std::int64_t j = 0; j < ny; ++j)
-                    column += sum.z.weight[z0 + k] * sum.y.weight[y0 + j] * sum.unit *
-                              static_cast<double>(in(fx + i, fy + j, fz + k));
-            total += sum.x_identity ? column : sum.x.weight[x0 + i] * column;
-        }
-        if (sum.reaches_border()) {
-            double const rest = sum.divisor - inside_of(sum.x, x) * (inside_of(sum.y, y) * inside_of(sum.z, z));
-            if (rest != 0) total += rest * sum.unit * sum.border;
-        }
-        return divided<T>(total, sum.divisor * sum.unit) * sum.scale + sum.offset;
-    }
-};
-
-template <class T> struct WholeAt {
-    View<T const> in;
-    WeightedSum sum;
-    VKT_HD T operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        Int128 total = 0;
-        std::int64_t const fx = sum.x.first[x], fy = sum.y.first[y], fz = sum.z.first[z];
-        std::int64_t const x0 = sum.x.start[x], y0 = sum.y.start[y], z0 = sum.z.start[z];
-        std::int64_t const nx = sum.x.start[x + 1] - x0, ny = sum.y.start[y + 1] - y0, nz = sum.z.start[z + 1] - z0;
-        std::int64_t inside = 0;
-        for (std::int64_t i = 0; i < nx; ++i)
-            for (std::int64_t k = 0; k < nz; ++k)
-                for (std::int64_t j = 0; j < ny; ++j) {
-                    std::int64_t const weight = as_whole(sum.x.weight[x0 + i]) * as_whole(sum.y.weight[y0 + j]) *
-                                                as_whole(sum.z.weight[z0 + k]);
-                    inside += weight;
-                    total += Int128{weight} * in(fx + i, fy + j, fz + k);
-                }
-        std::int64_t const divisor = as_whole(sum.x.divisor) * as_whole(sum.y.divisor) * as_whole(sum.z.divisor);
-        if (inside != divisor) total += Int128{divisor - inside} * round_to<T>(sum.border);
-        return rounded_quotient<T>(total, divisor);
-    }
-};
-
-template <class T> void whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
-    gather(execution, out.box, out.as<T>(), WholeAt<T>{in.as<T>(), sum});
-}
-
-template <class T>
-void weighted_to_double(View<T const> in, View<double> out, Box const& box, WeightedSum const& sum,
-                        Execution const& execution) {
-    gather(execution, box, out, WeightedAt<T>{in, sum});
-}
-template <class T>
-void weighted_same_type(View<T const> in, View<T> out, Box const& box, WeightedSum const& sum, Losses& losses,
-                        Execution const& execution) {
-    gather_rounded(execution, box, out, losses, WeightedAt<T>{in, sum});
-}
-template <class U>
-void store_doubles(View<double const> in, View<U> out, Box const& box, Losses& losses, Execution const& execution) {
-    map_rounded(
-        execution, box, out, losses, [=] VKT_DEVICE(double v) { return v; }, in);
-}
-
-template <class T>
-void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
-              Execution const& execution) {
-    if (in.type == out.type) return weighted_same_type(in.as<T>(), out.as<T>(), out.box, sum, losses, execution);
-    scratch.reserve(static_cast<std::size_t>(out.box.voxels()) * sizeof(double));
-    AnyView const wide = dense_view(scratch.write(Space::device), DataType::float64, out.box, Space::device);
-    weighted_to_double<T>(in.as<T>(), wide.as<double>(), out.box, sum, execution);
-    for_each_type(out.type, [&]<class U>(U) {
-        store_doubles<U>(ConstView(wide).as<double>(), out.as<U>(), out.box, losses, execution);
-    });
-}
-
-#else
 
 /// Calls f(x0, x1, y, z) for pieces of output rows, in parallel; maker() gives each thread its own f.
 template <class Maker>
@@ -409,8 +246,6 @@ template <class T> void whole(ConstView from, AnyView to, WeightedSum const& sum
         };
     });
 }
-
-#endif
 
 } // namespace
 

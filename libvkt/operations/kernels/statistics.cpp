@@ -1,6 +1,5 @@
 // Statistics of bands of rows: 16 lanes on every back end, whatever its registers hold.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/statistics.h"
 
 #include "libvkt/kernel/kernel.h"
@@ -325,4 +324,3 @@ void band_statistics(ConstView slab, MeanOrigin const& origin, BandStatistics* b
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif
