@@ -78,9 +78,11 @@ public:
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         Source& source = *inputs.front();
-        format_ = described_format(context);
         std::vector<Description> volumes;
         while (source.next_volume()) {
+            // Of a series each file is opened when it is its turn.
+            if (context.format() != opened_) format_ = described_format(context);
+            opened_ = context.format();
             Header& header = volumes.emplace_back(Description{format_, source.header()}).header;
             header.timing = false;
             if (header.dry_run) source.finish();
@@ -129,7 +131,7 @@ private:
     }
 
     bool first_ = false;
-    std::string format_;
+    std::string opened_, format_; ///< of the file, and what is said of it
 };
 
 } // namespace

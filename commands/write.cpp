@@ -4,6 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/io/shared_memory.h"
 #include "shell/command.h"
 #include "shell/terminal.h"
 
@@ -17,7 +18,8 @@ public:
     void parameters(Parameters& p) override {
         // Two words are IN and OUT, one is OUT; with -o it is IN.
         p.positional("in", first_, "input: a file of any known format, a stream, or '-' (the default)").optional();
-        p.positional("out", second_, "output: a file whose extension tells the format, or '-' for standard output")
+        p.positional("out", second_,
+                     "output: a file whose extension tells the format, shm:NAME, or '-' for standard output")
             .optional();
         p.option("output", output_, "OUT", "the output, said as an option; the only argument is then the input")
             .short_form('o');
@@ -34,7 +36,7 @@ public:
             throw Error(ErrorKind::usage, text("two outputs: '", second_, "' and '", output_, "'"));
         if (out().empty()) throw Error(ErrorKind::usage, "missing OUT: the file to write", "e.g. vkt write out.nrrd");
         std::string const in = input_names().front();
-        if (in != "-" && ::access(in.c_str(), F_OK) != 0 && ::access(out().c_str(), F_OK) == 0 &&
+        if (in != "-" && !is_segment(in) && ::access(in.c_str(), F_OK) != 0 && ::access(out().c_str(), F_OK) == 0 &&
             in.find_first_of("*?[") == std::string::npos)
             throw Error(ErrorKind::io, text("cannot open '", in, "': there is no such file"),
                         "the input comes first: vkt write IN OUT");
@@ -65,10 +67,7 @@ public:
 
 private:
     std::string const& out() const { return !output_.empty() ? output_ : !second_.empty() ? second_ : first_; }
-    bool stream() const {
-        std::string const format = request_.options().format;
-        return format == "vkt" || (format.empty() && lower_case(out()).ends_with(".vkt"));
-    }
+    bool stream() const { return ipc::is_stream_file(out(), request_.options().format); }
 
     std::unique_ptr<Sink> make_sink(Context& context) const {
         if (out() == "-" && output_is_terminal())

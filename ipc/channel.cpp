@@ -1,4 +1,4 @@
-// Abstract Unix sockets, descriptors passed over them, and anonymous shared memory (Boost.Interprocess maps it).
+// Abstract Unix sockets, descriptors passed over them, and anonymous shared memory.
 // SPDX-License-Identifier: MIT
 #include "ipc/channel.h"
 
@@ -8,7 +8,6 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
-#include <boost/interprocess/mapped_region.hpp>
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
@@ -104,21 +103,7 @@ int receive_descriptor(int socket, RingMessage& message) {
     return descriptor;
 }
 
-/// What Boost.Interprocess needs to map a descriptor that we already hold.
-class Mappable {
-public:
-    explicit Mappable(int descriptor) : descriptor_(descriptor) {}
-    boost::interprocess::mapping_handle_t get_mapping_handle() const { return {descriptor_, false}; }
-
-private:
-    int descriptor_;
-};
-
 } // namespace
-
-struct SharedRing::Mapping {
-    boost::interprocess::mapped_region region;
-};
 
 SharedRing::SharedRing() = default;
 SharedRing::SharedRing(SharedRing&& other) noexcept { *this = std::move(other); }
@@ -131,19 +116,10 @@ SharedRing& SharedRing::operator=(SharedRing&& other) noexcept {
 }
 SharedRing::~SharedRing() { close_descriptor(descriptor_); }
 
-std::byte* SharedRing::slot(std::uint32_t index) const {
-    return static_cast<std::byte*>(mapping_->region.get_address()) + index * slot_bytes_;
-}
+std::byte* SharedRing::slot(std::uint32_t index) const { return mapping_->data() + index * slot_bytes_; }
 
-void SharedRing::map(Rights rights) {
-    using namespace boost::interprocess;
-    auto const mode = rights == Rights::read ? read_only : rights == Rights::write ? read_write : copy_on_write;
-    try {
-        mapping_ = std::make_unique<Mapping>();
-        mapping_->region = mapped_region(Mappable(descriptor_), mode, 0, slots_ * slot_bytes_);
-    } catch (interprocess_exception const& e) {
-        throw Error(ErrorKind::resources, text("cannot map shared memory: ", e.what()));
-    }
+void SharedRing::map(SharedMapping::Rights rights) {
+    mapping_ = std::make_unique<SharedMapping>(descriptor_, slots_ * slot_bytes_, rights);
 }
 
 SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
@@ -165,7 +141,7 @@ SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
                                                " of shared memory: ", std::strerror(failure)));
     // Nobody may shrink it under the other's feet.
     ::fcntl(ring.descriptor_, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
-    ring.map(Rights::write);
+    ring.map(SharedMapping::Rights::write);
     return ring;
 }
 
@@ -181,7 +157,7 @@ SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slo
                       static_cast<std::size_t>(status.st_size) >= slots * slot_bytes &&
                       (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
     if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
-    ring.map(slots == 1 ? Rights::copy_on_write : Rights::read);
+    ring.map(slots == 1 ? SharedMapping::Rights::copy_on_write : SharedMapping::Rights::read);
     return ring;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/source.h"
+#include "libvkt/io/shared_memory.h"
 
 #include <chrono>
 #include <condition_variable>
@@ -37,11 +38,9 @@ public:
 
 private:
     SharedRing();
-    enum class Rights : std::uint8_t { read, write, copy_on_write };
-    void map(Rights rights);
+    void map(SharedMapping::Rights rights);
 
-    struct Mapping;
-    std::unique_ptr<Mapping> mapping_;
+    std::unique_ptr<SharedMapping> mapping_;
     int descriptor_ = -1;
     std::uint32_t slots_ = 0;
     std::size_t slot_bytes_ = 0;

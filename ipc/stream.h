@@ -91,6 +91,9 @@ private:
     std::unique_ptr<Writer> writer_;
 };
 
+/// Whether an output of this name and --format is a file with a stream in it. Throws Error{usage} for a segment of
+/// shared memory that is to be one.
+bool is_stream_file(std::string const& path, std::string const& format);
 /// A stream kept in a file, which appears under its name only when it is whole.
 std::unique_ptr<Sink> create_stream_file(std::string const& path, bool force, bool checksum);
 

@@ -3,6 +3,10 @@
 #include "ipc/descriptor.h"
 #include "ipc/stream.h"
 
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/io/shared_memory.h"
+
 namespace vkt::ipc {
 namespace {
 
@@ -31,6 +35,13 @@ private:
 };
 
 } // namespace
+
+bool is_stream_file(std::string const& path, std::string const& format) {
+    if (is_segment(path) && format == "vkt")
+        throw Error(ErrorKind::usage, text("--format vkt: '", path, "' is shared memory and no file"),
+                    text("a file of that name is ./", path));
+    return format == "vkt" || (format.empty() && !is_segment(path) && lower_case(path).ends_with(".vkt"));
+}
 
 std::unique_ptr<Sink> create_stream_file(std::string const& path, bool force, bool checksum) {
     StreamOptions options;

@@ -47,9 +47,7 @@ void Common::declare(Parameters& p, CommonKind kind) {
     p.flag("examples", examples, "print the examples as commands, one a line").not_in_history();
 }
 
-bool Common::streams() const {
-    return format == "vkt" || (format.empty() && (output == "-" || output.ends_with(".vkt")));
-}
+bool Common::streams() const { return ipc::is_stream_file(output, format) || (format.empty() && output == "-"); }
 
 void Common::check_output() const {
     if (compress && streams()) throw Error(ErrorKind::usage, "--compress: streams are not compressed");

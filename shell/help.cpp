@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/io/shared_memory.h"
 #include "libvkt/render/colormap.h"
 #include "shell/completion_scripts.h"
 
@@ -81,6 +82,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"make", "generate create phantom"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
+        {"shm", "memory share publish segment ipc"},
         {"stats", "average histogram mean statistics"},
     };
     return words;
@@ -109,6 +111,12 @@ bool body_completions(std::vector<std::string> const& words, std::function<void(
     if (words.front() == "completion") {
         for (auto const& script : completion_scripts())
             if (words.size() == 1) offer(script.first);
+        return true;
+    }
+    if (words.front() == "shm" && words.size() > 1) {
+        offer(words[1] == "remove" ? "--all" : "--json");
+        if (words[1] == "remove")
+            for (auto const& name : segments()) offer(name.substr(name.find(':') + 1));
         return true;
     }
     if (words.front() != "help") return false;
@@ -221,7 +229,9 @@ std::vector<std::string> completions(std::vector<std::string> words) {
         return candidates;
     }
     try {
-        if (body_completions(words, offer)) return candidates;
+        if (is_segment(prefix))
+            for (auto const& name : segments()) offer(name);
+        if (!candidates.empty() || body_completions(words, offer)) return candidates;
         Invocation invocation(find_verb(words));
         Command const& command = invocation.command();
         if (!command.verbs.empty() && words.size() == 1) {

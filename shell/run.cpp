@@ -9,6 +9,7 @@
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/reference_volume.h"
 #include "shell/help.h"
@@ -302,7 +303,8 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         format_ = format_name(*bytes, options);
         source = open_volume(std::move(bytes), options);
         // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
-        if (stage.opener() == nullptr) source = prefetch(std::move(source), execution_of(stage));
+        // What lies in shared memory is there already.
+        if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
     if (log_.verbosity() == Verbosity::verbose)
         source = std::make_unique<Announced>(
@@ -408,7 +410,7 @@ std::vector<std::string> named_inputs(Invocation& stage) {
     std::vector<std::string> files;
     for (auto const& name : names)
         if (name != "-")
-            for (auto& file : matching_files(name)) files.push_back(std::move(file));
+            for (auto const& file : matching_files(name)) files.push_back(segment_file(file));
     return files;
 }
 
@@ -421,6 +423,7 @@ bool same_file(std::string const& a, std::string const& b) {
 
 bool is_pair(std::string const& path) {
     std::string const lower = lower_case(path);
+    if (is_segment(path)) return false;
     return lower.ends_with(".nhdr") || lower.ends_with(".mhd");
 }
 
@@ -441,7 +444,7 @@ void Runner::spare_inputs() {
         for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
             if (last_.own_parameters().given(name)) output = last_.own_parameters().find(name)->get().front();
     bool const series = is_numbered(output), pair = is_pair(output);
-    bool const replaces = series || ::access(output.c_str(), F_OK) == 0 || pair;
+    bool const replaces = series || pair || (!is_segment(output) && ::access(output.c_str(), F_OK) == 0);
     if (output == "-" || dry_run_ || !replaces) return;
     std::vector<std::string> inputs;
     for (auto& stage : stages_)
@@ -455,7 +458,7 @@ void Runner::spare_inputs() {
     constexpr std::int64_t most_files = std::int64_t{1} << 20;
     for (std::int64_t i = 0; i < (series ? most_files : 1); ++i) {
         bool any = false;
-        for (auto const& file : files_of(numbered_path(output, i))) {
+        for (auto const& file : files_of(segment_file(numbered_path(output, i)))) {
             any = any || ::access(file.c_str(), F_OK) == 0;
             for (auto const& input : inputs)
                 if (same_file(input, file))
@@ -474,7 +477,6 @@ void Runner::spare_inputs() {
 
 std::unique_ptr<Sink> Runner::make_sink() {
     Common const& c = last_.common();
-    bool const named_stream = c.output.ends_with(".vkt") && (c.format.empty() || c.format == "vkt");
     if (c.output == "-" && (c.format.empty() || c.format == "vkt")) {
         ipc::StreamOptions options;
         options.stage = last_.stage();
@@ -494,7 +496,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.force = c.force;
     options.compress = c.compress;
     options.memory = execution_of(last_).memory;
-    bool const stream = named_stream || c.format == "vkt";
+    bool const stream = ipc::is_stream_file(c.output, c.format);
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
     };
@@ -539,7 +541,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
 }
 
 void Runner::tell_transport() const {
-    std::string where = "file " + last_.common().output;
+    std::string where = (is_segment(last_.common().output) ? "segment " : "file ") + last_.common().output;
     if (last_.common().output == "-") {
         bool const shared = last_.common().resolved_transport() == ipc::Transport::shm && !went_inline_;
         where = !ipc::is_pipe(STDOUT_FILENO)       ? "standard output"

@@ -28,6 +28,9 @@ text = open(sys.argv[1], "rb").read().decode()
 bad = {c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")}
 sys.exit(f"{sys.argv[1]} holds {bad}: {text!r}" if bad else 0)' "$1"; }
 
+# names_in_shm: what lies below /dev/shm, but for volumes that were published there to stay (see shm.bats).
+names_in_shm() { find /dev/shm -mindepth 1 -maxdepth 1 -printf '%f\n' | grep -v '^vkt\.[0-9]' | sort; }
+
 # needs_data FILE: skips, saying so, where the sample volumes are absent.
 needs_data() {
     [ -e "$VKT_DATA/$1" ] || skip "sample volume $1 is absent (set VKT_DATA)"

@@ -49,6 +49,8 @@ END
     printf 'NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 1 3\nkinds: domain domain domain list\nencoding: raw\n\nabcdefghijkl' >series.nrrd
     vkt info series.nrrd | grep -c '^dims' | grep -qx 3
     vkt info series.nrrd | grep -qx 'volume     3 of 3'
+    cp series.nrrd series2.nrrd
+    vkt info 'series*.nrrd' | grep -c '^format *nrrd$' | grep -qx 6
     vkt read series.nrrd | vkt info --json | python3 -c 'import json, sys; assert [v["dims"] for v in json.load(sys.stdin)] == [[2, 2, 1]] * 3'
 }
 

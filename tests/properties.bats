@@ -268,7 +268,7 @@ EOF
 
 @test "no shared memory stays behind when a stage is killed" {
     make_stream
-    ls -A /dev/shm | sort >before
+    names_in_shm >before
     mkfifo first second
     { head -c 60000 stream.vkt; exec sleep 20; } >first &
     feeder=$!
@@ -280,7 +280,7 @@ EOF
     kill -9 $victim
     wait $last || true
     kill $feeder 2>/dev/null || true
-    ls -A /dev/shm | sort >after
+    names_in_shm >after
     comm -13 before after | grep vkt >left || true
     [ ! -s left ]
 }

@@ -55,8 +55,8 @@ VKT_API vkt_status vkt_error_status(void);
 /* Names of the operations that vkt_apply() knows, ended by a null pointer. */
 VKT_API char const* const* vkt_operations(void);
 
-/* Reads the volume of a file. Options are those of `vkt read`, also "--trust-paths", and "--index N" for a file of
-   several volumes. */
+/* Reads the volume of a file, or maps that of a segment of shared memory ("shm:NAME"). Options are those of `vkt read`,
+   also "--trust-paths", and "--index N" for a file of several volumes. */
 VKT_API vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume);
 
 /* One voxel of uint8 at the origin, 1 wide: something to begin a description with. */

@@ -37,13 +37,25 @@ Header with_counts(Header header, std::span<Brick const> bricks) {
 
 Volume::Volume(Header header, std::vector<Brick> bricks)
     : header_(with_counts(std::move(header), bricks)), bricks_(std::move(bricks)) {
+    place_bricks();
+    buffer_ = std::make_shared<Buffer>(header_.bytes());
+}
+
+Volume::Volume(Header header, std::vector<Brick> bricks, Buffer cells)
+    : header_(with_counts(std::move(header), bricks)), bricks_(std::move(bricks)) {
+    if (cells.bytes() < header_.bytes())
+        throw Error(ErrorKind::failure, "the cells do not fit the bricks of a hierarchical volume");
+    place_bricks();
+    buffer_ = std::make_shared<Buffer>(std::move(cells));
+}
+
+void Volume::place_bricks() {
     offsets_.reserve(bricks_.size());
     std::int64_t offset = 0;
     for (auto const& brick : bricks_) {
         offsets_.push_back(offset);
         offset += brick.cells();
     }
-    buffer_ = std::make_shared<Buffer>(header_.bytes());
 }
 
 ConstView Volume::brick_view(std::size_t i) const {

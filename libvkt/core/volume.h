@@ -26,6 +26,8 @@ public:
     Volume(Header header, Buffer voxels);
     /// A hierarchical volume; fills in the header's brick, cell and level counts.
     Volume(Header header, std::vector<Brick> bricks);
+    /// The same, with cells that are in the buffer already, brick after brick.
+    Volume(Header header, std::vector<Brick> bricks, Buffer cells);
 
     Header const& header() const { return header_; }
     Header& header() { return header_; }
@@ -42,6 +44,8 @@ public:
     std::int64_t brick_offset(std::size_t i) const { return offsets_[i]; }
 
 private:
+    void place_bricks();
+
     Header header_;
     std::vector<Brick> bricks_;
     std::vector<std::int64_t> offsets_;

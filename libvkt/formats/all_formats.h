@@ -11,6 +11,7 @@ Format flash_format();
 Format metaimage_format();
 Format nrrd_format();
 Format raw_format();
+Format segment_format();
 Format vdb_format();
 
 } // namespace vkt

@@ -9,6 +9,7 @@
 #include "libvkt/formats/foreign.h"
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/io/shared_memory.h"
 
 #include <filesystem>
 
@@ -17,20 +18,6 @@ namespace vkt {
 namespace {
 
 constexpr std::size_t head_bytes = 4096;
-
-/// The format with the longest extension that `name` ends in.
-Format const* by_name(std::string const& name) {
-    std::string const lower = lower_case(name);
-    Format const* best = nullptr;
-    std::size_t longest = 0;
-    for (auto const& format : formats())
-        for (auto const& extension : format.extensions)
-            if (lower.size() > extension.size() && lower.ends_with(extension) && extension.size() > longest) {
-                best = &format;
-                longest = extension.size();
-            }
-    return best;
-}
 
 Format const& by_format_name(std::string const& name) {
     std::vector<std::string> names;
@@ -41,6 +28,21 @@ Format const& by_format_name(std::string const& name) {
     std::string const near = nearest_name(lower_case(name), names);
     throw Error(ErrorKind::usage, text("'", name, "' is not a format; known are ", join(names, " ")),
                 near.empty() ? "" : text("did you mean '", near, "'?"));
+}
+
+/// The format with the longest extension that `name` ends in.
+Format const* by_name(std::string const& name) {
+    std::string const lower = lower_case(name);
+    Format const* best = nullptr;
+    std::size_t longest = 0;
+    if (is_segment(name)) return &by_format_name("shm");
+    for (auto const& format : formats())
+        for (auto const& extension : format.extensions)
+            if (lower.size() > extension.size() && lower.ends_with(extension) && extension.size() > longest) {
+                best = &format;
+                longest = extension.size();
+            }
+    return best;
 }
 
 /// The user describes bare voxels; that beats what the bytes look like.
@@ -58,6 +60,12 @@ std::string writable_extensions() {
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (bytes.directory() && !is_amrex(bytes.name()))
         throw Error(ErrorKind::io, text("cannot read '", bytes.name(), "': it is a directory"), "name a file in it");
+    if (is_segment(bytes.name())) {
+        if (describes_raw(options) || (!options.format.empty() && options.format != "shm"))
+            throw Error(ErrorKind::usage, text("'", bytes.name(), "' says itself what it holds"),
+                        "leave out --format, --dims, --dtype, --skip and --endian");
+        return by_format_name("shm");
+    }
     if (!options.format.empty()) {
         Format const& format = by_format_name(options.format);
         if (!format.open) throw Error(ErrorKind::usage, text("format ", format.name, " can only be written"));
@@ -110,14 +118,15 @@ std::string format_of_name(std::string const& name) {
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(),  metaimage_format(), raw_format(),
-                                          flash_format(), vdb_format(),       amrex_format()};
+    static std::vector<Format> const list{nrrd_format(), metaimage_format(), raw_format(),    flash_format(),
+                                          vdb_format(),  amrex_format(),     segment_format()};
     return list;
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     Format const* const format = &format_of(*bytes, options);
-    bool const one_only = format->name == "raw" || format->name == "nrrd" || format->name == "metaimage";
+    bool const one_only =
+        format->name == "raw" || format->name == "nrrd" || format->name == "metaimage" || format->name == "shm";
     if (!options.variable.empty() && one_only)
         throw Error(ErrorKind::usage,
                     text("'", bytes->name(), "': --variable: ", format->name, " files hold one unnamed variable"));
@@ -133,6 +142,9 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
                     text("say --format, or use one of ", writable_extensions()));
+    if (is_segment(path) && format->name != "shm")
+        throw Error(ErrorKind::usage, text("--format ", format->name, ": '", path, "' is shared memory and no file"),
+                    text("a file of that name is ./", path));
     if (!format->create) throw Error(ErrorKind::usage, text("format ", format->name, " can only be read"));
     return format->create(path, options);
 }

@@ -62,7 +62,7 @@ void WriteRequest::declare(Parameters& p) {
 }
 
 void WriteRequest::check(std::string const& path) const {
-    bool const sparse = options_.format == "vdb" || (options_.format.empty() && lower_case(path).ends_with(".vdb"));
+    bool const sparse = (options_.format.empty() ? format_of_name(path) : options_.format) == "vdb";
     if (!sparse && (background_ || options_.prune))
         throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
                     "e.g. vkt write out.vdb --prune 0.01");

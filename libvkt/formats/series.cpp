@@ -4,9 +4,11 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/shared_memory.h"
 
 #include <algorithm>
 #include <cctype>
+#include <fnmatch.h>
 #include <glob.h>
 #include <unistd.h>
 #include <utility>
@@ -59,6 +61,8 @@ public:
     Access access() const override { return current_->access(); }
     void read(AnyView out) override { current_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return current_->borrow(region); }
+    std::shared_ptr<Lease> lease(Box const& region) override { return current_->lease(region); }
+    std::optional<Volume> take_whole() override { return current_->take_whole(); }
     BrickSequence take_bricks() override { return current_->take_bricks(); }
     void expect(Box const& region) override { current_->expect(region); }
     std::int64_t natural_slab() const override { return current_->natural_slab(); }
@@ -121,10 +125,19 @@ std::string without_escapes(std::string path) {
     return path;
 }
 
+std::vector<std::string> matching_segments(std::string const& pattern) {
+    std::vector<std::string> names = segments();
+    std::erase_if(names, [&](std::string const& name) { return ::fnmatch(pattern.c_str(), name.c_str(), 0) != 0; });
+    if (names.empty()) throw Error(ErrorKind::io, text("no segment matches '", pattern, "'"));
+    std::sort(names.begin(), names.end(), natural_less);
+    return names;
+}
+
 } // namespace
 
 std::vector<std::string> matching_files(std::string const& path) {
     bool const pattern = path.find_first_of("*?[") != std::string::npos;
+    if (pattern && is_segment(path)) return matching_segments(path);
     if (!pattern || ::access(path.c_str(), F_OK) == 0) return {path};
     glob_t found{};
     int const failure = ::glob(path.c_str(), GLOB_NOSORT, nullptr, &found);

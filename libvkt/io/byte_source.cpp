@@ -4,6 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 
 #include <algorithm>
@@ -231,7 +232,9 @@ std::vector<std::byte> ByteSource::take_lookahead() {
 
 std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
     bool const standard_input = path == "-";
-    int const descriptor = standard_input ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    int const descriptor = standard_input     ? STDIN_FILENO
+                           : is_segment(path) ? open_segment(path)
+                                              : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     std::string const name = standard_input ? "standard input" : path;
     if (descriptor < 0) throw system_error(text("cannot open '", name, "'"));
     return std::make_unique<ByteSource>(descriptor, name);

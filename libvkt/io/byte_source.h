@@ -62,7 +62,7 @@ private:
     std::size_t ahead_begin_ = 0;
 };
 
-/// Opens a path, or standard input for "-". Throws Error{io}.
+/// Opens a path, a segment of shared memory ("shm:NAME"), or standard input for "-". Throws Error{io}.
 std::unique_ptr<ByteSource> open_bytes(std::string const& path);
 
 } // namespace vkt

@@ -4,6 +4,7 @@
 #include "libvkt/io/output_file.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/io/temporaries.h"
 
@@ -24,6 +25,9 @@ namespace {
 std::string unnamed_link(int descriptor) { return text("/proc/self/fd/", descriptor); }
 
 Error exists_already(std::string const& path) {
+    if (is_segment(path))
+        return Error(ErrorKind::io, text("cannot write '", path, "': the segment exists"),
+                     text("replace it with --force, or free it: vkt shm remove ", path.substr(path.find(':') + 1)));
     return Error(ErrorKind::io, text("cannot write '", path, "': the file exists"), "overwrite it with --force");
 }
 
@@ -33,12 +37,13 @@ bool written_in_place(struct stat const& status, bool force) {
            (S_ISBLK(status.st_mode) && force);
 }
 
-/// Gives `from` its final name unless that is taken; false if the file system has no way to link.
-bool link_without_overwriting(std::string const& from, std::string const& to, bool unnamed) {
+/// Gives `from` its final name unless that is taken; false if the file system has no way to link. `shown` is what the
+/// user calls it.
+bool link_without_overwriting(std::string const& from, std::string const& to, bool unnamed, std::string const& shown) {
     if (::linkat(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), unnamed ? AT_SYMLINK_FOLLOW : 0) == 0) return true;
-    if (errno == EEXIST) throw exists_already(to);
+    if (errno == EEXIST) throw exists_already(shown);
     if (unnamed || (errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS && errno != EMLINK))
-        throw system_error(text("cannot write '", to, "'"));
+        throw system_error(text("cannot write '", shown, "'"));
     return false;
 }
 
@@ -74,6 +79,9 @@ std::string followed(std::string const& path) {
 /// Whether the name is that of something to be written in place. Throws for names that are no file's or taken.
 bool check_name(std::string const& path, bool force) {
     if (path.empty()) throw Error(ErrorKind::usage, "the name of the output file is empty");
+    if (is_segment(path))
+        throw Error(ErrorKind::usage, text("'", path, "': shared memory holds volumes and nothing else"),
+                    text("a file of that name is ./", path));
     struct stat status {};
     if (::stat(path.c_str(), &status) != 0) return false;
     if (S_ISDIR(status.st_mode))
@@ -81,6 +89,15 @@ bool check_name(std::string const& path, bool force) {
     if (written_in_place(status, force)) return true;
     if (!force) throw exists_already(path);
     return false;
+}
+
+/// Names below /dev/shm are anybody's: what has ours is replaced only if it is our own file.
+void check_segment(std::string const& path, bool force) {
+    struct stat status {};
+    if (::lstat(segment_file(path).c_str(), &status) != 0) return;
+    if (!S_ISREG(status.st_mode) || status.st_uid != ::geteuid())
+        throw Error(ErrorKind::io, text("cannot write '", path, "': what has its name is not a segment of this user"));
+    if (!force) throw exists_already(path);
 }
 
 Error unwritable(std::string const& path, int code) {
@@ -96,7 +113,14 @@ void check_output(std::string const& path, bool force) {
         throw unwritable(path, errno);
 }
 
-OutputFile::OutputFile(std::string path, bool force) : path_(std::move(path)), target_(path_), force_(force) {
+OutputFile::OutputFile(std::string path, bool force, OutputKind kind)
+    : path_(std::move(path)), target_(path_), force_(force), segment_(kind == OutputKind::segment) {
+    if (segment_) {
+        check_segment(path_, force_);
+        target_ = segment_file(path_);
+        open_temporary();
+        return;
+    }
     if (path_ == "-") {
         in_place_ = true;
         descriptor_ = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
@@ -117,10 +141,11 @@ void OutputFile::open_temporary() {
     std::string const directory = directory_of(target_);
     // Nobody reads the new voxels who may not read the old ones, not even before the file has its name.
     struct stat old {};
-    mode_t const mode = ::stat(target_.c_str(), &old) == 0 ? old.st_mode & 0666 : 0666;
+    mode_t const mode = segment_ ? 0600 : ::stat(target_.c_str(), &old) == 0 ? old.st_mode & 0666 : 0666;
     if (::access("/proc/self/fd", X_OK) == 0)
         descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
     bool const unnamed = descriptor_ >= 0;
+    if (segment_ && unnamed) (void)::fchmod(descriptor_, mode); // whatever the umask is
     // Of unnamed files only those that displace another are ever named besides.
     if (force_ || !unnamed) remove_leftovers(target_);
     if (unnamed) return mark_alive(descriptor_);
@@ -192,7 +217,7 @@ void OutputFile::commit() {
 }
 
 void OutputFile::keep_existing(std::string const& from, bool unnamed) {
-    if (link_without_overwriting(from, target_, unnamed)) return;
+    if (link_without_overwriting(from, target_, unnamed, path_)) return;
     if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, target_.c_str(), RENAME_NOREPLACE) == 0) return;
     if (errno == EEXIST) throw exists_already(path_);
     if (errno != EINVAL && errno != ENOSYS) throw system_error(text("cannot write '", path_, "'"));
@@ -205,7 +230,7 @@ void OutputFile::keep_existing(std::string const& from, bool unnamed) {
 void OutputFile::keep_mode() {
     struct stat old {
     }, now{};
-    if (::stat(target_.c_str(), &old) != 0 || ::fstat(descriptor_, &now) != 0) return;
+    if (segment_ || ::stat(target_.c_str(), &old) != 0 || ::fstat(descriptor_, &now) != 0) return;
     mode_t mode = old.st_mode & 0777;
     bool const other_group = old.st_gid != now.st_gid;
     if ((old.st_uid != now.st_uid || other_group) && ::fchown(descriptor_, old.st_uid, old.st_gid) != 0 &&

@@ -14,14 +14,18 @@ void check_output(std::string const& path, bool force);
 
 class Guard;
 
+/// What an output may be: "shm:NAME" is a segment of shared memory, which holds volumes and nothing else.
+enum class OutputKind : std::uint8_t { file, segment };
+
 /// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
 /// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
 /// name at all (O_TMPFILE) until then; while it has one, another process stands by to remove it, so that kill -9 leaves
 /// nothing either. What it replaces hands on its mode, and its owner and group where this process may give files away.
 /// A symbolic link stays, and what it leads to is replaced; not one that somebody else made where all may write.
+/// Segments are files in memory that are their owner's alone.
 class OutputFile {
 public:
-    OutputFile(std::string path, bool force);
+    OutputFile(std::string path, bool force, OutputKind kind = OutputKind::file);
     ~OutputFile();
     OutputFile(OutputFile const&) = delete;
     OutputFile& operator=(OutputFile const&) = delete;
@@ -45,6 +49,7 @@ private:
     std::string path_, target_;
     std::string temporary_; ///< empty for an unnamed file
     bool force_ = false;
+    bool segment_ = false;
     bool in_place_ = false;
     int descriptor_ = -1;
     int slot_ = -1; ///< where a temporary name is remembered for signal handlers

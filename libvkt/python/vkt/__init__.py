@@ -283,9 +283,9 @@ class Volume:
 
 
 def read(path, **options):
-    """The volume of a file of any format that vkt knows. Options are those of `vkt read`: dims, dtype, skip, endian,
-    spacing, format, variable, roi, and trust_paths=True for headers that may name files anywhere; and index for a file
-    that holds several volumes."""
+    """The volume of a file of any format that vkt knows, or of a segment of shared memory, "shm:NAME", which is mapped
+    and not copied. Options are those of `vkt read`: dims, dtype, skip, endian, spacing, format, variable, roi, and
+    trust_paths=True for headers that may name files anywhere; and index for a file that holds several volumes."""
     handle = ctypes.c_void_p()
     _check(_library.vkt_read(_os.fsencode(path), *_words(_options(options)), ctypes.byref(handle)))
     return Volume._of(handle)
