@@ -134,16 +134,19 @@ struct TileOutput {
             for (int j = 0; j < job.count[1]; ++j) visit(row<T>(j, k));
     }
 
-    /// Stores weighted means, by `value(row, i)`, where there is weight, and the background elsewhere; only where
-    /// `averaged` equals `wanted`, if it is given.
+    /// Stores weighted means, by `value(row, i, weight)`, where there is weight, and the background elsewhere; only
+    /// where `averaged` equals `wanted`, if it is given. What `value` makes of no weight is not used.
     template <class T, class C>
     void store_means(C const* weights, std::uint8_t const* averaged, std::uint8_t wanted, auto&& value) const {
         T const nothing = store_cell<T>(rule.background);
+        int const n = job.count[0]; // in a register, whatever cells of bytes might alias
         for_rows<T>([&](Row<T> to) {
-            for (int i = 0; i < job.count[0]; ++i) {
+            for (int i = 0; i < n; ++i) {
                 if (averaged != nullptr && averaged[to.at + i] != wanted) continue;
-                bool const any = weights[to.at + i] > C(0);
-                to.cells[i] = any ? value(to, i) : nothing;
+                C const weight = weights[to.at + i];
+                bool const any = weight > C(0);
+                T const mean = value(to, i, weight);
+                to.cells[i] = any ? mean : nothing;
                 if (to.covered != nullptr) to.covered[i] = any ? 1 : 0;
             }
         });
@@ -155,12 +158,11 @@ struct TileOutput {
         bool const bounded = !rule.range.empty();
         C const low = bounded ? static_cast<C>(rule.range.minimum) : -std::numeric_limits<C>::infinity();
         C const high = bounded ? static_cast<C>(rule.range.maximum) : std::numeric_limits<C>::infinity();
-        store_means<T>(scratch.weight, averaged, wanted, [&](Row<T> const& to, int i) {
-            C const weight = scratch.weight[to.at + i];
+        store_means<T>(scratch.weight, averaged, wanted, [&](Row<T> const& to, int i, C weight) {
             C value = scratch.sum[to.at + i] / weight;
             value = value < low ? low : value > high ? high : value; // NaN stays
             if constexpr (weights_are_shares)
-                if (weight < 1 - weight_rounding) value = with_background(value, weight, i, to.j, to.k);
+                if (weight > 0 && weight < 1 - weight_rounding) value = with_background(value, weight, i, to.j, to.k);
             return store_cell<T>(value);
         });
     }
@@ -184,8 +186,9 @@ struct TileOutput {
             work.high[i] = far && work.wide.weight[i] > 0 ? work.wide.sum[i] / work.wide.weight[i] : 0;
         part.load = far ? tile::Load::low_halves : tile::Load::differences;
         basis(part, work.wide, instructions);
-        store_means<T>(work.wide.weight, averaged, 0, [&](Row<T> const& to, int i) {
+        store_means<T>(work.wide.weight, averaged, 0, [&](Row<T> const& to, int i, double weight) {
             int const at = to.at + i;
+            if (!(weight > 0)) return T{};
             return above<T>(base, work.high[at], work.wide.sum[at] / work.wide.weight[at]);
         });
     }
