@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/amr/tree.h"
+#include "libvkt/core/collect.h"
+#include "libvkt/core/report.h"
 #include "libvkt/core/text.h"
 #include "shell/command.h"
 
@@ -12,6 +14,7 @@ namespace {
 struct Description {
     std::string format;
     Header header;
+    std::vector<std::string> not_read{}; ///< what else the file holds
     std::optional<TreeSummary> tree{};
 };
 
@@ -48,6 +51,7 @@ std::string described(Description const& description) {
     line("units", header.units);
     if (header.part)
         line("part", text(header.part->offset, " of ", header.part->global_dims, ", halo ", header.part->halo));
+    for (std::string const& what : description.not_read) line("not read", what);
     for (auto const& [key, value] : header.attributes) line("attribute", text(key, ": ", value));
     if (header.history) line("history", history_as_shell(*header.history));
     return lines;
@@ -57,6 +61,8 @@ std::string json_of(Description const& description) {
     std::string json = to_json(description.header);
     json.resize(json.size() - 2); // the object goes on: without its "\n}"
     json += text(",\n \"format\": \"", description.format, "\"");
+    if (!description.not_read.empty())
+        json += text(",\n \"not_read\": [", join(collect(description.not_read, json_string), ", "), "]");
     if (!description.tree) return json + "\n}";
     json += text(",\n \"holes\": ", description.tree->hole_share(), ",\n \"level_list\": [");
     char const* separator = "";
@@ -85,6 +91,7 @@ public:
             opened_ = context.format();
             Header& header = volumes.emplace_back(Description{format_, source.header()}).header;
             header.timing = false;
+            volumes.back().not_read = source.not_read();
             if (header.dry_run) source.finish();
             if (first_) break;
             // A file of several variables says this for all of them among its attributes.

@@ -204,6 +204,41 @@ assert abs(integral - outside - s['weighted_sum']) < 1e-5 * s['weighted_sum'], (
     done
 }
 
+@test "auto keeps the integral of a sparse grid at any resolution, also finer than its cells" {
+    python_with pyopenvdb numpy
+    /usr/bin/python3 -c "
+import numpy as np, pyopenvdb as vdb
+rng = np.random.default_rng(4)
+grids = []
+for name, background in (('zero', 0.0), ('three', 3.0)):
+    grid = vdb.FloatGrid(background=background)
+    a = (rng.random((10, 10, 10)) + 1).astype(np.float32)
+    for corner in ((3, 0, 0), (30, 20, 11), (50, 41, 47)):
+        grid.copyFromArray(a, ijk=corner)
+    grid.fill((64, 0, 0), (71, 7, 7), background + 1.5) # a leaf all of one value becomes a tile of one coarse cell
+    grid.prune()
+    grid.name = name
+    grids.append(grid)
+vdb.write('sparse.vdb', grids=grids)"
+    for name in zero three; do
+        vkt read sparse.vdb --variable $name -o $name.vkt
+        vkt stats $name.vkt --json >stats.json
+        for scale in 0.08 0.3 0.77 1 1.3 2 2.6; do
+            vkt resample $name.vkt --scale $scale --method auto -o grid.nrrd --force
+            vkt write grid.nrrd - --format raw >grid.raw
+            vkt info grid.nrrd --json >info.json
+            /usr/bin/python3 -c "
+import json, numpy as np
+s, i = json.load(open('stats.json')), json.load(open('info.json'))
+background = {'zero': 0, 'three': 3}['$name']
+above = (np.fromfile('grid.raw', np.float32).astype(float) - background).sum() * np.prod(i['spacing'])
+want = s['weighted_sum'] - background * s['volume']
+print('$name $scale', above / want - 1)
+assert abs(above - want) < 1e-6 * abs(want), (above, want)"
+        done
+    done
+}
+
 @test "statistics are those of the active voxels, not of the blocks they are stored in" {
     python_with pyopenvdb numpy
     /usr/bin/python3 -c "
@@ -278,6 +313,32 @@ vdb.write('grids.vdb', grids=[a, b, c])"
     grep 'variable b: float32, 400 active voxels in 100 2 2 from 0 0 0' info
     grep 'variable c: float32, 0 active voxels' info
     vkt read grids.vdb --variable a | vkt info | grep -x 'region     10 5 4'
+}
+
+@test "info names the grids that are not read" {
+    python_with pyopenvdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+a, v, b = vdb.FloatGrid(), vdb.Vec3SGrid(), vdb.FloatGrid()
+a.fill((0, 0, 0), (6, 4, 5), 1.0)
+v.fill((0, 0, 0), (6, 4, 5), (1.0, 2.0, 3.0))
+a.name, v.name, b.name = 'a', 'v', 'b'
+vdb.write('one.vdb', grids=[a, v])
+vdb.write('two.vdb', grids=[a, v, b])
+vdb.write('vectors.vdb', grids=[v])
+vdb.write('scalars.vdb', grids=[a, b])"
+    for file in one two; do
+        vkt info $file.vdb | grep -x "not read   grid 'v' of type vec3s"
+        vkt info $file.vdb --json | /usr/bin/python3 -c '
+import json, sys
+assert json.load(sys.stdin)["not_read"] == ["grid '"\'v\'"' of type vec3s"]'
+    done
+    vkt info scalars.vdb >info
+    run ! grep 'not read' info
+    run ! vkt info vectors.vdb
+    # It is said of the file, and no attribute of what is made of it.
+    vkt resample one.vdb --method nearest -o one.nrrd
+    run ! grep -a vec3s one.nrrd
 }
 
 @test "damaged files are refused" {

@@ -556,6 +556,26 @@ assert "does not apply" in vkt("resample", "small.nrrd", "--like", "ref.nrrd", "
 import os; assert not os.path.exists("never.nrrd")'
 }
 
+@test "a background is what a volume names, or what is asked for, and fits the type" {
+    vkt make constant --dims 4 4 4 --value 9 --dtype uint8 | vkt set --attribute background=7 -o named.nrrd
+    vkt set named.nrrd --origin 2,0,0 -o moved.nrrd
+    vkt resample named.nrrd --like moved.nrrd | vkt stats --json | grep -q '"min": 7'
+    vkt resample named.nrrd --like moved.nrrd --background 5 | vkt stats --json | grep -q '"min": 5'
+    fails_with 2 'background 300' vkt resample named.nrrd --like moved.nrrd --background 300 -o never.nrrd
+    # Of structured volumes it is anybody's attribute.
+    vkt set named.nrrd --attribute background=white -o white.nrrd
+    vkt resample white.nrrd --like moved.nrrd | vkt stats --json | grep -q '"min": 0'
+    # The same of hierarchical ones, which a cell cannot hold either.
+    vkt make sphere --dims 16 16 16 --dtype uint8 | vkt refine --tolerance 0 --background 0 -o tree.vkt
+    for method in basis nearest average auto; do
+        fails_with 2 'background 300' vkt resample tree.vkt --method $method --background 300 -o never.nrrd
+        vkt resample tree.vkt --method $method --background 200 -o high.nrrd --force
+    done
+    vkt set tree.vkt --attribute background=white -o white.vkt
+    fails_with 3 'background' vkt resample white.vkt -o never.nrrd
+    [ ! -e never.nrrd ]
+}
+
 @test "onto another's grid the frames count, and unknown ones are refused" {
     vkt set noise.vkt --origin 1,2,3 --attribute space=left-posterior-superior -o lps.nrrd
     vkt set lps.nrrd --attribute space=right-anterior-superior -o ras.nrrd # another place

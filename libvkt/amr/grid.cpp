@@ -10,6 +10,13 @@ namespace vkt {
 
 namespace {
 
+__extension__ typedef __int128 WideCount; ///< logical grids of 2^40 cells along each axis hold 2^120
+
+WideCount cells_in(Box const& box) {
+    Index3 const n = box.dims();
+    return box.empty() ? 0 : WideCount{n.x} * n.y * n.z;
+}
+
 std::int64_t rounded_count(double exact) {
     if (!(exact < static_cast<double>(max_extent)))
         throw Error(ErrorKind::usage, text("a grid of ", exact, " voxels along one axis is too large"));
@@ -101,6 +108,20 @@ SampleGrid plan_grid(Header const& header, GridRequest const& request) {
         grid.step[a] = static_cast<double>(extent[a]) / static_cast<double>(dims[a]);
     }
     return grid;
+}
+
+bool leaves_holes(Header const& header, std::span<Brick const> bricks, SampleGrid const& grid) {
+    double const rounding = 1e-6; // of a voxel: a face that was to lie on one between cells
+    Box looked_at;
+    for (int a = 0; a < 3; ++a) {
+        double const low = grid.lower[a], high = low + static_cast<double>(grid.dims[a]) * grid.step[a];
+        auto const n = static_cast<double>(header.dims[a]), slack = rounding * grid.step[a];
+        looked_at.lower[a] = static_cast<std::int64_t>(std::clamp(std::floor(low + slack), 0.0, n));
+        looked_at.upper[a] = static_cast<std::int64_t>(std::clamp(std::ceil(high - slack), 0.0, n));
+    }
+    WideCount left = cells_in(looked_at);
+    for (Brick const& brick : bricks) left -= cells_in(intersect(bounds_of(brick, header.dims), looked_at));
+    return left > 0; // bricks do not overlap
 }
 
 Header gridded_header(Header const& header, SampleGrid const& grid) {

@@ -46,6 +46,8 @@ Reconstructor::Reconstructor(Volume volume, SampleGrid const& grid, Reconstructi
     auto const& bricks = volume_.bricks();
     if (bricks.size() >= std::size_t{1} << 31)
         throw Error(ErrorKind::resources, "more than 2^31 bricks cannot be sampled");
+    if (method == Reconstruction::automatic && leaves_holes(volume_.header(), bricks, grid))
+        rule_.method = Reconstruction::average;
     sources_ = tile_sources(volume_);
     first_z_.resize(bricks.size());
     last_z_.resize(bricks.size());

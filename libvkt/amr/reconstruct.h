@@ -9,6 +9,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,9 @@ namespace vkt {
 /// nearest: the cell that holds the sample.
 /// average: volume-weighted mean of the cells that a voxel overlaps, and of the background where it overlaps none;
 ///   conserves the integral.
-/// automatic: average where a voxel is at least two cells wide, basis elsewhere.
+/// automatic: average everywhere if the grid looks into a hole, since basis reaches half a cell into it, which costs
+/// the
+///   integral; otherwise average where a voxel is at least two cells wide, and basis elsewhere.
 enum class Reconstruction : std::uint8_t { basis, nearest, average, automatic };
 
 template <> struct EnumNames<Reconstruction> {
@@ -46,6 +49,7 @@ struct TileRule {
     double background = 0;  ///< stored value where there is no brick
     Vec3 extent{1, 1, 1};   ///< of the logical grid, in finest cells: what lies outside is no part of a mean
     ValueRange range{1, 0}; ///< of the cells: weighted sums, which round, do not leave it; empty if nobody knows
+    bool holes = false;     ///< automatic: samples may lie in holes, and are averages there, however near a cell is
 };
 
 /// What a user asks for. At most one of dims, spacing and cells; none samples every finest cell.
@@ -69,6 +73,9 @@ SampleGrid plan_grid(Header const& header, GridRequest const& request);
 
 /// The structured header of such a grid: dims, geometry, type; values, units and attributes travel along.
 Header gridded_header(Header const& header, SampleGrid const& grid);
+
+/// True if bricks leave part of the grid uncovered. What lies outside the logical grid is no hole. O(bricks).
+bool leaves_holes(Header const& header, std::span<Brick const> bricks, SampleGrid const& grid);
 
 /// Samples a hierarchical volume on a grid, region by region. Results depend on neither regions nor threads, bit for
 /// bit; bricks contribute in their order. State: 112 bytes a brick. Throws Error{failure} for structured volumes.

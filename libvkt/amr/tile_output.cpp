@@ -14,7 +14,7 @@ namespace vkt {
 struct TileMemory {
     tile::ScratchFloat single;
     tile::ScratchDouble wide;
-    std::uint8_t coarse[tile::samples];
+    std::uint8_t averaged[tile::samples], inside[tile::samples];
     double high[tile::samples]; ///< of 64-bit integers, what comes of the upper halves
 };
 
@@ -72,25 +72,35 @@ Span voxels_touched(tile::Job const& job, tile::Source const& brick, int a) {
         [&](int i) { return face(i) < upper; });
 }
 
-/// Marks the voxels that overlap bricks whose cells are at most half as wide; returns how many.
-int mark_coarse(tile::Job const& job, std::uint8_t* coarse) {
-    int const n = job.count[0] * job.count[1] * job.count[2];
-    std::memset(coarse, 0, static_cast<std::size_t>(n));
+/// Marks the samples of the tile that lie in a brick's span along each axis.
+void mark(tile::Job const& job, tile::Source const& brick, Span (&span)(tile::Job const&, tile::Source const&, int),
+          std::uint8_t* marks) {
+    Span const x = span(job, brick, 0), y = span(job, brick, 1), z = span(job, brick, 2);
+    if (x.begin >= x.end) return;
+    for (int k = z.begin; k < z.end; ++k)
+        for (int j = y.begin; j < y.end; ++j)
+            std::memset(marks + (k * job.count[1] + j) * job.count[0] + x.begin, 1,
+                        static_cast<std::size_t>(x.end - x.begin));
+}
+
+/// Marks the voxels that overlap bricks whose cells are at most half as wide, and if there are holes those whose
+/// centres lie in one; returns how many.
+int mark_averaged(tile::Job const& job, bool holes, TileMemory& work) {
+    auto const n = static_cast<std::size_t>(job.count[0] * job.count[1] * job.count[2]);
+    std::memset(work.averaged, 0, n);
+    if (holes) std::memset(work.inside, 0, n);
     for (std::int64_t i = 0; i < job.id_count; ++i) {
         tile::Source const& brick = job.sources[job.ids[i]];
         bool covers_several = false;
         for (int a = 0; a < 3; ++a) covers_several |= job.step[a] >= 2 * static_cast<double>(brick.width[a]);
-        if (!covers_several) continue;
-        Span const x = voxels_touched(job, brick, 0), y = voxels_touched(job, brick, 1),
-                   z = voxels_touched(job, brick, 2);
-        if (x.begin >= x.end) continue;
-        for (int k = z.begin; k < z.end; ++k)
-            for (int j = y.begin; j < y.end; ++j)
-                std::memset(coarse + (k * job.count[1] + j) * job.count[0] + x.begin, 1,
-                            static_cast<std::size_t>(x.end - x.begin));
+        if (covers_several) mark(job, brick, voxels_touched, work.averaged);
+        if (holes) mark(job, brick, samples_inside, work.inside);
     }
     int marked = 0;
-    for (int i = 0; i < n; ++i) marked += coarse[i];
+    for (std::size_t i = 0; i < n; ++i) {
+        if (holes && work.inside[i] == 0) work.averaged[i] = 1;
+        marked += work.averaged[i];
+    }
     return marked;
 }
 
@@ -104,34 +114,57 @@ struct TileOutput {
     TileRule const& rule;
     InstructionSet instructions;
 
-    std::uint8_t* mask_row(int j, int k) const {
-        if (mask.data == nullptr) return nullptr;
-        return reinterpret_cast<std::uint8_t*>(mask.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
+    /// The row of samples (j, k): its cells, its part of the mask if there is one, and its first index in the scratch.
+    template <class T> struct Row {
+        int j, k, at;
+        T* cells;
+        std::uint8_t* covered;
+    };
+
+    template <class T> Row<T> row(int j, int k) const {
+        auto const of = [&](AnyView const& view) {
+            return view.data == nullptr ? nullptr : view.at(job.begin[0], job.begin[1] + j, job.begin[2] + k);
+        };
+        return {j, k, (k * job.count[1] + j) * job.count[0], reinterpret_cast<T*>(of(out)),
+                reinterpret_cast<std::uint8_t*>(of(mask))};
     }
 
-    /// Divides sums by weights; only where `coarse` equals `wanted`, if it is given.
-    template <class T, bool weights_are_shares = false, class C>
-    void store(tile::Scratch<C> const& scratch, std::uint8_t const* coarse, std::uint8_t wanted) const {
+    template <class T> void for_rows(auto&& visit) const {
+        for (int k = 0; k < job.count[2]; ++k)
+            for (int j = 0; j < job.count[1]; ++j) visit(row<T>(j, k));
+    }
+
+    /// Stores weighted means, by `value(row, i, weight)`, where there is weight, and the background elsewhere; only
+    /// where `averaged` equals `wanted`, if it is given. What `value` makes of no weight is not used.
+    template <class T, class C>
+    void store_means(C const* weights, std::uint8_t const* averaged, std::uint8_t wanted, auto&& value) const {
         T const nothing = store_cell<T>(rule.background);
+        int const n = job.count[0]; // in a register, whatever cells of bytes might alias
+        for_rows<T>([&](Row<T> to) {
+            for (int i = 0; i < n; ++i) {
+                if (averaged != nullptr && averaged[to.at + i] != wanted) continue;
+                C const weight = weights[to.at + i];
+                bool const any = weight > C(0);
+                T const mean = value(to, i, weight);
+                to.cells[i] = any ? mean : nothing;
+                if (to.covered != nullptr) to.covered[i] = any ? 1 : 0;
+            }
+        });
+    }
+
+    /// Divides sums by weights; only where `averaged` equals `wanted`, if it is given.
+    template <class T, bool weights_are_shares = false, class C>
+    void store(tile::Scratch<C> const& scratch, std::uint8_t const* averaged, std::uint8_t wanted) const {
         bool const bounded = !rule.range.empty();
         C const low = bounded ? static_cast<C>(rule.range.minimum) : -std::numeric_limits<C>::infinity();
         C const high = bounded ? static_cast<C>(rule.range.maximum) : std::numeric_limits<C>::infinity();
-        for (int k = 0; k < job.count[2]; ++k)
-            for (int j = 0; j < job.count[1]; ++j) {
-                int const at = (k * job.count[1] + j) * job.count[0];
-                T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
-                std::uint8_t* const covered = mask_row(j, k);
-                for (int i = 0; i < job.count[0]; ++i) {
-                    if (coarse != nullptr && coarse[at + i] != wanted) continue;
-                    C const weight = scratch.weight[at + i];
-                    C value = scratch.sum[at + i] / weight;
-                    value = value < low ? low : value > high ? high : value; // NaN stays
-                    if constexpr (weights_are_shares)
-                        if (weight > 0 && weight < 1 - weight_rounding) value = with_background(value, weight, i, j, k);
-                    row[i] = weight > C(0) ? store_cell<T>(value) : nothing;
-                    if (covered != nullptr) covered[i] = weight > C(0) ? 1 : 0;
-                }
-            }
+        store_means<T>(scratch.weight, averaged, wanted, [&](Row<T> const& to, int i, C weight) {
+            C value = scratch.sum[to.at + i] / weight;
+            value = value < low ? low : value > high ? high : value; // NaN stays
+            if constexpr (weights_are_shares)
+                if (weight > 0 && weight < 1 - weight_rounding) value = with_background(value, weight, i, to.j, to.k);
+            return store_cell<T>(value);
+        });
     }
 
     /// The integer that lies high * 2^32 + low above the base.
@@ -142,7 +175,7 @@ struct TileOutput {
 
     /// 64-bit integers are summed as differences from the least one, in two halves if double has no room for these. So
     /// small differences of large values are kept, and a sample that only one cell contributes to is that cell.
-    template <class T> void basis_of_wide(TileMemory& work, std::uint8_t const* coarse) const {
+    template <class T> void basis_of_wide(TileMemory& work, std::uint8_t const* averaged) const {
         std::uint64_t const base = job.id_count > 0 ? job.sources[job.ids[0]].base : 0;
         bool const far = job.id_count > 0 && job.sources[job.ids[0]].far;
         int const n = job.count[0] * job.count[1] * job.count[2];
@@ -153,19 +186,11 @@ struct TileOutput {
             work.high[i] = far && work.wide.weight[i] > 0 ? work.wide.sum[i] / work.wide.weight[i] : 0;
         part.load = far ? tile::Load::low_halves : tile::Load::differences;
         basis(part, work.wide, instructions);
-        T const nothing = store_cell<T>(rule.background);
-        for (int k = 0; k < job.count[2]; ++k)
-            for (int j = 0; j < job.count[1]; ++j) {
-                int const at = (k * job.count[1] + j) * job.count[0];
-                T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
-                std::uint8_t* const covered = mask_row(j, k);
-                for (int i = 0; i < job.count[0]; ++i) {
-                    if (coarse != nullptr && coarse[at + i] != 0) continue;
-                    double const weight = work.wide.weight[at + i];
-                    row[i] = weight > 0 ? above<T>(base, work.high[at + i], work.wide.sum[at + i] / weight) : nothing;
-                    if (covered != nullptr) covered[i] = weight > 0 ? 1 : 0;
-                }
-            }
+        store_means<T>(work.wide.weight, averaged, 0, [&](Row<T> const& to, int i, double weight) {
+            int const at = to.at + i;
+            if (!(weight > 0)) return T{};
+            return above<T>(base, work.high[at], work.wide.sum[at] / work.wide.weight[at]);
+        });
     }
 
     /// Share of voxel i along an axis that lies in the logical grid.
@@ -187,13 +212,11 @@ struct TileOutput {
 
     template <class T> void nearest() const {
         T const nothing = store_cell<T>(rule.background);
-        for (int k = 0; k < job.count[2]; ++k)
-            for (int j = 0; j < job.count[1]; ++j) {
-                T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
-                for (int i = 0; i < job.count[0]; ++i) row[i] = nothing;
-                if (std::uint8_t* const covered = mask_row(j, k))
-                    std::memset(covered, 0, static_cast<std::size_t>(job.count[0]));
-            }
+        auto const n = static_cast<std::size_t>(job.count[0]);
+        for_rows<T>([&](Row<T> to) {
+            std::fill_n(to.cells, n, nothing);
+            if (to.covered != nullptr) std::memset(to.covered, 0, n);
+        });
         for (std::int64_t b = 0; b < job.id_count; ++b) nearest_brick<T>(job.sources[job.ids[b]]);
     }
 
@@ -214,30 +237,31 @@ struct TileOutput {
         for (int k = spans[2].begin; k < spans[2].end; ++k)
             for (int j = spans[1].begin; j < spans[1].end; ++j) {
                 T const* const from = cells + (cell[2][k] * brick.dims[1] + cell[1][j]) * brick.dims[0];
-                T* const row = reinterpret_cast<T*>(out.at(job.begin[0], job.begin[1] + j, job.begin[2] + k));
-                for (int i = spans[0].begin; i < spans[0].end; ++i) row[i] = from[cell[0][i]];
-                if (std::uint8_t* const covered = mask_row(j, k))
-                    std::memset(covered + spans[0].begin, 1, static_cast<std::size_t>(spans[0].end - spans[0].begin));
+                Row<T> const to = row<T>(j, k);
+                for (int i = spans[0].begin; i < spans[0].end; ++i) to.cells[i] = from[cell[0][i]];
+                if (to.covered != nullptr)
+                    std::memset(to.covered + spans[0].begin, 1,
+                                static_cast<std::size_t>(spans[0].end - spans[0].begin));
             }
     }
 
-    void basis_where(TileMemory& work, std::uint8_t const* coarse) const {
+    void basis_where(TileMemory& work, std::uint8_t const* averaged) const {
         with_cell_type(job.type, [&]<class T>(T) {
             if constexpr (is_wide_cell<T>) {
-                basis_of_wide<T>(work, coarse);
+                basis_of_wide<T>(work, averaged);
             } else if (computes_in_double(job.type)) {
                 basis(job, work.wide, instructions);
-                store<T>(work.wide, coarse, 0);
+                store<T>(work.wide, averaged, 0);
             } else {
                 basis(job, work.single, instructions);
-                store<T>(work.single, coarse, 0);
+                store<T>(work.single, averaged, 0);
             }
         });
     }
 
-    void average_where(TileMemory& work, std::uint8_t const* coarse) const {
+    void average_where(TileMemory& work, std::uint8_t const* averaged) const {
         average(job, work.wide, instructions);
-        with_cell_type(job.type, [&]<class T>(T) { store<T, true>(work.wide, coarse, 1); });
+        with_cell_type(job.type, [&]<class T>(T) { store<T, true>(work.wide, averaged, 1); });
     }
 
     void compute(TileMemory& work) const {
@@ -253,9 +277,9 @@ struct TileOutput {
             break;
         case Reconstruction::automatic: {
             int const n = job.count[0] * job.count[1] * job.count[2];
-            int const marked = mark_coarse(job, work.coarse);
-            if (marked > 0) average_where(work, marked == n ? nullptr : work.coarse);
-            if (marked < n) basis_where(work, marked == 0 ? nullptr : work.coarse);
+            int const marked = mark_averaged(job, rule.holes, work);
+            if (marked > 0) average_where(work, marked == n ? nullptr : work.averaged);
+            if (marked < n) basis_where(work, marked == 0 ? nullptr : work.averaged);
             break;
         }
         }
@@ -299,7 +323,11 @@ void compute_box(std::span<tile::Source const> sources, std::span<std::int32_t c
 
 TileRule tile_rule(Header const& header, Reconstruction method, double background, ValueRange range) {
     Index3 const n = header.dims;
-    return {method, background, {static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)}, range};
+    return {method,
+            background,
+            {static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)},
+            range,
+            false};
 }
 
 std::vector<tile::Source> tile_sources(Volume const& volume) {

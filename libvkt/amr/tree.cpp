@@ -200,6 +200,7 @@ bool is_uniform(Header const& header) {
 std::optional<double> stored_background(Header const& header) {
     auto const attribute = header.attributes.find("background");
     if (attribute == header.attributes.end()) return std::nullopt;
+    if (header.kind == Kind::structured && !is_number(attribute->second)) return std::nullopt;
     try {
         return header.values.stored(parse_double(attribute->second));
     } catch (Error const& error) {

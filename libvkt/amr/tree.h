@@ -68,7 +68,7 @@ bool is_uniform(Header const& header);
 
 /// The stored value of what no brick covers: the attribute "background", which holds it in physical values, where the
 /// source says that there is one (OpenVDB, refine). Cells of that value are as good as holes. None if the volume names
-/// none. Throws Error{data} if the attribute is no number.
+/// none. Throws Error{data} if the attribute is no number; in a structured volume it is somebody's own then, and none.
 std::optional<double> stored_background(Header const& header);
 
 /// Smallest and largest cell of a brick, NaN left out; minimum > maximum if it holds nothing but NaN.

@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace vkt {
 
@@ -61,6 +62,9 @@ public:
     virtual bool narrow(Roi const& /*roi*/, WorldRoi const& /*world_roi*/) { return false; }
     /// The current volume of kind hierarchical, which is not read region by region. Once per volume.
     virtual BrickSequence take_bricks();
+
+    /// What the file of the current volume holds besides and nobody here can read: "grid 'v' of type vec3s".
+    virtual std::vector<std::string> not_read() const { return {}; }
 
     /// The whole current volume, finished, if it lies in memory in one piece that may be had without a copy. Only
     /// before anything else was asked of it.

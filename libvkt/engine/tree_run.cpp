@@ -200,16 +200,25 @@ Header level_header(Header const& tree, LevelLattice const& lattice) {
     return gridded_header(tree, grid);
 }
 
+/// How ghost cells are made: holes hold the background, however near they are to a coarse cell.
+TileRule ghost_rule(Volume const& tree, TreeOptions const& options, Execution const& execution) {
+    Header const& header = tree.header();
+    TileRule rule = tile_rule(header, options.ghosts, stored_background(header).value_or(header.values.stored(0)),
+                              united(brick_ranges(tree, execution)));
+    Box const region = region_of(header);
+    SampleGrid cells;
+    for (int a = 0; a < 3; ++a) cells.lower[a] = static_cast<double>(region.lower[a]);
+    cells.dims = region.dims();
+    rule.holes = leaves_holes(header, tree.bricks(), cells);
+    return rule;
+}
+
 class NeighbourhoodRun {
 public:
     NeighbourhoodRun(Operation& operation, Volume const& input, Execution const& execution, TreeOptions const& options)
         : operation_(operation), input_(input), execution_(execution), index_(input.header().dims, input.bricks()),
           sources_(tile_sources(input)),
-          filler_(input_, index_, sources_,
-                  tile_rule(input.header(), options.ghosts,
-                            stored_background(input.header()).value_or(input.header().values.stored(0)),
-                            united(brick_ranges(input, execution))),
-                  execution.instructions) {}
+          filler_(input_, index_, sources_, ghost_rule(input, options, execution), execution.instructions) {}
 
     Volume run(TreeRun* report) {
         std::map<int, std::vector<std::size_t>> levels;

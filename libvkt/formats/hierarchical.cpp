@@ -86,6 +86,8 @@ public:
         return result;
     }
 
+    std::vector<std::string> not_read() const override { return file_->listing().not_read; }
+
     void finish() override {} // bricks come whole or not at all
 
 private:

@@ -41,6 +41,8 @@ void put(Message& message, AmrListing const& listing) {
         put(message, variable.maximum);
         message.put(variable.extent);
     }
+    message.put(static_cast<std::int64_t>(listing.not_read.size()));
+    for (std::string const& what : listing.not_read) message.put(what);
     message.put(to_json(listing.header));
     message.put_table(std::span<Brick const>(listing.bricks));
     message.put(listing.blocks_in_file);
@@ -65,6 +67,7 @@ AmrListing listing_in(Message& message) {
         variable.extent = message.text();
         listing.variables.push_back(std::move(variable));
     }
+    for (std::int64_t n = message.number(); n > 0; --n) listing.not_read.push_back(message.text());
     listing.header = header_from_json(message.text());
     listing.bricks = message.table<Brick>();
     if (!listing.bricks.empty()) check_bricks(listing.header.dims, listing.bricks);

@@ -64,6 +64,7 @@ public:
     std::shared_ptr<Lease> lease(Box const& region) override { return current_->lease(region); }
     std::optional<Volume> take_whole() override { return current_->take_whole(); }
     BrickSequence take_bricks() override { return current_->take_bricks(); }
+    std::vector<std::string> not_read() const override { return current_->not_read(); }
     void expect(Box const& region) override { current_->expect(region); }
     std::int64_t natural_slab() const override { return current_->natural_slab(); }
     Space space() const override { return current_ ? current_->space() : Space::host; }

@@ -115,7 +115,10 @@ public:
             for (auto name = file_.beginName(); name != file_.endName(); ++name) {
                 openvdb::GridBase::Ptr const grid = file_.readGridMetadata(name.gridName());
                 auto const dtype = dtype_of(*grid);
-                if (!dtype) continue;
+                if (!dtype) {
+                    listing.not_read.push_back(text("grid '", name.gridName(), "' of type ", grid->valueType()));
+                    continue;
+                }
                 openvdb::CoordBBox const box = active_box(*grid);
                 listing.variables.push_back({name.gridName(), *dtype, {}, {}, extent_text(*grid, box)});
                 // Grids that lie on one lattice share an extent; of others the header is that of the first.

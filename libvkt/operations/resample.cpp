@@ -24,7 +24,7 @@ void Resample::parameters(Parameters& p) {
     p.option("cells", cells, "N", "about this many voxels, as cubic as can be; 50M are 50 millions");
     p.option("method", method, "METHOD",
              "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
-             "(default), nearest, average, or auto: average where a voxel covers several cells");
+             "(default), nearest, average, or auto: average where a voxel covers several cells or there are holes");
     p.option("roi", roi, "REGION", "hierarchical volumes: only this region, in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
     p.option("background", background, "VALUE",
@@ -300,15 +300,17 @@ ErrorBound Resample::error_of(Header const& input, Header const& output) const {
     return error;
 }
 
-/// The background as it is stored in the result.
-double Resample::stored_background(Header const& input, Header const& output) const {
-    double physical = background.value_or(0);
-    if (auto const known = input.attributes.find("background"); !background && known != input.attributes.end())
-        if (is_number(known->second)) physical = parse_double(known->second);
-    double const stored = output.values.stored(physical);
-    if (is_integer(output.dtype) && !(stored >= lowest_of(output.dtype) && stored <= highest_of(output.dtype)))
-        throw Error(ErrorKind::usage, text("the background ", physical, " cannot be stored in ", output.dtype),
-                    "choose another --background, or a type with --dtype");
+/// The background as a volume stores it: the one that was asked for, or that the volume names, or 0, which trees that
+/// have no holes need no room for.
+double Resample::background_in(Header const& volume) const {
+    std::optional<double> const named = background ? volume.values.stored(*background) : stored_background(volume);
+    double const stored = named.value_or(volume.values.stored(0));
+    bool const fits =
+        !is_integer(volume.dtype) || (stored >= lowest_of(volume.dtype) && stored <= highest_of(volume.dtype));
+    if (!fits && (named || !from_tree_))
+        throw Error(ErrorKind::usage,
+                    text("the background ", volume.values.physical(stored), " cannot be stored in ", volume.dtype),
+                    from_tree_ ? "choose another --background" : "choose another --background, or a type with --dtype");
     return stored;
 }
 
@@ -321,7 +323,7 @@ Plan Resample::plan_onto(Header const& input, Placement const& placement) {
     if (boundary)
         values.border = input.values.stored(boundary->value);
     else
-        values.background = stored_background(input, plan.output);
+        values.background = background_in(plan.output);
     onto_.emplace(placement, from_, to_, method.value_or(ResampleMethod::automatic), boundary, values);
     onto_->describe(plan);
     return plan;
@@ -430,8 +432,7 @@ Plan Resample::plan_tree(Header const& input) {
     plan.cost = 16;
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
-    stored_background_ =
-        background ? input.values.stored(*background) : vkt::stored_background(input).value_or(input.values.stored(0));
+    stored_background_ = background_in(input);
     values_.reset();
     if (mask) {
         plan.output.dtype = DataType::uint8;

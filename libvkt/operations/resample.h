@@ -73,7 +73,7 @@ private:
     Plan plan_onto(Header const& input, Placement const& placement);
     SampleGrid grid_like(Header const& input) const;
     void take_grid(Header const& input, Header& output) const;
-    double stored_background(Header const& input, Header const& output) const;
+    double background_in(Header const& volume) const;
     void run_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;

@@ -158,6 +158,21 @@ TEST(AmrApply, NeighbourhoodsSeeAcrossLevels) {
     EXPECT_LT(worst, 0.06);
 }
 
+// Fine cells beside a hole see the background in it, also where it is within reach of a coarse cell.
+TEST(AmrApply, NeighbourhoodsSeeTheBackgroundInHoles) {
+    Index3 const dims{32, 32, 32};
+    Volume tree = make_tree(dims, {{{8, 8, 8}, {8, 8, 8}, 0}, {{16, 8, 8}, {1, 1, 1}, 3}}, [](Vec3) { return 1; });
+    tree.header().attributes["background"] = "-2";
+    Volume const grid = reconstruct(tree, whole_grid(tree, dims), Reconstruction::nearest, -2, execution());
+    BoxMean a(Boundary::clamp), b(Boundary::clamp);
+    Volume const by_brick = apply_hierarchical(a, {tree}, execution()), whole = apply(b, {grid}, execution());
+    View<float const> const got = by_brick.brick_view(0).as<float>(), want = whole.view().as<float>();
+    for (std::int64_t z = 0; z < 8; ++z)
+        for (std::int64_t y = 0; y < 8; ++y)
+            for (std::int64_t x = 0; x < 8; ++x)
+                ASSERT_NEAR(got.data[(z * 8 + y) * 8 + x], want(x + 8, y + 8, z + 8), 1e-6) << x << y << z;
+}
+
 TEST(AmrApply, PointwiseRunsOnEqualTreesWithOrWithoutPositions) {
     Volume const tree = make_amr(small_recipe(AmrField::linear), execution());
     Sum plain(2, false);

@@ -400,12 +400,66 @@ TEST(AmrReconstruct, HolesBecomeBackgroundAndMask) {
             ASSERT_EQ(values[i], flags[i] == 1 ? 5.0f : -7.0f);
             covered += flags[i];
         }
-        // Nearest and average cover the bricks; basis reaches half a coarse cell further.
-        if (method == Reconstruction::nearest || method == Reconstruction::average)
-            EXPECT_EQ(covered, 1024);
-        else
+        // All cover the bricks; basis reaches half a coarse cell further.
+        if (method == Reconstruction::basis)
             EXPECT_GT(covered, 1024);
+        else
+            EXPECT_EQ(covered, 1024);
     }
+}
+
+// Voxels larger than cells, as large, smaller, and in no whole ratio to them.
+TEST(AmrReconstruct, AutomaticKeepsTheIntegralWhereThereAreHoles) {
+    std::mt19937 random(7);
+    Volume const volume =
+        make_tree({32, 16, 8}, {{{0, 0, 0}, {8, 8, 8}, 0}, {{8, 4, 0}, {2, 3, 2}, 2}, {{24, 8, 0}, {4, 4, 4}, 1}},
+                  [&](Vec3) { return std::uniform_real_distribution<>(1, 2)(random); });
+    double cells = 0, covered = 0;
+    float const* cell = cells_of<float>(volume);
+    for (Brick const& brick : volume.bricks())
+        for (std::int64_t i = 0; i < brick.cells(); ++i) {
+            cells += static_cast<double>(*cell++) * std::pow(8.0, brick.level);
+            covered += std::pow(8.0, brick.level);
+        }
+    for (double const background : {0.0, -3.0})
+        for (Index3 const dims : {Index3{1, 1, 1}, Index3{13, 5, 3}, Index3{25, 13, 6}, Index3{32, 16, 8},
+                                  Index3{41, 23, 11}, Index3{64, 32, 16}, Index3{128, 64, 32}}) {
+            SampleGrid const grid = whole_grid(volume, dims);
+            double sum = 0;
+            for (float const v : values_of<float>(run(volume, dims, Reconstruction::automatic, background)))
+                sum += static_cast<double>(v);
+            double const want = cells + background * (4096 - covered);
+            EXPECT_NEAR(sum * grid.step.x * grid.step.y * grid.step.z, want, 1e-6 * cells) << dims.x;
+        }
+}
+
+// Holes elsewhere, outside the grid or outside the logical grid, change nothing.
+TEST(AmrReconstruct, AutomaticLooksForHolesInsideTheGrid) {
+    auto const field = [](Vec3 p) { return p.x * p.x + p.y * p.z; };
+    Volume const whole = make_tree({32, 16, 8}, {{{0, 0, 0}, {8, 16, 8}, 0}, {{8, 0, 0}, {4, 8, 4}, 1}}, field);
+    auto const values = [&](SampleGrid const& grid, Reconstruction method) {
+        return values_of<float>(reconstruct(whole, grid, method, 0, execution()));
+    };
+    SampleGrid grid{{0.3, -5, -1}, {0.7, 0.9, 0.5}, {22, 30, 20}}; // up to 15.7 of 16, and beyond 0 and 16 along y
+    EXPECT_FALSE(leaves_holes(whole.header(), whole.bricks(), grid));
+    EXPECT_EQ(values(grid, Reconstruction::automatic), values(grid, Reconstruction::basis));
+    grid.dims.x = 23; // up to 16.4
+    EXPECT_TRUE(leaves_holes(whole.header(), whole.bricks(), grid));
+    EXPECT_EQ(values(grid, Reconstruction::automatic), values(grid, Reconstruction::average));
+    // A face that rounding put beyond the last cell is no look beyond it.
+    grid = {{0, 0, 0}, {16.0 / 49 * (1 + 1e-12), 1, 1}, {49, 16, 8}};
+    EXPECT_FALSE(leaves_holes(whole.header(), whole.bricks(), grid));
+    // More cells than 64 bits count: a hole of one brick is none of rounding.
+    std::int64_t const wide = std::int64_t{1} << 40;
+    std::vector<Brick> bricks;
+    for (std::int64_t i = 0; i < 8; ++i)
+        bricks.push_back({{(i & 1) * wide / 2, (i >> 1 & 1) * wide / 2, (i >> 2) * wide / 2}, {1, 1, 1}, 39});
+    Header header;
+    header.dims = {wide, wide, wide};
+    auto const step = static_cast<double>(wide);
+    EXPECT_FALSE(leaves_holes(header, bricks, {{}, {step, step, step}, {1, 1, 1}}));
+    bricks.pop_back();
+    EXPECT_TRUE(leaves_holes(header, bricks, {{}, {step, step, step}, {1, 1, 1}}));
 }
 
 // Test 22.
