@@ -157,6 +157,10 @@ template <class C, class F, class... In> std::int64_t count_undefined(std::int64
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += f.undefined(in[i]...) ? 1 : 0;
     return count;
 }
+template <class F> bool may_be_undefined(F const& f) {
+    if constexpr (requires { f.may_be_undefined(); }) return f.may_be_undefined();
+    return true;
+}
 template <class F, class... C>
 concept CountsUndefined = requires(F const& f, C... values) {
     f.undefined(values...);
@@ -185,10 +189,12 @@ void map_rows(Execution const& execution, AnyView out, Losses& losses, F const& 
                                  if constexpr (At)
                                      apply_at(m, static_cast<double>(begin), static_cast<double>(y),
                                               static_cast<double>(z), result.data(), f, values...);
+                                 else if constexpr (requires { f.row(m, result.data(), values...); })
+                                     f.row(m, result.data(), values...);
                                  else
                                      apply(m, result.data(), f, values...);
                                  if constexpr (CountsUndefined<F, decltype(*values)...>)
-                                     mine.undefined += count_undefined<C>(m, f, values...);
+                                     if (may_be_undefined(f)) mine.undefined += count_undefined<C>(m, f, values...);
                              };
                              compute(row_of<C>(in, begin, y, z, m, buffer[k])...);
                              mine += result.store(m);

@@ -17,7 +17,8 @@
 //   copy_box(execution, from, to, mirror)                 permuting copy between boxes of equal dims
 //
 // out.box is what is computed. In and out may be the same memory in map and map_at. A functor that also has
-// undefined(in...) has the voxels counted for which that is true.
+// undefined(in...) has the voxels counted for which that is true, unless its may_be_undefined() is false; one that has
+// row(n, results, in...) is given whole rows on CPUs.
 //
 //     template <class C> struct Inside {
 //         C low, high;

@@ -1,11 +1,12 @@
-// Arithmetic: pieces of rows in float or double; voxels that this would round twice once more exactly. 64-bit integers
-// among themselves in 128 bits.
+// Arithmetic: in which values and which type it is computed, and what the result is stored as.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/arithmetic.h"
 
 #include "libvkt/core/frame.h"
-#include "libvkt/operations/kernels/arithmetic.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/operations/exact.h"
+#include "libvkt/operations/kernels/arithmetic.h"
+#include "libvkt/operations/kernels/arithmetic_settled.h"
 
 #include <bit>
 #include <cmath>
@@ -83,79 +84,177 @@ DataType promoted(DataType a, DataType b) {
 
 VKT_OPERATION(Arithmetic, "arith")
 
-/// A single operand is the second one: the first comes from standard input.
-std::array<std::string, 2> Arithmetic::both() const {
-    if (b.empty()) return {"-", a};
-    return {a, b};
+int operand_count(ArithmeticOp op) {
+    if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) return 3;
+    return op >= ArithmeticOp::not_ ? 1 : 2;
 }
+
+namespace {
+
+bool is_function(ArithmeticOp op) {
+    return op == ArithmeticOp::pow || op == ArithmeticOp::sqrt || op == ArithmeticOp::exp || op == ArithmeticOp::log;
+}
+/// Yields 0 or 1.
+bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
+/// Asks only whether values are 0.
+bool is_logic(ArithmeticOp op) {
+    return op == ArithmeticOp::and_ || op == ArithmeticOp::or_ || op == ArithmeticOp::not_;
+}
+
+} // namespace
 
 std::vector<std::string> Arithmetic::operands() const {
     std::vector<std::string> result;
-    for (auto const& operand : both())
-        if (!operand.empty() && !as_number(operand)) result.push_back(operand);
+    for (auto const& operand : {a, b, c})
+        if (!operand.empty()) result.push_back(operand);
+    if (static_cast<int>(result.size()) < operand_count(op)) result.insert(result.begin(), "-");
     return result;
 }
 
+std::vector<std::string> Arithmetic::input_names() const {
+    std::vector<std::string> result;
+    for (auto const& operand : operands())
+        if (!as_number(operand)) result.push_back(operand);
+    if (result.empty()) result.push_back("-"); // nothing is said yet
+    return result;
+}
+
+Texts Arithmetic::texts() const {
+    return {
+        "Calculate with volumes and numbers, voxel by voxel.",
+        "Two operands: add, sub, mul, div, min, max, absdiff, pow; gt, ge, lt, le, eq, ne, and, or give 0 and 1. "
+        "One: not, abs, neg, sqrt, exp, log. Three: clamp VOLUME LOW HIGH, and where MASK A B, which takes A where "
+        "the mask is not 0 and B elsewhere. Results saturate and are rounded half to even. Two volumes of one type "
+        "give that type; else the smallest type that holds both; functions give floats. What is clipped or divided "
+        "by zero is counted and reported.",
+        {{"A volume and a number", "vkt make ramp --dims 16 16 16 | vkt arith mul - 2.5 | vkt stats"},
+         {"Two volumes", "vkt make noise --dims 16 16 16 -o a.vkt && vkt make ramp --dims 16 16 16 | vkt arith sub - "
+                         "a.vkt | vkt stats"},
+         {"Keep what is bright", "vkt arith gt volume.nrrd 0.5 -o bright.nrrd && vkt arith where bright.nrrd "
+                                 "volume.nrrd 0 | vkt stats"}}};
+}
+
 void Arithmetic::parameters(Parameters& p) {
-    p.positional("op", op, "add, sub, mul, div, min or max");
-    p.positional("a", a, "first operand: a volume ('-' is standard input) or a number");
-    p.positional("b", b, "second operand: a volume or a number; if only one is given, the first is standard input")
-        .optional();
+    p.positional("op", op, "the operation");
+    p.positional("a", a, "first operand: a volume ('-' is standard input) or a number").optional();
+    p.positional("b", b, "second operand; if one too few is given, the first is standard input").optional();
+    p.positional("c", c, "third operand").optional();
     p.option("dtype", dtype, "TYPE", "data type of the result");
 }
 
 void Arithmetic::check() const {
-    if (operands().empty())
-        throw Error(ErrorKind::usage, text("both operands, ", a, " and ", b, ", are numbers"),
+    auto const given = static_cast<int>(!a.empty()) + static_cast<int>(!b.empty()) + static_cast<int>(!c.empty());
+    int const wanted = operand_count(op);
+    if (given > wanted || given + 1 < wanted)
+        throw Error(ErrorKind::usage, text(enum_name(op), " takes ", wanted, wanted == 1 ? " operand" : " operands",
+                                           ", of which the first may be standard input; ", given, " are given"));
+    auto const words = operands();
+    bool const volumes = std::any_of(words.begin(), words.end(), [](auto const& w) { return !as_number(w); });
+    if (!volumes)
+        throw Error(ErrorKind::usage,
+                    wanted == 1 ? text("the operand, ", a, ", is a number")
+                                : text(wanted == 2 ? "both operands, " : "all operands, ", join(words, " and "),
+                                       ", are numbers"),
                     text("a file of that name is written ./", a));
+    if (op != ArithmeticOp::clamp) return;
+    auto const low = as_number(words[1]), high = as_number(words[2]);
+    if (as_number(words[0]) || !low || !high) throw Error(ErrorKind::usage, "clamp takes a volume and two numbers");
+    if (!(low->value <= high->value))
+        throw Error(ErrorKind::usage, text("clamp: ", low->value, " is not below ", high->value));
 }
 
-/// Decides in which values to compute, and what the result is stored as.
-void Arithmetic::choose_values(Header const& first, Header const* second, Header& output) {
-    map_a_ = map_b_ = map_out_ = {};
-    output.dtype = second == nullptr ? first.dtype : promoted(first.dtype, second->dtype);
-    if (second == nullptr && !(first.values == ValueMap{})) { // a number is a physical value
-        (number_a_ ? map_b_ : map_a_) = first.values;
-        map_out_ = first.values;
-    }
-    if (second != nullptr && !(first.values == second->values)) {
-        map_a_ = first.values;
-        map_b_ = second->values;
+/// The type of the result, and its value map where values are combined as they are stored.
+void Arithmetic::choose_type(std::vector<Header const*> const& headers, Header& output) {
+    std::vector<Header const*> volumes; // that the result's values come from
+    for (std::size_t i = op == ArithmeticOp::where ? 1 : 0; i < headers.size(); ++i)
+        if (headers[i] != nullptr) volumes.push_back(headers[i]);
+    if (volumes.empty()) { // where between two numbers
+        output.dtype = DataType::float64;
         output.values = {};
-        bool const small = size_of(first.dtype) <= 2 && size_of(second->dtype) <= 2;
-        output.dtype = small || (first.dtype == DataType::float32 && second->dtype == DataType::float32)
-                           ? DataType::float32
-                           : DataType::float64;
+    } else {
+        output.dtype = volumes.front()->dtype;
+        output.values = volumes.front()->values;
+        if (volumes.size() > 1) output.dtype = promoted(volumes[0]->dtype, volumes[1]->dtype);
+    }
+    bool const small = std::all_of(volumes.begin(), volumes.end(), [](Header const* h) {
+        return size_of(h->dtype) <= 2 || h->dtype == DataType::float32;
+    });
+    if (is_predicate(op)) {
+        output.dtype = DataType::uint8;
+        output.values = {};
+    } else if (is_function(op)) {
+        output.dtype = small ? DataType::float32 : DataType::float64;
+        output.values = {};
+    } else if (volumes.size() > 1 && !(volumes[0]->values == volumes[1]->values)) {
+        output.values = {};
+        output.dtype = small ? DataType::float32 : DataType::float64;
     }
     if (dtype) output.dtype = *dtype;
     type_ = output.dtype;
+}
 
-    bool const stored = map_a_ == ValueMap{} && map_b_ == ValueMap{};
+/// Decides in which values to compute.
+void Arithmetic::choose_values(std::vector<Header const*> const& headers, Header& output) {
+    maps_ = {};
+    map_out_ = {};
+    choose_type(headers, output);
+    std::size_t const n = headers.size();
+    bool const number = std::any_of(headers.begin(), headers.end(), [](Header const* h) { return h == nullptr; });
+    bool differ = false;
+    Header const* first = nullptr;
+    for (std::size_t i = op == ArithmeticOp::where ? 1 : 0; i < n; ++i) {
+        if (headers[i] == nullptr) continue;
+        differ = differ || (first != nullptr && !(first->values == headers[i]->values));
+        if (first == nullptr) first = headers[i];
+    }
+    bool const mapped = first != nullptr && !(first->values == ValueMap{});
+    // Signs, zeros and functions are of physical values; clamp and where keep stored ones, and numbers follow them.
+    bool const physical = (number && mapped) || differ || (is_function(op) || is_logic(op) || n == 1 ? mapped : false);
+    bool const picks = op == ArithmeticOp::clamp || (op == ArithmeticOp::where && !differ);
+    if (picks && mapped) {
+        for (std::size_t i = 1; i < n; ++i)
+            if (numbers_[i]) numbers_[i] = Number(first->values.stored(numbers_[i]->value));
+        if (op == ArithmeticOp::clamp && first->values.slope < 0) std::swap(numbers_[1], numbers_[2]);
+    } else if (physical && !picks) {
+        for (std::size_t i = 0; i < n; ++i)
+            if (headers[i] != nullptr) maps_[i] = headers[i]->values;
+        map_out_ = output.values;
+    }
+    bool const stored = maps_ == std::array<ValueMap, 3>{} && map_out_ == ValueMap{};
     auto const fits_float = [](std::optional<Number> const& v) {
         return !v || static_cast<double>(static_cast<float>(v->value)) == v->value;
     };
     auto const small_type = [](DataType t) { return size_of(t) <= 2 || t == DataType::float32; };
-    bool const whole = (!number_a_ || number_a_->whole) && (!number_b_ || number_b_->whole);
-    bool const integers = is_integer(first.dtype) && (second == nullptr || is_integer(second->dtype));
-    bool const wide = is_wide(first.dtype) || (second != nullptr && is_wide(second->dtype)) || is_wide(type_);
+    bool whole = !is_function(op), integers = true, wide = is_wide(type_), small = small_type(type_);
+    for (std::size_t i = 0; i < n; ++i) {
+        whole = whole && (!numbers_[i] || numbers_[i]->whole);
+        if (headers[i] == nullptr) {
+            small = small && fits_float(numbers_[i]);
+            continue;
+        }
+        integers = integers && is_integer(headers[i]->dtype);
+        wide = wide || is_wide(headers[i]->dtype);
+        small = small && small_type(headers[i]->dtype);
+    }
     integers_ = integers && is_integer(type_);
     algorithm_ = Algorithm::in_double;
     if (stored && integers_ && wide && whole)
         algorithm_ = Algorithm::in_integers;
-    else if (stored && small_type(first.dtype) && (second == nullptr || small_type(second->dtype)) &&
-             small_type(type_) && fits_float(number_a_) && fits_float(number_b_))
+    else if (stored && small && !is_function(op))
         algorithm_ = Algorithm::in_float;
-    Operand const u = number_a_ ? Operand::of(*number_a_) : Operand::of(first.dtype);
-    Operand const v =
-        number_b_ ? Operand::of(*number_b_) : Operand::of(second == nullptr ? first.dtype : second->dtype);
-    settles_ = stored && algorithm_ != Algorithm::in_integers && rounds_twice(u, v);
+    settles_ = false;
+    if (n != 2 || !stored || algorithm_ == Algorithm::in_integers || is_function(op) || is_logic(op)) return;
+    auto const of = [&](std::size_t i) {
+        return numbers_[i] ? Operand::of(*numbers_[i]) : Operand::of(headers[i]->dtype);
+    };
+    settles_ = rounds_twice(of(0), of(1));
 }
 
 /// True if rounding to the type of the computation first, and then to that of the result, may go wrong.
 bool Arithmetic::rounds_twice(Operand const& u, Operand const& v) const {
     if (u.inexact || v.inexact) return true;
     bool const single = algorithm_ == Algorithm::in_float;
-    if (op == ArithmeticOp::min || op == ArithmeticOp::max) return false;
+    if (op == ArithmeticOp::min || op == ArithmeticOp::max || is_predicate(op)) return false;
     if (type_ == (single ? DataType::float32 : DataType::float64)) return false;
     int const digits = single ? 24 : 53;
     // Sums of integers fit, products do or are far outside of the result's type, and a quotient that is no half lies
@@ -168,33 +267,41 @@ bool Arithmetic::rounds_twice(Operand const& u, Operand const& v) const {
 }
 
 Plan Arithmetic::plan(std::span<Header const> inputs) {
-    Header const& first = inputs.front();
-    Header const* const second = inputs.size() > 1 ? &inputs[1] : nullptr;
-    number_a_ = as_number(both()[0]);
-    number_b_ = as_number(both()[1]);
     counts_ = {};
-    if (second != nullptr) {
-        if (first.kind != second->kind)
+    numbers_.clear();
+    std::vector<Header const*> headers;
+    std::size_t next = 0;
+    for (auto const& word : operands()) {
+        numbers_.push_back(as_number(word));
+        headers.push_back(numbers_.back() || next >= inputs.size() ? nullptr : &inputs[next++]);
+    }
+    Header const& first = inputs.front();
+    for (Header const& other : inputs.subspan(1)) {
+        if (first.kind != other.kind)
             throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
                         "make it a grid first: vkt resample --cells 50M");
         char const* const hint = "vkt resample SECOND --like FIRST puts the second onto the grid of the first";
-        if (!(first.dims == second->dims))
+        if (!(first.dims == other.dims))
             throw Error(ErrorKind::usage,
-                        text("the volumes differ in size: ", first.dims, " and ", second->dims, " voxels"), hint);
-        if (!same_geometry(first.geometry, geometry_beside(first, *second)))
+                        text("the volumes differ in size: ", first.dims, " and ", other.dims, " voxels"), hint);
+        if (!same_geometry(first.geometry, geometry_beside(first, other)))
             throw Error(ErrorKind::usage,
                         "the volumes lie at different places in the world (origin, spacing or direction)", hint);
     }
     Plan plan;
     plan.output = first;
-    choose_values(first, second, plan.output);
+    choose_values(headers, plan.output);
     voxels_ = first.voxels();
     plan.method = algorithm_ == Algorithm::in_integers ? "128-bit integers"
                   : algorithm_ == Algorithm::in_float  ? "float32"
                                                        : "float64";
     if (settles_) plan.method += ", exact where that would round twice";
     if (algorithm_ == Algorithm::in_integers) plan.cost = 8;
-    if (!(map_a_ == ValueMap{} && map_b_ == ValueMap{})) { // a few roundings, unless values cancel
+    if (is_function(op)) {
+        plan.cost = 20;
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 4 * 0x1p-53 + storing_error(type_);
+    } else if (!(maps_ == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, unless values cancel
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15;
     }
@@ -202,45 +309,46 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
 }
 
 void Arithmetic::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    if (settles_) {
+        std::array<ExactOperand, 2> operand;
+        std::size_t next = 0;
+        for (std::size_t i = 0; i < 2; ++i) {
+            if (numbers_[i]) {
+                operand[i].number = numbers_[i]->value;
+                operand[i].exact_number = exact(*numbers_[i]);
+                if (is_inexact(*numbers_[i])) operand[i].inexact_from = 0;
+            } else {
+                operand[i].view = &inputs[next++];
+                if (is_wide(operand[i].view->type)) operand[i].inexact_from = 0x1p53;
+            }
+        }
+        return arithmetic_settled(op, algorithm_ == Algorithm::in_float, operand[0], operand[1], out, counts_,
+                                  execution);
+    }
     ArithmeticTask task;
     task.op = op;
-    std::size_t next = 0;
-    auto const take = [&](std::optional<Number> const& number, ArithmeticOperand& operand) {
-        if (number) {
-            operand.number = number->value;
-            operand.whole = number->whole.value_or(0);
-            operand.exact_number = exact(*number);
-            if (is_inexact(*number)) operand.inexact_from = 0;
-        } else {
-            operand.view = &inputs[next++];
-            if (is_wide(operand.view->type)) operand.inexact_from = 0x1p53;
-        }
-    };
-    take(number_a_, task.a);
-    take(number_b_, task.b);
-    task.a.map = map_a_;
-    task.b.map = map_b_;
-    task.result = map_out_;
-    task.settles = settles_;
-    task.count_zeros = op == ArithmeticOp::div && integers_;
-    Losses counts;
-    switch (algorithm_) {
-    case Algorithm::in_float:
-        arithmetic_float(task, out, counts, execution);
-        break;
-    case Algorithm::in_double:
-        arithmetic_double(task, out, counts, execution);
-        break;
-    case Algorithm::in_integers:
-        arithmetic_integers(task, out, counts, execution);
-        break;
+    task.type = algorithm_ == Algorithm::in_integers ? ArithmeticType::in_integers
+                : algorithm_ == Algorithm::in_float  ? ArithmeticType::in_float
+                                                     : ArithmeticType::in_double;
+    int next = 0;
+    for (std::size_t i = 0; i < numbers_.size(); ++i) {
+        task.volume[i] = numbers_[i] ? -1 : next++;
+        if (!numbers_[i]) continue;
+        task.number[i] = numbers_[i]->value;
+        task.whole[i] = numbers_[i]->whole.value_or(0);
     }
-    counts_ += counts;
+    task.map = maps_;
+    task.result = map_out_;
+    task.counts_zeros = op == ArithmeticOp::div && integers_;
+    task.lowest = lowest_of(type_);
+    task.highest = highest_of(type_);
+    arithmetic(task, inputs, out, counts_, execution);
 }
 
 std::vector<Remark> Arithmetic::remarks() const {
     std::vector<Remark> result = store_remarks(counts_, voxels_, type_);
-    if (counts_.undefined > 0) result.push_back({text(share_text(counts_.undefined, voxels_), " divided by zero"), true});
+    if (counts_.undefined > 0)
+        result.push_back({text(share_text(counts_.undefined, voxels_), " divided by zero"), true});
     return result;
 }
 

@@ -1,4 +1,4 @@
-// Arithmetic of two operands, voxel by voxel.
+// Arithmetic of up to three operands, voxel by voxel.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -6,38 +6,31 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/arithmetic.h"
-#include "libvkt/operations/exact.h"
 
-#include <limits>
+#include <array>
+#include <span>
 
 namespace vkt {
 
-/// One operand: a volume (null for a number) and the map from its stored values to those computed with.
-struct ArithmeticOperand {
-    ConstView const* view = nullptr;
-    double number = 0;
-    Int128 whole = 0;         ///< the number, if all is computed in integers
-    ExactNumber exact_number; ///< the number, if it is finite
-    /// Values from this size on are not what was loaded as double; NaN if all are.
-    double inexact_from = std::numeric_limits<double>::quiet_NaN();
-    ValueMap map;
-};
+enum class ArithmeticType : std::uint8_t { in_float, in_double, in_integers };
 
-/// What the kernels need to know.
+/// What the kernel needs to know besides the volumes.
 struct ArithmeticTask {
     ArithmeticOp op = ArithmeticOp::add;
-    ArithmeticOperand a, b;
-    ValueMap result;          ///< stored result = (value - intercept) / slope
-    bool count_zeros = false; ///< integer division
-    bool settles = false;     ///< results that would be rounded twice are computed once more
+    ArithmeticType type = ArithmeticType::in_double;
+    /// Of each operand which volume it is, or -1 for a number.
+    std::array<int, 3> volume{0, -1, -1};
+    std::array<double, 3> number{};
+    std::array<Int128, 3> whole{};  ///< the numbers, if all is computed in integers
+    std::array<ValueMap, 3> map{};  ///< from stored values of the operands to those computed with
+    ValueMap result{};              ///< stored result = (value - intercept) / slope
+    bool counts_zeros = false;      ///< division among integers: x / 0 is an end of the type
+    double lowest = 0, highest = 0; ///< … these, as stored values
 };
 
-VKT_CPU_KERNEL(arithmetic_float, (ArithmeticTask const& task, AnyView out, Losses& counts, Execution const& execution),
-               (task, out, counts, execution))
-VKT_CPU_KERNEL(arithmetic_double, (ArithmeticTask const& task, AnyView out, Losses& counts, Execution const& execution),
-               (task, out, counts, execution))
-VKT_CPU_KERNEL(arithmetic_integers,
-               (ArithmeticTask const& task, AnyView out, Losses& counts, Execution const& execution),
-               (task, out, counts, execution))
+VKT_KERNEL(arithmetic,
+           (ArithmeticTask const& task, std::span<ConstView const> in, AnyView out, Losses& losses,
+            Execution const& execution),
+           (task, in, out, losses, execution))
 
 } // namespace vkt
