@@ -251,8 +251,21 @@ Box Onto::footprint(Box const& output) const {
     return result;
 }
 
-/// What the samples of an output region look at: around the corners' images, cut to the volume. What a boundary folds
-/// back from outside may be anywhere along the axis.
+std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
+    if (!placement_.aligned) return 0;
+    Box const part = intersect({inner_.lower, inner_.lower + largest}, inner_), in = footprint(part);
+    std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
+    std::int64_t const width = in.dims()[placement_.axis[0]];
+    std::int64_t bytes = 0;
+    if (algorithm_ == Algorithm::weighted)
+        bytes += threads * bytes_of_sums(width, part.dims().x, tables_[0].most_taps(), sizeof(double));
+    if (placement_.axis != std::array<int, 3>{0, 1, 2})
+        bytes += in.voxels() * static_cast<std::int64_t>(size_of(values_.in));
+    return static_cast<std::size_t>(bytes);
+}
+
+/// What the samples of an output region look at: around the corners' images, cut to the volume and with what stands for
+/// the rest. Only with Boundary::wrap it may reach outside, where affine_sample() then expects it.
 Box Onto::turned_footprint(Box const& output) const {
     Reach const reach = reach_of(sampling_.interpolant);
     Box result;
