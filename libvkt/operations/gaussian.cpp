@@ -199,7 +199,8 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
         bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
         if (!outside) continue;
         if (passes.boundary == Boundary::wrap) {
-            if (axis == 2) continue; // the engine fetches the slices of the other end
+            // The engine fetches slices of the other end, and rows where that is not all of them.
+            if (axis == 2 || (axis == 1 && box.dims().y < n)) continue;
             box.lower[axis] = 0;
             box.upper[axis] = n;
         }
