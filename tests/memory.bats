@@ -137,6 +137,17 @@ EOF
     done
 }
 
+@test "rows that wrap around come from the other side, without those between" {
+    vkt make noise --dims 8 8 8 -o tiny.nrrd
+    vkt make noise --dims 2048 2048 4 --dtype float32 -o in.nrrd # slices of 16 MiB
+    base=$(peak vkt flip x tiny.nrrd)
+    for command in 'filter gaussian --sigma 1' 'resample --dims 2048 3000 4 --method cubic'; do
+        # shellcheck disable=SC2086
+        most=$(peak vkt $command in.nrrd --boundary wrap --memory 8M -o out.nrrd --force)
+        [ "$most" -le $((base + 8)) ] || { echo "$command: $most MiB beside $base" >&2; false; }
+    done
+}
+
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
 @test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
     export TMPDIR=$PWD

@@ -162,7 +162,7 @@ void Parser::end(bool kill) {
 
 void Parser::send(Message const& request) {
     if (!lost_.empty()) lost();
-    if (!send_message(socket_, request)) lost();
+    if (!send_message(socket_, request)) nobody_there();
     ++under_way_;
 }
 
@@ -190,7 +190,7 @@ std::span<std::byte const> Parser::share(std::size_t bytes) {
     window_ = {static_cast<std::byte*>(mapping), bytes};
     Message request;
     request.put(share_request);
-    if (!send_message(socket_, request, memory)) lost();
+    if (!send_message(socket_, request, memory)) nobody_there();
     ++under_way_;
     receive();
     return window_;
@@ -272,6 +272,14 @@ void Parser::wait_for_message() {
         if (now.ticks - since > patience * second) lost(text("made no progress in ", patience, " s of processor time"));
         if (idle * turn > rest * 1000) lost(text("did nothing at all for ", rest, " s"));
     }
+}
+
+/// The child has closed its side. That it was ready before may not have been heard yet.
+void Parser::nobody_there() {
+    std::optional<Received> first = ready_ ? std::nullopt : receive_message(socket_);
+    ready_ = ready_ ||
+             (first && first->message.bytes().size() == sizeof parser_ready && first->message.number() == parser_ready);
+    lost();
 }
 
 /// What became of a child that has closed its side or sent what is no message.

@@ -69,6 +69,7 @@ private:
         ErrorKind kind = ErrorKind::data;
     };
     End wait_for_end();
+    [[noreturn]] void nobody_there();
     [[noreturn]] void lost(std::string const& deed = {});
     void end(bool kill);
 
