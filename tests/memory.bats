@@ -137,6 +137,14 @@ EOF
     done
 }
 
+@test "what needs a little more than half of the budget for one row is not refused" {
+    vkt make noise --dims 8 8 8 -o tiny.nrrd
+    truncate -s 272M tall_1024x69632x1_float32.raw # a row of the result comes of 4.25 MiB
+    base=$(peak vkt flip x tiny.nrrd)
+    most=$(peak vkt resample tall_1024x69632x1_float32.raw --dims 64 64 64 --memory 8M -o out.nrrd)
+    [ "$most" -le $((base + 8)) ] || { echo "$most MiB beside $base" >&2; false; }
+}
+
 @test "rows that wrap around come from the other side, without those between" {
     vkt make noise --dims 8 8 8 -o tiny.nrrd
     vkt make noise --dims 2048 2048 4 --dtype float32 -o in.nrrd # slices of 16 MiB

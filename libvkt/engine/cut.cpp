@@ -174,7 +174,7 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     }
     std::size_t const row = row_bytes(plan.output);
     std::size_t const most = std::min(piece_limit(execution), natural_bytes(execution));
-    auto const in_pieces = [&](int least) {
+    auto const in_pieces = [&](int least, std::size_t allowed) {
         Cut piece = cut;
         for (bool first = true;; first = false) {
             // At first the rows of a slice that is too large itself, then ever fewer.
@@ -186,15 +186,20 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
             if (plan.slab_hint > 0) piece.slices = std::min(piece.slices, plan.slab_hint);
             for (std::int64_t const slices : {piece.slices, std::int64_t{1}}) {
                 piece.slices = slices;
-                WorkPlan work = sizes.within(limit, piece, least);
-                if (work.bytes <= limit) return work;
+                WorkPlan work = sizes.within(allowed, piece, least);
+                if (work.bytes <= allowed) return work;
             }
         }
     };
-    WorkPlan work = in_pieces(execution.threads);
-    if (work.bytes > limit) work = in_pieces(1);
-    if (work.bytes > limit) // the other half is for pieces in flight
-        beyond(text(operation.name(), " on these volumes"), static_cast<double>(work.bytes + budget(execution) - limit),
+    // Half is left to pieces in flight, three at each end. Where nothing else does, the rest is what these leave.
+    std::size_t const in_flight = 3 * (inputs.size() + 1) * piece_limit(execution);
+    std::size_t const rest =
+        spooled > 0 ? limit : std::max(limit, budget(execution) - std::min(budget(execution), in_flight));
+    WorkPlan work = in_pieces(execution.threads, limit);
+    if (work.bytes > limit) work = in_pieces(1, limit);
+    if (work.bytes > limit) work = in_pieces(1, rest);
+    if (work.bytes > rest)
+        beyond(text(operation.name(), " on these volumes"), static_cast<double>(work.bytes + budget(execution) - rest),
                execution);
     cut = work.cut;
     // Going through all slices band by band needs the result twice on its way; going slice by slice, what the pieces
