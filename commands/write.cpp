@@ -73,9 +73,10 @@ private:
         if (out() == "-" && output_is_terminal())
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
-            auto const create = [this, memory = context.execution().memory](std::string const& path) {
+            auto const create = [this, execution = context.execution()](std::string const& path) {
                 WriteOptions options = request_.options();
-                options.memory = memory;
+                options.memory = execution.memory;
+                options.threads = execution.threads;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
             return is_numbered(out()) ? series_sink(out(), create) : create(numbered_path(out(), 0));

@@ -111,6 +111,9 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
                      : std::string(", streaming");
     line += "\n";
     if (!plan.method.empty()) line += text(stage, ":   method ", printable(plan.method), "\n");
+    if (work && work->threads < execution.threads)
+        line += text(stage, ":   ", work->threads, " of ", execution.threads,
+                     " threads: the memory has no room for what more would hold\n");
     line += text(stage, ":   ", error_text(plan.error), ", ", scientific(plan.cost), " multiply-adds a voxel\n");
     return line;
 }

@@ -496,6 +496,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.force = c.force;
     options.compress = c.compress;
     options.memory = execution_of(last_).memory;
+    options.threads = execution_of(last_).threads;
     bool const stream = ipc::is_stream_file(c.output, c.format);
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);

@@ -279,3 +279,72 @@ for t in ("float32", "float64"):
     vkt arith sub a.vkt a.vkt -o x.vkt
     fails_with 2 'different trees' vkt arith sub a.vkt b.vkt -o y.vkt
 }
+
+@test "comparisons, logic and functions agree with numpy for all types" {
+    python_with numpy
+    for t in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 7 5 3 --dtype float64 --seed 1 --low -3 --high 200 | vkt convert --dtype $t -q -o a_$t.vkt
+        vkt make noise --dims 7 5 3 --dtype float64 --seed 2 --low 0 --high 120 | vkt convert --dtype $t -q -o b_$t.vkt
+        vkt fill a_$t.vkt --roi 0:3,0:2,: --value 7 -o t.vkt && mv t.vkt a_$t.vkt
+        vkt fill b_$t.vkt --roi 1:5,0:2,: --value 7 -o t.vkt && mv t.vkt b_$t.vkt
+        for op in gt ge lt le eq ne and or absdiff pow; do vkt arith $op a_$t.vkt b_$t.vkt -q | raw >$op.$t; done
+        for op in not abs neg sqrt exp log; do vkt arith $op a_$t.vkt -q | raw >$op.$t; done
+        vkt arith clamp a_$t.vkt 5 90 -q | raw >clamp.$t
+        vkt arith where a_$t.vkt b_$t.vkt 3 -q | raw >where.$t
+        vkt write a_$t.vkt - --format raw >a.$t
+        vkt write b_$t.vkt - --format raw >b.$t
+    done
+    check '
+np.seterr(all="ignore")
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    a, b = np.fromfile("a." + t, t), np.fromfile("b." + t, t)
+    got = lambda op, d="uint8": np.fromfile(op + "." + t, d)
+    for op, f in dict(gt=np.greater, ge=np.greater_equal, lt=np.less, le=np.less_equal, eq=np.equal, ne=np.not_equal).items():
+        assert (got(op) == f(a, b)).all(), (op, t)
+    assert (got("and") == ((a != 0) & (b != 0))).all() and (got("or") == ((a != 0) | (b != 0))).all(), t
+    assert (got("not") == (a == 0)).all(), t
+    whole = np.issubdtype(a.dtype, np.integer)
+    exact = (lambda v: [int(x) for x in v]) if whole else (lambda v: [float(x) for x in v])
+    low, high = (np.iinfo(t).min, np.iinfo(t).max) if whole else (-np.inf, np.inf)
+    limit = lambda v: np.array([min(max(x, low), high) for x in v], t)
+    assert (got("absdiff", t) == limit(abs(x - y) for x, y in zip(exact(a), exact(b)))).all(), t
+    assert (got("abs", t) == limit(abs(x) for x in exact(a))).all() and (got("neg", t) == limit(-x for x in exact(a))).all(), t
+    assert (got("clamp", t) == np.clip(a, a.dtype.type(5), a.dtype.type(90))).all(), t
+    assert (got("where", t) == np.where(a != 0, b, a.dtype.type(3))).all(), t
+    f = np.float32 if t in ("uint8", "int8", "uint16", "int16", "float16", "float32") else np.float64
+    d, e = a.astype(np.float64), b.astype(np.float64)
+    for op, want in dict(sqrt=np.sqrt(d), exp=np.exp(d), log=np.log(d), pow=d ** e).items():
+        assert np.allclose(got(op, f), want.astype(f), rtol=3e-7 if f == np.float32 else 1e-15, atol=0, equal_nan=True), (op, t)
+'
+}
+
+@test "64-bit integers are compared with fractions exactly" {
+    one int64 0 | vkt fill --value 9007199254740993 -o odd.vkt
+    one float64 9007199254740992 >even.vkt
+    [ "$(vkt arith gt odd.vkt even.vkt | value)" = 1 ]
+    [ "$(vkt arith eq odd.vkt even.vkt | value)" = 0 ]
+    [ "$(vkt arith le odd.vkt 9007199254740992.5 | value)" = 0 ]
+}
+
+@test "values with a slope are compared, limited and chosen as what they mean" {
+    one uint8 100 | vkt set --slope -0.5 --intercept 10 -o v.nrrd # -40
+    [ "$(vkt arith lt v.nrrd -39 | value)" = 1 ]
+    [ "$(vkt arith abs v.nrrd | value)" = 10 ] # 40 is beyond what the map can store: the largest value
+    [ "$(vkt arith clamp v.nrrd -20 5 | value)" = -20 ]
+    [ "$(vkt arith clamp v.nrrd -60 -50 | value)" = -50 ]
+    one uint8 1 >yes.vkt
+    [ "$(vkt arith where yes.vkt v.nrrd 0 | value)" = -40 ]
+    [ "$(vkt arith not v.nrrd | value)" = 0 ]
+    [ "$(vkt arith exp v.nrrd --dtype float64 | value)" = 4.248354255291589e-18 ]
+}
+
+@test "operands that are too few, too many or no volumes are refused" {
+    one uint8 1 >v.vkt
+    fails_with 2 'sqrt takes 1 operand' vkt arith sqrt v.vkt 2
+    fails_with 2 'where takes 3 operands' vkt arith where v.vkt
+    fails_with 2 'is a number' vkt arith abs 3
+    fails_with 2 'clamp takes a volume and two numbers' vkt arith clamp v.vkt v.vkt 3
+    fails_with 2 'is not below' vkt arith clamp v.vkt 3 2
+    [ "$(vkt arith neg --dtype int8 <v.vkt | value)" = -1 ]
+    [ "$(vkt arith clamp 2 3 <v.vkt | value)" = 2 ]
+}

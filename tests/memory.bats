@@ -96,6 +96,66 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     [ $fitted -gt 0 ] && [ $refused -gt 0 ]
 }
 
+# What each thread holds of its own: rows that are filtered and summed, blocks that are compressed.
+@test "as many threads run as the budget has room for, with the same result" {
+    vkt make noise --dims 8 8 8 -o tiny.nrrd
+    within() { # within MIB COMMAND…: runs and keeps the budget, beside what a tiny volume takes.
+        local base most
+        base=$(peak vkt flip x tiny.nrrd --threads 64)
+        most=$(peak "${@:2}")
+        [ "$most" -le $((base + $1)) ] || { echo "$most MiB beside $base: ${*:2}" >&2; false; }
+    }
+    vkt make noise --dims 256 256 64 --dtype float32 -o cube.nrrd
+    vkt make noise --dims 100000 4 6 --dtype float32 -o wide.nrrd
+    vkt make noise --dims 1000000 2 2 --dtype int64 -o whole.nrrd
+    while read -r mib command; do
+        # shellcheck disable=SC2086
+        vkt $command --threads 1 --memory 2G --format raw -o one.raw --force
+        # shellcheck disable=SC2086
+        within "$mib" vkt $command --threads 64 --memory "${mib}M" --format raw -o many.raw --force
+        cmp one.raw many.raw
+    done <<'EOF'
+4 filter gaussian cube.nrrd --sigma 2
+8 filter gaussian cube.nrrd --sigma 0,0,3
+72 filter gaussian wide.nrrd --sigma 1
+24 filter gaussian wide.nrrd --sigma 1,0,0
+16 resample wide.nrrd --dims 2 4 4
+96 resample whole.nrrd --dims 3 2 2
+EOF
+    # They are told of.
+    vkt filter gaussian wide.nrrd --sigma 1 --threads 64 --memory 72M -n -o x.vkt 2>plan
+    grep -Eq '^vkt filter:   [1-9][0-9]? of 64 threads: the memory has no room' plan || { cat plan >&2; false; }
+    vkt filter gaussian wide.nrrd --sigma 1 --threads 64 --memory 72M --explain -o y.vkt 2>ran
+    [ "$(grep threads: plan)" = "$(grep threads: ran)" ]
+    vkt filter gaussian wide.nrrd --sigma 1 --threads 2 -n -o x.vkt 2>plan
+    run ! grep 'threads:' plan
+    # Compression.
+    for format in nrrd mha; do
+        vkt write cube.nrrd one.$format --compress --force --threads 1
+        within 8 vkt write cube.nrrd many.$format --compress --force --threads 64 --memory 8M
+        cmp one.$format many.$format
+    done
+}
+
+@test "what needs a little more than half of the budget for one row is not refused" {
+    vkt make noise --dims 8 8 8 -o tiny.nrrd
+    truncate -s 272M tall_1024x69632x1_float32.raw # a row of the result comes of 4.25 MiB
+    base=$(peak vkt flip x tiny.nrrd)
+    most=$(peak vkt resample tall_1024x69632x1_float32.raw --dims 64 64 64 --memory 8M -o out.nrrd)
+    [ "$most" -le $((base + 8)) ] || { echo "$most MiB beside $base" >&2; false; }
+}
+
+@test "rows that wrap around come from the other side, without those between" {
+    vkt make noise --dims 8 8 8 -o tiny.nrrd
+    vkt make noise --dims 2048 2048 4 --dtype float32 -o in.nrrd # slices of 16 MiB
+    base=$(peak vkt flip x tiny.nrrd)
+    for command in 'filter gaussian --sigma 1' 'resample --dims 2048 3000 4 --method cubic'; do
+        # shellcheck disable=SC2086
+        most=$(peak vkt $command in.nrrd --boundary wrap --memory 8M -o out.nrrd --force)
+        [ "$most" -le $((base + 8)) ] || { echo "$command: $most MiB beside $base" >&2; false; }
+    done
+}
+
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
 @test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
     export TMPDIR=$PWD
@@ -116,7 +176,7 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     fails_with 5 'the budget is 8' vkt refine cube_256x256x64_float32.raw --tolerance 1 --memory 8M -o out.vkt -n
     fails_with 5 'the budget is 8' vkt render cube_256x256x64_float32.raw --memory 8M -o out.png
     fails_with 5 'the budget is 8' vkt render cube_256x256x64_float32.raw --memory 8M -o out.png -n
-    # Rows at the edges of a wrapped volume need those of the other side, of all slices.
+    # A single row needs 241 others of all slices and more.
     for dry in '' -n; do
         # shellcheck disable=SC2086
         fails_with 5 'the budget is 4' vkt filter gaussian cube_256x256x64_float32.raw --sigma 0,30,60 --boundary wrap \

@@ -657,3 +657,39 @@ assert np.isnan(got[4]).all() and (got[[0, 1, 2, 3, 5, 6, 7]] == 1).all()'
     done
     fails_with 2 'turned against' vkt resample tree.vkt --like <(vkt flip x whole.vkt) -o x.vkt
 }
+
+# Slices of 512 KiB at a budget of which a piece may have 256.
+@test "every boundary rule is the same bit for bit where slices are cut, wrapped rows too" {
+    vkt make noise --dims 512 256 12 --dtype float32 --seed 3 -o in.nrrd
+    for rule in wrap mirror clamp border:0.3; do
+        for args in "--dims 700 300 9 --method cubic" "--dims 512 512 12 --method linear" "--dims 512 100 12 --method cubic"; do
+            # shellcheck disable=SC2086
+            vkt resample in.nrrd $args --boundary $rule --memory 1G --format raw -o whole.raw --force
+            # shellcheck disable=SC2086
+            vkt resample in.nrrd $args --boundary $rule --memory 4M --format raw -o cut.raw --force
+            cmp whole.raw cut.raw
+        done
+        # shellcheck disable=SC2086
+        vkt read in.nrrd | vkt resample $args --boundary $rule --memory 4M --format raw -o cut.raw --force -q
+        cmp whole.raw cut.raw
+    done
+}
+
+@test "onto another's grid every boundary rule keeps a budget that cuts slices" {
+    vkt make noise --dims 512 256 40 --dtype float32 --seed 3 -o in.nrrd # 20 MiB
+    s=0.0998334166468282 c=0.995004165278026
+    vkt make ramp --dims 520 280 48 --origin=-4,-20,-3 -o straight.nrrd
+    vkt set straight.nrrd --direction "$c,$s,0,-$s,$c,0,0,0,1" -o turned.nrrd
+    vkt set straight.nrrd --direction "1,0,0,0,$c,$s,0,-$s,$c" -o tilted.nrrd
+    vkt set straight.nrrd --origin=-4,260,-3 --direction=1,0,0,0,-1,0,0,0,1 -o flipped.nrrd
+    vkt set straight.nrrd --origin=-4,-600,90 -o far.nrrd
+    for like in straight turned tilted flipped far; do
+        for rule in wrap mirror clamp border:0.3; do
+            for method in linear cubic nearest; do
+                vkt resample in.nrrd --like $like.nrrd --method $method --boundary $rule --memory 1G --format raw -o whole.raw --force
+                vkt resample in.nrrd --like $like.nrrd --method $method --boundary $rule --memory 4M --format raw -o cut.raw --force
+                cmp whole.raw cut.raw
+            done
+        done
+    done
+}

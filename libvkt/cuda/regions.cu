@@ -11,26 +11,35 @@ namespace vkt {
 namespace cuda {
 namespace {
 
+/// What stands for a coordinate: itself if it is inside, even beyond the volume, or one that is; -1 for none.
+__device__ inline std::int64_t source_of(std::int64_t i, std::int64_t lower, std::int64_t upper, std::int64_t n,
+                                         Boundary boundary) {
+    return i >= lower && i < upper ? i - lower : fold(i, n, boundary) < 0 ? -1 : fold(i, n, boundary) - lower;
+}
+
 /// Fills `part` of a window from the voxels inside, or with the border value where there are none.
 template <class T>
-void fill_part(View<T> window, Box const& part, bool empty, Index3 dims, Boundary boundary, T value) {
+void fill_part(View<T> window, Box const& part, Box const& inside, Index3 dims, Boundary boundary, T value) {
+    bool const empty = inside.empty();
+    Index3 const a = inside.lower, b = inside.upper;
     gather(Execution{}, part, window, [=] VKT_DEVICE(std::int64_t x, std::int64_t y, std::int64_t z) {
-        std::int64_t const i = fold(x, dims.x, boundary), j = fold(y, dims.y, boundary), k = fold(z, dims.z, boundary);
-        return empty || i < 0 || j < 0 || k < 0 ? value : window(i, j, k);
+        std::int64_t const i = source_of(x, a.x, b.x, dims.x, boundary), j = source_of(y, a.y, b.y, dims.y, boundary),
+                           k = source_of(z, a.z, b.z, dims.z, boundary);
+        return empty || i < 0 || j < 0 || k < 0 ? value : window(a.x + i, a.y + j, a.z + k);
     });
 }
 
 template <class T> void fill_around(AnyView window, Box const& inside, Index3 dims, Boundary boundary, T value) {
     View<T> const view = window.as<T>();
     Box rest = window.box;
-    if (inside.empty()) return fill_part(view, rest, true, dims, boundary, value);
+    if (inside.empty()) return fill_part(view, rest, inside, dims, boundary, value);
     // Six slabs around the inside: below and above in z, then y, then x.
     for (int axis = 2; axis >= 0; --axis) {
         Box below = rest, above = rest;
         below.upper[axis] = inside.lower[axis];
         above.lower[axis] = inside.upper[axis];
-        fill_part(view, below, false, dims, boundary, value);
-        fill_part(view, above, false, dims, boundary, value);
+        fill_part(view, below, inside, dims, boundary, value);
+        fill_part(view, above, inside, dims, boundary, value);
         rest.lower[axis] = inside.lower[axis];
         rest.upper[axis] = inside.upper[axis];
     }

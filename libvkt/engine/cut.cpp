@@ -40,12 +40,15 @@ public:
     Index3 dims() const { return plan_.output.dims; }
 
     /// What pieces of this cut take at most: pieces at both ends and in the middle are looked at.
-    WorkPlan of(Cut cut) const {
+    WorkPlan of(Cut cut, int threads) const {
         WorkPlan work;
         work.cut = cut;
+        work.threads = threads;
         work.window.assign(inputs_.size(), 0);
         Index3 const n = dims();
-        work.bytes = plan_.state_bytes + operation_.fit({n.x, cut.rows, cut.slices}, execution_);
+        Execution execution = execution_;
+        execution.threads = threads;
+        work.bytes = plan_.state_bytes + operation_.fit({n.x, cut.rows, cut.slices}, execution);
         if (plan_.shift) return work;
         for (std::int64_t z : {std::int64_t{0}, (n.z - cut.slices) / 2, n.z - cut.slices})
             for (std::int64_t y : {std::int64_t{0}, (n.y - cut.rows) / 2, n.y - cut.rows})
@@ -53,6 +56,20 @@ public:
                     if (!lent(i)) work.window[i] = std::max(work.window[i], wanted(i, piece(cut, y, z)));
         for (std::size_t const window : work.window) work.bytes += window;
         return work;
+    }
+
+    /// The same with as many threads as fit the limit, but no fewer than `least`; what that takes if they do not fit.
+    WorkPlan within(std::size_t limit, Cut cut, int least) const {
+        WorkPlan work = of(cut, execution_.threads);
+        if (work.bytes <= limit) return work;
+        work = of(cut, least);
+        if (work.bytes > limit) return work;
+        int fits = least, beyond = execution_.threads;
+        while (beyond - fits > 1) {
+            int const middle = fits + (beyond - fits) / 2;
+            (of(cut, middle).bytes <= limit ? fits : beyond) = middle;
+        }
+        return of(cut, fits);
     }
 
     /// Bytes of inputs that are read beyond once each, if all pieces of this cut are computed.
@@ -144,6 +161,7 @@ WorkPlan whole_plan(Operation& operation, Plan const& plan, std::span<Header con
                     std::vector<bool> const& lent, Execution const& execution) {
     WorkPlan work;
     work.cut = {plan.output.dims.z, plan.output.dims.y};
+    work.threads = execution.threads;
     work.bands = true; // the result is kept
     work.bytes = plan.state_bytes + operation.fit(plan.output.dims, execution);
     for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -166,31 +184,47 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     Index3 const n = plan.output.dims;
     Cut cut = cut_of(plan.output, plan.slab_hint, execution);
     if (cut.rows == n.y) {
-        for (;; cut.slices = (cut.slices + 1) / 2) {
-            WorkPlan work = sizes.of(cut);
-            if (work.bytes <= limit) return work;
-            if (cut.slices == 1) break;
+        // Slices as they come are worth threads, but not most of them.
+        int const share = share_of_threads(execution.threads);
+        for (int least = execution.threads;; least = share) {
+            for (Cut slab = cut;; slab.slices = (slab.slices + 1) / 2) {
+                WorkPlan work = sizes.within(limit, slab, least);
+                if (work.bytes <= limit) return work;
+                if (slab.slices == 1) break;
+            }
+            if (least == share) break;
         }
     }
-    WorkPlan work;
     std::size_t const row = row_bytes(plan.output);
     std::size_t const most = std::min(piece_limit(execution), natural_bytes(execution));
-    for (bool first = true;; first = false) {
-        // At first the rows of a slice that is too large itself, then ever fewer.
-        if (!first || cut.rows == n.y) {
-            if (cut.rows == 1) // the other half is for pieces in flight
-                beyond(text(operation.name(), " on these volumes"),
-                       static_cast<double>(work.bytes + budget(execution) - limit), execution);
-            cut.rows = (cut.rows + 1) / 2;
+    auto const in_pieces = [&](int least, std::size_t allowed) {
+        Cut piece = cut;
+        for (bool first = true;; first = false) {
+            // At first the rows of a slice that is too large itself, then ever fewer.
+            if (!first || piece.rows == n.y) {
+                if (piece.rows == 1) return sizes.of({1, 1}, least);
+                piece.rows = (piece.rows + 1) / 2;
+            }
+            piece.slices = std::clamp<std::int64_t>(times(most, row * static_cast<std::size_t>(piece.rows)), 1, n.z);
+            if (plan.slab_hint > 0) piece.slices = std::min(piece.slices, plan.slab_hint);
+            for (std::int64_t const slices : {piece.slices, std::int64_t{1}}) {
+                piece.slices = slices;
+                WorkPlan work = sizes.within(allowed, piece, least);
+                if (work.bytes <= allowed) return work;
+            }
         }
-        cut.slices = std::clamp<std::int64_t>(times(most, row * static_cast<std::size_t>(cut.rows)), 1, n.z);
-        if (plan.slab_hint > 0) cut.slices = std::min(cut.slices, plan.slab_hint);
-        work = sizes.of(cut);
-        if (work.bytes <= limit) break;
-        cut.slices = 1;
-        work = sizes.of(cut);
-        if (work.bytes <= limit) break;
-    }
+    };
+    // Half is left to pieces in flight, three at each end. Where nothing else does, the rest is what these leave.
+    std::size_t const in_flight = 3 * (inputs.size() + 1) * piece_limit(execution);
+    std::size_t const rest =
+        spooled > 0 ? limit : std::max(limit, budget(execution) - std::min(budget(execution), in_flight));
+    WorkPlan work = in_pieces(execution.threads, limit);
+    if (work.bytes > limit) work = in_pieces(1, limit);
+    if (work.bytes > limit) work = in_pieces(1, rest);
+    if (work.bytes > rest)
+        beyond(text(operation.name(), " on these volumes"), static_cast<double>(work.bytes + budget(execution) - rest),
+               execution);
+    cut = work.cut;
     // Going through all slices band by band needs the result twice on its way; going slice by slice, what the pieces
     // have in common again and again.
     work.bands = plan.access == Access::forward && cut.slices < n.z &&
@@ -198,7 +232,8 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     if (work.bands) {
         work.jumps = true;
     } else if (sizes.ascending({1, cut.rows})) {
-        work = sizes.of({1, cut.rows}); // whatever is asked for, it is computed row by row through its slices
+        work = sizes.of({1, cut.rows},
+                        work.threads); // whatever is asked for, it is computed row by row through its slices
     } else {
         work.jumps = true;
     }

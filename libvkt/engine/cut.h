@@ -71,13 +71,15 @@ struct WorkPlan {
     Cut cut;                         ///< largest region that it computes at once
     bool bands = false;              ///< rows by rows through all slices: the result is spooled, and served from there
     bool jumps = false;              ///< it goes back in its inputs
+    int threads = 1;                 ///< that it may use: as many as asked for, if what each holds of its own fits
     std::size_t bytes = 0;           ///< held by operation and windows
     std::vector<std::size_t> window; ///< bytes of the largest region that is wanted of each input
 };
 
 /// Chooses among slabs, pieces of rows and bands what keeps half the budget, less `spooled` bytes of inputs that are
-/// kept in memory. Inputs of which `lent` says true lie in memory, where a window of them takes none. Throws
-/// Error{resources} where nothing would do. The operation's last fit() is for what was chosen.
+/// kept in memory, with fewer threads than asked for where they alone keep it from fitting. Inputs of which `lent` says
+/// true lie in memory, where a window of them takes none. Throws Error{resources} where nothing would do. The
+/// operation's last fit() is for what was chosen.
 WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header const> inputs,
                    std::vector<bool> const& lent, std::size_t spooled, Execution const& execution);
 

@@ -194,6 +194,7 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
         lent.push_back(held || inputs_[i]->in_memory());
     }
     work_ = work_plan(operation_, plan_, headers, lent, spooled, execution_);
+    execution_.threads = work_.threads;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
         WindowRule const rule{headers[i].dims, headers[i].dtype, plan_.boundary, plan_.border_value, work_.window[i]};
         inputs_[i]->window.reset(rule);

@@ -11,7 +11,7 @@
 namespace vkt {
 
 Box Window::with_fold_sources(Box region) const {
-    for (int axis = 0; axis < 2; ++axis) {
+    for (int axis = 0; axis < (rule_.boundary == Boundary::wrap ? 1 : 2); ++axis) {
         std::int64_t const n = rule_.volume_dims[axis];
         Box const asked = region;
         auto const include = [&](std::int64_t from, std::int64_t to) {
@@ -41,10 +41,11 @@ ConstView Window::fetch(Source& source, Box const& asked, Execution const& execu
     std::int64_t const first = std::max<std::int64_t>(region.lower.z, 0);
     std::int64_t const last = std::min(region.upper.z, rule_.volume_dims.z);
     if (kept.lower.z == kept.upper.z) {
-        read_slices(source, first, last, execution);
+        read_slices(source, first, last, first, execution);
     } else {
-        read_slices(source, first, std::min(kept.lower.z, last), execution);
-        read_slices(source, std::max(kept.upper.z, first), last, execution);
+        read_slices(source, first, std::min(kept.lower.z, last), first, execution);
+        std::int64_t const next = std::max(kept.upper.z, first);
+        read_slices(source, next, last, next, execution);
     }
     fill_outer_slices(source, kept.lower.z, kept.upper.z, execution);
     held_ = region;
@@ -76,23 +77,33 @@ void Window::shift_to(Box const& region, Box const& kept, Space space) {
     whole_ = dense_view(keep ? buffer_.update(space) : buffer_.write(space), rule_.type, region, space);
 }
 
-void Window::read_slices(Source& source, std::int64_t z0, std::int64_t z1, Execution const& execution) {
+/// Fills the window's slices z0…z1 with those of the volume from from_z on, and what lies beside these.
+void Window::read_slices(Source& source, std::int64_t z0, std::int64_t z1, std::int64_t from_z,
+                         Execution const& execution) {
     if (z0 >= z1) return;
     Box slices = whole_.box;
     slices.lower.z = z0;
     slices.upper.z = z1;
-    Box const inside = intersect(slices, box_of(rule_.volume_dims));
-    read_part(source, inside, z0, execution);
-    if (!(inside == slices))
-        fill_border(view(slices), inside, rule_.volume_dims, rule_.boundary, rule_.border_value, execution);
+    Index3 const n = rule_.volume_dims;
+    Box filled = intersect(slices, {{0, 0, z0}, {n.x, n.y, z1}});       // with voxels of the volume
+    bool const all_rows = slices.lower.y <= 0 && slices.upper.y >= n.y; // what lies outside has its twins here
+    if (rule_.boundary == Boundary::wrap && !all_rows) {
+        filled.lower.y = slices.lower.y;
+        filled.upper.y = slices.upper.y;
+    }
+    std::int64_t const end = filled.empty() ? filled.lower.y : filled.upper.y;
+    for (std::int64_t y = filled.lower.y, next = y; y < end; y = next) { // a part for each time that it wraps around
+        std::int64_t const from = fold(y, n.y, rule_.boundary);
+        next = std::min(end, y + n.y - from);
+        Box const part{{filled.lower.x, from, from_z}, {filled.upper.x, from + next - y, from_z + z1 - z0}};
+        read_part(source, part, {filled.lower.x, y, z0}, execution);
+    }
+    if (!(filled == slices)) fill_border(view(slices), filled, n, rule_.boundary, rule_.border_value, execution);
 }
 
-/// Reads `part` of the source to the window's slices that begin at target_z.
-void Window::read_part(Source& source, Box const& part, std::int64_t target_z, Execution const& execution) {
-    Box target = part;
-    target.lower.z = target_z;
-    target.upper.z = target_z + part.dims().z;
-    AnyView const to = view(target).moved_to(part.lower);
+/// Reads `part` of the source to the window's voxels from `target` on.
+void Window::read_part(Source& source, Box const& part, Index3 target, Execution const& execution) {
+    AnyView const to = view({target, target + part.dims()}).moved_to(part.lower);
     if (source.space() == to.space) {
         if (auto const lent = source.borrow(part))
             copy_region(*lent, to, execution);
@@ -126,15 +137,10 @@ void Window::fill_outer_slices(Source& source, std::int64_t kept0, std::int64_t 
             copy_region(view(twin), view(slice).moved_to(twin.lower), execution);
             continue;
         }
-        Box inside{};
-        if (from >= 0) {
-            inside = intersect({{region.lower.x, region.lower.y, from}, {region.upper.x, region.upper.y, from + 1}},
-                               box_of(rule_.volume_dims));
-            read_part(source, inside, z, execution);
-            inside.lower.z = z;
-            inside.upper.z = z + 1;
-        }
-        fill_border(view(slice), inside, rule_.volume_dims, rule_.boundary, rule_.border_value, execution);
+        if (from >= 0)
+            read_slices(source, z, z + 1, from, execution);
+        else
+            fill_border(view(slice), {}, rule_.volume_dims, rule_.boundary, rule_.border_value, execution);
     }
 }
 

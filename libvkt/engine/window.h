@@ -29,11 +29,12 @@ public:
     ConstView fetch(Source& source, Box const& region, Execution const& execution);
 
 private:
-    /// The region and the columns from which its outside is folded: a part of a wrapped volume needs its far side.
+    /// The region and the columns from which its outside is folded: a part of a wrapped volume needs its far side, of
+    /// which whole rows are read where they belong instead.
     Box with_fold_sources(Box region) const;
     void shift_to(Box const& region, Box const& kept, Space space);
-    void read_slices(Source& source, std::int64_t z0, std::int64_t z1, Execution const& execution);
-    void read_part(Source& source, Box const& part, std::int64_t target_z, Execution const& execution);
+    void read_slices(Source& source, std::int64_t z0, std::int64_t z1, std::int64_t from_z, Execution const& execution);
+    void read_part(Source& source, Box const& part, Index3 target, Execution const& execution);
     void fill_outer_slices(Source& source, std::int64_t kept0, std::int64_t kept1, Execution const& execution);
     AnyView view(Box const& part) const { return whole_.part(part); }
 

@@ -13,12 +13,13 @@ namespace vkt {
 
 /// Writes one gzip member (RFC 1952) or zlib stream (RFC 1950). The input is cut into blocks of fixed size, each
 /// compressed on its own with the 32 KiB before it as dictionary and joined on byte boundaries, so that the bytes
-/// depend neither on the sizes of write() nor on the number of threads.
+/// depend neither on the sizes of write() nor on the number of threads. Each thread holds about a MiB.
 class DeflateWriter {
 public:
     enum class Wrapper : std::uint8_t { gzip, zlib };
 
-    DeflateWriter(OutputFile& file, Wrapper wrapper);
+    /// Uses as many threads as the options allow and an eighth of their budget has room for, but at least one.
+    DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions const& options);
     void write(std::byte const* data, std::size_t n);
     void finish();                                          ///< writes what is held and the checksum
     std::int64_t bytes_written() const { return written_; } ///< compressed, wrapper included

@@ -39,8 +39,9 @@ struct WriteOptions {
     /// Sparse formats: voxels of this stored value are not kept; by default what the volume names as its background, or
     /// 0.
     std::optional<double> background{};
-    /// Budget of formats that hold a volume until it is written; none: default_memory().
+    /// Budget of formats that hold a volume until it is written, and of compression; none: default_memory().
     std::optional<std::size_t> memory{};
+    std::optional<int> threads{};  ///< that compress; none: default_threads()
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 

@@ -26,19 +26,19 @@ std::optional<double> position_of(Header const& header) { return number_of(heade
 } // namespace
 
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
-    : format_(std::move(format)), compress_(options.compress), force_(options.force) {
+    : format_(std::move(format)), options_(options) {
     if (lower_case(path).ends_with(format_.detached)) {
-        header_file_.emplace(path, force_);
+        header_file_.emplace(path, options_.force);
         // Beside the header: that is where readers look for it.
         std::string data = header_file_->target();
         if (lower_case(data).ends_with(format_.detached)) data.resize(data.size() - format_.detached.size());
-        data += compress_ ? format_.compressed_data : format_.data;
-        data_file_.emplace(data, force_);
+        data += options_.compress ? format_.compressed_data : format_.data;
+        data_file_.emplace(data, options_.force);
         data_name_ = std::filesystem::path(data).filename().string();
         return;
     }
-    data_file_.emplace(path, force_);
-    if (compress_ && format_.states_compressed_size && data_file_->in_place())
+    data_file_.emplace(path, options_.force);
+    if (options_.compress && format_.states_compressed_size && data_file_->in_place())
         throw Error(ErrorKind::usage,
                     text("compressed ", format_.name, " cannot go to a pipe, since its size comes first"),
                     "write a file, or NRRD");
@@ -79,7 +79,7 @@ void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
 }
 
 std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
-    std::int64_t const compressed = !compress_ ? -1 : deflate_ ? deflate_->bytes_written() : 0;
+    std::int64_t const compressed = !options_.compress ? -1 : deflate_ ? deflate_->bytes_written() : 0;
     bool const last_word = !header_file_ && data_file_->in_place();
     return format_.text({first_, volumes_, compressed, data_name_, length, last_word});
 }
@@ -93,7 +93,7 @@ void HeaderAndVoxelsWriter::begin(Header const& header) {
         header_length_ = head.size();
         data_file_->write(head.data(), head.size());
     }
-    if (compress_) deflate_.emplace(*data_file_, format_.wrapper);
+    if (options_.compress) deflate_.emplace(*data_file_, format_.wrapper, options_);
 }
 
 void HeaderAndVoxelsWriter::close() {
@@ -113,7 +113,7 @@ void HeaderAndVoxelsWriter::close() {
         header_file_->commit();
     } catch (...) {
         // Nor should data stay without its header, unless it has replaced other data anyway.
-        if (!force_) ::unlink(data_file_->target().c_str());
+        if (!options_.force) ::unlink(data_file_->target().c_str());
         throw;
     }
 }

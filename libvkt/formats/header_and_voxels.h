@@ -47,7 +47,7 @@ private:
     std::string header_text(std::size_t length) const;
 
     HeaderFormat format_;
-    bool compress_, force_;
+    WriteOptions options_;
     std::optional<OutputFile> header_file_, data_file_;
     std::string data_name_; ///< empty if attached
     std::optional<DeflateWriter> deflate_;

@@ -76,7 +76,7 @@ class RawWriter : public VolumeWriter {
 public:
     RawWriter(std::string const& path, WriteOptions const& options)
         : file_(path, options.force), big_endian_(parse_raw_name(path).big_endian.value_or(false)) {
-        if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip);
+        if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip, options);
     }
     void begin(Header const& header) override {
         if (header.kind != Kind::structured)

@@ -28,7 +28,7 @@ namespace vkt {
 namespace {
 
 constexpr std::size_t mebi = std::size_t{1} << 20;
-constexpr char const* nonsense = "its reader gave an answer that makes no sense";
+constexpr char const* nonsense = "gave an answer that makes no sense";
 
 /// Closes itself; posix_spawn's lists have to be destroyed whatever happens.
 class SpawnSettings {
@@ -162,7 +162,7 @@ void Parser::end(bool kill) {
 
 void Parser::send(Message const& request) {
     if (!lost_.empty()) lost();
-    if (!send_message(socket_, request)) lost();
+    if (!send_message(socket_, request)) nobody_there();
     ++under_way_;
 }
 
@@ -190,22 +190,31 @@ std::span<std::byte const> Parser::share(std::size_t bytes) {
     window_ = {static_cast<std::byte*>(mapping), bytes};
     Message request;
     request.put(share_request);
-    if (!send_message(socket_, request, memory)) lost();
+    if (!send_message(socket_, request, memory)) nobody_there();
     ++under_way_;
     receive();
     return window_;
 }
 
-Message Parser::receive() {
-    wait_for_answer();
+Message Parser::next_message() {
+    wait_for_message();
     std::optional<Received> received = receive_message(socket_);
     if (!received) lost();
-    --under_way_;
     if (received->descriptor >= 0) ::close(received->descriptor);
-    Message& answer = received->message;
-    if (answer.bytes().size() < sizeof(std::int64_t)) lost(nonsense);
+    if (received->message.bytes().size() < sizeof(std::int64_t)) lost(nonsense);
+    return std::move(received->message);
+}
+
+Message Parser::receive() {
+    if (!lost_.empty()) lost();
+    if (!ready_) {
+        if (next_message().number() != parser_ready) lost(nonsense);
+        ready_ = true;
+    }
+    Message answer = next_message();
+    --under_way_;
     std::int64_t const kind = answer.number();
-    if (kind == 0) return std::move(answer);
+    if (kind == 0) return answer;
     std::string const message = answer.text(), hint = answer.text();
     bool const known = kind >= static_cast<int>(ErrorKind::failure) && kind <= static_cast<int>(ErrorKind::resources);
     throw Error(known ? static_cast<ErrorKind>(kind) : ErrorKind::data, message, hint);
@@ -239,10 +248,11 @@ Parser::Activity Parser::activity() const {
 
 /// Gives up on a child that computes without reading on, or does nothing at all. Processor time and turns of this loop
 /// are counted rather than hours of the day, so that a stopped pipeline or a busy machine costs nobody his patience.
-void Parser::wait_for_answer() {
-    if (!lost_.empty()) lost();
+void Parser::wait_for_message() {
     constexpr int turn = 250; // ms
     std::int64_t const patience = limits_.patience, second = std::max(1L, ::sysconf(_SC_CLK_TCK));
+    // Libraries that start, start at once. With too little memory some wait for threads that were never made.
+    std::int64_t const rest = ready_ ? 4 * patience : std::max<std::int64_t>(5, patience / 6);
     Activity before;
     std::int64_t since = -1; // processor time when it last read on
     std::int64_t idle = 0;   // turns without anything
@@ -255,58 +265,64 @@ void Parser::wait_for_answer() {
         Activity const now = activity();
         bool const read_on = now.read < 0 || now.read != before.read || since < 0;
         if (read_on) since = now.ticks;
-        bool const waits = now.state == 'D' || now.state == 'T' || now.state == 't'; // for a disk, for somebody
+        // For a disk, for somebody, for a processor.
+        bool const waits = now.state == 'D' || now.state == 'T' || now.state == 't' || now.state == 'R';
         idle = now.ticks == before.ticks && !read_on && !waits ? idle + 1 : 0;
         before = now;
-        if (now.ticks - since <= patience * second && idle * turn <= 4 * patience * 1000) continue;
-        lost(text("no progress in ", patience, " s of reading"));
+        if (now.ticks - since > patience * second) lost(text("made no progress in ", patience, " s of processor time"));
+        if (idle * turn > rest * 1000) lost(text("did nothing at all for ", rest, " s"));
     }
 }
 
-/// Why there is no answer; without a reason, what the end of the process tells.
-void Parser::lost(std::string reason) {
+/// The child has closed its side. That it was ready before may not have been heard yet.
+void Parser::nobody_there() {
+    std::optional<Received> first = ready_ ? std::nullopt : receive_message(socket_);
+    ready_ = ready_ ||
+             (first && first->message.bytes().size() == sizeof parser_ready && first->message.number() == parser_ready);
+    lost();
+}
+
+/// What became of a child that has closed its side or sent what is no message.
+Parser::End Parser::wait_for_end() {
+    int status = 0;
+    pid_t ended = 0;
+    for (int i = 0; i < 400 && ended == 0; ++i) {
+        ended = ::waitpid(process_, &status, WNOHANG);
+        if (ended < 0 && errno == EINTR) ended = 0;
+        if (ended == 0) ::usleep(5000);
+    }
+    if (ended == 0) end(true);
+    process_ = -1;
+    end(false);
+    if (ended == 0) return {nonsense};
+    if (ended < 0) return {"ended"}; // somebody else waits for this program's children
+    if (!WIFSIGNALED(status)) {
+        int const code = WEXITSTATUS(status);
+        return {text("ended (exit ", code, ")"), code == parser_unusable ? ErrorKind::failure : ErrorKind::data};
+    }
+    int const signal = WTERMSIG(status);
+    if (signal == SIGXCPU) return {text("took more than ", limits_.seconds, " s of processor time")};
+    if (signal == SIGKILL) return {"was killed, which the system does when memory ends", ErrorKind::resources};
+    return {text("crashed (", signal_text(signal), ")")};
+}
+
+/// Why there is no answer: what it did, or without that what its end tells.
+void Parser::lost(std::string const& deed) {
     if (lost_.empty()) {
-        ErrorKind kind = ErrorKind::data;
-        bool const hung = !reason.empty();
-        int status = 0;
+        if (!deed.empty()) end(true);
+        auto [did, kind] = deed.empty() ? wait_for_end() : End{deed};
         rlimit space{};
         bool const limited = ::getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
-        if (hung) {
-            end(true);
-        } else {
-            // Who closed his end is ending, with the reason that he had; who is not has sent what is no message.
-            pid_t ended = 0;
-            for (int i = 0; i < 400 && ended == 0; ++i) {
-                ended = ::waitpid(process_, &status, WNOHANG);
-                if (ended < 0 && errno == EINTR) ended = 0;
-                if (ended == 0) ::usleep(5000);
-            }
-            if (ended == 0) end(true);
-            process_ = -1;
-            end(false);
-            if (ended == 0)
-                reason = nonsense;
-            else if (ended < 0) // somebody else waits for this program's children
-                reason = "its reader ended";
-            else if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-                reason = text("its reader took more than ", limits_.seconds, " s of processor time");
-            else if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
-                reason = "its reader was killed, which the system does when memory ends";
-                kind = ErrorKind::resources;
-            } else if (WIFSIGNALED(status))
-                reason = text("its reader crashed (", signal_text(WTERMSIG(status)), ")");
-            else if (WEXITSTATUS(status) == parser_unusable) {
-                kind = limited ? ErrorKind::resources : ErrorKind::failure;
-                reason = text("its reader cannot be started", limited ? " within the memory of this shell or job" : "");
-            } else
-                reason = text("its reader ended (exit ", WEXITSTATUS(status), ")");
-        }
         // Libraries take a want of memory badly; whoever limits it more than we do hears of that first.
-        if (limited && kind == ErrorKind::data && space.rlim_cur < limits_.memory) {
+        char const* const within = limited ? " within the memory of this shell or job (ulimit -v)" : "";
+        if (kind == ErrorKind::failure || (!ready_ && kind == ErrorKind::data)) {
+            did = text("cannot be started", within, ": it ", did);
+            kind = limited ? ErrorKind::resources : ErrorKind::failure;
+        } else if (kind == ErrorKind::data && limited && space.rlim_cur < limits_.memory) {
+            did += within;
             kind = ErrorKind::resources;
-            reason += ", within the memory of this shell or job (ulimit -v)";
         }
-        lost_ = text("'", name_, "': ", kind == ErrorKind::data ? "damaged: " : "", reason);
+        lost_ = text("'", name_, "': ", kind == ErrorKind::data ? "damaged: " : "", "its reader ", did);
         lost_kind_ = kind;
     }
     throw Error(lost_kind_, lost_);

@@ -19,8 +19,10 @@ namespace vkt {
 /// What a child may use.
 struct ParserLimits {
     std::size_t memory = 0; ///< bytes of its own, code and tables of the library included
-    int patience = 30;      ///< seconds of processor time without reading on in the file
-    int seconds = 600;      ///< of processor time in all
+    /// Seconds of processor time without reading on in the file; four times as long doing nothing at all, but only a
+    /// sixth of it, or five seconds if that is more, before its libraries have started.
+    int patience = 30;
+    int seconds = 600; ///< of processor time in all
 };
 
 /// Memory: the stage's budget or 64 times the file, whichever is more, and 256 MiB for the library itself. No format
@@ -47,7 +49,8 @@ public:
     /// Sends a request. Several may be under way; answers come in their order.
     void send(Message const& request);
     /// The answer to the oldest request. Throws what the child threw; Error{data} if it crashed, ran out of memory or
-    /// got nowhere. After that every call throws the same.
+    /// got nowhere; Error{resources} or Error{failure} if it never was ready, in a process with or without a limit of
+    /// its address space. After that every call throws the same.
     Message receive();
     /// Request and answer, once those under way that nobody waits for have come.
     Message ask(Message const& request);
@@ -58,16 +61,25 @@ public:
 private:
     struct Activity;
     Activity activity() const;
-    void wait_for_answer();
-    [[noreturn]] void lost(std::string reason = {});
+    Message next_message();
+    void wait_for_message();
+    /// What became of a child, and whose fault that is.
+    struct End {
+        std::string did;
+        ErrorKind kind = ErrorKind::data;
+    };
+    End wait_for_end();
+    [[noreturn]] void nobody_there();
+    [[noreturn]] void lost(std::string const& deed = {});
     void end(bool kill);
 
     std::string module_, name_;
     ParserLimits limits_;
     pid_t process_ = -1;
     int socket_ = -1;
-    int under_way_ = 0; ///< requests without an answer yet
-    std::string lost_;  ///< why there will be no more answers
+    bool ready_ = false; ///< its libraries have started
+    int under_way_ = 0;  ///< requests without an answer yet
+    std::string lost_;   ///< why there will be no more answers
     ErrorKind lost_kind_ = ErrorKind::data;
     std::span<std::byte> window_;
 };

@@ -66,17 +66,33 @@ std::string renamed(std::string message, std::string const& from, std::string co
 
 class Child {
 public:
-    Child(ParserTask const& task, std::function<ParserOpen()> const& load)
-        : task_(task), load_(load), path_(text("/dev/fd/", parser_file)) {}
+    explicit Child(ParserTask const& task) : task_(task), path_(text("/dev/fd/", parser_file)) {}
+
+    /// What this throws is the answer to everything that needs the library.
+    void load(std::function<ParserOpen()> const& load) {
+        unloaded_ = guarded([&] {
+            open_ = load();
+            return Message();
+        });
+    }
 
     Message answer(Received received) {
-        Message result;
-        try {
+        return guarded([&] {
             if (received.descriptor >= 0) return share(received.descriptor);
-            if (!handler_) handler_ = load_()(path_);
+            if (open_ == nullptr) return unloaded_;
+            if (!handler_) handler_ = open_(path_);
+            Message result;
             result.put(std::int64_t{0});
             handler_(received.message, window_, result);
             return result;
+        });
+    }
+
+private:
+    /// What `work` returns, or as a message what it throws.
+    template <class F> Message guarded(F const& work) const {
+        try {
+            return work();
         } catch (Error const& e) {
             return error(e.kind(), renamed(e.what(), path_, task_.name), renamed(e.hint(), path_, task_.name));
         } catch (std::bad_alloc const&) {
@@ -86,7 +102,6 @@ public:
         }
     }
 
-private:
     static Message error(ErrorKind kind, std::string const& message, std::string const& hint) {
         Message result;
         result.put(static_cast<std::int64_t>(kind));
@@ -119,8 +134,9 @@ private:
     }
 
     ParserTask const& task_;
-    std::function<ParserOpen()> const& load_;
     std::string path_;
+    ParserOpen open_ = nullptr;
+    Message unloaded_; ///< why there is none
     ParserHandler handler_;
     std::span<std::byte> window_;
 };
@@ -132,7 +148,11 @@ int run_parser(ParserTask const& task, std::function<ParserOpen()> const& load) 
     auto const parent = static_cast<int>(::syscall(SYS_pidfd_open, task.parent, 0));
     if (::getppid() != task.parent) return 0; // gone already
     std::thread(watch_parent, parent, task.parent).detach();
-    Child child(task, load);
+    Child child(task);
+    child.load(load);
+    Message ready;
+    ready.put(parser_ready);
+    static_cast<void>(send_message(parser_socket, ready)); // who has gone is noticed below
     while (auto received = receive_message(parser_socket))
         if (!send_message(parser_socket, child.answer(std::move(*received)))) break;
     // The kernel takes everything back faster than the libraries would, and without their complaints.

@@ -15,6 +15,9 @@ namespace vkt {
 inline constexpr int parser_socket = 3, parser_file = 4;
 inline constexpr int parser_unusable = 127;
 
+/// What a child says of its own accord, once, when its library has started.
+inline constexpr std::int64_t parser_ready = 0x7265616479;
+
 /// The request that brings shared memory along. Those of modules have other numbers, from 0 up.
 inline constexpr std::int64_t share_request = -1;
 
@@ -45,8 +48,9 @@ struct ParserTask {
     int seconds = 0;        ///< of processor time
 };
 
-/// Takes the limits on, sees to it that this process ends with its parent, and answers until nobody asks any more.
-/// `load` is called within the limits. Returns the exit code.
+/// Takes the limits on, sees to it that this process ends with its parent, loads the library, says that it is ready,
+/// and answers until nobody asks any more. `load` is called within the limits; what it throws is the answer to
+/// everything. Returns the exit code.
 int run_parser(ParserTask const& task, std::function<ParserOpen()> const& load);
 
 } // namespace vkt

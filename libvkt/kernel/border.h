@@ -8,8 +8,9 @@
 namespace vkt {
 
 /// Fills all voxels of `window` outside `inside` (the part that holds real voxels) by the boundary rule, axis by axis:
-/// x, then y, then z. Sources of the folded voxels must lie in `inside` along each axis. With Boundary::border, or
-/// where `inside` is empty, `border_value` is stored.
+/// x, then y, then z. Sources of the folded voxels must lie in `inside` along each axis; it may reach beyond the
+/// volume, where voxels were read that wrap around. With Boundary::border, or where `inside` is empty, `border_value`
+/// is stored.
 void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary boundary, double border_value,
                  Execution const& execution);
 

@@ -189,8 +189,8 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     if (passes_.boundary != Boundary::wrap) slots = std::min(slots, passes_.dims.z);
     std::int64_t const plane = rows * width * computed;
     std::int64_t const planes = std::clamp<std::int64_t>(passes_.plane_bytes / plane, 1, 8) * plane;
-    std::int64_t const of_threads = execution.threads * 12 * width * computed;
-    return static_cast<std::size_t>(slots * rows * width * stored + planes + of_threads);
+    std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
+    return static_cast<std::size_t>(slots * rows * width * stored + planes + threads * 12 * width * computed);
 }
 
 Box gaussian_input(GaussianPasses const& passes, Box const& output) {
@@ -200,7 +200,8 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
         bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
         if (!outside) continue;
         if (passes.boundary == Boundary::wrap) {
-            if (axis == 2) continue; // the engine fetches the slices of the other end
+            // The engine fetches slices of the other end, and rows where that is not all of them.
+            if (axis == 2 || (axis == 1 && box.dims().y < n)) continue;
             box.lower[axis] = 0;
             box.upper[axis] = n;
         }

@@ -3,6 +3,7 @@
 #include "libvkt/operations/resample.h"
 
 #include "libvkt/core/frame.h"
+#include "libvkt/core/wide.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/kernels/convert.h"
@@ -490,6 +491,16 @@ Box Resample::footprint(Box const& output, int) const {
         result.upper[axis] = range.second;
     }
     return result;
+}
+
+std::size_t Resample::fit(Index3 largest, Execution const& execution) {
+    if (from_tree_ || execution.device == Device::gpu) return 0;
+    if (onto_) return onto_->fit(largest, execution);
+    if (algorithm_ != Algorithm::weighted && algorithm_ != Algorithm::whole) return 0;
+    Box const part = box_of(largest), in = footprint(part, 0);
+    std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
+    std::int64_t const of_sum = algorithm_ == Algorithm::whole ? sizeof(Int128) : sizeof(double);
+    return static_cast<std::size_t>(threads * bytes_of_sums(in.dims().x, largest.x, tables_[0].most_taps(), of_sum));
 }
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -59,6 +59,8 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
+    /// Sums of columns, which every thread has of its own, and inputs whose axes changed places.
+    std::size_t fit(Index3 largest, Execution const& execution) override;
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return algorithm_ != Algorithm::convert && !onto_; }

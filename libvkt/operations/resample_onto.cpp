@@ -192,6 +192,7 @@ void Onto::describe(Plan& plan) const {
         Index3 const k = sampling_.samples;
         double const count = static_cast<double>(k.x) * static_cast<double>(k.y) * static_cast<double>(k.z);
         plan.access = Access::random;
+        if (boundary_) plan.boundary = boundary_->boundary;
         plan.method = text("onto a turned grid: ", name_of(sampling_.interpolant),
                            count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");
         if (!exact) plan.error = error_of(plan.output, 64 + 2 * count);
@@ -233,8 +234,21 @@ Box Onto::footprint(Box const& output) const {
     return result;
 }
 
-/// What the samples of an output region look at: around the corners' images, cut to the volume. What a boundary folds
-/// back from outside may be anywhere along the axis.
+std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
+    if (!placement_.aligned) return 0;
+    Box const part = intersect({inner_.lower, inner_.lower + largest}, inner_), in = footprint(part);
+    std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
+    std::int64_t const width = in.dims()[placement_.axis[0]];
+    std::int64_t bytes = 0;
+    if (algorithm_ == Algorithm::weighted)
+        bytes += threads * bytes_of_sums(width, part.dims().x, tables_[0].most_taps(), sizeof(double));
+    if (placement_.axis != std::array<int, 3>{0, 1, 2})
+        bytes += in.voxels() * static_cast<std::int64_t>(size_of(values_.in));
+    return static_cast<std::size_t>(bytes);
+}
+
+/// What the samples of an output region look at: around the corners' images, cut to the volume and with what stands for
+/// the rest. Only with Boundary::wrap it may reach outside, where affine_sample() then expects it.
 Box Onto::turned_footprint(Box const& output) const {
     Reach const reach = reach_of(sampling_.interpolant);
     Box result;
@@ -252,11 +266,22 @@ Box Onto::turned_footprint(Box const& output) const {
         low = std::floor(low - face_slack) - static_cast<double>(reach.before);
         high = std::floor(high + face_slack) + static_cast<double>(reach.after) + 1;
         bool const leaves = low < 0 || high > n;
-        bool const folds =
-            boundary_ && (boundary_->boundary == Boundary::wrap || boundary_->boundary == Boundary::mirror);
         if (!boundary_ && (high <= 0 || low >= n)) return {};
-        result.lower[b] = leaves && folds ? 0 : static_cast<std::int64_t>(std::clamp(low, 0.0, n - 1));
-        result.upper[b] = leaves && folds ? from_[b] : static_cast<std::int64_t>(std::clamp(high, 1.0, n));
+        bool const wraps = leaves && boundary_ && boundary_->boundary == Boundary::wrap;
+        if (leaves && boundary_ && boundary_->boundary == Boundary::mirror) {
+            double const back = low < 0 ? std::max(-low, high) : n, front = high > n ? std::min(low, 2 * n - high) : 0;
+            bool const one_end = (low < 0) != (high > n);
+            low = one_end ? front : 0;
+            high = one_end ? back : n;
+        }
+        // Of rows and slices those that are looked at, which the engine wraps around; at a distance all there are.
+        bool const as_they_are = wraps && b > 0 && low >= -n && high <= 2 * n && high - low < n;
+        if (wraps && !as_they_are) {
+            low = 0;
+            high = n;
+        }
+        result.lower[b] = static_cast<std::int64_t>(as_they_are ? low : std::clamp(low, 0.0, n - 1));
+        result.upper[b] = static_cast<std::int64_t>(as_they_are ? high : std::clamp(high, 1.0, n));
     }
     return result;
 }

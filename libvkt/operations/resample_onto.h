@@ -58,6 +58,8 @@ public:
     /// Method, error, cost, state, shift and order of access.
     void describe(Plan& plan) const;
     Box footprint(Box const& output) const;
+    /// Bytes held for regions of this extent: the input with its axes in order, and what every thread sums up.
+    std::size_t fit(Index3 largest, Execution const& execution) const;
     void run(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     /// Voxels of what was computed that became background.
     std::int64_t outside() const { return outside_; }

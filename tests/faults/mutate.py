@@ -57,7 +57,7 @@ def main():
         assert not [name for name in left if name.startswith(".") or name.startswith("core") or name == "out.vkt"], left
         codes[code] = codes.get(code, 0) + 1
         largest = max(largest, peak)
-        for word in ("crashed", "no progress", "of memory", "processor time", "killed"):
+        for word in ("crashed", "no progress", "did nothing", "of memory", "processor time", "killed"):
             if word in said:
                 codes[word] = codes.get(word, 0) + 1
     print(f"{sys.argv[1]}: {copies} damaged copies: {codes}, at most {largest} MiB")

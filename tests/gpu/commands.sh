@@ -52,6 +52,15 @@ for type in uint8 uint16 int16 float32 float64; do
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
 done
 
+# Slices cut into rows: wrapped ones come from the other side.
+"$vkt" make noise --dims 1024 128 9 --dtype float32 --seed 3 -o large.nrrd
+for rule in wrap mirror border:0.5; do
+    for sigma in 1.5 0,15,0 0,40,1; do
+        same 1e-5 "$vkt filter gaussian large.nrrd --sigma $sigma --boundary $rule --memory 16M"
+    done
+    same 1e-6 "$vkt resample large.nrrd --dims 1100 140 9 --method linear --boundary $rule --memory 4M"
+done
+
 # Sums in 128 bits.
 for type in int64 uint64; do
     "$vkt" make noise --dims 60 37 21 --dtype $type --high 9e18 --seed 3 -o in_$type.nrrd

@@ -1,11 +1,13 @@
 // Rounding, half precision and the drivers, against definitions and against the compiler's own binary16.
 // SPDX-License-Identifier: MIT
-#define VKT_BACKEND baseline
+#include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/stencil.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -155,60 +157,165 @@ TEST(RoundTo, AgreesWithNearbyintOnAllQuarters) {
 }
 
 /// A window with gaps between rows and slices, on odd offsets.
-struct Padded {
-    explicit Padded(Box b)
-        : box(b), values(static_cast<std::size_t>((b.dims().x + 3) * (b.dims().y + 1) * b.dims().z + 8), -7) {}
-    View<int> view() {
-        return {values.data() + 1, box.lower, box.dims().x + 3, (box.dims().x + 3) * (box.dims().y + 1)};
+template <class T> struct Padded {
+    explicit Padded(DataType t, Box b)
+        : box(b), type(t),
+          values(static_cast<std::size_t>((b.dims().x + 3) * (b.dims().y + 1) * b.dims().z + 8), T(7)) {}
+    AnyView view() {
+        std::int64_t const row = box.dims().x + 3;
+        return {reinterpret_cast<std::byte*>(values.data() + 1), type, box, row, row * (box.dims().y + 1), Space::host};
     }
+    T& operator()(std::int64_t x, std::int64_t y, std::int64_t z) { return view().template as<T>()(x, y, z); }
     Box box;
-    std::vector<int> values;
+    DataType type;
+    std::vector<T> values;
 };
 
-TEST(Drivers, MapsWithAndWithoutPositionAndLeavesTheGapsAlone) {
+struct Twice {
+    float operator()(float v) const { return 2 * v; }
+};
+struct Sum {
+    double operator()(double u, double v) const { return u + v; }
+    bool undefined(double u, double) const { return u == 3; }
+};
+struct Position {
+    double operator()(double x, double y, double z, double v) const { return x + 100 * y + 7 * z + v; }
+};
+struct Ramp {
+    float operator()(double x, double, double) const { return static_cast<float>(x); }
+};
+
+Execution on_threads(int threads) {
     Execution execution;
-    execution.threads = 2;
-    Box const box{{5, -2, 1}, {5 + 9000, 3, 4}}; // rows longer than a segment
-    Padded in(box), out(box);
-    for (std::size_t i = 0; i < in.values.size(); ++i) in.values[i] = static_cast<int>(i % 1000);
-    View<int const> const from{in.view().data, in.view().lower, in.view().row, in.view().slice};
-    baseline::map(
-        execution, box, out.view(), [](int v) { return 2 * v; }, from);
-    for (std::int64_t z = 1; z < 4; ++z)
-        for (std::int64_t y = -2; y < 3; ++y) {
-            for (std::int64_t x = 5; x < 9005; ++x) ASSERT_EQ(out.view()(x, y, z), 2 * from(x, y, z));
-            ASSERT_EQ(out.view()(9005, y, z), -7);
-        }
-    baseline::map_at(
-        execution, box, out.view(),
-        [](std::int64_t x, std::int64_t y, std::int64_t z, int v) { return static_cast<int>(x + 100 * y + 7 * z) + v; },
-        from);
-    EXPECT_EQ(out.view()(8200, 2, 3), 8200 + 200 + 21 + from(8200, 2, 3));
-    baseline::gather(execution, box, out.view(),
-                     [=](std::int64_t x, std::int64_t y, std::int64_t z) { return from(x == 5 ? 5 : x - 1, y, z); });
-    EXPECT_EQ(out.view()(5, 0, 2), from(5, 0, 2));
-    EXPECT_EQ(out.view()(8197, 0, 2), from(8196, 0, 2));
+    execution.threads = threads;
+    return execution;
 }
 
-TEST(Drivers, RoundedMapsCountWhatIsLost) {
-    Execution execution;
-    execution.threads = 2;
-    Box const box = box_of({500, 30, 10});
-    std::vector<float> in(150000);
-    for (std::size_t i = 0; i < in.size(); ++i) in[i] = static_cast<float>(i % 300);
-    for (std::size_t i = 0; i < 77; ++i) in[i * 1000] = std::numeric_limits<float>::quiet_NaN();
-    std::int64_t expected = 0;
-    for (float v : in) expected += v > 255 ? 1 : 0;
-    std::vector<std::uint8_t> out(in.size());
+TEST(Drivers, MapsAnyTypesAndLeavesTheGapsAlone) {
+    Box const box{{5, -2, 1}, {5 + 9000, 3, 4}}; // rows longer than a segment
+    Padded<std::uint16_t> in(DataType::uint16, box);
+    Padded<std::int32_t> out(DataType::int32, box);
+    for (std::size_t i = 0; i < in.values.size(); ++i) in.values[i] = static_cast<std::uint16_t>(i % 1000);
     Losses losses;
-    baseline::map_rounded(
-        execution, box, View<std::uint8_t>{out.data(), {}, 500, 15000}, losses, [](float v) { return v; },
-        View<float const>{in.data(), {}, 500, 15000});
-    EXPECT_EQ(losses.nan, 77);
-    EXPECT_EQ(losses.clipped, expected);
-    EXPECT_EQ(out[290], 255);
-    EXPECT_EQ(out[1000], 0);
-    EXPECT_EQ(out[1001], in[1001]);
+    baseline::map<float>(on_threads(2), out.view(), losses, Twice{}, ConstView(in.view()));
+    for (std::int64_t z = 1; z < 4; ++z)
+        for (std::int64_t y = -2; y < 3; ++y) {
+            for (std::int64_t x = 5; x < 9005; ++x) ASSERT_EQ(out(x, y, z), 2 * in(x, y, z));
+            ASSERT_EQ(*(&out(9004, y, z) + 1), 7);
+        }
+    EXPECT_FALSE(losses.any());
+    Padded<double> sum(DataType::float64, box);
+    baseline::map<double>(on_threads(3), sum.view(), losses, Sum{}, ConstView(in.view()), ConstView(out.view()));
+    EXPECT_EQ(sum(8000, 1, 2), 3 * in(8000, 1, 2));
+    EXPECT_EQ(losses.undefined, std::count_if(&sum(5, -2, 1), &*sum.values.end(), [](double v) { return v == 9; }));
+    baseline::map_at<double>(on_threads(2), out.view(), losses, Position{}, ConstView(in.view()));
+    EXPECT_EQ(out(8200, 2, 3), 8200 + 200 + 21 + in(8200, 2, 3));
+    Padded<std::int8_t> bytes(DataType::int8, box);
+    losses = {};
+    baseline::map_at<float>(on_threads(1), bytes.view(), losses, Ramp{});
+    EXPECT_EQ(losses.clipped, (9004 - 127) * 15);
+    EXPECT_EQ(bytes(127, 0, 2), 127);
+    EXPECT_EQ(bytes(4000, 0, 2), 127);
+}
+
+struct Same {
+    template <class C> C operator()(C v) const { return v; }
+};
+
+TEST(Drivers, LossesAreCountedInOutputsOfAnySize) {
+    for (std::int64_t const n : {1, 15, 16, 17, 31, 500, 30000000}) { // the last is written past the caches
+        std::vector<float> in(static_cast<std::size_t>(n));
+        for (std::size_t i = 0; i < in.size(); ++i)
+            in[i] = i % 13 == 5 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(i % 300) - 0.5F;
+        std::int64_t clipped = 0, nan = 0;
+        for (float const v : in) {
+            clipped += v >= 255.5F || v < -0.5F;
+            nan += v != v;
+        }
+        std::vector<std::uint8_t> out(in.size());
+        Losses losses;
+        Box const box = box_of({n, 1, 1});
+        AnyView const to = dense_view(reinterpret_cast<std::byte*>(out.data()), DataType::uint8, box);
+        baseline::map<float>(on_threads(2), to, losses, Same{},
+                             dense_view(reinterpret_cast<std::byte const*>(in.data()), DataType::float32, box));
+        EXPECT_EQ(losses.nan, nan) << n;
+        EXPECT_EQ(losses.clipped, clipped) << n;
+        for (std::size_t i = 0; i < out.size(); ++i) ASSERT_EQ(out[i], round_to<std::uint8_t>(in[i])) << i;
+    }
+}
+
+TEST(Drivers, WholeNumbersOf64BitsStayWhole) {
+    std::vector<std::int64_t> in{std::numeric_limits<std::int64_t>::min(), -1, 0, (std::int64_t{1} << 53) + 1,
+                                 std::numeric_limits<std::int64_t>::max()};
+    std::vector<std::uint64_t> out(in.size());
+    Losses losses;
+    Box const box = box_of({static_cast<std::int64_t>(in.size()), 1, 1});
+    baseline::map<Int128>(on_threads(1), dense_view(reinterpret_cast<std::byte*>(out.data()), DataType::uint64, box),
+                          losses, Same{},
+                          dense_view(reinterpret_cast<std::byte const*>(in.data()), DataType::int64, box));
+    EXPECT_EQ(out, (std::vector<std::uint64_t>{0, 0, 0, (std::uint64_t{1} << 53) + 1, ~std::uint64_t{0} >> 1}));
+    EXPECT_EQ(losses.clipped, 2);
+}
+
+struct Total {
+    double sum = 0;
+    std::int64_t count = 0;
+    void add_row(double const* values, std::int64_t n) {
+        for (std::int64_t i = 0; i < n; ++i) sum += values[i];
+        count += n;
+    }
+    void merge(Total const& other) {
+        sum += other.sum;
+        count += other.count;
+    }
+};
+
+TEST(Drivers, ReduceSeesEveryVoxelOnce) {
+    Box const box{{-3, 2, 0}, {-3 + 4099, 9, 5}};
+    Padded<std::int16_t> in(DataType::int16, box);
+    double expected = 0;
+    for (std::int64_t z = 0; z < 5; ++z)
+        for (std::int64_t y = 2; y < 9; ++y)
+            for (std::int64_t x = -3; x < 4096; ++x) {
+                in(x, y, z) = static_cast<std::int16_t>(x * 7 + y - z);
+                expected += in(x, y, z);
+            }
+    for (int const threads : {1, 2, 5}) {
+        Total const total = baseline::reduce<double>(on_threads(threads), in.view(), Total{});
+        EXPECT_EQ(total.count, box.voxels());
+        EXPECT_EQ(total.sum, expected);
+    }
+}
+
+/// A neighbour and the centre, so that a wrong offset shows.
+template <class C> struct Neighbours {
+    int dx, dy, dz;
+    template <class W> auto operator()(W const& w) const { return w(dx, dy, dz) + w(0, 0, 0); }
+};
+
+TEST(Drivers, StencilsSeeTheirNeighbours) {
+    for (Index3 const n : {Index3{1, 1, 1}, {17, 3, 2}, {1030, 11, 9}, {64, 20, 5}})
+        for (Index3 const radius : {Index3{0, 0, 0}, {1, 1, 1}, {3, 0, 2}}) {
+            Box const box{{10, 20, 30}, Index3{10, 20, 30} + n}, around{box.lower - radius, box.upper + radius};
+            Padded<std::uint16_t> in(DataType::uint16, around);
+            for (std::size_t i = 0; i < in.values.size(); ++i) in.values[i] = static_cast<std::uint16_t>(i * 31 % 997);
+            Padded<float> out(DataType::float32, box);
+            Padded<std::uint16_t> whole(DataType::uint16, box);
+            for (int const sign : {-1, 1}) {
+                Index3 const d{sign * radius.x, -sign * radius.y, sign * radius.z};
+                Losses losses;
+                Neighbours<float> const f{static_cast<int>(d.x), static_cast<int>(d.y), static_cast<int>(d.z)};
+                baseline::stencil<float>(on_threads(3), out.view(), losses, radius, f, ConstView(in.view()));
+                baseline::stencil<std::uint16_t>(on_threads(2), whole.view(), losses, radius, f, ConstView(in.view()));
+                for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+                    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+                        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
+                            int const expected = in(x + d.x, y + d.y, z + d.z) + in(x, y, z);
+                            ASSERT_EQ(out(x, y, z), static_cast<float>(expected)) << text(n, " ", radius, " ", x);
+                            ASSERT_EQ(whole(x, y, z), expected) << text(n, " ", radius, " ", x);
+                        }
+            }
+        }
 }
 
 } // namespace

@@ -5,6 +5,7 @@
 #include "libvkt/io/parser.h"
 
 #include <cerrno>
+#include <chrono>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -14,10 +15,13 @@ using namespace amr_test;
 
 namespace {
 
-/// What a program says that does this instead of answering.
-Error end_of(std::string const& script, int patience = 30) {
+/// The message by which a child says that its libraries have started: its length, then one number, in octal.
+constexpr char const* greets = "printf '\\010\\0\\0\\0\\0\\0\\0\\0ydaer\\0\\0\\0' >&3";
+
+/// What a program says that does this instead of answering, once it is ready or without ever being so.
+Error end_of(std::string const& script, int patience = 30, char const* first = greets) {
     TemporaryFile const file("parser");
-    std::ofstream(file.path()) << "#!/bin/sh\n" << script << "\n";
+    std::ofstream(file.path()) << "#!/bin/sh\n" << first << "\n" << script << "\n";
     ::chmod(file.path().c_str(), 0700);
     int const bytes = ::open(file.path().c_str(), O_RDONLY | O_CLOEXEC);
     ParserLimits limits;
@@ -62,7 +66,23 @@ TEST(Parser, WhoCannotBeginIsNoBadData) {
 
 TEST(Parser, LoopsAreGivenUp) { expect_data(end_of("while :; do :; done", 1), "no progress"); }
 
-TEST(Parser, SilenceIsGivenUp) { expect_data(end_of("exec sleep 1000", 1), "no progress"); }
+TEST(Parser, SilenceIsGivenUp) { expect_data(end_of("exec sleep 1000", 1), "did nothing at all for 4 s"); }
+
+// As where a library waits, while it starts, for a thread for which there was no memory.
+TEST(Parser, WhoNeverIsReadyIsGivenUpSoonAndIsNoBadData) {
+    using Clock = std::chrono::steady_clock;
+    Clock::time_point const begin = Clock::now();
+    Error const silent = end_of("exec sleep 1000", 30, ":");
+    EXPECT_LT(Clock::now() - begin, std::chrono::seconds(60)); // not 120, and so says the message
+    EXPECT_EQ(silent.kind(), ErrorKind::failure);
+    EXPECT_NE(std::string(silent.what()).find("cannot be started: it did nothing at all for 5 s"), std::string::npos)
+        << silent.what();
+    Error const crashed = end_of("kill -SEGV $$", 30, ":");
+    EXPECT_EQ(crashed.kind(), ErrorKind::failure);
+    EXPECT_NE(std::string(crashed.what()).find("cannot be started: it crashed (SIGSEGV)"), std::string::npos)
+        << crashed.what();
+    EXPECT_EQ(end_of("while :; do :; done", 1, ":").kind(), ErrorKind::failure);
+}
 
 TEST(Parser, NonsenseIsNoAnswer) {
     expect_data(end_of("printf 'abcdefghijklmnop' >&3; exec sleep 1000"), "no sense");

@@ -215,7 +215,7 @@ TEST(Deflate, BytesDependOnNothingButTheInput) {
         std::string reference;
         for (std::size_t step : {std::size_t{4000000}, std::size_t{65537}, std::size_t{262144}}) {
             OutputFile file(scratch / "x.gz", true);
-            DeflateWriter deflate(file, DeflateWriter::Wrapper::gzip);
+            DeflateWriter deflate(file, DeflateWriter::Wrapper::gzip, {});
             for (std::size_t i = 0; i < n; i += step) deflate.write(data.data() + i, std::min(step, n - i));
             deflate.finish();
             file.commit();
@@ -237,7 +237,7 @@ TEST(Deflate, MembersFollowOneAnother) {
     std::string both;
     for (std::string const part : {"first ", "second"}) {
         OutputFile file(scratch / "x.gz", true);
-        DeflateWriter deflate(file, DeflateWriter::Wrapper::gzip);
+        DeflateWriter deflate(file, DeflateWriter::Wrapper::gzip, {});
         deflate.write(reinterpret_cast<std::byte const*>(part.data()), part.size());
         deflate.finish();
         file.commit();

@@ -170,20 +170,26 @@ template <class T, class Kernel> struct SampleInside {
     }
 };
 
+/// What a view that begins at `first` has for the voxel i beyond a whole position, -1 if that is the border. A wrapped
+/// volume's may begin and end outside.
+std::int64_t place_of(double whole, int i, std::int64_t n, Boundary boundary, std::int64_t first) {
+    double const limit = 0x1p60; // positions may be anything that a header can say
+    std::int64_t const at = static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i;
+    return boundary == Boundary::wrap ? first + fold(at - first, n, boundary) : fold(at, n, boundary);
+}
+
 /// The same anywhere: what lies outside the volume is folded back or is the border.
 template <class T, class Kernel>
 double sample_anywhere(View<T const> const& in, PositionRow const& at, double x, AffineSampling const& rule) {
     double const px = at.x(x), py = at.y(x), pz = at.z(x);
     double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
-    auto const index = [&](double whole, int i, std::int64_t n) {
-        double const limit = 0x1p60; // positions may be anything that a header can say
-        return fold(static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i, n, boundary);
-    };
     auto const voxel = [&](int i, int j, int k) {
-        std::int64_t const vx = index(wx, i, rule.dims.x), vy = index(wy, j, rule.dims.y),
-                           vz = index(wz, k, rule.dims.z);
-        return vx < 0 || vy < 0 || vz < 0 ? rule.border : static_cast<double>(in(vx, vy, vz));
+        std::int64_t const vx = place_of(wx, i, rule.dims.x, boundary, in.lower.x),
+                           vy = place_of(wy, j, rule.dims.y, boundary, in.lower.y),
+                           vz = place_of(wz, k, rule.dims.z, boundary, in.lower.z);
+        bool const border = boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
+        return border ? rule.border : static_cast<double>(in(vx, vy, vz));
     };
     return Kernel::value(voxel, px - wx, py - wy, pz - wz);
 }
@@ -293,10 +299,8 @@ template <class U>
 void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, U background,
                    AffineSampling const& rule, std::int64_t& outside, Execution const& execution) {
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
-    auto const index = [&](double p, std::int64_t n) {
-        double const limit = 0x1p60;
-        return fold(static_cast<std::int64_t>(std::clamp(std::floor(p + (0.5 + face_slack)), -limit, limit)), n,
-                    boundary);
+    auto const index = [&](double p, std::int64_t n, std::int64_t first) {
+        return place_of(std::floor(p + (0.5 + face_slack)), 0, n, boundary, first);
     };
     for_each_segment(execution, box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t n) {
         PositionRow const at = row_of(rule.map, {}, y, z);
@@ -306,9 +310,11 @@ void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, 
         if (m < n) std::fill_n(to, n, background);
         for (std::int64_t x = in_it.begin; x < in_it.end; ++x) {
             auto const fx = static_cast<double>(x);
-            std::int64_t const vx = index(at.x(fx), rule.dims.x), vy = index(at.y(fx), rule.dims.y),
-                               vz = index(at.z(fx), rule.dims.z);
-            to[x - x0] = vx < 0 || vy < 0 || vz < 0 ? background : in(vx, vy, vz);
+            std::int64_t const vx = index(at.x(fx), rule.dims.x, in.lower.x),
+                               vy = index(at.y(fx), rule.dims.y, in.lower.y),
+                               vz = index(at.z(fx), rule.dims.z, in.lower.z);
+            bool const border = boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
+            to[x - x0] = border ? background : in(vx, vy, vz);
         }
         if (m == n) return;
 #pragma omp atomic

@@ -123,7 +123,8 @@ public:
     /// Columns of a row that lie in the volume along x, from the first one of the halo on.
     std::int64_t inner_x() const { return std::clamp<std::int64_t>(0, first_x_, end_x_) - first_x_; }
     std::int64_t outer_x() const { return std::min(end_x_, passes_.dims.x) - first_x_; }
-    std::int64_t rows() const { return end_y_ - first_y_; }
+    /// True if row y is there, perhaps as one that wraps around; others are to be folded.
+    bool holds_row(std::int64_t y) const { return y >= first_y_ && y < end_y_; }
 
     void load(View<T const> in, std::int64_t y, std::int64_t z) {
         R* const row = at(y, z);
@@ -206,8 +207,8 @@ public:
     void filter_rows(std::int64_t y, std::int64_t count, std::int64_t at, AnyView out, std::int64_t z, bool stream) {
         std::int64_t const rx = taps_[0].radius, ry = taps_[1].radius, n = out.dims().x;
         for (std::int64_t k = -ry; k < count + ry; ++k) {
-            std::int64_t const from = fold(y + k, passes_.dims.y, passes_.boundary);
-            rows_[k + ry] = from < 0 ? border_ : plane_row(from, at);
+            std::int64_t const from = ring_.holds_row(y + k) ? y + k : fold(y + k, passes_.dims.y, passes_.boundary);
+            rows_[k + ry] = ring_.holds_row(from) ? plane_row(from, at) : border_;
         }
         for (std::int64_t x = 0; x < layout_.width; x += layout_.strip) {
             std::int64_t const end = std::min(x + layout_.strip, layout_.width);

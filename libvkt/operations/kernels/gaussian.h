@@ -52,7 +52,8 @@ struct GaussianPlanes {
     }
 };
 
-/// Input region that an output region needs: grown by the radius and cut to the volume. Only slices wrap outside.
+/// Input region that an output region needs: grown by the radius and cut to the volume. Slices wrap outside, and so do
+/// rows unless all of them are needed.
 Box gaussian_input(GaussianPasses const& passes, Box const& output);
 
 VKT_KERNEL(gaussian_run,

@@ -82,6 +82,11 @@ template <class C> struct Surroundings {
     Index3 dims;
     Boundary boundary;
     C scaled_border;
+    std::int64_t first_y, end_y; ///< rows of the input, some of them perhaps wrapped around
+
+    /// The row of the input that stands for row y, which the border value does if that is not one of them.
+    __device__ std::int64_t row_of(std::int64_t y) const { return holds(y) ? y : fold(y, dims.y, boundary); }
+    __device__ bool holds(std::int64_t y) const { return y >= first_y && y < end_y; }
 };
 
 /// Filters one slice along x and y into the middle; a block makes tile_x * tile_y voxels of it.
@@ -111,10 +116,11 @@ __global__ void __launch_bounds__(threads)
             for (int i = lane; i < wide; i += 32) row[i] = C(gaussian_scale) * static_cast<C>(from[i]);
         } else {
             // Rows and columns beyond the output's own halo are never used; the nearest that is keeps reads inside.
-            std::int64_t const y = fold(min(y0 - ry + j, box.upper.y - 1 + ry), rule.dims.y, rule.boundary);
+            std::int64_t const y = rule.row_of(min(y0 - ry + j, box.upper.y - 1 + ry));
+            bool const border = !rule.holds(y);
             for (int i = lane; i < wide; i += 32) {
                 std::int64_t const x = fold(min(x0 - rx + i, box.upper.x - 1 + rx), rule.dims.x, rule.boundary);
-                row[i] = x < 0 || y < 0 ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(x, y, z));
+                row[i] = x < 0 || border ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(x, y, z));
             }
         }
     }
@@ -180,8 +186,8 @@ template <class T, class C> struct AlongX {
     Surroundings<C> rule;
     __device__ C operator()(std::int64_t x, std::int64_t row, std::int64_t z, std::int64_t k) const {
         std::int64_t const fx = fold(lower.x + x + k, rule.dims.x, rule.boundary);
-        std::int64_t const fy = fold(lower.y + row, rule.dims.y, rule.boundary);
-        return fx < 0 || fy < 0 ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(fx, fy, z));
+        std::int64_t const fy = rule.row_of(lower.y + row);
+        return fx < 0 || !rule.holds(fy) ? rule.scaled_border : C(gaussian_scale) * static_cast<C>(in(fx, fy, z));
     }
 };
 /// Rows that AlongX filtered, along y.
@@ -249,7 +255,8 @@ template <class T, class C> class Launcher {
 public:
     Launcher(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out)
         : passes_(passes), planes_(planes), in_(in.as<T>()), out_(out.as<T>()), box_(out.box) {
-        rule_ = {passes.dims, passes.boundary, C(gaussian_scale) * static_cast<C>(passes.border_value)};
+        rule_ = {passes.dims, passes.boundary, C(gaussian_scale) * static_cast<C>(passes.border_value), in.box.lower.y,
+                 in.box.upper.y};
         constexpr auto line = static_cast<std::int64_t>(128 / sizeof(C));
         middle_.pitch = (box_.dims().x + line - 1) / line * line;
         middle_.plane = middle_.pitch * box_.dims().y;

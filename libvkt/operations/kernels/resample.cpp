@@ -176,18 +176,12 @@ template <class T> void scale_row(double* values, std::int64_t n, double divisor
     }
 }
 
-/// Output voxels for whose columns there is room in the first cache.
-std::int64_t piece_length(ConstView in, Box const& box) {
-    std::int64_t const n_in = std::max<std::int64_t>(in.dims().x, 1), n_out = std::max<std::int64_t>(box.dims().x, 1);
-    return std::clamp<std::int64_t>(2 * row_piece * n_out / n_in, 32, 2 * row_piece);
-}
-
 template <class T>
 void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Losses& losses,
               Execution const& execution) {
     View<T const> const in = from.as<T>();
     Box const box = out.box;
-    std::int64_t const length = piece_length(from, box);
+    std::int64_t const length = summed_together(from.dims().x, box.dims().x);
     for_each_piece(execution, box, length, std::max(from.box.voxels(), box.voxels()), [&] {
         return [&, columns = std::vector<double>(), row = std::vector<double>(static_cast<std::size_t>(length))](
                    std::int64_t x0, std::int64_t x1, std::int64_t y, std::int64_t z) mutable {
@@ -217,7 +211,8 @@ template <class T> void whole(ConstView from, AnyView to, WeightedSum const& sum
     View<T> const out = to.as<T>();
     std::int64_t const divisor = as_whole(sum.x.divisor) * as_whole(sum.y.divisor) * as_whole(sum.z.divisor);
     Int128 const border = round_to<T>(sum.border);
-    for_each_piece(execution, to.box, piece_length(from, to.box), std::max(from.box.voxels(), to.box.voxels()), [&] {
+    std::int64_t const length = summed_together(from.dims().x, to.dims().x);
+    for_each_piece(execution, to.box, length, std::max(from.box.voxels(), to.box.voxels()), [&] {
         return [&, columns = std::vector<Int128>()](std::int64_t x0, std::int64_t x1, std::int64_t y,
                                                     std::int64_t z) mutable {
             std::int64_t lower = sum.x.first[x0], upper = lower + 1;

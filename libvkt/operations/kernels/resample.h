@@ -6,6 +6,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/resample_weights.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -22,6 +23,17 @@ struct WeightedSum {
 
     VKT_HD bool reaches_border() const { return x.inside != nullptr || y.inside != nullptr || z.inside != nullptr; }
 };
+
+/// Output voxels of a row that are summed together: for their columns there is room in the first cache.
+inline std::int64_t summed_together(std::int64_t n_in, std::int64_t n_out) {
+    constexpr std::int64_t columns = 2048;
+    return std::clamp<std::int64_t>(columns * n_out / std::max<std::int64_t>(n_in, 1), 32, columns);
+}
+/// CPU: bytes that each thread holds for the sums of columns, of `size` bytes each, and the row that becomes of them.
+inline std::int64_t bytes_of_sums(std::int64_t n_in, std::int64_t n_out, std::int64_t taps, std::int64_t size) {
+    std::int64_t const together = summed_together(n_in, n_out);
+    return size * (together + std::min(n_in, together * n_in / std::max<std::int64_t>(n_out, 1) + taps) + 1);
+}
 
 /// The sum along three axes of voxels of a type, whose values stay as they are and outside of which lies 0.
 inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataType type, Space space) {
