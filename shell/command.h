@@ -66,6 +66,8 @@ public:
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.
     virtual bool needs_whole() const { return false; }
+    /// False if --device gpu is refused.
+    virtual bool runs_on_gpu() const { return false; }
     /// What --explain says of a volume before it is worked on, one entry a line: method, cost.
     virtual std::vector<std::string> explain(Header const&) const { return {}; }
     /// Returns the exit code. Asked for voxels of volumes that are only planned, sources throw PlannedOnly, which may

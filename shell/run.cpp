@@ -581,6 +581,9 @@ int Runner::drain(std::unique_ptr<Source> source) {
 }
 
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
+    if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu)
+        throw Error(ErrorKind::usage, text("--device gpu: ", stage.verb().name, " does not run on a GPU"),
+                    "leave the choice to vkt: --device auto");
     auto inputs = open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
     if (stage.common().explain && !inputs.empty())

@@ -18,6 +18,7 @@ enum class InstructionSet : std::uint8_t { baseline, avx2, avx512 };
 struct Execution {
     Device device = Device::cpu; ///< resolved: never `automatic` when an operation sees it
     int gpu = 0;                 ///< index of the GPU
+    bool only_gpu = false;       ///< what does not run on a GPU is refused instead of done on the CPU
     int threads = 1;
     std::size_t memory = std::size_t{1} << 30; ///< bytes one stage may hold before it spools
     std::int64_t slab = 0;                     ///< slices per slab; 0 lets the engine choose

@@ -30,6 +30,7 @@ Execution ExecutionOptions::execution() const {
         execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "device");
     }
     if (execution.device == Device::gpu) {
+        execution.only_gpu = !from_variable;
         int const n = gpu_count();
         if (!built_with_cuda())
             throw Error(ErrorKind::resources, "this vkt was built without CUDA",

@@ -49,13 +49,22 @@ template <class F> auto labelled(StageInfo const& info, F const& work) {
 
 constexpr char placeholder_mark = '\x02';
 
+/// What --device gpu asks of a GPU is never done on the CPU without a word.
+[[noreturn]] void refuse_cpu(std::string const& what) {
+    throw Error(ErrorKind::usage, text("--device gpu: ", what, " does not run on a GPU"),
+                "leave the choice to vkt: --device auto");
+}
+
 Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
     if (execution.device == Device::automatic) {
         double const work = plan.cost * static_cast<double>(plan.output.voxels());
         bool const worth_it = operation.runs_on_gpu() && plan.cost >= gpu_cost_threshold && work > 1e10;
         execution.device = worth_it && gpu_count() > 0 ? Device::gpu : Device::cpu;
     }
-    if (execution.device == Device::gpu && !operation.runs_on_gpu()) execution.device = Device::cpu;
+    if (execution.device == Device::gpu && !operation.runs_on_gpu()) {
+        if (execution.only_gpu && !plan.shift) refuse_cpu(text(operation.name(), " as it is asked for here"));
+        execution.device = Device::cpu;
+    }
     return execution;
 }
 
@@ -226,6 +235,7 @@ void OperationSource::compute_bands() {
 /// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
 void OperationSource::plan_tree(std::vector<Header> const& headers) {
     execution_ = requested_;
+    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
     execution_.device = Device::cpu;
     std::vector<Volume> volumes = collect(inputs_, [&](auto const& input) { return load(*input, requested_); });
     inputs_used_up_ = true;
@@ -255,6 +265,7 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
 /// The plan's output is hierarchical, its input is not.
 void OperationSource::make_tree() {
     execution_ = requested_;
+    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
     execution_.device = Device::cpu;
     check_budget(plan_.state_bytes, requested_);
     Volume const whole = load(*inputs_.front(), requested_);

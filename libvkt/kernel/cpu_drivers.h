@@ -180,13 +180,16 @@ void map_rows(Execution const& execution, AnyView out, Losses& losses, F const& 
     bool const stream = is_large(out), one_row = !At && dense(out.box, out, in...) && !out.box.empty();
     for_each_segment(execution, one_row ? as_one_row(out.box) : out.box,
                      [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-                         [[maybe_unused]] alignas(64) C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
+                         [[maybe_unused]] alignas(64)
+                             C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
                          Losses mine;
                          for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
                              std::int64_t const m = std::min(row_piece, x + n - begin);
                              RowResult<Result> result(out, out.at(begin, y, z), stream);
                              auto const compute = [&](auto const*... values) {
-                                 if constexpr (At)
+                                 if constexpr (At && requires { f.row_at(m, begin, y, z, result.data(), values...); })
+                                     f.row_at(m, begin, y, z, result.data(), values...);
+                                 else if constexpr (At)
                                      apply_at(m, static_cast<double>(begin), static_cast<double>(y),
                                               static_cast<double>(z), result.data(), f, values...);
                                  else if constexpr (requires { f.row(m, result.data(), values...); })

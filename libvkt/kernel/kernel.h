@@ -18,7 +18,7 @@
 //
 // out.box is what is computed. In and out may be the same memory in map and map_at. A functor that also has
 // undefined(in...) has the voxels counted for which that is true, unless its may_be_undefined() is false; one that has
-// row(n, results, in...) is given whole rows on CPUs.
+// row(n, results, in...), or row_at(n, x, y, z, results, in...) in map_at, is given pieces of rows on CPUs.
 //
 //     template <class C> struct Inside {
 //         C low, high;

@@ -52,6 +52,8 @@ public:
     bool scans_again() const override { return scans_again_; }
     void after_scan(Header& output) const override { output.values = values_; }
     bool uses_position() const override { return false; }
+    /// Percentiles are counted on CPUs.
+    bool runs_on_gpu() const override { return quantiles_ == nullptr; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 

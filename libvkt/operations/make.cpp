@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/make.h"
 
+#include "libvkt/core/wide.h"
 #include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/kernels/make.h"
+#include "libvkt/operations/kernels/make_covered.h"
 #include "libvkt/operations/volkit_header.h"
-#include "libvkt/core/wide.h"
 
 #include <cmath>
 
@@ -163,7 +164,10 @@ void MakeSphere::run(std::span<ConstView const>, AnyView out, Execution const& e
     field.outside = low_or_default(outside);
     field.edge = edge;
     Losses losses;
-    make_ball(out, field, losses, execution);
+    if (edge == SphereEdge::coverage)
+        make_covered_ball(out, field, losses, execution);
+    else
+        make_ball(out, field, losses, execution);
     if (edge != SphereEdge::distance) return; // the others were checked, and double rounds the largest uint64 up
     counts_.clipped += losses.clipped;
     counts_.nan += losses.nan;

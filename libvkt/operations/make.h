@@ -19,6 +19,7 @@ public:
 
     std::string_view name() const override { return "make"; }
     Shape shape() const override { return Shape::source; }
+    bool runs_on_gpu() const override { return true; }
     void parameters(Parameters& p) override;
     /// Throws Error{usage} for dims, spacing or values that cannot be.
     void check() const override;
@@ -81,6 +82,7 @@ public:
     std::optional<Vec3> center;   ///< the middle of the volume
     std::optional<double> inside, outside;
     SphereEdge edge = SphereEdge::hard;
+    bool runs_on_gpu() const override { return edge != SphereEdge::coverage; }
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;

@@ -23,16 +23,15 @@ struct NoiseField {
     double low = 0, high = 1;
 };
 
-VKT_CPU_KERNEL(make_ramp,
-               (AnyView out, Axis axis, double first, double last, std::int64_t n, Execution const& execution),
-               (out, axis, first, last, n, execution))
-VKT_CPU_KERNEL(make_checkerboard,
-               (AnyView out, std::int64_t period, double low, double high, Execution const& execution),
-               (out, period, low, high, execution))
-VKT_CPU_KERNEL(make_ball, (AnyView out, BallField const& field, Losses& losses, Execution const& execution),
-               (out, field, losses, execution))
-VKT_CPU_KERNEL(make_marschner_lobb, (AnyView out, MarschnerLobbField const& field, Execution const& execution),
-               (out, field, execution))
-VKT_CPU_KERNEL(make_noise, (AnyView out, NoiseField const& field, Execution const& execution), (out, field, execution))
+VKT_KERNEL(make_ramp, (AnyView out, Axis axis, double first, double last, std::int64_t n, Execution const& execution),
+           (out, axis, first, last, n, execution))
+VKT_KERNEL(make_checkerboard, (AnyView out, std::int64_t period, double low, double high, Execution const& execution),
+           (out, period, low, high, execution))
+/// Of hard edges and distances.
+VKT_KERNEL(make_ball, (AnyView out, BallField const& field, Losses& losses, Execution const& execution),
+           (out, field, losses, execution))
+VKT_KERNEL(make_marschner_lobb, (AnyView out, MarschnerLobbField const& field, Execution const& execution),
+           (out, field, execution))
+VKT_KERNEL(make_noise, (AnyView out, NoiseField const& field, Execution const& execution), (out, field, execution))
 
 } // namespace vkt
