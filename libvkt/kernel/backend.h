@@ -21,8 +21,10 @@
 
 #ifdef __CUDACC__
 #define VKT_DEVICE __device__
+#define VKT_CALLED __host__ __device__ __noinline__ inline
 #else
 #define VKT_DEVICE
+#define VKT_CALLED inline
 #endif
 
 // Defined by the build where the other instruction sets are compiled too.

@@ -52,8 +52,8 @@ template <class C> struct Operands {
     VKT_HD C evaluate(C u, C v, C w) const {
         if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) return chosen(u, v, w);
         C const p = map_a.identity ? u : map_a.physical(u), q = map_b.identity ? v : map_b.physical(v);
-        C value{};
-        with_op(op, [&]<ArithmeticOp o>() { value = combined<o>(p, q); });
+        if (counts_zeros && q == C(0)) return p > C(0) ? highest : p < C(0) ? lowest : C(0);
+        C const value = combined_of(op, p, q);
         return stored(value);
     }
     VKT_HD C operator()(C v0) const { return evaluate(first == 0 ? v0 : a, second == 0 ? v0 : b, third == 0 ? v0 : c); }

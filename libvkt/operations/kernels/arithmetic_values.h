@@ -15,7 +15,7 @@ VKT_HD bool is_comparison(ArithmeticOp op) { return op >= ArithmeticOp::gt && op
 inline constexpr Int128 huge = (Int128{1} << 126) - 1 + (Int128{1} << 126); ///< the largest: saturates every type
 
 /// a / b for b != 0, halves to even.
-VKT_HD Int128 whole_quotient(Int128 a, Int128 b) {
+VKT_CALLED Int128 whole_quotient(Int128 a, Int128 b) {
     Int128 const q = a / b, rest = a - q * b;
     Int128 const twice = (rest < 0 ? -rest : rest) * 2, size = b < 0 ? -b : b;
     if (twice < size || (twice == size && (q & 1) == 0)) return q;
@@ -23,11 +23,16 @@ VKT_HD Int128 whole_quotient(Int128 a, Int128 b) {
 }
 
 /// Products of voxels and numbers below 2^99 stay below 2^126 or saturate every type.
-VKT_HD Int128 whole_product(Int128 a, Int128 b) {
+VKT_CALLED Int128 whole_product(Int128 a, Int128 b) {
     double const size = static_cast<double>(a) * static_cast<double>(b);
     if (size > 0x1p125 || size < -0x1p125) return size > 0 ? huge : -huge;
     return a * b;
 }
+
+// Functions whose code is long: one copy of each, not one for every voxel of a pack.
+VKT_CALLED double pow_of(double u, double v) { return std::pow(u, v); }
+VKT_CALLED double exp_of(double u) { return std::exp(u); }
+VKT_CALLED double log_of(double u) { return std::log(u); }
 
 /// op of (u, v); operations on one value take the first. IEEE 754 for floating values; min and max hand NaN on.
 template <ArithmeticOp op, class C> struct Combined {
@@ -63,10 +68,10 @@ template <ArithmeticOp op, class C> struct Combined {
         if constexpr (op == abs) return u < C(0) || u == C(0) ? C(0) - u : u; // -0 becomes 0
         if constexpr (op == neg) return -u;
         if constexpr (!whole) {
-            if constexpr (op == pow) return static_cast<C>(std::pow(static_cast<double>(u), static_cast<double>(v)));
+            if constexpr (op == pow) return static_cast<C>(pow_of(static_cast<double>(u), static_cast<double>(v)));
             if constexpr (op == sqrt) return std::sqrt(u);
-            if constexpr (op == exp) return static_cast<C>(std::exp(static_cast<double>(u)));
-            if constexpr (op == log) return static_cast<C>(std::log(static_cast<double>(u)));
+            if constexpr (op == exp) return static_cast<C>(exp_of(static_cast<double>(u)));
+            if constexpr (op == log) return static_cast<C>(log_of(static_cast<double>(u)));
         }
         return u;
     }
@@ -124,6 +129,14 @@ template <class F> VKT_HD void with_op(ArithmeticOp op, F&& f) {
     case where:
         return;
     }
+}
+
+/// The same for an operation that is known only when it runs: called, since packs of voxels times operations are more
+/// code than a compiler takes well.
+template <class C> VKT_CALLED C combined_of(ArithmeticOp op, C u, C v) {
+    C value{};
+    with_op(op, [&]<ArithmeticOp o>() { value = Combined<o, C>::of(u, v); });
+    return value;
 }
 
 } // namespace vkt::VKT_BACKEND
