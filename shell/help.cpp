@@ -70,7 +70,7 @@ void examples_into(std::string& lines, Command const& command) {
 /// What people call a command who do not know our word for it.
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
-        {"arith", "threshold clamp difference subtract add multiply divide"},
+        {"arith", "clamp difference subtract add multiply divide"},
         {"convert", "cast quantize normalize rescale"},
         {"crop", "cut trim subvolume clip roi"},
         {"diff", "compare equal cmp"},
@@ -82,6 +82,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
         {"stats", "average histogram mean statistics"},
+        {"threshold", "binarize segment mask otsu"},
     };
     return words;
 }

@@ -48,6 +48,7 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
+    "threshold": ["{f} --above 3", "{f} --otsu"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above

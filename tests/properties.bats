@@ -34,6 +34,8 @@ operations=(
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
     "arith mul - 1.5"
+    "threshold --above 40"
+    "threshold --otsu"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
