@@ -24,8 +24,10 @@ shapes = {
 arguments = {
     "arith": ["add {f} {f}", "mul {f} 2"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
+    "copy": ["{f} {f} --at 0,0,0"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
+    "delete": ["{f} --roi 0:64,:,:"],
     "diff": ["{f} {f}"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
@@ -41,6 +43,7 @@ arguments = {
     "make noise": ["--dims {x} {y} {z}"],
     "make ramp": ["--dims {x} {y} {z}"],
     "make sphere": ["--dims {x} {y} {z} --edge distance"],
+    "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],

@@ -231,11 +231,12 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
     TreeRun report;
     {
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-        if (volumes.size() == 1 && operation_.shape() == Shape::geometric) {
+        bool const alone = volumes.size() == 1 && operation_.shape() == Shape::geometric;
+        if (alone) {
             report.plan = labelled(info_, [&] { return operation_.plan(headers); });
             if (report.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
         }
-        if (report.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {
+        if (!alone || report.plan.output.kind == Kind::hierarchical) {
             tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &report);
             report.plan.output = tree_->header();
             if (info_.times) info_.times->voxels += tree_->header().voxels();
