@@ -82,6 +82,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"info", "metadata header"},
         {"make", "generate create phantom"},
         {"pad", "extend enlarge border frame margin"},
+        {"permute", "transpose swap reorient orientation"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
         {"stats", "average histogram mean statistics"},

@@ -44,6 +44,7 @@ arguments = {
     "make ramp": ["--dims {x} {y} {z}"],
     "make sphere": ["--dims {x} {y} {z} --edge distance"],
     "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
+    "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],

@@ -40,6 +40,10 @@ operations=(
     "pad --by 2:3,4:1,5:6 --boundary clamp"
     "pad --by 2:3,4:1,5:6 --boundary mirror"
     "pad --by 70,1,50 --boundary wrap"
+    "permute zyx"
+    "permute yzx"
+    "permute xzy"
+    "permute yxz"
     "delete --roi 3:20,:,2:-3"
     "copy part.nrrd --at 5,6,7"
     "threshold --otsu"
@@ -104,7 +108,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith* | copy*) direct= ;; # their positional words come first
+        flip* | arith* | copy* | permute*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)
