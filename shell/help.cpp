@@ -85,6 +85,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"permute", "transpose swap reorient orientation"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
+        {"slice", "plane cut section png"},
         {"stats", "average histogram mean statistics"},
         {"threshold", "binarize segment mask otsu"},
     };

@@ -184,8 +184,11 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
     std::size_t const in_memory = spool_limit(inputs_.size(), requested_);
     std::size_t spooled = 0;
     std::vector<bool> lent, spool;
-    bool const again = plan_.scans || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        // What is needed for the scan alone is not kept.
+        bool const scanned =
+            plan_.scans && !operation_.footprint(box_of(plan_.output.dims), static_cast<int>(i)).empty();
+        bool const again = scanned || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
         bool const keeps = again && inputs_[i]->access() == Access::forward;
         // Tables that an operation needs have precedence over a volume that may as well lie in a file.
         bool const held = keeps && headers[i].bytes() <= in_memory && plan_.state_bytes <= requested_.memory / 8;
