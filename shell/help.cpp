@@ -83,6 +83,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"make", "generate create phantom"},
         {"pad", "extend enlarge border frame margin"},
         {"permute", "transpose swap reorient orientation"},
+        {"project", "mip projection reduce flatten"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
         {"slice", "plane cut section png"},

@@ -45,6 +45,7 @@ arguments = {
     "make sphere": ["--dims {x} {y} {z} --edge distance"],
     "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
+    "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y", "median {f}", "median {f} --axis x"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],

@@ -47,6 +47,10 @@ operations=(
     "slice --z 4"
     "slice --axis x --range p1:p99"
     "slice --y 3"
+    "project max"
+    "project mean --axis y"
+    "project std --axis x"
+    "project median"
     "delete --roi 3:20,:,2:-3"
     "copy part.nrrd --at 5,6,7"
     "threshold --otsu"
@@ -111,7 +115,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith* | copy* | permute*) direct= ;; # their positional words come first
+        flip* | arith* | copy* | permute* | project*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)
