@@ -71,19 +71,26 @@ void examples_into(std::string& lines, Command const& command) {
 /// What people call a command who do not know our word for it.
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
-        {"arith", "threshold clamp difference subtract add multiply divide"},
+        {"arith", "clamp difference subtract add multiply divide"},
         {"convert", "cast quantize normalize rescale"},
+        {"copy", "paste insert merge"},
         {"crop", "cut trim subvolume clip roi"},
+        {"delete", "erase clear blank remove"},
         {"diff", "compare equal cmp"},
         {"dump", "print values"},
         {"filter gaussian", "blur smooth denoise gauss"},
         {"flip", "mirror reverse"},
         {"info", "metadata header"},
         {"make", "generate create phantom"},
+        {"pad", "extend enlarge border frame margin"},
+        {"permute", "transpose swap reorient orientation"},
+        {"project", "mip projection reduce flatten"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
         {"shm", "memory share publish segment ipc"},
+        {"slice", "plane cut section png"},
         {"stats", "average histogram mean statistics"},
+        {"threshold", "binarize segment mask otsu"},
     };
     return words;
 }

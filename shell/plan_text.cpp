@@ -69,6 +69,11 @@ std::optional<WorkPlan> work_of(Operation* operation, Plan const& plan, std::vec
     return work_plan(*operation, plan, inputs, {}, 0, execution);
 }
 
+/// True if input i is scanned and then read once more; what is needed for the scan alone is not kept.
+bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::size_t i) {
+    return plan.scans && !(work && i < work->window.size() && work->window[i] == 0);
+}
+
 /// Trees are held whole; of grids pieces in flight at input and output, windows, what the operation keeps, and a
 /// spooled volume: what a stage holds at most.
 double peak_bytes(std::optional<WorkPlan> const& work, Plan const& plan, std::vector<Header> const& inputs,
@@ -76,14 +81,15 @@ double peak_bytes(std::optional<WorkPlan> const& work, Plan const& plan, std::ve
     auto bytes = static_cast<double>(work ? work->bytes : plan.state_bytes);
     if (!reduction)
         bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);
-    for (Header const& in : inputs) {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        Header const& in = inputs[i];
         if (is_tree(in)) {
             bytes += static_cast<double>(in.bytes());
             continue;
         }
         if (is_tree(plan.output)) continue; // the plan's own state says it
         bytes += in_flight(in, execution);
-        bool const again = plan.scans || plan.access == Access::random;
+        bool const again = scans_before(plan, work, i) || plan.access == Access::random;
         if (again && in.bytes() <= spool_limit(inputs.size(), execution)) bytes += static_cast<double>(in.bytes());
     }
     return bytes;
@@ -103,7 +109,7 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     if (operation != nullptr || reduction)
         line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;
-    bool const spools = jumps || plan.access == Access::random || (plan.scans && !reduction);
+    bool const spools = jumps || plan.access == Access::random || (scans_before(plan, work, 0) && !reduction);
     bool const whole = is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += whole    ? ", holds the whole volume"
             : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",

@@ -24,8 +24,10 @@ shapes = {
 arguments = {
     "arith": ["add {f} {f}", "mul {f} 2"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
+    "copy": ["{f} {f} --at 0,0,0"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
+    "delete": ["{f} --roi 0:64,:,:"],
     "diff": ["{f} {f}"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
@@ -41,6 +43,9 @@ arguments = {
     "make noise": ["--dims {x} {y} {z}"],
     "make ramp": ["--dims {x} {y} {z}"],
     "make sphere": ["--dims {x} {y} {z} --edge distance"],
+    "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
+    "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
+    "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y", "median {f}", "median {f} --axis x"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],
@@ -48,6 +53,8 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
+    "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range minmax"],
+    "threshold": ["{f} --above 3", "{f} --otsu"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above

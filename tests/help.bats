@@ -32,7 +32,7 @@ load helper
     vkt help --search blur | grep -q '^ *filter gaussian'
     vkt help --search downsample | grep -q '^ *resample'
     vkt help --search thumbnail | grep -q '^ *render'
-    vkt help --search threshold | grep -q '^ *arith'
+    vkt help --search binarize | grep -q '^ *threshold'
 }
 
 @test "an unknown command is corrected" {

@@ -7,6 +7,7 @@ setup_more() {
     vkt crop phantom.nrrd --roi 1:60,5:58,20:57 -o volume.nrrd
     # Other grids: fractions of voxels aside, turned, mirrored and with axes in another order.
     vkt resample volume.nrrd --dims 40 50 30 | vkt crop --roi 3:,2:,5: -o aside.nrrd
+    vkt crop volume.nrrd --roi 10:22,3:20,4:14 | vkt flip x -o part.nrrd
     vkt set volume.nrrd --direction 0.96,0.28,0,-0.28,0.96,0,0,0,1 -o turned.nrrd
     vkt set volume.nrrd --direction 0,0,1,0,-1,0,1,0,0 -o swapped.nrrd
 }
@@ -34,6 +35,25 @@ operations=(
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
     "arith mul - 1.5"
+    "threshold --above 40"
+    "pad --by 2:3,4:1,5:6 --value 3"
+    "pad --by 2:3,4:1,5:6 --boundary clamp"
+    "pad --by 2:3,4:1,5:6 --boundary mirror"
+    "pad --by 70,1,50 --boundary wrap"
+    "permute zyx"
+    "permute yzx"
+    "permute xzy"
+    "permute yxz"
+    "slice --z 4"
+    "slice --axis x --range p1:p99"
+    "slice --y 3"
+    "project max"
+    "project mean --axis y"
+    "project std --axis x"
+    "project median"
+    "delete --roi 3:20,:,2:-3"
+    "copy part.nrrd --at 5,6,7"
+    "threshold --otsu"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
@@ -95,7 +115,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith*) direct= ;; # their positional words come first
+        flip* | arith* | copy* | permute* | project*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)

@@ -193,8 +193,11 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
     std::size_t const in_memory = spool_limit(inputs_.size(), requested_);
     std::size_t spooled = 0;
     std::vector<bool> lent, spool;
-    bool const again = plan_.scans || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        // What is needed for the scan alone is not kept.
+        bool const scanned =
+            plan_.scans && !operation_.footprint(box_of(plan_.output.dims), static_cast<int>(i)).empty();
+        bool const again = scanned || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
         bool const keeps = again && inputs_[i]->access() == Access::forward;
         // Tables that an operation needs have precedence over a volume that may as well lie in a file.
         bool const held = keeps && headers[i].bytes() <= in_memory && plan_.state_bytes <= requested_.memory / 8;
@@ -242,11 +245,12 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
     TreeRun report;
     {
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-        if (volumes.size() == 1 && operation_.shape() == Shape::geometric) {
+        bool const alone = volumes.size() == 1 && operation_.shape() == Shape::geometric;
+        if (alone) {
             report.plan = labelled(info_, [&] { return operation_.plan(headers); });
             if (report.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
         }
-        if (report.plan.output.kind == Kind::hierarchical || operation_.shape() != Shape::geometric) {
+        if (!alone || report.plan.output.kind == Kind::hierarchical) {
             tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &report);
             report.plan.output = tree_->header();
             if (info_.times) info_.times->voxels += tree_->header().voxels();

@@ -10,6 +10,8 @@ Format amrex_format();
 Format flash_format();
 Format metaimage_format();
 Format nrrd_format();
+Format pgm_format();
+Format png_format();
 Format raw_format();
 Format segment_format();
 Format vdb_format();

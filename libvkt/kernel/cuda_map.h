@@ -171,28 +171,28 @@ __device__ __forceinline__ void add_counts(LossCounts const& counts, unsigned lo
 
 template <int inputs> struct Inputs { DeviceRows rows[inputs > 0 ? inputs : 1]; };
 
-/// What a functor makes of one voxel.
-template <class C, bool At, class F, std::size_t... k> struct Evaluate {
-    F const& f;
-    double x0, y, z;
-
-    __device__ __forceinline__ auto operator()(std::int64_t x, LossCounts& counts,
-                                               C const (&v)[sizeof...(k) + 1]) const {
-        if constexpr (CountsUndefined<F, decltype(v[k])...>) counts.undefined += f.undefined(v[k]...) ? 1 : 0;
-        if constexpr (At)
-            return f(x0 + static_cast<double>(x), y, z, v[k]...);
-        else
-            return f(v[k]...);
-    }
-};
+/// What a functor makes of one voxel at (x, y, z), whose values are v.
+template <class C, bool At, class F, std::size_t... k>
+__device__ __forceinline__ auto evaluate(F const& f, double x, double y, double z, C const* v, LossCounts& counts,
+                                         std::index_sequence<k...>) {
+    if constexpr (CountsUndefined<F, decltype(v[k])...>) counts.undefined += f.undefined(v[k]...) ? 1 : 0;
+    if constexpr (At)
+        return f(x, y, z, v[k]...);
+    else
+        return f(v[k]...);
+}
+template <class C, bool At, int inputs, class F>
+using ResultOf = decltype(evaluate<C, At>(std::declval<F const&>(), 0.0, 0.0, 0.0, std::declval<C const*>(),
+                                          std::declval<LossCounts&>(), std::make_index_sequence<inputs>{}));
 
 /// N consecutive voxels a pack (aligned on the output), K packs a thread, the block's width apart; all loads come
 /// first.
-template <class C, class R, int N, bool At, class F, std::size_t... k>
+template <class C, int N, int inputs, bool At, class F>
 __global__ void __launch_bounds__(block_threads)
-    map_any(Rows rows, Index3 lower, DeviceRows out, Inputs<static_cast<int>(sizeof...(k))> in, F f,
-            unsigned long long* totals, std::index_sequence<k...>) {
-    constexpr int inputs = static_cast<int>(sizeof...(k)), K = inputs > 1 ? 2 : 4;
+    map_any(Rows rows, Index3 lower, DeviceRows out, Inputs<inputs> in, F f, unsigned long long* totals) {
+    using Result = ResultOf<C, At, inputs, F>;
+    constexpr int K = inputs > 1 ? 2 : 4;
+    constexpr auto all = std::make_index_sequence<inputs>{};
     std::int64_t const row = static_cast<std::int64_t>(blockIdx.x / rows.blocks_per_row) * blockDim.y + threadIdx.y;
     LossCounts counts;
     if (row < rows.rows) {
@@ -202,9 +202,9 @@ __global__ void __launch_bounds__(block_threads)
             static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) / static_cast<unsigned>(out.size) % N);
         std::int64_t const first =
             static_cast<std::int64_t>(blockIdx.x % rows.blocks_per_row) * (blockDim.x * K) + threadIdx.x;
-        Evaluate<C, At, F, k...> const evaluate{f, static_cast<double>(lower.x), static_cast<double>(lower.y + y),
-                                                static_cast<double>(lower.z + z)};
-        RawPack raw[K][inputs > 0 ? inputs : 1];
+        auto const x0 = static_cast<double>(lower.x), at_y = static_cast<double>(lower.y + y),
+                   at_z = static_cast<double>(lower.z + z);
+        RawPack raw[K][inputs + 1]; // one more, lest there is none
 #pragma unroll
         for (int j = 0; j < K; ++j) {
             std::int64_t const x = (first + static_cast<std::int64_t>(j) * blockDim.x) * N - head;
@@ -216,20 +216,26 @@ __global__ void __launch_bounds__(block_threads)
         for (int j = 0; j < K; ++j) {
             std::int64_t const x = (first + static_cast<std::int64_t>(j) * blockDim.x) * N - head;
             if (x >= 0 && x + N <= rows.nx) {
-                C values[inputs > 0 ? inputs : 1][N];
+                C values[inputs + 1][N];
 #pragma unroll
                 for (int i = 0; i < inputs; ++i) widen<N>(in.rows[i].type, raw[j][i], values[i]);
-                R results[N];
+                Result results[N];
 #pragma unroll
                 for (int n = 0; n < N; ++n) {
-                    C const voxel[inputs + 1] = {values[k][n]...};
-                    results[n] = evaluate(x + n, counts, voxel);
+                    C voxel[inputs + 1];
+#pragma unroll
+                    for (int i = 0; i < inputs; ++i) voxel[i] = values[i][n];
+                    results[n] = evaluate<C, At>(f, x0 + static_cast<double>(x + n), at_y, at_z, voxel, counts, all);
                 }
                 store_raw<N>(to + x * out.size, out.size, narrow<N>(out.type, results, counts));
             } else if (x < rows.nx) {
                 for (std::int64_t n = x < 0 ? 0 : x; n < x + N && n < rows.nx; ++n) {
-                    C const voxel[inputs + 1] = {load_value<C>(in.rows[k].type, in.rows[k].at(n, y, z))...};
-                    store_value(out.type, to + n * out.size, evaluate(n, counts, voxel), counts);
+                    C voxel[inputs + 1];
+#pragma unroll
+                    for (int i = 0; i < inputs; ++i) voxel[i] = load_value<C>(in.rows[i].type, in.rows[i].at(n, y, z));
+                    store_value(out.type, to + n * out.size,
+                                evaluate<C, At>(f, x0 + static_cast<double>(n), at_y, at_z, voxel, counts, all),
+                                counts);
                 }
             }
         }
@@ -237,30 +243,33 @@ __global__ void __launch_bounds__(block_threads)
     add_counts(counts, totals);
 }
 
-template <class C, bool At, class F, std::size_t... k, class... In>
-void launch_map_any(AnyView out, Losses& losses, F const& f, std::index_sequence<k...> all, In const&... in) {
-    using R = decltype(std::declval<Evaluate<C, At, F, k...> const&>()(0, std::declval<LossCounts&>(),
-                                                                       std::declval<C const(&)[sizeof...(k) + 1]>()));
+// Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
+template <class C, int N, bool At, int inputs, class F>
+void launch_packs(Box const& box, AnyView out, Inputs<inputs> const& in, F const& f, unsigned long long* totals) {
+    Rows const rows = rows_of(box.dims(), (box.dims().x + 2 * N - 2) / N, inputs > 1 ? 2 : 4);
+    map_any<C, N, inputs, At, F>
+        <<<rows.grid, rows.block>>>(rows, out.box.lower, device_rows(ConstView(out), out.box), in, f, totals);
+}
+
+template <class C, bool At, class F, class... In>
+void launch_map_any(AnyView out, Losses& losses, F const& f, In const&... in) {
     if (out.box.empty()) return;
     Box const box = !At && dense(out.box, out, in...) ? as_one_row(out.box) : out.box;
-    Inputs<static_cast<int>(sizeof...(In))> inputs;
-    ((inputs.rows[k] = device_rows(in, out.box)), ...);
-    DeviceRows const to = device_rows(ConstView(out), out.box);
+    constexpr int count = static_cast<int>(sizeof...(In));
+    Inputs<count> inputs;
+    int i = 0;
+    ((inputs.rows[i++] = device_rows(in, out.box)), ...);
     std::size_t widest = size_of(out.type);
     ((widest = std::max(widest, size_of(in.type))), ...);
     DeviceLosses const counts;
-    auto const launch = [&]<int N>(std::integral_constant<int, N>) {
-        Rows const rows = rows_of(box.dims(), (box.dims().x + 2 * N - 2) / N, sizeof...(In) > 1 ? 2 : 4);
-        map_any<C, R, N, At><<<rows.grid, rows.block>>>(rows, out.box.lower, to, inputs, f, counts.get(), all);
-    };
     if (widest == 8)
-        launch(std::integral_constant<int, 2>{});
+        launch_packs<C, 2, At, count>(box, out, inputs, f, counts.get());
     else if (widest == 4)
-        launch(std::integral_constant<int, 4>{});
+        launch_packs<C, 4, At, count>(box, out, inputs, f, counts.get());
     else if (widest == 2)
-        launch(std::integral_constant<int, 8>{});
+        launch_packs<C, 8, At, count>(box, out, inputs, f, counts.get());
     else
-        launch(std::integral_constant<int, 16>{});
+        launch_packs<C, 16, At, count>(box, out, inputs, f, counts.get());
     check_launch("map");
     counts.add_to(losses);
 }
@@ -289,12 +298,12 @@ __global__ void __launch_bounds__(block_threads) reduce_any(DeviceRows in, Index
 
 template <class C, class F, class... In>
 void map(Execution const&, AnyView out, Losses& losses, F const& f, In const&... in) {
-    driver::launch_map_any<C, false>(out, losses, f, std::index_sequence_for<In...>{}, in...);
+    driver::launch_map_any<C, false>(out, losses, f, in...);
 }
 
 template <class C, class F, class... In>
 void map_at(Execution const&, AnyView out, Losses& losses, F const& f, In const&... in) {
-    driver::launch_map_any<C, true>(out, losses, f, std::index_sequence_for<In...>{}, in...);
+    driver::launch_map_any<C, true>(out, losses, f, in...);
 }
 
 template <class C, class R> R reduce(Execution const&, ConstView in, R const& zero) {

@@ -5,13 +5,13 @@
 #include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/kernels/fill.h"
-
-#include <cmath>
+#include "libvkt/operations/remarks.h"
 
 namespace vkt {
 
 VKT_OPERATION(Fill, "fill")
 VKT_OPERATION(FillRange, "fill-range")
+VKT_OPERATION(Delete, "delete")
 
 void Fill::parameters(Parameters& parameters) {
     parameters.option("value", value_, "VALUE", "physical value to store");
@@ -58,16 +58,20 @@ void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& 
     if (!inside.empty()) fill_box(out.part(inside), voxel_bytes(type_, stored_), execution);
 }
 
-std::vector<Remark> Fill::remarks() const {
-    std::string const count = text(filled_, " voxels");
-    if (is_integer(type_) && std::isnan(stored_.value))
-        return {{text(type_, " has no NaN: 0 is stored in ", count), true}};
-    if (filled_ == 0 || fits(type_, stored_)) return {};
-    bool const low = stored_.value < 0;
-    double const held = !is_integer(type_) ? std::copysign(HUGE_VAL, stored_.value)
-                        : low              ? lowest_of(type_)
-                                           : highest_of(type_);
-    return {{text("the value ", value_, " does not fit ", type_, ": stored as ", held, " in ", count), true}};
+std::vector<Remark> Fill::remarks() const { return value_remarks(value_, stored_, type_, filled_); }
+
+Delete::Delete(Roi region, std::optional<Number> background) : Fill({}, std::move(region)), background_(background) {}
+
+void Delete::parameters(Parameters& parameters) {
+    parameters.option("roi", region_, "REGION", "the voxels to delete, X0:X1,Y0:Y1,Z0:Z1").needed();
+    parameters.option("value", background_, "VALUE", "physical value that they get (the volume's background, or 0)");
+}
+
+Plan Delete::plan(std::span<Header const> inputs) {
+    auto const& attributes = inputs[0].attributes;
+    auto const own = attributes.find("background");
+    value_ = background_ ? *background_ : own != attributes.end() ? Number::parse(own->second) : Number(0);
+    return Fill::plan(inputs);
 }
 
 } // namespace vkt

@@ -32,9 +32,9 @@ public:
 protected:
     Roi region_;
     std::optional<Index3> first_, last_; ///< volkit's way to name the region
+    Number value_;
 
 private:
-    Number value_;
     Box box_;                 ///< the region in voxels, or in cells of the level
     Box finest_;              ///< the region as given
     std::int64_t filled_ = 0; ///< voxels, or cells
@@ -47,6 +47,21 @@ private:
 class FillRange : public Fill {
 public:
     void check() const override;
+};
+
+/// Makes a region, which must be given, background: a physical value, or what the volume's attribute "background" says,
+/// or 0. The extent stays.
+class Delete : public Fill {
+public:
+    Delete() = default;
+    explicit Delete(Roi region, std::optional<Number> background = {});
+
+    std::string_view name() const override { return "delete"; }
+    void parameters(Parameters& parameters) override;
+    Plan plan(std::span<Header const> inputs) override;
+
+private:
+    std::optional<Number> background_;
 };
 
 } // namespace vkt

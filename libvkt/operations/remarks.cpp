@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/remarks.h"
 
+#include <cmath>
 #include <cstdio>
 
 namespace vkt {
@@ -28,6 +29,18 @@ std::string share_text(std::int64_t part, std::int64_t whole) {
     else
         std::snprintf(digits, sizeof digits, "%.1g", percent);
     return text(part, " of ", whole, " voxels (", digits, " %)");
+}
+
+std::vector<Remark> value_remarks(Number const& value, Number const& stored, DataType type, std::int64_t voxels) {
+    std::string const count = text(voxels, " voxels");
+    if (is_integer(type) && std::isnan(stored.value))
+        return {{text(type, " has no NaN: 0 is stored in ", count), true}};
+    if (voxels == 0 || fits(type, stored)) return {};
+    bool const low = stored.value < 0;
+    double const held = !is_integer(type) ? std::copysign(HUGE_VAL, stored.value)
+                        : low             ? lowest_of(type)
+                                          : highest_of(type);
+    return {{text("the value ", value, " does not fit ", type, ": stored as ", held, " in ", count), true}};
 }
 
 std::vector<Remark> store_remarks(Losses const& counts, std::int64_t voxels, DataType type) {

@@ -6,6 +6,7 @@
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/kernels/affine.h"
 #include "libvkt/operations/kernels/convert.h"
+#include "libvkt/operations/kernels/permute.h"
 #include "libvkt/operations/kernels/resample.h"
 
 #include <cmath>
@@ -302,7 +303,7 @@ ConstView Onto::with_axes_in_order(ConstView in, Execution const& execution) {
     }
     ordered_.reserve(in.bytes());
     AnyView const ordered = dense_view(ordered_.write(Space::host), in.type, box);
-    permute_axes(in, ordered, placement_.axis, execution);
+    permute_box(in, ordered, placement_.axis, {}, execution);
     return ordered;
 }
 

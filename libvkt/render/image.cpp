@@ -1,4 +1,4 @@
-// Pictures: sRGB bytes and PNG. The only file that includes libpng.
+// Pictures: sRGB bytes and PNG.
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/image.h"
 

@@ -87,7 +87,7 @@ cmp -s said_cpu "said_${gpu%:*}" || {
 "$vkt" make noise --dims 1024 128 9 --dtype float32 --seed 3 -o large.nrrd
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do
-        same 1e-5 "$vkt filter gaussian large.nrrd --sigma $sigma --boundary $rule --memory 16M"
+        same 1e-5 "$vkt filter gaussian large.nrrd --sigma $sigma --boundary $rule --memory 24M"
     done
     same 1e-6 "$vkt resample large.nrrd --dims 1100 140 9 --method linear --boundary $rule --memory 4M"
 done

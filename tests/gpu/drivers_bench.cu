@@ -26,6 +26,11 @@ template <class F> double best_ms(F const& f) {
         f();
         cudaEventRecord(end);
         cudaEventSynchronize(end);
+        if (cudaError_t const status = cudaGetLastError();
+            status != cudaSuccess) { // this program has a runtime of its own
+            std::printf("%s\n", cudaGetErrorString(status));
+            std::exit(1);
+        }
         float ms = 0;
         cudaEventElapsedTime(&ms, begin, end);
         if (i > 0 && ms < best) best = ms;
@@ -35,20 +40,22 @@ template <class F> double best_ms(F const& f) {
 
 int run(std::int64_t n) {
     std::int64_t const voxels = n * n * n;
-    std::byte *const a = device_allocate(static_cast<std::size_t>(voxels) * 8),
-              *const b = device_allocate(static_cast<std::size_t>(voxels) * 8);
+    std::byte *const a = device_allocate(static_cast<std::size_t>(voxels) * 8), *const b = device_allocate(
+                                                                                    static_cast<std::size_t>(voxels) *
+                                                                                    8);
     device_clear(a, static_cast<std::size_t>(voxels) * 8);
     double const copy = best_ms([&] { copy_on_device(b, a, static_cast<std::size_t>(voxels) * 4); });
     double const bandwidth = 8.0 * static_cast<double>(voxels) / copy * 1e-6;
     std::printf("copy %.0f GB/s\n", bandwidth);
     int missed = 0;
-    std::vector<DataType> const types{DataType::uint8, DataType::uint16, DataType::int16, DataType::float16,
-                                      DataType::float32, DataType::float64};
+    std::vector<DataType> const types{DataType::uint8,   DataType::uint16,  DataType::int16,
+                                      DataType::float16, DataType::float32, DataType::float64};
     for (DataType const in : types)
         for (DataType const out : types)
             for (bool const clipped : {false, true}) {
                 if (clipped && !is_integer(out)) continue;
-                ConstView const from = dense_view(static_cast<std::byte const*>(a), in, box_of({n, n, n}), Space::device);
+                ConstView const from =
+                    dense_view(static_cast<std::byte const*>(a), in, box_of({n, n, n}), Space::device);
                 AnyView const to = dense_view(b, out, box_of({n, n, n}), Space::device);
                 Execution const execution;
                 Losses losses;
@@ -58,11 +65,12 @@ int run(std::int64_t n) {
                     else
                         map<float>(execution, to, losses, Doubled<float>{clipped ? 1e9F : 1.0F}, from);
                 });
-                double const share = static_cast<double>(voxels) *
-                                     static_cast<double>(size_of(in) + size_of(out)) / ms * 1e-6 / bandwidth;
+                double const share = static_cast<double>(voxels) * static_cast<double>(size_of(in) + size_of(out)) /
+                                     ms * 1e-6 / bandwidth;
                 missed += share < 0.85;
-                std::printf("map %s -> %s%s: %.2f of copy%s\n", std::string(name_of(in)).c_str(), std::string(name_of(out)).c_str(),
-                            clipped ? " all clipped" : "", share, share < 0.85 ? "  below 0.85" : "");
+                std::printf("map %s -> %s%s: %.2f of copy%s\n", std::string(name_of(in)).c_str(),
+                            std::string(name_of(out)).c_str(), clipped ? " all clipped" : "", share,
+                            share < 0.85 ? "  below 0.85" : "");
             }
     std::printf("%d pairs below 0.85\n", missed);
     device_free(a);

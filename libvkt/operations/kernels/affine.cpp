@@ -349,22 +349,5 @@ void affine_nearest(ConstView in, AnyView out, AffineSampling const& rule, std::
     });
 }
 
-/// Axis a of `out` is axis axes[a] of `in`; lower corners correspond.
-void permute_axes(ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution) {
-    for_each_size(size_of(in.type), [&]<class U>(U) {
-        std::array<std::int64_t, 3> const strides{1, in.row, in.slice};
-        auto const stride = [&](std::size_t a) { return strides[static_cast<std::size_t>(axes[a])]; };
-        std::int64_t const sx = stride(0), sy = stride(1), sz = stride(2);
-        auto const* const from = reinterpret_cast<U const*>(in.data);
-        View<U> const to = out.as<U>();
-        for_each_segment(execution, out.box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-            U const* const row =
-                from + (x - out.box.lower.x) * sx + (y - out.box.lower.y) * sy + (z - out.box.lower.z) * sz;
-            U* const first = &to(x, y, z);
-            for (std::int64_t i = 0; i < n; ++i) first[i] = row[i * sx];
-        });
-    });
-}
-
 } // namespace VKT_BACKEND
 } // namespace vkt

@@ -54,7 +54,4 @@ VKT_CPU_KERNEL(affine_nearest,
                (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
                 Execution const& execution),
                (in, out, rule, outside, execution))
-VKT_CPU_KERNEL(permute_axes, (ConstView in, AnyView out, std::array<int, 3> axes, Execution const& execution),
-               (in, out, axes, execution))
-
 } // namespace vkt

@@ -1,0 +1,145 @@
+// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits. They are only written.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/slab_sink.h"
+
+#include <png.h>
+
+#include <bit>
+#include <utility>
+#include <vector>
+
+namespace vkt {
+namespace {
+
+/// What both formats ask of a volume.
+class PictureWriter : public VolumeWriter {
+public:
+    PictureWriter(std::string const& path, WriteOptions const& options, char const* name)
+        : file_(path, options.force), name_(name) {
+        if (options.compress)
+            throw Error(ErrorKind::usage,
+                        text("--compress: ", name, " files are compressed in their own way, or not at all"));
+    }
+    void begin(Header const& header) override {
+        if (header.kind != Kind::structured)
+            throw Error(ErrorKind::usage, text("a ", name_, " file cannot hold bricks"),
+                        "make a grid of them first: vkt resample");
+        if (header.dims.z != 1)
+            throw Error(ErrorKind::usage, text("a ", name_, " file holds one slice, the volume has ", header.dims.z),
+                        "take one of them with 'vkt slice', or draw the volume with 'vkt render'");
+        if (header.dtype != DataType::uint8 && header.dtype != DataType::uint16)
+            throw Error(
+                ErrorKind::usage, text("a ", name_, " file holds uint8 or uint16, not ", header.dtype),
+                "map values to 256 levels: --range LO:HI of 'vkt slice', or vkt convert --dtype uint8 --range p1:p99");
+        if (std::exchange(begun_, true))
+            throw Error(ErrorKind::usage, text("the input holds several volumes, a ", name_, " file holds one"),
+                        "give a place for the number: -o slice-%04d.png");
+        if (header.dims.x > most_pixels || header.dims.y > most_pixels)
+            throw Error(ErrorKind::usage, text("a picture of ", header.dims.x, " by ", header.dims.y,
+                                               " pixels is too large for ", name_));
+        row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
+        begin_picture(header.dims, header.dtype == DataType::uint16);
+    }
+    /// Pieces of a slice are whole rows.
+    void write(std::byte const* voxels, std::size_t n) override {
+        for (std::size_t done = 0; done < n; done += row_) put_row(voxels + done);
+    }
+    void close() override { file_.commit(); }
+
+protected:
+    virtual void begin_picture(Index3 dims, bool wide) = 0;
+    virtual void put_row(std::byte const* pixels) = 0;
+
+    OutputFile file_;
+    std::size_t row_ = 0; ///< bytes
+
+private:
+    static constexpr std::int64_t most_pixels = 1000000; // what libpng and most readers allow
+
+    char const* name_;
+    bool begun_ = false;
+};
+
+class PgmWriter : public PictureWriter {
+public:
+    PgmWriter(std::string const& path, WriteOptions const& options) : PictureWriter(path, options, "PGM") {}
+
+protected:
+    void begin_picture(Index3 dims, bool wide) override {
+        wide_ = wide;
+        std::string const head = text("P5\n", dims.x, " ", dims.y, "\n", wide ? 65535 : 255, "\n");
+        file_.write(head.data(), head.size());
+    }
+    void put_row(std::byte const* pixels) override {
+        if (!wide_) return file_.write(pixels, row_);
+        swapped_.resize(row_);
+        for (std::size_t i = 0; i < row_; ++i) swapped_[i] = pixels[i ^ 1]; // most significant byte first
+        file_.write(swapped_.data(), row_);
+    }
+
+private:
+    bool wide_ = false;
+    std::vector<std::byte> swapped_;
+};
+
+class PngWriter : public PictureWriter {
+public:
+    PngWriter(std::string const& path, WriteOptions const& options)
+        : PictureWriter(path, options, "PNG"),
+          png_(png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore)) {
+        if (png_ != nullptr) info_ = png_create_info_struct(png_);
+        if (info_ != nullptr) return;
+        png_destroy_write_struct(&png_, nullptr);
+        throw Error(ErrorKind::resources, "no memory for the PNG encoder");
+    }
+    ~PngWriter() override { png_destroy_write_struct(&png_, &info_); }
+    PngWriter(PngWriter const&) = delete;
+    PngWriter& operator=(PngWriter const&) = delete;
+
+    void end() override { png_write_end(png_, info_); }
+
+protected:
+    void begin_picture(Index3 dims, bool wide) override {
+        png_set_write_fn(png_, &file_, put, flush);
+        png_set_IHDR(png_, info_, static_cast<png_uint_32>(dims.x), static_cast<png_uint_32>(dims.y), wide ? 16 : 8,
+                     PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+        png_set_compression_level(png_, 5);
+        png_write_info(png_, info_);
+        if (wide && std::endian::native == std::endian::little) png_set_swap(png_);
+    }
+    void put_row(std::byte const* pixels) override { png_write_row(png_, reinterpret_cast<png_const_bytep>(pixels)); }
+
+private:
+    static void put(png_structp png, png_bytep data, std::size_t n) {
+        static_cast<OutputFile*>(png_get_io_ptr(png))->write(data, n);
+    }
+    static void flush(png_structp) {}
+    [[noreturn]] static void fail(png_structp, char const* message) {
+        std::string const what = message;
+        bool const memory = what.find("memory") != std::string::npos;
+        throw Error(memory ? ErrorKind::resources : ErrorKind::failure, "cannot encode PNG: " + what);
+    }
+    static void ignore(png_structp, char const*) {}
+
+    png_structp png_ = nullptr;
+    png_infop info_ = nullptr;
+};
+
+template <class Writer> std::unique_ptr<Sink> create(std::string const& path, WriteOptions const& options) {
+    return slab_sink(std::make_unique<Writer>(path, options));
+}
+
+} // namespace
+
+Format png_format() {
+    return {"png", "a slice as a grey picture, written only", {".png"}, nullptr, nullptr, create<PngWriter>};
+}
+
+Format pgm_format() {
+    return {"pgm", "a slice as a grey picture, written only", {".pgm"}, nullptr, nullptr, create<PgmWriter>};
+}
+
+} // namespace vkt

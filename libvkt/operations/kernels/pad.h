@@ -1,0 +1,19 @@
+// Copying a volume and what continues it outside.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/kernel.h"
+
+namespace vkt {
+
+/// Output voxel p is input voxel fold(p - below), or the border.
+struct PadRule {
+    Index3 below, dims; ///< dims of the input
+    Boundary boundary = Boundary::border;
+    VoxelBytes border{};
+};
+
+VKT_CPU_KERNEL(pad_box, (ConstView in, AnyView out, PadRule const& rule, Execution const& execution),
+               (in, out, rule, execution))
+
+} // namespace vkt

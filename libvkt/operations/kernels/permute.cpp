@@ -1,0 +1,130 @@
+// Permuting copies: rows where x stays, tiles transposed in registers where it does not.
+// SPDX-License-Identifier: MIT
+#ifndef __CUDACC__
+#include "libvkt/operations/kernels/permute.h"
+
+#include "libvkt/kernel/stream.h"
+
+#include <utility>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// Tiles of some cache lines in both directions: what is read and what is written are whole lines.
+template <class U> constexpr std::int64_t tile_edge = static_cast<std::int64_t>(128 / sizeof(U));
+/// Voxels of a register of 16 bytes; as many such registers are transposed at a time.
+template <class U> constexpr std::int64_t block_edge = static_cast<std::int64_t>(16 / sizeof(U));
+
+#if defined(__x86_64__)
+template <class U> __m128i interleaved_low(__m128i a, __m128i b) {
+    if constexpr (sizeof(U) == 1) return _mm_unpacklo_epi8(a, b);
+    if constexpr (sizeof(U) == 2) return _mm_unpacklo_epi16(a, b);
+    if constexpr (sizeof(U) == 4) return _mm_unpacklo_epi32(a, b);
+    return _mm_unpacklo_epi64(a, b);
+}
+template <class U> __m128i interleaved_high(__m128i a, __m128i b) {
+    if constexpr (sizeof(U) == 1) return _mm_unpackhi_epi8(a, b);
+    if constexpr (sizeof(U) == 2) return _mm_unpackhi_epi16(a, b);
+    if constexpr (sizeof(U) == 4) return _mm_unpackhi_epi32(a, b);
+    return _mm_unpackhi_epi64(a, b);
+}
+#endif
+
+/// to[j * to_row + i] = from[i * from_row + j] for i, j below block_edge.
+template <class U> void transpose_block(U const* from, std::int64_t from_row, U* to, std::int64_t to_row) {
+    constexpr std::int64_t n = block_edge<U>;
+#if defined(__x86_64__)
+    // Every round interleaves the first half of the registers with the second, which moves each bit of a voxel's place
+    // up by one: after as many rounds as a column has bits, rows and columns have changed places.
+    __m128i a[n], b[n];
+    for (std::int64_t i = 0; i < n; ++i) a[i] = _mm_loadu_si128(reinterpret_cast<__m128i const*>(from + i * from_row));
+    for (std::int64_t round = 1; round < n; round *= 2) {
+        for (std::int64_t i = 0; i < n / 2; ++i) {
+            b[2 * i] = interleaved_low<U>(a[i], a[i + n / 2]);
+            b[2 * i + 1] = interleaved_high<U>(a[i], a[i + n / 2]);
+        }
+        std::memcpy(a, b, sizeof a);
+    }
+    for (std::int64_t j = 0; j < n; ++j) _mm_storeu_si128(reinterpret_cast<__m128i*>(to + j * to_row), a[j]);
+#else
+    for (std::int64_t j = 0; j < n; ++j)
+        for (std::int64_t i = 0; i < n; ++i) to[j * to_row + i] = from[i * from_row + j];
+#endif
+}
+
+/// The same for any rectangle, ni by nj.
+template <class U>
+void transpose_tile(U const* from, std::int64_t from_row, U* to, std::int64_t to_row, std::int64_t ni,
+                    std::int64_t nj) {
+    constexpr std::int64_t n = block_edge<U>;
+    std::int64_t const whole_i = ni / n * n, whole_j = nj / n * n;
+    for (std::int64_t i = 0; i < whole_i; i += n)
+        for (std::int64_t j = 0; j < whole_j; j += n)
+            transpose_block(from + i * from_row + j, from_row, to + j * to_row + i, to_row);
+    for (std::int64_t j = 0; j < nj; ++j)
+        for (std::int64_t i = j < whole_j ? whole_i : 0; i < ni; ++i) to[j * to_row + i] = from[i * from_row + j];
+}
+
+/// Strides of the input along the axes of the output, and its voxel that becomes the first; strides of the output.
+template <class U> struct Permutation {
+    U const* from;
+    std::array<std::int64_t, 3> step;
+    U* to;
+    std::array<std::int64_t, 3> to_step;
+};
+
+/// The output's axis x is not the input's: `own` is the axis of the output that is.
+template <class U>
+void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, Execution const& execution) {
+    constexpr std::int64_t edge = tile_edge<U>;
+    int const other = 3 - own; // the third axis
+    bool const back = p.step[static_cast<std::size_t>(own)] < 0;
+    std::int64_t const across = (dims.x + edge - 1) / edge, down = (dims[own] + edge - 1) / edge;
+    std::int64_t const to_own = p.to_step[static_cast<std::size_t>(own)],
+                       to_other = p.to_step[static_cast<std::size_t>(other)];
+    for_each_item(threads_for(execution, dims.x * dims.y * dims.z), across * down * dims[other],
+                  [&](std::int64_t begin, std::int64_t end) {
+                      alignas(64) U tile[edge * edge];
+                      for (std::int64_t item = begin; item < end; ++item) {
+                          // Along the input's rows first.
+                          std::int64_t const j0 = item % down * edge, i0 = item / down % across * edge,
+                                             k = item / down / across;
+                          std::int64_t const ni = std::min(edge, dims.x - i0), nj = std::min(edge, dims[own] - j0);
+                          U const* const first = p.from + i0 * p.step[0] + k * p.step[static_cast<std::size_t>(other)];
+                          transpose_tile(back ? first - (j0 + nj - 1) : first + j0, p.step[0], tile, edge, ni, nj);
+                          U* const to = p.to + i0 + j0 * to_own + k * to_other;
+                          for (std::int64_t j = 0; j < nj; ++j)
+                              driver::copy_forward(to + j * to_own, tile + (back ? nj - 1 - j : j) * edge, ni, stream);
+                      }
+                      stream_fence();
+                  });
+}
+
+} // namespace
+
+void permute_box(ConstView in, AnyView out, std::array<int, 3> axes, Mirror mirror, Execution const& execution) {
+    if (out.box.empty()) return;
+    for_each_size(size_of(in.type), [&]<class U>(U) {
+        Index3 const from_dims = in.dims(), dims = out.dims();
+        std::array<std::int64_t, 3> const strides{1, in.row, in.slice};
+        std::array<bool, 3> const back{mirror.x, mirror.y, mirror.z};
+        Permutation<U> p{
+            reinterpret_cast<U const*>(in.data), {}, reinterpret_cast<U*>(out.data), {1, out.row, out.slice}};
+        for (std::size_t k = 0; k < 3; ++k) {
+            auto const axis = static_cast<std::size_t>(axes[k]);
+            p.step[k] = back[axis] ? -strides[axis] : strides[axis];
+            if (back[axis]) p.from += (from_dims[axes[k]] - 1) * strides[axis];
+        }
+        bool const stream = driver::is_large(out);
+        if (axes[0] != 0) return permute_tiles(p, dims, axes[1] == 0 ? 1 : 2, stream, execution);
+        driver::RowCopy<U> const copy{p.from, p.to, p.step[1], p.step[2], out.row, out.slice};
+        if (mirror.x) return driver::copy_rows<true>(execution, dims, copy);
+        driver::copy_rows<false>(execution, dims, copy);
+    });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt
+#endif

@@ -1,0 +1,317 @@
+// Projections: pixels in vectors, lines one voxel after the other, so that results do not depend on where slabs end.
+// SPDX-License-Identifier: MIT
+#ifndef __CUDACC__
+#include "libvkt/operations/kernels/project.h"
+
+#include "libvkt/kernel/rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// Pixels next to one another and the voxels that are added to them, in voxels of the slab.
+template <class T> struct Lines {
+    T const* first;
+    std::int64_t pixel, step, n; ///< strides from pixel to pixel and along the lines, and their length here
+    std::size_t at;              ///< the first pixel's place in the image
+    std::int64_t pixels;
+};
+
+/// Calls f(Lines) for pieces of rows of the image; at most `most` pixels at a time.
+template <class T, class F>
+void for_each_lines(ProjectionState const& state, ConstView in, std::int64_t most, Execution const& execution,
+                    F const& f) {
+    std::array<std::int64_t, 3> const stride{1, in.row, in.slice};
+    auto const axis = static_cast<std::size_t>(state.axis);
+    std::size_t const across = axis == 0 ? 1 : 0, down = axis == 2 ? 1 : 2; // the image's x and y
+    Index3 const dims = in.dims();
+    auto const a = static_cast<int>(across), d = static_cast<int>(down);
+    std::int64_t const pieces = (dims[a] + most - 1) / most;
+    for_each_item(threads_for(execution, in.box.voxels()), pieces * dims[d], [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t item = begin; item < end; ++item) {
+            std::int64_t const x = item % pieces * most, y = item / pieces;
+            auto const at = static_cast<std::size_t>((in.box.lower[d] + y) * state.row() + in.box.lower[a] + x);
+            f(Lines<T>{reinterpret_cast<T const*>(in.data) + x * stride[across] + y * stride[down], stride[across],
+                       stride[axis], dims[state.axis], at, std::min(most, dims[a] - x)});
+        }
+    });
+}
+
+/// acc[i] = f(acc[i], voxel) for all voxels of the lines. The functor arrives by value, as in the drivers.
+template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* acc, F const f) {
+    std::int64_t const pixels = lines.pixels;
+    for (std::int64_t k = 0; k < lines.n; ++k) {
+        T const* const from = lines.first + k * lines.step;
+        if (lines.pixel == 1) {
+#pragma omp simd
+            for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], from[i]);
+        } else {
+            for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], from[i * lines.pixel]);
+        }
+    }
+}
+
+template <class A> struct Larger {
+    template <class T> VKT_HD A operator()(A a, T voxel) const {
+        A const v = static_cast<A>(voxel);
+        return v > a || a != a ? v : a; // NaN is no value, but what there is at first
+    }
+};
+template <class A> struct Smaller {
+    template <class T> VKT_HD A operator()(A a, T voxel) const {
+        A const v = static_cast<A>(voxel);
+        return v < a || a != a ? v : a;
+    }
+};
+template <class A> struct Plus {
+    template <class T> VKT_HD A operator()(A a, T voxel) const { return a + static_cast<A>(voxel); }
+};
+
+constexpr std::int64_t piece_of(bool rows) { return rows ? 64 : row_piece; }
+
+template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+    std::int64_t nan = 0;
+    for (std::int64_t k = 0; k < lines.n; ++k)
+        for (std::int64_t i = 0; i < lines.pixels; ++i) {
+            auto const v = static_cast<double>(lines.first[k * lines.step + i * lines.pixel]);
+            nan += v != v ? 1 : 0;
+        }
+    return nan;
+}
+
+void add_nan(ProjectionState& state, std::int64_t nan) {
+    if (nan == 0) return;
+#pragma omp atomic
+    state.nan += nan;
+}
+
+template <class T> void add_extremes(ProjectionState& state, ConstView in, Execution const& execution) {
+    using A = std::conditional_t<std::is_same_v<T, Half>, float, T>;
+    auto* const image = reinterpret_cast<A*>(state.extremes.data());
+    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+        if (state.kind == Projection::max)
+            fold_lines(lines, image + lines.at, Larger<A>{});
+        else
+            fold_lines(lines, image + lines.at, Smaller<A>{});
+        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
+    });
+}
+
+/// Integers: small ones in 32 bits for as many voxels as fit.
+template <class T> void add_whole(ProjectionState& state, ConstView in, Execution const& execution) {
+    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> lines) {
+        if (!state.wide.empty()) return fold_lines(lines, state.wide.data() + lines.at, Plus<Int128>{});
+        std::int64_t* const to = state.whole.data() + lines.at;
+        if constexpr (sizeof(T) <= 2) {
+            constexpr std::int64_t most = 32768;
+            alignas(64) std::int32_t sums[row_piece];
+            Lines<T> part = lines;
+            for (std::int64_t begin = 0; begin < lines.n; begin += most) {
+                part.first = lines.first + begin * lines.step;
+                part.n = std::min(most, lines.n - begin);
+                std::fill_n(sums, lines.pixels, 0);
+                fold_lines(part, sums, Plus<std::int32_t>{});
+                for (std::int64_t i = 0; i < lines.pixels; ++i) to[i] += sums[i];
+            }
+        } else {
+            fold_lines(lines, to, Plus<std::int64_t>{});
+        }
+    });
+}
+
+/// Sums of floats; those of float64 with what each addition lost (Neumaier).
+template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
+    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+        double* const sum = state.value.data() + lines.at;
+        double* const lost = state.extra.empty() ? nullptr : state.extra.data() + lines.at;
+        double* const count = state.count.data() + lines.at;
+        for (std::int64_t k = 0; k < lines.n; ++k) {
+            T const* const from = lines.first + k * lines.step;
+            std::int64_t const pixel = lines.pixel;
+            if (lost == nullptr) {
+#pragma omp simd
+                for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                    auto const v = static_cast<double>(from[i * pixel]);
+                    sum[i] += v == v ? v : 0;
+                    count[i] += v == v ? 1 : 0;
+                }
+                continue;
+            }
+#pragma omp simd
+            for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                auto const v = static_cast<double>(from[i * pixel]);
+                double const w = v == v ? v : 0, a = sum[i], s = a + w;
+                double const large = std::abs(a) >= std::abs(w) ? a : w, small = std::abs(a) >= std::abs(w) ? w : a;
+                double const rest = (large - s) + small;
+                lost[i] += rest - rest == 0 ? rest : 0; // infinities have none
+                sum[i] = s;
+                count[i] += v == v ? 1 : 0;
+            }
+        }
+        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
+    });
+}
+
+/// Means and squared deviations (Welford).
+template <class T> void add_deviations(ProjectionState& state, ConstView in, Execution const& execution) {
+    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+        double* const mean = state.value.data() + lines.at;
+        double* const squares = state.extra.data() + lines.at;
+        double* const count = state.count.data() + lines.at;
+        for (std::int64_t k = 0; k < lines.n; ++k) {
+            T const* const from = lines.first + k * lines.step;
+            std::int64_t const pixel = lines.pixel;
+#pragma omp simd
+            for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                auto const v = static_cast<double>(from[i * pixel]);
+                bool const is = v == v;
+                double const n = count[i] + (is ? 1 : 0), d = v - mean[i], m = mean[i] + d / n;
+                squares[i] += is ? d * (v - m) : 0;
+                mean[i] = is ? m : mean[i];
+                count[i] = n;
+            }
+        }
+        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
+    });
+}
+
+/// The results of a piece of a row of the image.
+void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n, double* to) {
+    auto const length = static_cast<double>(state.dims[state.axis]);
+    double const none = std::numeric_limits<double>::quiet_NaN();
+    for (std::int64_t i = 0; i < n; ++i) {
+        std::size_t const p = at + static_cast<std::size_t>(i);
+        if (!state.whole.empty()) {
+            to[i] = static_cast<double>(state.whole[p]) / length;
+        } else if (!state.wide.empty()) {
+            to[i] = static_cast<double>(state.wide[p]) / length;
+        } else if (state.kind == Projection::std) {
+            to[i] = state.count[p] > 0 ? std::sqrt(state.extra[p] / state.count[p]) : none;
+        } else {
+            double const sum = state.value[p] + (state.extra.empty() ? 0 : state.extra[p]);
+            to[i] = state.kind == Projection::sum ? sum : state.count[p] > 0 ? sum / state.count[p] : none;
+        }
+    }
+}
+
+template <class T> T middle(T a, T b) {
+    if constexpr (std::is_integral_v<T>) {
+        Int128 const sum = static_cast<Int128>(a) + static_cast<Int128>(b);
+        Int128 const low = (sum - (sum & 1)) / 2; // towards the lower one
+        return static_cast<T>((sum & 1) != 0 && (low & 1) != 0 ? low + 1 : low);
+    } else if constexpr (std::is_same_v<T, double>) {
+        return a == b ? a : std::midpoint(a, b);
+    } else {
+        return static_cast<T>((static_cast<double>(a) + static_cast<double>(b)) / 2);
+    }
+}
+
+template <class T> T median_of(std::vector<T>& line) {
+    auto const less = [](T a, T b) { return static_cast<compute_t<T>>(a) < static_cast<compute_t<T>>(b); };
+    auto const order = [&](auto const& first, auto const& nth, auto const& last) {
+        if constexpr (std::is_integral_v<T>)
+            std::nth_element(first, nth, last);
+        else
+            std::nth_element(first, nth, last, less);
+    };
+    auto const upper = line.begin() + static_cast<std::ptrdiff_t>(line.size() / 2);
+    order(line.begin(), upper, line.end());
+    if (line.size() % 2 != 0) return *upper;
+    if constexpr (std::is_integral_v<T>)
+        return middle(*std::max_element(line.begin(), upper), *upper);
+    else
+        return middle(*std::max_element(line.begin(), upper, less), *upper);
+}
+
+} // namespace
+
+void project_add(ProjectionState& state, ConstView slab, Execution const& execution) {
+    if (slab.box.empty()) return;
+    if (slab.box.lower == Index3{}) state.allocate();
+    for_each_type(slab.type, [&]<class T>(T) {
+        switch (state.kind) {
+        case Projection::max:
+        case Projection::min:
+            return add_extremes<T>(state, slab, execution);
+        case Projection::std:
+            return add_deviations<T>(state, slab, execution);
+        default:
+            if constexpr (std::is_integral_v<T>)
+                return add_whole<T>(state, slab, execution);
+            else
+                return add_floats<T>(state, slab, execution);
+        }
+    });
+}
+
+void project_store(ProjectionState const& state, AnyView out, Losses& losses, Execution const& execution) {
+    for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
+        Losses mine;
+        for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
+            std::int64_t const n = std::min(row_piece, x0 + length - x);
+            auto const at = static_cast<std::size_t>(y * state.row() + x);
+            std::byte* const to = out.at(x, y, z);
+            bool const sums = state.kind == Projection::sum;
+            if (state.kind == Projection::max || state.kind == Projection::min) {
+                if (out.type == DataType::float16)
+                    mine += store_row(out.type, reinterpret_cast<float const*>(state.extremes.data()) + at, to, n);
+                else
+                    std::memcpy(to, state.extremes.data() + at * size_of(out.type),
+                                static_cast<std::size_t>(n) * size_of(out.type));
+            } else if (sums && !state.wide.empty()) {
+                mine += store_row(out.type, state.wide.data() + at, to, n);
+            } else if (sums && !state.whole.empty()) { // as int64 it is what uint64 holds as well
+                std::memcpy(to, state.whole.data() + at, static_cast<std::size_t>(n) * 8);
+            } else {
+                alignas(64) double values[row_piece];
+                finish_pixels(state, at, n, values);
+                mine += store_row(out.type, static_cast<double const*>(values), to, n);
+            }
+        }
+        driver::add(losses, mine);
+    });
+}
+
+void median_lines(ConstView in, AnyView out, int axis, std::int64_t& nan, Execution const& execution) {
+    ProjectionState image; // for its places
+    image.axis = axis;
+    image.dims = in.dims();
+    ConstView const from = in.moved_to({});
+    for_each_type(in.type, [&]<class T>(T) {
+        constexpr std::int64_t together = 32; // lines next to one another, which share cache lines
+        View<T> const to = out.as<T>();
+        for_each_lines<T>(image, from, together, execution, [&](Lines<T> const& lines) {
+            auto const n = static_cast<std::size_t>(lines.n);
+            std::vector<T> all(static_cast<std::size_t>(lines.pixels) * n), line;
+            for (std::size_t k = 0; k < n; ++k)
+                for (std::int64_t i = 0; i < lines.pixels; ++i)
+                    all[static_cast<std::size_t>(i) * n + k] =
+                        lines.first[static_cast<std::int64_t>(k) * lines.step + i * lines.pixel];
+            std::int64_t missing = 0;
+            for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                auto const first = all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(i) * n);
+                line.assign(first, first + static_cast<std::ptrdiff_t>(n));
+                if constexpr (!std::is_integral_v<T>) {
+                    std::erase_if(line, [](T v) { return static_cast<double>(v) != static_cast<double>(v); });
+                    missing += static_cast<std::int64_t>(n - line.size());
+                }
+                auto const place = static_cast<std::int64_t>(lines.at) + i;
+                T& pixel =
+                    to(out.box.lower.x + place % image.row(), out.box.lower.y + place / image.row(), out.box.lower.z);
+                pixel = line.empty() ? static_cast<T>(std::numeric_limits<float>::quiet_NaN()) : median_of(line);
+            }
+            if (missing == 0) return;
+#pragma omp atomic
+            nan += missing;
+        });
+    });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt
+#endif

@@ -1,0 +1,48 @@
+// Reducing lines of voxels to pixels.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/wide.h"
+#include "libvkt/kernel/kernel.h"
+
+#include <vector>
+
+namespace vkt {
+
+enum class Projection : std::uint8_t { max, min, mean, sum, std, median };
+
+/// Accumulators of the pixels of an image, row after row; which of them there are depends on kind and type.
+struct ProjectionState {
+    Projection kind = Projection::max;
+    DataType type = DataType::uint8;
+    int axis = 2;
+    Index3 dims;                      ///< of the volume
+    std::vector<std::byte> extremes;  ///< max, min: of the voxels' type, float32 for float16
+    std::vector<std::int64_t> whole;  ///< sums of integers
+    std::vector<Int128> wide;         ///< … that 64 bits may not hold
+    std::vector<double> value, extra; ///< sums of floats and what rounding lost; means, sums of squared deviations
+    std::vector<double> count;        ///< values so far: floats, and std
+    std::int64_t nan = 0;
+
+    ProjectionState() = default;
+    ProjectionState(Projection kind, DataType type, int axis, Index3 dims);
+    std::int64_t pixels() const { return dims.x * dims.y * dims.z / dims[axis]; }
+    std::int64_t row() const { return axis == 0 ? dims.y : dims.x; } ///< pixels in a row
+    std::size_t bytes() const;                                       ///< once it is in use
+    void allocate();
+};
+
+/// Adds the voxels of a slab, which follows the last one.
+VKT_CPU_KERNEL(project_add, (ProjectionState & state, ConstView slab, Execution const& execution),
+               (state, slab, execution))
+/// The pixels of out.box.
+VKT_CPU_KERNEL(project_store, (ProjectionState const& state, AnyView out, Losses& losses, Execution const& execution),
+               (state, out, losses, execution))
+
+/// Memory of a thread.
+std::size_t median_line_bytes(DataType type, std::int64_t n);
+/// Medians along an axis, of which `in` has all; NaN is left out and counted.
+VKT_CPU_KERNEL(median_lines, (ConstView in, AnyView out, int axis, std::int64_t& nan, Execution const& execution),
+               (in, out, axis, nan, execution))
+
+} // namespace vkt

@@ -1,0 +1,91 @@
+// Copy: where the part goes, and in which values.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/paste.h"
+
+#include "libvkt/core/frame.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/kernels/convert.h"
+#include "libvkt/operations/kernels/paste.h"
+#include "libvkt/operations/remarks.h"
+
+#include <cmath>
+
+namespace vkt {
+namespace {
+
+/// The voxel of `into` at which the first voxel of `part` lies, if both lattices have the same spacing and directions.
+Index3 place_in_world(Header const& part, Header const& into) {
+    Geometry here = geometry_beside(into, part);
+    Vec3 const index = world_to_index(into.geometry, here.origin);
+    Index3 result;
+    Vec3 whole;
+    for (int axis = 0; axis < 3; ++axis) {
+        whole[axis] = std::floor(index[axis] + 0.5);
+        if (!(std::abs(whole[axis]) < 0x1p40)) throw Error(ErrorKind::usage, "the part lies far outside of the volume");
+        result[axis] = static_cast<std::int64_t>(whole[axis]);
+    }
+    Geometry expected = into.geometry;
+    expected.origin = index_to_world(into.geometry, whole);
+    if (!same_geometry(here, expected))
+        throw Error(ErrorKind::usage,
+                    "the part does not lie on the voxels of the volume, by origin, spacing and direction",
+                    "say where it goes: --at X,Y,Z; or put it onto the volume's grid with 'vkt resample --like'");
+    return result;
+}
+
+} // namespace
+
+VKT_OPERATION(Paste, "copy")
+
+void Paste::parameters(Parameters& parameters) {
+    parameters.positional("part", part, "the volume to paste: a file, or '-' for standard input");
+    parameters.positional("into", into, "the volume to paste it into (default: standard input)").optional();
+    parameters.option("at", at, "X Y Z", "voxel where the part begins (default: where it lies in the world)");
+}
+
+Plan Paste::plan(std::span<Header const> inputs) {
+    part_ = inputs[0];
+    into_ = inputs[1];
+    counts_ = {};
+    if (part_.kind != into_.kind)
+        throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
+                    "make it a grid first: vkt resample --cells 50M");
+    Index3 const lower = at ? *at : place_in_world(part_, into_);
+    box_ = {lower, lower + part_.dims};
+    if (!box_of(into_.dims).contains(box_))
+        throw Error(
+            ErrorKind::usage,
+            text("the part of ", part_.dims, " voxels at ", lower, " does not lie in the volume of ", into_.dims),
+            "cut it with 'vkt crop', or enlarge the volume with 'vkt pad'");
+    Plan plan;
+    plan.output = into_;
+    plan.method = "copy";
+    plan.cost = 0;
+    if (!(part_.values == into_.values)) {
+        plan.method = "copy, values mapped";
+        plan.error.kind = ErrorBound::Kind::estimate;
+        plan.error.magnitude = 1e-15 + storing_error(into_.dtype);
+    }
+    return plan;
+}
+
+Box Paste::footprint(Box const& output, int input) const {
+    Box const inside = intersect(output, box_);
+    if (input == 1) return inside == output ? Box{} : output;
+    return inside.empty() ? Box{} : Box{inside.lower - box_.lower, inside.upper - box_.lower};
+}
+
+void Paste::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, box_);
+    if (!(inside == out.box)) copy_region(inputs[1].part(out.box), out, execution);
+    if (inside.empty()) return;
+    AnyView const to = out.part(inside);
+    ConstView const from = inputs[0].part(footprint(inside, 0)).moved_to(inside.lower);
+    if (!(part_.values == into_.values)) return paste_mapped(from, to, part_.values, into_.values, counts_, execution);
+    if (part_.dtype == into_.dtype) return copy_region(from, to, execution);
+    convert_values(from, to, counts_, execution);
+}
+
+std::vector<Remark> Paste::remarks() const { return store_remarks(counts_, part_.voxels(), into_.dtype); }
+
+} // namespace vkt

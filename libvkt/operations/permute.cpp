@@ -1,0 +1,161 @@
+// Permute: which axis goes where, and the geometry after it.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/permute.h"
+
+#include "libvkt/amr/edit.h"
+#include "libvkt/amr/reconstruct.h"
+#include "libvkt/core/frame.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/kernels/permute.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt {
+namespace {
+
+/// Pairs of directions along the axes of left-posterior-superior: where the coordinate grows, and where it falls.
+constexpr std::string_view directions[3] = {"lr", "pa", "si"};
+
+bool is_permutation(std::string_view order) {
+    std::string sorted(order);
+    std::sort(sorted.begin(), sorted.end());
+    return sorted == "xyz";
+}
+
+/// The axis of the world that a letter is about, -1 if it is none.
+int world_axis(char letter) {
+    for (int world = 0; world < 3; ++world)
+        if (directions[world].find(letter) != std::string_view::npos) return world;
+    return -1;
+}
+
+bool is_orientation(std::string_view order) {
+    bool seen[3] = {};
+    for (char const letter : order)
+        if (int const world = world_axis(letter); world >= 0) seen[world] = true;
+    return order.size() == 3 && seen[0] && seen[1] && seen[2];
+}
+
+} // namespace
+
+VKT_OPERATION(Permute, "permute")
+
+void Permute::parameters(Parameters& parameters) {
+    parameters.positional("order", order_, "order of the axes, such as zyx, or where they are to point, such as ras")
+        .alias("to");
+}
+
+void Permute::check() const {
+    std::string const order = lower_case(order_);
+    if (!is_permutation(order) && !is_orientation(order))
+        throw Error(ErrorKind::usage, text("'", order_, "' is neither an order of x, y and z nor an orientation"),
+                    "say for example zyx; or ras, where letters are r or l, a or p, s or i");
+}
+
+void Permute::turn_towards_body(Header const& in) {
+    if (!is_anatomical(frame_of(in)))
+        throw Error(ErrorKind::usage, "the volume does not say what the axes of its world mean",
+                    "if they are those of DICOM, say so: vkt set --attribute space=LPS");
+    std::array<Vec3, 3> const direction = geometry_in(lps_frame, in).direction;
+    std::string const letters = lower_case(order_);
+    auto const cosine = [&](std::array<int, 3> const& axes, std::size_t k) {
+        return direction[static_cast<std::size_t>(axes[k])][world_axis(letters[k])];
+    };
+    std::array<int, 3> axes{0, 1, 2};
+    double best = -1;
+    do {
+        double sum = 0;
+        for (std::size_t k = 0; k < 3; ++k) sum += std::abs(cosine(axes, k));
+        if (sum > best + 1e-9) {
+            best = sum;
+            axes_ = axes;
+        }
+    } while (std::next_permutation(axes.begin(), axes.end()));
+    for (std::size_t k = 0; k < 3; ++k) {
+        bool const falls = directions[world_axis(letters[k])][1] == letters[k];
+        reversed_[static_cast<std::size_t>(axes_[k])] = (cosine(axes_, k) < 0) != falls;
+    }
+}
+
+Index3 Permute::permuted(Index3 v) const { return {v[axes_[0]], v[axes_[1]], v[axes_[2]]}; }
+
+Plan Permute::plan(std::span<Header const> inputs) {
+    Header const& in = inputs[0];
+    dims_ = in.dims;
+    reversed_ = {};
+    std::string const order = lower_case(order_);
+    if (is_permutation(order))
+        for (std::size_t k = 0; k < 3; ++k) axes_[k] = order[k] - 'x';
+    else
+        turn_towards_body(in);
+    Plan plan;
+    plan.output = in;
+    plan.output.dims = permuted(in.dims);
+    Geometry geometry = in.geometry;
+    std::optional<Part> part = in.part;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (!reversed_[static_cast<std::size_t>(axis)]) continue;
+        geometry = flipped(geometry, static_cast<Axis>(axis), in.dims[axis]);
+        if (part) part->offset[axis] = part->global_dims[axis] - part->offset[axis] - in.dims[axis];
+    }
+    plan.output.geometry.origin = geometry.origin;
+    for (std::size_t k = 0; k < 3; ++k) {
+        plan.output.geometry.spacing[static_cast<int>(k)] = geometry.spacing[axes_[k]];
+        plan.output.geometry.direction[k] = geometry.direction[static_cast<std::size_t>(axes_[k])];
+    }
+    if (part) plan.output.part = {permuted(part->global_dims), permuted(part->offset), permuted(part->halo)};
+    if (in.kind == Kind::hierarchical && in.attributes.contains("roi"))
+        plan.output.attributes["roi"] = to_text(target(region_of(in)));
+    bool const reverses = reversed_[0] || reversed_[1] || reversed_[2];
+    if (axes_ == std::array{0, 1, 2} && !reverses) plan.shift = Index3{};
+    bool const in_order = axes_[2] == 2 && !reversed_[2];
+    if (!in_order && in.dims.z > 1) plan.access = Access::random;
+    // Slices of the result that are made of columns take whole cache lines of the input.
+    if (axes_[2] == 0) plan.slab_hint = static_cast<std::int64_t>(128 / size_of(in.dtype));
+    plan.method = "permuting copy";
+    plan.cost = 0;
+    return plan;
+}
+
+Box Permute::source(Box const& output) const {
+    Box box;
+    for (std::size_t k = 0; k < 3; ++k) {
+        int const axis = axes_[k], own = static_cast<int>(k);
+        bool const back = reversed_[static_cast<std::size_t>(axis)];
+        box.lower[axis] = back ? dims_[axis] - output.upper[own] : output.lower[own];
+        box.upper[axis] = back ? dims_[axis] - output.lower[own] : output.upper[own];
+    }
+    return box;
+}
+
+Box Permute::target(Box const& input) const {
+    Box box = input;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (!reversed_[static_cast<std::size_t>(axis)]) continue;
+        box.lower[axis] = dims_[axis] - input.upper[axis];
+        box.upper[axis] = dims_[axis] - input.lower[axis];
+    }
+    return {permuted(box.lower), permuted(box.upper)};
+}
+
+Box Permute::footprint(Box const& output, int) const { return source(output); }
+
+bool Permute::run_tree(Volume const& input, Volume& output, Execution const& execution) {
+    Volume turned = input;
+    Plan const own = plan({&input.header(), 1});
+    for (int axis = 0; axis < 3; ++axis)
+        if (reversed_[static_cast<std::size_t>(axis)]) turned = flip_tree(turned, static_cast<Axis>(axis), execution);
+    std::vector<Brick> bricks = turned.bricks();
+    for (Brick& brick : bricks) brick = {permuted(brick.lower), permuted(brick.dims), brick.level};
+    output = Volume(own.output, std::move(bricks));
+    for (std::size_t b = 0; b < output.bricks().size(); ++b)
+        permute_box(turned.brick_view(b), output.mutable_brick_view(b), axes_, {}, execution);
+    return true;
+}
+
+void Permute::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    permute_box(inputs[0].part(source(out.box)), out, axes_, {reversed_[0], reversed_[1], reversed_[2]}, execution);
+}
+
+} // namespace vkt

@@ -1,0 +1,106 @@
+// Project: types, geometry and value maps of projections.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/project.h"
+
+#include "libvkt/operations/remarks.h"
+#include "libvkt/operations/slice.h"
+
+#include <cmath>
+
+namespace vkt {
+
+VKT_OPERATION(Project, "project")
+
+void Project::parameters(Parameters& parameters) {
+    parameters.positional("what", kind, "max, min, mean, sum, std or median");
+    parameters.option("axis", axis, "AXIS", "axis along which voxels are reduced");
+}
+
+Plan Project::plan(std::span<Header const> inputs) {
+    Header const& in = inputs[0];
+    int const along = static_cast<int>(axis);
+    dims_ = in.dims;
+    type_ = in.dtype;
+    nan_ = 0;
+    counts_ = {};
+    Header flat = in;
+    flat.dims[along] = 1;
+    flat.geometry = rescaled(in.geometry, in.dims, flat.dims);
+    flat.part.reset();
+    Plan plan;
+    plan.output = with_axes(flat, axes_without(along));
+    Header& out = plan.output;
+    auto const n = static_cast<double>(in.dims[along]);
+    bool const wide = type_ == DataType::float64 || (is_integer(type_) && size_of(type_) >= 4);
+    Projection stored = kind; // of stored values
+    plan.error.kind = ErrorBound::Kind::estimate;
+    switch (kind) {
+    case Projection::max:
+    case Projection::min:
+        if (in.values.slope < 0) stored = kind == Projection::max ? Projection::min : Projection::max;
+        plan.error = {};
+        break;
+    case Projection::median:
+        plan.error = {};
+        break;
+    case Projection::mean:
+        out.dtype = wide ? DataType::float64 : DataType::float32;
+        plan.error.magnitude = (is_integer(type_) ? 2 : n + 2) * 0x1p-53 + storing_error(out.dtype);
+        break;
+    case Projection::sum:
+        out.dtype = !is_integer(type_) ? DataType::float64 : is_signed(type_) ? DataType::int64 : DataType::uint64;
+        if (!(in.values == ValueMap{})) out.values.intercept *= n;
+        if (is_integer(type_))
+            plan.error = {};
+        else
+            plan.error.magnitude = n * n * 0x1p-53;
+        break;
+    case Projection::std:
+        out.dtype = wide ? DataType::float64 : DataType::float32;
+        out.values = {std::abs(in.values.slope), 0};
+        plan.error.magnitude = n * 0x1p-52 + storing_error(out.dtype);
+        break;
+    }
+    bool const sorts = kind == Projection::median;
+    plan.method = sorts ? "sorted lines" : "one pass, an accumulator a pixel";
+    plan.scans = !sorts;
+    plan.cost = sorts ? n * 8 : n;
+    if (!sorts) state_ = ProjectionState(stored, type_, along, in.dims);
+    plan.state_bytes = sorts ? 0 : state_.bytes();
+    return plan;
+}
+
+Box Project::footprint(Box const& output, int) const {
+    if (kind != Projection::median) return {};
+    auto const axes = axes_without(static_cast<int>(axis));
+    Box box = box_of(dims_);
+    for (int k = 0; k < 2; ++k) {
+        box.lower[axes[static_cast<std::size_t>(k)]] = output.lower[k];
+        box.upper[axes[static_cast<std::size_t>(k)]] = output.upper[k];
+    }
+    return box;
+}
+
+std::size_t Project::fit(Index3, Execution const& execution) {
+    if (kind != Projection::median) return 0;
+    return median_line_bytes(type_, dims_[static_cast<int>(axis)]) *
+           static_cast<std::size_t>(std::max(1, execution.threads));
+}
+
+void Project::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    if (kind == Projection::median)
+        median_lines(inputs[0].part(footprint(out.box, 0)), out, static_cast<int>(axis), nan_, execution);
+    else
+        project_store(state_, out, counts_, execution);
+}
+
+std::vector<Remark> Project::remarks() const {
+    std::vector<Remark> result;
+    std::int64_t const nan = kind == Projection::median ? nan_ : state_.nan;
+    if (nan > 0) result.push_back({text(share_text(nan, box_of(dims_).voxels()), " not a number, left out"), false});
+    if (counts_.clipped > 0)
+        result.push_back({text(counts_.clipped, " sums beyond 64 bits, stored as their nearest end"), true});
+    return result;
+}
+
+} // namespace vkt

@@ -1,0 +1,64 @@
+// Which accumulators a projection needs.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/project.h"
+
+#include <limits>
+
+namespace vkt {
+namespace {
+
+/// Bytes of a pixel's accumulators.
+struct Needs {
+    std::size_t extremes = 0;
+    bool whole = false, wide = false, value = false, extra = false, count = false;
+};
+
+Needs needs(Projection kind, DataType type, std::int64_t n) {
+    Needs result;
+    bool const sums = kind == Projection::mean || kind == Projection::sum;
+    if (kind == Projection::max || kind == Projection::min)
+        result.extremes = type == DataType::float16 ? 4 : size_of(type);
+    else if (sums && is_integer(type))
+        // Differences to 2^63: 32 bits of a value, and as many voxels as leave room for a sign.
+        (size_of(type) == 8 || n > std::int64_t{1} << 30 ? result.wide : result.whole) = true;
+    else
+        result.value = result.count = true;
+    result.extra = kind == Projection::std || (result.value && type == DataType::float64);
+    return result;
+}
+
+} // namespace
+
+ProjectionState::ProjectionState(Projection projection, DataType voxels, int along, Index3 extent)
+    : kind(projection), type(voxels), axis(along), dims(extent) {}
+
+std::size_t ProjectionState::bytes() const {
+    Needs const n = needs(kind, type, dims[axis]);
+    std::size_t const pixel =
+        n.extremes + (n.whole ? 8 : 0) + (n.wide ? 16 : 0) + (n.value ? 8 : 0) + (n.extra ? 8 : 0) + (n.count ? 8 : 0);
+    return static_cast<std::size_t>(pixels()) * pixel;
+}
+
+void ProjectionState::allocate() {
+    Needs const n = needs(kind, type, dims[axis]);
+    auto const count_of = static_cast<std::size_t>(pixels());
+    if (n.whole) whole.assign(count_of, 0);
+    if (n.wide) wide.assign(count_of, 0);
+    if (n.value) value.assign(count_of, 0);
+    if (n.extra) extra.assign(count_of, 0);
+    if (n.count) count.assign(count_of, 0);
+    if (n.extremes == 0) return;
+    extremes.resize(count_of * n.extremes);
+    baseline::for_each_type(type == DataType::float16 ? DataType::float32 : type, [&]<class T>(T) {
+        T start = kind == Projection::max ? std::numeric_limits<T>::lowest() : std::numeric_limits<T>::max();
+        if constexpr (std::is_floating_point_v<T>) start = std::numeric_limits<T>::quiet_NaN();
+        auto* const first = reinterpret_cast<T*>(extremes.data());
+        std::fill_n(first, count_of, start);
+    });
+}
+
+std::size_t median_line_bytes(DataType type, std::int64_t n) {
+    return 64 * static_cast<std::size_t>(n) * size_of(type);
+}
+
+} // namespace vkt

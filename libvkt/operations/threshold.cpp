@@ -1,0 +1,76 @@
+// Threshold: which values are inside.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/threshold.h"
+
+#include "libvkt/operations/remarks.h"
+
+namespace vkt {
+
+VKT_OPERATION(Threshold, "threshold")
+
+void Threshold::parameters(Parameters& p) {
+    p.option("above", above, "T", "1 where the value is greater than T");
+    p.option("below", below, "T", "1 where the value is less than T; with --above, between the two");
+    p.option("range", range, "LO:HI", "1 where LO <= value <= HI; an end may be left out");
+    p.flag("otsu", otsu, "1 above the threshold that separates the values best (Otsu's)");
+}
+
+void Threshold::check() const {
+    if ((above || below ? 1 : 0) + (range ? 1 : 0) + (otsu ? 1 : 0) != 1)
+        throw Error(ErrorKind::usage, "one way to choose the values is needed",
+                    "say --above T, --below T, both of them, --range LO:HI or --otsu");
+    for (auto const& [name, t] : {std::pair{"above", above}, std::pair{"below", below}})
+        if (t && !std::isfinite(t->value))
+            throw Error(ErrorKind::usage, text("--", name, ": ", t->value, " is not a finite number"));
+    if (above && below &&
+        !(above->value < below->value || (above->whole && below->whole && *above->whole < *below->whole)))
+        throw Error(ErrorKind::usage, text("nothing is above ", *above, " and below ", *below));
+}
+
+Plan Threshold::plan(std::span<Header const> inputs) {
+    Header const& in = inputs.front();
+    rule_ = {in.values, above.value_or(Number(-HUGE_VAL)), below.value_or(Number(HUGE_VAL)), above || otsu,
+             below.has_value()};
+    if (range) rule_.low = range->low, rule_.high = range->high;
+    voxels_ = in.voxels();
+    nan_ = 0;
+    Plan plan;
+    plan.output = in;
+    plan.output.dtype = DataType::uint8;
+    plan.output.values = {};
+    plan.output.units.clear();
+    plan.method = otsu ? "histogram first, then comparison" : "comparison";
+    plan.scans = otsu;
+    if (otsu) found_ = std::make_unique<Otsu>(in.dtype, in.values.slope < 0);
+    if (otsu) plan.state_bytes = Otsu::state_bytes;
+    return plan;
+}
+
+void Threshold::scan_end() {
+    scans_again_ = found_->end_pass();
+    if (scans_again_) return;
+    Number const stored = found_->threshold();
+    rule_.low = rule_.map == ValueMap{} ? stored : Number(rule_.map.physical(stored.value));
+}
+
+void Threshold::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Losses losses;
+    threshold_box(inputs.front().part(out.box), out, rule_, losses, execution);
+    nan_ += losses.undefined;
+}
+
+std::vector<Remark> Threshold::remarks() const {
+    if (nan_ == 0) return {};
+    return {{text(share_text(nan_, voxels_), " not a number, stored as 0"), true}};
+}
+
+Report Threshold::report() const {
+    Report report;
+    auto const add = [&](std::string name, Number const& n) { report.add_number(std::move(name), to_text(n)); };
+    if (above || otsu) add("above", rule_.low);
+    if (below) add("below", rule_.high);
+    if (range) add("low", rule_.low), add("high", rule_.high);
+    return report;
+}
+
+} // namespace vkt

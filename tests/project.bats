@@ -1,0 +1,212 @@
+# vkt project: reductions along an axis against NumPy, and exact rationals.
+load helper
+
+types='uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64'
+
+setup_more() {
+    python_with numpy
+    /usr/bin/python3 - <<'EOF'
+import numpy as np
+rng = np.random.default_rng(3)
+for name in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    type_ = np.dtype(name)
+    if type_.kind == "f":
+        a = (rng.normal(0, 100, (7, 11, 13)) + 1000).astype(type_)
+    else: # all of the type's range
+        a = np.frombuffer(rng.bytes(7 * 11 * 13 * type_.itemsize), type_).reshape(7, 11, 13)
+    a.tofile(f"v_13x11x7_{name}.raw")
+    if type_.kind == "f":
+        b = a.copy()
+        b.flat[::5] = np.nan
+        b[:, 2, 3] = b[1, :, 4] = b[2, 5, :] = np.nan
+        b[0, 0, 1] = np.inf
+        b[3, 3, 3] = -np.inf
+        b.tofile(f"n_13x11x7_{name}.raw")
+EOF
+}
+
+# project WHAT AXIS IN OPTIONS…: its bytes; what is said of NaN is no matter here.
+project() { vkt project "$1" --axis "$2" "${@:3}" 2>/dev/null | vkt write - --format raw; }
+
+@test "every type agrees with numpy, along every axis" {
+    for type in $types; do
+        for axis in x y z; do
+            for what in max min mean sum std median; do project $what $axis v_13x11x7_$type.raw >$what.raw; done
+            /usr/bin/python3 - $type $axis <<'EOF'
+import sys
+import numpy as np
+from fractions import Fraction
+name, axis = sys.argv[1], "zyx".index(sys.argv[2])
+a = np.fromfile(f"v_13x11x7_{name}.raw", name).reshape(7, 11, 13)
+read = lambda what, type_: np.fromfile(what + ".raw", type_)
+floats = a.dtype.kind == "f"
+wide = name in ("uint32", "int32", "uint64", "int64", "float64")
+real = "float64" if wide else "float32"
+for what in "max", "min":
+    assert np.array_equal(read(what, name), getattr(a, what)(axis).ravel()), (name, axis, what)
+exact = np.empty(a.shape, object)
+exact.ravel()[:] = [Fraction(v) for v in a.ravel().tolist()]
+lines = np.moveaxis(exact, axis, -1).reshape(-1, a.shape[axis])
+for got, line in zip(read("mean", real), lines):
+    want = sum(line) / len(line)
+    scale = max(abs(v) for v in line)
+    assert abs(Fraction(got.item()) - want) <= scale * Fraction(2.0 ** (-52 if wide else -24)) , (name, axis, "mean")
+for got, line in zip(read("std", real), lines):
+    mean = sum(line) / len(line)
+    want = float(sum((v - mean) ** 2 for v in line) / len(line)) ** 0.5
+    assert abs(got - want) <= (1e-14 if wide else 2e-7) * want, (name, axis, "std", got, want)
+for got, line in zip(read("sum", "float64" if floats else "int64" if a.dtype.kind == "i" else "uint64"), lines):
+    want = sum(line)
+    if floats:
+        assert abs(Fraction(got.item()) - want) <= sum(abs(v) for v in line) * Fraction(2.0 ** -50), (name, axis, "sum")
+    else:
+        low, high = (-2**63, 2**63 - 1) if a.dtype.kind == "i" else (0, 2**64 - 1)
+        assert int(got) == min(max(want, low), high), (name, axis, "sum")
+for got, line in zip(read("median", name), lines):
+    line = sorted(line)
+    n = len(line)
+    want = (line[n // 2] + line[(n - 1) // 2]) / 2
+    assert got == (round(want) if not floats else want), (name, axis, "median")
+EOF
+        done
+    done
+}
+
+@test "medians of an even number of voxels: the middle of two, half to even" {
+    for type in uint8 int8 uint64 int64 float16 float64; do
+        vkt crop v_13x11x7_$type.raw --roi 0:12,0:10,0:6 -o even.vkt --force
+        vkt write even.vkt - --format raw >even.raw
+        for axis in x y z; do
+            project median $axis even.vkt >median.raw
+            /usr/bin/python3 - $type $axis <<'EOF'
+import sys
+import numpy as np
+from fractions import Fraction
+name, axis = sys.argv[1], "zyx".index(sys.argv[2])
+a = np.fromfile("even.raw", name).reshape(6, 10, 12)
+lines = np.sort(np.moveaxis(a, axis, -1).reshape(-1, a.shape[axis]), -1)
+for got, line in zip(np.fromfile("median.raw", name), lines):
+    n = len(line)
+    want = (Fraction(line[n // 2].item()) + Fraction(line[n // 2 - 1].item())) / 2
+    assert got == (np.dtype(name).type(float(want)) if a.dtype.kind == "f" else round(want)), (name, axis, got, want)
+EOF
+        done
+    done
+}
+
+@test "NaN is left out and counted, infinities are values" {
+    for type in float16 float32 float64; do
+        for axis in x y z; do
+            for what in max min mean sum std median; do project $what $axis n_13x11x7_$type.raw >$what.raw; done
+            /usr/bin/python3 -W ignore - $type $axis <<'EOF'
+import sys
+import numpy as np
+name, axis = sys.argv[1], "zyx".index(sys.argv[2])
+a = np.fromfile(f"n_13x11x7_{name}.raw", name).reshape(7, 11, 13)
+d = a.astype(float)
+real = "float64" if name == "float64" else "float32"
+read = lambda what, type_: np.fromfile(what + ".raw", type_)
+assert np.array_equal(read("max", name), np.nanmax(a, axis).ravel(), equal_nan=True)
+assert np.array_equal(read("min", name), np.nanmin(a, axis).ravel(), equal_nan=True)
+assert np.array_equal(read("median", name), np.nanmedian(d, axis).astype(name).ravel(), equal_nan=True)
+for what, type_, want in ("mean", real, np.nanmean(d, axis)), ("sum", "float64", np.nansum(d, axis)), ("std", real, np.nanstd(d, axis)):
+    assert np.allclose(read(what, type_), want.ravel(), rtol=1e-6, equal_nan=True), (name, axis, what)
+EOF
+        done
+    done
+    for what in max sum std median; do
+        run --separate-stderr vkt project $what n_13x11x7_float32.raw --strict -o out.nrrd --force
+        [ "$status" -eq 0 ]
+        [[ "$stderr" == *" of 1001 voxels "*"not a number, left out"* ]]
+    done
+}
+
+@test "slabs, threads, pipes, rows and small budgets make no difference" {
+    for what in max mean std sum median; do
+        for axis in x y z; do
+            project $what $axis n_13x11x7_float64.raw >want.raw
+            for options in '--slab 1' '--slab 3' '--slab 7' '--threads 1' '--threads 5' '--memory 100k'; do
+                # shellcheck disable=SC2086
+                project $what $axis n_13x11x7_float64.raw $options | cmp - want.raw
+                # shellcheck disable=SC2086
+                vkt read n_13x11x7_float64.raw --slab 2 | project $what $axis - $options | cmp - want.raw
+            done
+        done
+    done
+    vkt make noise --dims 640 304 30 --dtype uint16 --high 65535 --seed 3 -o large.nrrd # slices that come in pieces
+    for axis in x y z; do
+        project sum $axis large.nrrd >want.raw
+        vkt read large.nrrd --memory 4M | project sum $axis - --memory 4M --threads 5 | cmp - want.raw
+    done
+}
+
+@test "large offsets cost a deviation no digits; sums of floats are compensated" {
+    /usr/bin/python3 -c "
+import numpy as np
+(1e9 + np.arange(1000) % 2).tofile('o_1x1x1000_float64.raw')
+np.array([1, 1e100, 1, -1e100] * 100, float).tofile('c_1x1x400_float64.raw')"
+    [ "$(project std z o_1x1x1000_float64.raw | od -An -tf8 | tr -d ' ')" = 0.5 ]
+    [ "$(project sum z c_1x1x400_float64.raw | od -An -tf8 | tr -d ' ')" = 200 ]
+    # Sums beyond 64 bits are said.
+    vkt make constant --dims 1 1 3 --dtype uint64 --value 18446744073709551615 -o u.vkt
+    fails_with 3 'beyond 64 bits' vkt project sum u.vkt --strict -o x.vkt
+    [ ! -e x.vkt ]
+}
+
+@test "values are physical" {
+    for map in '0.5 -3' '-2 100'; do
+        # shellcheck disable=SC2086
+        set -- $map
+        vkt set v_13x11x7_int16.raw --slope "$1" --intercept "$2" -o mapped.nrrd --force
+        for what in max min mean sum std median; do
+            vkt project $what mapped.nrrd --axis y | vkt stats --json >$what.json
+        done
+        /usr/bin/python3 -c "
+import json
+import numpy as np
+a = np.fromfile('v_13x11x7_int16.raw', np.int16).reshape(7, 11, 13).astype(float) * ($1) + ($2)
+for what in 'max', 'min', 'mean', 'sum', 'std', 'median':
+    want, got = getattr(np, what)(a, 1), json.load(open(what + '.json'))
+    for key in 'min', 'max':
+        assert np.isclose(got[key], getattr(want, key)(), rtol=1e-6), (what, key, got[key], getattr(want, key)())"
+    done
+}
+
+@test "the slice lies in the middle of what it covers" {
+    vkt set v_13x11x7_uint8.raw --spacing 0.5,1,2 --origin 10,20,30 -o s.nrrd
+    vkt project max s.nrrd -o z.nrrd
+    vkt info z.nrrd | grep -x 'dims       13 11 1'
+    vkt info z.nrrd | grep -x 'spacing    0.5 1 14'
+    vkt info z.nrrd | grep -x 'origin     10 20 36'
+    vkt project max s.nrrd --axis x -o x.nrrd
+    vkt info x.nrrd | grep -x 'dims       11 7 1'
+    vkt info x.nrrd | grep -x 'spacing    1 2 6.5'
+    vkt info x.nrrd | grep -x 'origin     13 20 30'
+    vkt project mean s.nrrd --axis x | vkt info | grep -q float32
+}
+
+@test "a pipe is not spooled, but for medians" {
+    mkdir spool
+    export TMPDIR=$PWD/spool
+    vkt make noise --dims 128 128 128 -o in.nrrd
+    vkt read in.nrrd | vkt project mean --memory 300k -o out.nrrd 2>err
+    [ ! -s err ] || { cat err >&2; false; }
+    vkt project mean in.nrrd -n 2>plan | vkt info >/dev/null
+    grep -q streaming plan
+    vkt read in.nrrd | vkt project median --memory 300k -o median.nrrd 2>err
+    grep -q spool err
+}
+
+@test "single voxels across change nothing" {
+    vkt crop v_13x11x7_uint8.raw --roi :,:,3:4 -o one.nrrd
+    for what in max min median; do vkt project $what one.nrrd | vkt diff - one.nrrd --geometry; done
+    vkt project std one.nrrd | vkt stats --json | grep -q '"max": 0[.,]'
+}
+
+@test "what cannot be is refused" {
+    fails_with 2 'not one of max' vkt project most v_13x11x7_uint8.raw -o x.nrrd
+    fails_with 2 'WHAT' vkt project -o x.nrrd
+    vkt make amr --blocks 20 --levels 2 -o t.vkt
+    fails_with 2 'hierarchical' vkt project max t.vkt -o x.nrrd
+    [ ! -e x.nrrd ]
+}
