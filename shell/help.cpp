@@ -78,6 +78,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"filter gaussian", "blur smooth denoise gauss"},
         {"flip", "mirror reverse"},
         {"info", "metadata header"},
+        {"label", "connected components segmentation islands blobs largest"},
         {"make", "generate create phantom"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},

@@ -34,6 +34,7 @@ arguments = {
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
+    "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
     "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
     "make checkerboard": ["--dims {x} {y} {z}"],
     "make constant": ["--dims {x} {y} {z}"],
