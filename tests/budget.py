@@ -52,7 +52,7 @@ arguments = {
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
-held_whole = {"refine", "render"}  # may be refused, before anything is held
+held_whole = {"distance", "refine", "render"}  # may be refused, before anything is held
 
 
 def peak(command, source=None):

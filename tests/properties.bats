@@ -35,6 +35,8 @@ operations=(
     "convert --dtype uint8 --range p1:p99"
     "arith mul - 1.5"
     "label --connectivity 18 --min-size 2"
+    "distance --signed"
+    "fill-holes --connectivity 6 --max-size 50"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }

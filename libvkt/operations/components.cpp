@@ -118,7 +118,6 @@ void Components::Runs::append(Runs const& next, std::uint32_t components) {
 std::size_t Components::table_bytes(Index3 dims) {
     return static_cast<std::size_t>(dims.y * dims.z) * 4 + static_cast<std::size_t>(dims.z) * 8;
 }
-}
 
 void Components::begin(Index3 dims, Rules const& rules) {
     std::int64_t const longest = std::max({dims.x, dims.y, dims.z});
@@ -253,10 +252,22 @@ void Components::join_within(ConstView rows, Chunk& chunk) const {
             }
             runs.component[i] = static_cast<std::uint32_t>(chunk.components.size());
             chunk.components.push_back(run);
-            if (rules_.keeps_value_before && begin > 0)
-                std::memcpy(chunk.components.back().value_before.data(), rows.at(begin - 1, y, z), size_of(rows.type));
+            if (rules_.keeps_value_before) chunk.components.back().value_before = voxel_before(rows, begin, y, z);
         }
     }
+}
+
+/// The stored voxel before this one in x-fastest order, in the same row or in one of a single voxel.
+VoxelBytes Components::voxel_before(ConstView rows, std::int64_t x, std::int64_t y, std::int64_t z) const {
+    VoxelBytes voxel{};
+    Index3 const first = rows.box.lower;
+    if (x == 0 && (dims_.x > 1 || Index3{x, y, z} == Index3{})) return voxel;
+    if (Index3{x, y, z} == first) return last_voxel_;
+    std::byte const* const from = x > 0         ? rows.at(x - 1, y, z)
+                                  : y > first.y ? rows.at(x, y - 1, z)
+                                                : rows.at(x, rows.box.upper.y - 1, z - 1);
+    std::memcpy(voxel.data(), from, size_of(rows.type));
+    return voxel;
 }
 
 /// Joins the first rows of a chunk, as far as they touch what is before `row`, with that.
@@ -309,6 +320,8 @@ void Components::add(ConstView rows, Execution const& execution) {
         join_across(runs.first_row, runs.first_row + runs.rows());
     }
     kept_.drop_before(first + count - dims_.y - 1);
+    std::memcpy(last_voxel_.data(), rows.at(rows.box.upper.x - 1, rows.box.upper.y - 1, rows.box.upper.z - 1),
+                size_of(rows.type));
 }
 
 void Components::end() {

@@ -29,7 +29,7 @@ public:
         std::uint64_t sum_x = 0, sum_y = 0, sum_z = 0;      ///< of their indices
         std::int32_t lower_x = 0, lower_y = 0, lower_z = 0; ///< bounding box, half-open
         std::int32_t upper_x = 0, upper_y = 0, upper_z = 0;
-        VoxelBytes value_before{}; ///< the stored voxel to the left of the first one, if there is any
+        VoxelBytes value_before{}; ///< the stored voxel before the first one, in its row or in one of a single voxel
     };
 
     /// Bytes that are held whatever the voxels are.
@@ -76,6 +76,7 @@ private:
 
     void find_runs(ConstView rows, std::int64_t begin, std::int64_t end, Execution const& execution,
                    Chunk& chunk) const;
+    VoxelBytes voxel_before(ConstView rows, std::int64_t x, std::int64_t y, std::int64_t z) const;
     void join_within(ConstView rows, Chunk& chunk) const;
     void join_across(std::int64_t row, std::int64_t beyond);
     template <class Join>
@@ -87,6 +88,7 @@ private:
     Index3 dims_;
     Rules rules_;
     Runs kept_;                         ///< the rows that the next ones may touch
+    VoxelBytes last_voxel_{};           ///< of the rows so far
     std::vector<std::uint32_t> parent_; ///< of provisional components
     std::vector<Component> components_;
     std::vector<std::uint32_t> run_names_; ///< of all runs of the volume
