@@ -136,10 +136,11 @@ void Components::begin(Index3 dims, Rules const& rules) {
     row_begin_.reserve(static_cast<std::size_t>(dims.y * dims.z));
 }
 
-/// A run begins where bits begin or values change, and ends where bits end or the next run begins.
-void Components::edges_of(std::uint64_t const* bits, std::uint64_t const* changed,
-                          std::vector<std::int32_t>& edges) const {
+/// A run begins where bits begin or values change, and ends where bits end or the next run begins. The edges have room
+/// for two a voxel. Returns how many there are.
+std::size_t Components::edges_of(std::uint64_t const* bits, std::uint64_t const* changed, std::int32_t* edges) const {
     std::int64_t const words = bit_words(dims_.x);
+    std::int32_t* to = edges;
     std::uint64_t before = 0; // the last bit of the word before
     for (std::int64_t w = 0; w < words; ++w) {
         std::uint64_t const m = bits[w], left = m << 1 | before;
@@ -148,11 +149,13 @@ void Components::edges_of(std::uint64_t const* bits, std::uint64_t const* change
         std::uint64_t const inner = changed != nullptr ? changed[w] & m & left : 0; // one ends where the next begins
         for (std::uint64_t t = (m ^ left) | inner; t != 0; t &= t - 1) {
             int const bit = std::countr_zero(t);
-            edges.push_back(x + bit);
-            if (inner >> bit & 1) edges.push_back(x + bit);
+            *to++ = x + bit;
+            if (changed != nullptr && (inner >> bit & 1) != 0) *to++ = x + bit;
         }
     }
-    if (edges.size() % 2 != 0) edges.push_back(static_cast<std::int32_t>(dims_.x));
+    // A row whose words are full ends without a bit that says so.
+    if ((to - edges) % 2 != 0) *to++ = static_cast<std::int32_t>(dims_.x);
+    return static_cast<std::size_t>(to - edges);
 }
 
 void Components::find_runs(ConstView rows, std::int64_t begin, std::int64_t end, Execution const& execution,
@@ -161,6 +164,7 @@ void Components::find_runs(ConstView rows, std::int64_t begin, std::int64_t end,
     std::int64_t const words = bit_words(n.x);
     auto const block = static_cast<std::size_t>(words * rows_at_once);
     chunk.bits.resize(rules_.by_value ? 2 * block : block);
+    chunk.row.resize(2 * static_cast<std::size_t>(n.x) + 2);
     Runs& runs = chunk.runs;
     runs.clear(rows.box.lower.y + rows.box.lower.z * dims_.y + begin);
     for (std::int64_t r = begin; r < end;) {
@@ -172,7 +176,9 @@ void Components::find_runs(ConstView rows, std::int64_t begin, std::int64_t end,
         if (changed != nullptr) pack_bits(some, BitRule::changed, {}, changed, execution);
         for (std::int64_t i = 0; i < count; ++i) {
             std::size_t const first = runs.edges.size();
-            edges_of(chunk.bits.data() + i * words, changed != nullptr ? changed + i * words : nullptr, runs.edges);
+            std::size_t const count_here = edges_of(
+                chunk.bits.data() + i * words, changed != nullptr ? changed + i * words : nullptr, chunk.row.data());
+            runs.edges.insert(runs.edges.end(), chunk.row.data(), chunk.row.data() + count_here);
             if (rules_.by_value)
                 for (std::size_t e = first; e < runs.edges.size(); e += 2)
                     runs.values.push_back(key_of(some.at(some.box.lower.x + runs.edges[e], y + i, z), some.type));
@@ -198,12 +204,13 @@ void Components::join_pair(Runs const& runs, std::int64_t row, std::int64_t othe
         if (edges[2 * a] < b_last + reach && edges[2 * b] < a_last + reach) {
             touch(a, b);
             // Runs of other values may follow at once.
-            if (a_last == b_last && a + 1 < a_end && edges[2 * a + 2] < b_last + reach) touch(a + 1, b);
+            if (rules_.by_value && a_last == b_last && a + 1 < a_end && edges[2 * a + 2] < b_last + reach)
+                touch(a + 1, b);
         }
-        if (a_last < b_last)
-            ++a;
-        else
-            ++b;
+        // Without a branch: nobody can foretell it.
+        std::size_t const first_ends = a_last < b_last ? 1 : 0;
+        a += first_ends;
+        b += 1 - first_ends;
     }
 }
 

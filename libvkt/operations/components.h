@@ -72,6 +72,7 @@ private:
         std::vector<std::uint32_t> parent;
         std::vector<Component> components;
         std::vector<std::uint64_t> bits;
+        std::vector<std::int32_t> row; ///< edges
     };
 
     void find_runs(ConstView rows, std::int64_t begin, std::int64_t end, Execution const& execution,
@@ -83,7 +84,7 @@ private:
     void join_rows(Runs const& runs, std::int64_t row, std::int64_t least, std::int64_t beyond, Join const& join) const;
     template <class Join>
     void join_pair(Runs const& runs, std::int64_t row, std::int64_t other, std::int32_t reach, Join const& join) const;
-    void edges_of(std::uint64_t const* bits, std::uint64_t const* changed, std::vector<std::int32_t>& edges) const;
+    std::size_t edges_of(std::uint64_t const* bits, std::uint64_t const* changed, std::int32_t* edges) const;
 
     Index3 dims_;
     Rules rules_;
@@ -106,18 +107,19 @@ void Components::for_each_row(ConstView rows, Execution const& execution, Visit 
         VKT_BACKEND::threads_for(execution, rows.box.voxels()), n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
             std::int64_t const words = bit_words(n.x);
             std::vector<std::uint64_t> bits(static_cast<std::size_t>(words * (rules_.by_value ? 2 : 1)));
-            std::vector<std::int32_t> edges;
+            std::vector<std::int32_t> edges(2 * static_cast<std::size_t>(n.x) + 2);
             for (std::int64_t r = begin; r < end; ++r) {
                 std::int64_t const y = rows.box.lower.y + r % n.y, z = rows.box.lower.z + r / n.y;
                 ConstView const row = rows.part({{rows.box.lower.x, y, z}, {rows.box.upper.x, y + 1, z + 1}});
                 pack_bits(row, rules_.members, rules_.zero, bits.data(), alone);
                 if (rules_.by_value) pack_bits(row, BitRule::changed, {}, bits.data() + words, alone);
-                edges.clear();
-                edges_of(bits.data(), rules_.by_value ? bits.data() + words : nullptr, edges);
+                std::size_t const count =
+                    edges_of(bits.data(), rules_.by_value ? bits.data() + words : nullptr, edges.data());
                 std::uint32_t const* name = run_names_.data() + slice_begin_[static_cast<std::size_t>(z)] +
                                             row_begin_[static_cast<std::size_t>(y + z * dims_.y)];
-                visit(y, z, std::span<std::int32_t const>(edges), name);
+                visit(y, z, std::span<std::int32_t const>(edges.data(), count), name);
             }
+            VKT_BACKEND::stream_fence(); // for visitors that write around the caches
         });
 }
 

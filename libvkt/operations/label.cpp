@@ -3,6 +3,7 @@
 #include "libvkt/operations/label.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/operations/kernels/paint.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/zero.h"
 
@@ -108,25 +109,14 @@ void Label::scan_end() {
 }
 
 void Label::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    VKT_BACKEND::for_each_size(size_of(out.type), [&]<class T>(T) {
-        View<T> const to = out.as<T>();
-        auto const first = static_cast<std::int32_t>(out.box.lower.x),
-                   last = static_cast<std::int32_t>(out.box.upper.x);
-        components_.for_each_row(
-            inputs[0], execution,
-            [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
-                T* const row = &to(first, y, z);
-                std::int32_t x = first; // what is before is written
-                for (std::size_t i = 0; i < edges.size(); i += 2) {
-                    std::int32_t const begin = std::clamp(edges[i], x, last);
-                    std::int32_t const end = std::clamp(edges[i + 1], begin, last);
-                    std::fill(row + (x - first), row + (begin - first), T(0));
-                    std::fill(row + (begin - first), row + (end - first), static_cast<T>(names[i / 2]));
-                    x = end;
-                }
-                std::fill(row + (x - first), row + (last - first), T(0));
-            });
-    });
+    components_.for_each_row(
+        inputs[0], execution,
+        [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
+            Box row = out.box;
+            row.lower.y = y, row.upper.y = y + 1;
+            row.lower.z = z, row.upper.z = z + 1;
+            paint_row(edges, names, out.part(row), execution);
+        });
 }
 
 std::vector<Remark> Label::remarks() const {

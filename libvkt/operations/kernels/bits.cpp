@@ -80,7 +80,7 @@ void pack_bits(ConstView in, BitRule rule, std::optional<double> zero, std::uint
     for_each_type(in.type, [&]<class T>(T) {
         auto const stored = static_cast<Comparable<T>>(zero.value_or(0));
         View<T const> const view = in.as<T>();
-        for_each_item(threads_for(execution, in.box.voxels()), n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
+        auto const pack = [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t r = begin; r < end; ++r) {
                 T const* const row = view.data + r % n.y * view.row + r / n.y * view.slice;
                 std::uint64_t* const to = bits + r * words;
@@ -99,7 +99,13 @@ void pack_bits(ConstView in, BitRule rule, std::optional<double> zero, std::uint
                     break;
                 }
             }
-        });
+        };
+        // Single rows are asked for as well: a parallel region for each would cost more than the row.
+        int const threads = threads_for(execution, in.box.voxels());
+        if (threads == 1)
+            pack(0, n.y * n.z);
+        else
+            for_each_item(threads, n.y * n.z, pack);
     });
 }
 
