@@ -36,6 +36,7 @@ arguments = {
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 2 --boundary wrap", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
+    "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
     "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
     "make checkerboard": ["--dims {x} {y} {z}"],
     "make constant": ["--dims {x} {y} {z}"],
@@ -58,7 +59,7 @@ arguments = {
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
-held_whole = {"refine", "render"}  # may be refused, before anything is held
+held_whole = {"distance", "refine", "render"}  # may be refused, before anything is held
 
 
 def peak(command, source=None):

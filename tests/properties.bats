@@ -54,6 +54,9 @@ operations=(
     "delete --roi 3:20,:,2:-3"
     "copy part.nrrd --at 5,6,7"
     "threshold --otsu"
+    "label --connectivity 18 --min-size 2"
+    "distance --signed"
+    "fill-holes --connectivity 6 --max-size 50"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }

@@ -1,0 +1,130 @@
+// Fill holes: components of zeros are found and named where they touch no face.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/fill_holes.h"
+
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/zero.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace vkt {
+
+VKT_OPERATION(FillHoles, "fill-holes")
+
+Texts FillHoles::texts() const {
+    return {
+        "Fill what objects enclose.",
+        "Zero voxels from which no path of zero voxels leads to a face of the volume get the value of what encloses "
+        "them. All else stays as it is.",
+        {{"An object without cavities", "vkt fill-holes volume.nrrd -o solid.nrrd"},
+         {"Only bubbles of at most 100 voxels", "vkt fill-holes volume.nrrd --max-size 100 | vkt stats"}}};
+}
+
+void FillHoles::parameters(Parameters& parameters) {
+    parameters.option("connectivity", connectivity, "N",
+                      "zero voxels touch through faces (6), edges as well (18), corners as well (26)");
+    parameters.option("value", value, "VALUE",
+                      "physical value to fill with; by default that of what encloses the hole");
+    parameters.option("max-size", max_size, "VOXELS", "fill only holes of at most so many voxels");
+}
+
+void FillHoles::check() const {
+    if (connectivity != 6 && connectivity != 18 && connectivity != 26)
+        throw Error(ErrorKind::usage, text("--connectivity: ", connectivity, " is none of 6, 18, 26"));
+    if (max_size && *max_size < 1) throw Error(ErrorKind::usage, text("--max-size: ", *max_size, " is less than 1"));
+}
+
+Plan FillHoles::plan(std::span<Header const> inputs) {
+    input_ = inputs[0];
+    fillings_.clear();
+    filled_ = 0;
+    stored_.reset();
+    fits_ = true;
+    Plan plan;
+    plan.output = input_;
+    plan.scans = true;
+    plan.method = text("runs and union-find, holes ", connectivity, "-connected");
+    plan.cost = 2;
+    if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
+    Components::Rules rules;
+    rules.connectivity = connectivity;
+    rules.members = BitRule::hole;
+    rules.zero = stored_zero(input_);
+    rules.keeps_value_before = true;
+    components_.begin(input_.dims, rules);
+    if (value) {
+        Number const number = input_.values == ValueMap{} ? *value : Number(input_.values.stored(value->value));
+        stored_ = voxel_bytes(input_.dtype, number);
+        fits_ = fits(input_.dtype, number);
+    }
+    plan.state_bytes = Components::table_bytes(input_.dims);
+    return plan;
+}
+
+Box FillHoles::footprint(Box const& output, int) const {
+    return {{0, output.lower.y, output.lower.z}, {input_.dims.x, output.upper.y, output.upper.z}};
+}
+
+void FillHoles::scan(ConstView slab, Execution const& execution) {
+    threads_ = execution.threads;
+    components_.add(slab, execution);
+}
+
+void FillHoles::scan_end() {
+    components_.end();
+    std::vector<Components::Component> const& all = components_.found();
+    std::vector<std::uint32_t> names(all.size(), 0);
+    Index3 const n = input_.dims;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        Components::Component const& c = all[i];
+        bool const open = (n.x > 1 && (c.lower_x == 0 || c.upper_x == n.x)) ||
+                          (n.y > 1 && (c.lower_y == 0 || c.upper_y == n.y)) ||
+                          (n.z > 1 && (c.lower_z == 0 || c.upper_z == n.z));
+        if (open || (max_size && c.size > static_cast<std::uint64_t>(*max_size))) continue;
+        fillings_.push_back(stored_.value_or(c.value_before));
+        names[i] = static_cast<std::uint32_t>(fillings_.size());
+        filled_ += c.size;
+    }
+    components_.rename(names, threads_);
+}
+
+void FillHoles::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    copy_region(inputs[0].part(out.box), out, execution);
+    if (fillings_.empty()) return;
+    VKT_BACKEND::for_each_size(size_of(out.type), [&]<class U>(U) {
+        View<U> const to = out.as<U>();
+        auto const first = static_cast<std::int32_t>(out.box.lower.x),
+                   last = static_cast<std::int32_t>(out.box.upper.x);
+        components_.for_each_row(
+            inputs[0], execution,
+            [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
+                U* const row = &to(first, y, z);
+                for (std::size_t i = 0; i < edges.size(); i += 2) {
+                    std::uint32_t const name = names[i / 2];
+                    if (name == 0) continue;
+                    U bits;
+                    std::memcpy(&bits, fillings_[name - 1].data(), sizeof bits);
+                    std::int32_t const begin = std::clamp(edges[i], first, last);
+                    std::int32_t const end = std::clamp(edges[i + 1], first, last);
+                    std::fill(row + (begin - first), row + (end - first), bits);
+                }
+            });
+    });
+}
+
+std::vector<Remark> FillHoles::remarks() const {
+    if (fits_ || filled_ == 0) return {};
+    return {{text("the value ", *value, " does not fit ", input_.dtype, ": another is stored in ", filled_, " voxels"),
+             true}};
+}
+
+Report FillHoles::report() const {
+    Report result;
+    result.add("holes", static_cast<std::int64_t>(fillings_.size()));
+    result.add("voxels", static_cast<std::int64_t>(filled_));
+    return result;
+}
+
+} // namespace vkt

@@ -1,0 +1,51 @@
+// Label: connected components, numbered by their first voxel.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/components.h"
+
+#include <optional>
+#include <vector>
+
+namespace vkt {
+
+/// Voxels that are neither (physically) zero nor NaN form components; every other voxel becomes 0. Components are
+/// numbered 1, 2, … by their first voxel in x-fastest order, as SciPy does. Exact. Two passes over the input: one
+/// joins runs of voxels, the other writes; what is held is 4 bytes a run and 72 a component, whatever the slabs are.
+class Label : public Operation {
+public:
+    int connectivity = 6;  ///< 6, 18 or 26
+    bool by_value = false; ///< only equal values belong together
+    std::optional<std::int64_t> keep_largest;
+    std::int64_t min_size = 1; ///< voxels
+    DataType dtype = DataType::uint32;
+
+    std::string_view name() const override { return "label"; }
+    Texts texts() const override;
+    /// Not a neighbourhood: how far a component reaches, nobody knows.
+    Shape shape() const override { return Shape::geometric; }
+    void parameters(Parameters& parameters) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+    Box footprint(Box const& output, int input) const override;
+    void scan(ConstView slab, Execution const& execution) override;
+    /// Throws Error{failure} if there are more labels than the type has room for.
+    void scan_end() override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<Remark> remarks() const override;
+    bool reports() const override { return true; }
+    /// How many components there are, and size, bounding box and centroid of those that are labelled.
+    Report report() const override;
+
+private:
+    void choose();
+
+    Header input_;
+    Components components_;
+    std::vector<std::uint32_t> labelled_; ///< numbers of the components that are labelled, in the order of the labels
+    std::int64_t nan_ = 0;
+    int threads_ = 1;
+};
+
+} // namespace vkt
