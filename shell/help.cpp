@@ -76,6 +76,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"diff", "compare equal cmp"},
         {"dump", "print values"},
         {"filter gaussian", "blur smooth denoise gauss"},
+        {"filter median", "denoise despeckle rank smooth salt pepper"},
         {"flip", "mirror reverse"},
         {"info", "metadata header"},
         {"make", "generate create phantom"},

@@ -30,6 +30,8 @@ operations=(
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"
+    "filter median --radius 1"
+    "filter median --radius 3,2,4 --boundary border:3"
     "convert --dtype float32"
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
@@ -91,7 +93,10 @@ same_for_all() {
     for operation in "${operations[@]}"; do
         verb=${operation%% *}
         rest=${operation#"$verb"}
-        if [ "$verb" = filter ]; then verb="filter gaussian" rest=${operation#filter gaussian}; fi
+        if [ "$verb" = filter ]; then
+            verb=$(cut -d' ' -f1-2 <<<"$operation")
+            rest=${operation#"$verb"}
+        fi
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
