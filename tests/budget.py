@@ -32,6 +32,7 @@ arguments = {
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
+    "filter kernel": ["kernel.txt {f}"],
     "filter median": ["{f} --radius 1", "{f} --radius 3"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
@@ -80,6 +81,8 @@ base = max(peak(["vkt", *words.split()])[1] for words in
 commands = subprocess.run(["vkt", "help", "--list"], check=True, capture_output=True, text=True).stdout.splitlines()
 assert len(commands) > 20, commands
 worst = 0
+with open("kernel.txt", "w") as kernel:
+    kernel.write("3 3 5 " + "1 2 -3 " * 15)
 for shape, (x, y, z) in shapes.items():
     file = f"{shape}_{x}x{y}x{z}_float32.raw"
     with open(file, "wb") as voxels_file:

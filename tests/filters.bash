@@ -22,7 +22,7 @@ all_types="uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 flo
 
 # same_however_run COMMAND…: slabs, threads, memory, pipes and files give the same bytes.
 same_however_run() {
-    vkt make marschner-lobb --dims 37 29 23 --dtype float32 | vkt convert --dtype "${1#dtype=}" --range minmax >run.vkt
+    vkt make marschner-lobb --dims 37 29 23 --dtype float32 | vkt convert --dtype "${1#dtype=}" --range minmax | vkt set --slope 1 --intercept 0 >run.vkt
     shift
     "$@" run.vkt --slab 23 --threads 1 | vkt write - --format raw >run.a
     [ -s run.a ]

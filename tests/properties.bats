@@ -8,6 +8,7 @@ setup_more() {
     # Other grids: fractions of voxels aside, turned, mirrored and with axes in another order.
     vkt resample volume.nrrd --dims 40 50 30 | vkt crop --roi 3:,2:,5: -o aside.nrrd
     vkt set volume.nrrd --direction 0.96,0.28,0,-0.28,0.96,0,0,0,1 -o turned.nrrd
+    echo '3 1 5  1 2 3 4 5 6 7 8 9 10 11 12 13 14 -15' >kernel.txt
     vkt set volume.nrrd --direction 0,0,1,0,-1,0,1,0,0 -o swapped.nrrd
 }
 
@@ -30,6 +31,10 @@ operations=(
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"
+    "filter gradient"
+    "filter kernel kernel.txt"
+    "filter laplacian --boundary wrap"
+    "filter sobel --component y --dtype int16"
     "filter median --radius 1"
     "filter median --radius 3,2,4 --boundary border:3"
     "convert --dtype float32"
@@ -100,7 +105,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith*) direct= ;; # their positional words come first
+        flip* | arith* | 'filter kernel'*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)

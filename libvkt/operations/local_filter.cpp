@@ -75,14 +75,28 @@ Plan LocalFilter::plan_level(Header const& level, Index3) {
 
 void LocalFilter::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = intersect(out.box, box_);
-    if (inside != out.box) {
-        ConstView const from = inputs[0].part(out.box);
-        if (from.type == out.type)
-            copy_region(from, out, execution);
-        else
-            convert_values(from, out, losses_, execution);
-    }
+    if (inside != out.box) outside(inputs[0].part(out.box), out, execution);
     if (!inside.empty()) filter(inputs[0], out.part(inside), execution);
+}
+
+void LocalFilter::outside(ConstView in, AnyView out, Execution const& execution) {
+    if (in.type == out.type)
+        copy_region(in, out, execution);
+    else
+        convert_values(in, out, losses_, execution);
+}
+
+void LocalFilter::require_border_voxel(Header const& in) const {
+    if (boundary_.boundary != Boundary::border) return;
+    double const stored = in.values.stored(boundary_.value);
+    bool const held = is_integer(in.dtype) ? stored >= lowest_of(in.dtype) && stored <= highest_of(in.dtype) &&
+                                                 std::abs(stored - std::nearbyint(stored)) <= 1e-9 * std::abs(stored)
+                                           : std::abs(stored) <= highest_of(in.dtype);
+    if (!held)
+        throw Error(ErrorKind::usage,
+                    text("--boundary border:", boundary_.value, " is no voxel of a ", in.dtype, " volume",
+                         in.values == ValueMap{} ? "" : " with this value map"),
+                    "convert the volume first: vkt convert --dtype float32");
 }
 
 std::vector<Remark> LocalFilter::remarks() const { return store_remarks(losses_, planned_.voxels(), planned_.dtype); }

@@ -47,6 +47,11 @@ protected:
     /// Computes out.box, which lies in the region; `in` covers it grown by the reach.
     virtual void filter(ConstView in, AnyView out, Execution const& execution) = 0;
 
+    /// Stores what lies outside the region: the values as they are.
+    virtual void outside(ConstView in, AnyView out, Execution const& execution);
+    /// Throws Error{usage} if the border value is no voxel of the volume's type: filters would compute with another.
+    void require_border_voxel(Header const& in) const;
+
     Index3 reach_; ///< voxels that results depend on, to either side
     BoundaryRule boundary_;
     Losses losses_; ///< of the volume so far
