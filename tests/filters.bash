@@ -20,14 +20,14 @@ for t in 'float16 float32 float64'.split():
 
 all_types="uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64"
 
-# same_however_run COMMAND…: slabs, threads, memory, pipes and files give the same bytes.
+# same_however_run dtype=TYPE COMMAND…: slabs, threads, memory (MEMORY, or 1M), pipes and files give the same bytes.
 same_however_run() {
     vkt make marschner-lobb --dims 37 29 23 --dtype float32 | vkt convert --dtype "${1#dtype=}" --range minmax | vkt set --slope 1 --intercept 0 >run.vkt
     shift
     "$@" run.vkt --slab 23 --threads 1 | vkt write - --format raw >run.a
     [ -s run.a ]
     local options
-    for options in '--slab 1 --threads 2' '--slab 3 --threads 5' '--slab 7' '--memory 1M'; do
+    for options in '--slab 1 --threads 2' '--slab 3 --threads 5' '--slab 7' "--memory ${MEMORY:-1M}"; do
         # shellcheck disable=SC2086
         vkt read run.vkt --slab 4 | "$@" $options | vkt write - --format raw >run.b
         cmp run.a run.b || { echo "$* $options differs" >&2; return 1; }

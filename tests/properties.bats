@@ -31,6 +31,7 @@ operations=(
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"
+    "filter box --radius 4,0,2"
     "filter gradient"
     "filter kernel kernel.txt"
     "filter laplacian --boundary wrap"
@@ -41,6 +42,8 @@ operations=(
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
     "arith mul - 1.5"
+    "morphology close --radius 2"
+    "morphology tophat --radius 1,3,2 --shape box"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
@@ -105,7 +108,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith* | 'filter kernel'*) direct= ;; # their positional words come first
+        flip* | arith* | morphology* | 'filter kernel'*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)

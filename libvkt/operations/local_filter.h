@@ -52,6 +52,8 @@ protected:
     /// Throws Error{usage} if the border value is no voxel of the volume's type: filters would compute with another.
     void require_border_voxel(Header const& in) const;
 
+    bool has_region() const { return !region_.empty(); }
+
     Index3 reach_; ///< voxels that results depend on, to either side
     BoundaryRule boundary_;
     Losses losses_; ///< of the volume so far
