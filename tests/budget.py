@@ -33,8 +33,11 @@ arguments = {
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
     "filter box": ["{f} --radius 3"],
+    "filter dog": ["{f} --sigma 2"],
     "filter kernel": ["kernel.txt {f}"],
+    "filter log": ["{f} --sigma 2"],
     "filter median": ["{f} --radius 1", "{f} --radius 3"],
+    "filter sharpen": ["{f} --sigma 2"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
     "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be

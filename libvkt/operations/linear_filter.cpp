@@ -17,11 +17,12 @@ double magnitude_of(AxisTaps const& taps) {
         if (taps.kind == AxisTaps::Kind::plain || (middle && taps.kind == AxisTaps::Kind::even))
             sum += w;
         else if (!middle)
-            sum += (taps.kind == AxisTaps::Kind::zero_sum ? 4 : 2) * w;
+            sum += (taps.kind == AxisTaps::Kind::zero_sum || taps.kind == AxisTaps::Kind::average ? 4 : 2) * w;
     }
-    return sum;
+    return sum + (taps.kind == AxisTaps::Kind::average ? 1 : 0);
 }
 double total_of(AxisTaps const& taps) {
+    if (taps.kind == AxisTaps::Kind::average) return 1;
     double sum = 0;
     if (taps.kind == AxisTaps::Kind::plain)
         for (double const w : taps.taps) sum += w;
@@ -43,8 +44,9 @@ Weight weight_of(SeparableSum const& sum) {
     for (auto const& term : sum.terms) {
         auto const& plane = sum.planes[static_cast<std::size_t>(term.plane)];
         auto const &x = of(sum.x, plane.x), &y = of(sum.y, plane.y), &z = of(sum.z, term.z);
-        parts[static_cast<std::size_t>(term.part)] += magnitude_of(x) * magnitude_of(y) * magnitude_of(z);
-        weight.total += total_of(x) * total_of(y) * total_of(z);
+        parts[static_cast<std::size_t>(term.part)] +=
+            std::abs(term.weight) * magnitude_of(x) * magnitude_of(y) * magnitude_of(z);
+        weight.total += term.weight * total_of(x) * total_of(y) * total_of(z);
         weight.steps = std::max(weight.steps, x.radius() + y.radius() + z.radius());
     }
     for (double const part : parts) weight.magnitude += part * part;
@@ -101,13 +103,16 @@ std::size_t SeparableSum::bytes() const {
 
 void LinearFilter::parameters(Parameters& parameters) {
     LocalFilter::parameters(parameters);
-    parameters.option("dtype", dtype_, "TYPE", "data type of the result (default: float32, or float64)");
+    if (!keeps_type_)
+        parameters.option("dtype", dtype_, "TYPE", "data type of the result (default: float32, or float64)");
 }
 
 void LinearFilter::prepare(Header const& in, Plan& plan) {
     bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
-    plan.output.dtype = dtype_.value_or(wide ? DataType::float64 : DataType::float32);
-    plan.output.values = {};
+    if (!keeps_type_) {
+        plan.output.dtype = dtype_.value_or(wide ? DataType::float64 : DataType::float32);
+        plan.output.values = {};
+    }
     require_border_voxel(in);
     sum_ = {};
     dense_ = {};
@@ -116,7 +121,7 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     same_ = {{AxisTaps{}}, {AxisTaps{}}, {AxisTaps{}}, {{}}, {{}}, 1, in.values.intercept, wide};
     same_.z[0].taps = {in.values.slope};
 
-    maps_ = !(in.values == ValueMap{});
+    maps_ = !(in.values == plan.output.values);
 
     bool const separable = !sum_.terms.empty();
     Weight const weight = separable ? weight_of(sum_) : weight_of(dense_);
@@ -124,10 +129,11 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     plan.cost = separable ? sum_.cost() : static_cast<double>(dense_.taps.size());
     plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
     // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
-    for (auto& taps : sum_.z)
-        for (double& tap : taps.taps) tap *= in.values.slope;
-    for (Tap& tap : dense_.taps) tap.weight *= in.values.slope;
-    (separable ? sum_.offset : dense_.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * weight.total;
+    if (!keeps_type_) {
+        for (auto& term : sum_.terms) term.weight *= in.values.slope;
+        for (Tap& tap : dense_.taps) tap.weight *= in.values.slope;
+        (separable ? sum_.offset : dense_.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * weight.total;
+    }
 
     double const unit = wide ? 0x1p-53 : 0x1p-24;
     double const stored = storing_error(plan.output.dtype), steps = static_cast<double>(weight.steps + 2);

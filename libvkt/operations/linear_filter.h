@@ -10,10 +10,11 @@ namespace vkt {
 /// Base of linear filters. They see physical values: the output has no value map. Its type is float32, float64 for
 /// float64 and integers of 32 and 64 bits, unless --dtype says else. Sums are in float32 where the input has at most 16
 /// bits or is float32, else in float64, to which 64-bit integers are rounded. The error bound is that of rounding.
-/// A border value must be a voxel of the input's type.
+/// A border value must be a voxel of the input's type. Filters that keep the type keep the value map too, and work on
+/// stored values.
 class LinearFilter : public LocalFilter {
 public:
-    using LocalFilter::LocalFilter;
+    explicit LinearFilter(bool keeps_type = false) : keeps_type_(keeps_type) {}
     void parameters(Parameters& parameters) override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
 
@@ -28,6 +29,7 @@ protected:
     DenseKernel dense_;
 
 private:
+    bool keeps_type_;
     std::optional<DataType> dtype_;
     bool maps_ = false; ///< the input has a value map
     SeparableSum same_; ///< physical values as they are

@@ -5,6 +5,8 @@
 
 #include "libvkt/kernel/stencil.h"
 
+#include <algorithm>
+
 namespace vkt {
 
 namespace VKT_BACKEND {
@@ -61,10 +63,14 @@ template <class C> struct Weights {
                 return load_lanes(middle[k] + x) - load_lanes(middle[-k] + x);
             });
         case AxisTaps::Kind::zero_sum:
-            return sum_of(to, n, add, w, 1, radius + 1, [&](std::int64_t k, std::int64_t x) {
+        case AxisTaps::Kind::average:
+            sum_of(to, n, add, w, 1, radius + 1, [&](std::int64_t k, std::int64_t x) {
                 Lanes<C> const v = load_lanes(*middle + x);
                 return (load_lanes(middle[k] + x) - v) + (load_lanes(middle[-k] + x) - v);
             });
+            if (kind == AxisTaps::Kind::average)
+                for (std::int64_t x = 0; x < n; ++x) to[x] += (*middle)[x];
+            return;
         }
     }
 };
@@ -90,7 +96,7 @@ public:
         line_ = sized(1);
         lines_ = sized(static_cast<std::int64_t>(x_.size()) * (rows_ + 2 * radius_.y));
         ring_ = sized(static_cast<std::int64_t>(sum.planes.size()) * deep_ * rows_);
-        parts_ = sized(sum.parts);
+        parts_ = sized(sum.parts + 1);
         pointers_.resize(static_cast<std::size_t>(2 * std::max({radius_.x, radius_.y, radius_.z}) + 1));
     }
 
@@ -148,7 +154,16 @@ private:
                 std::int64_t const r = weights.radius;
                 for (std::int64_t k = -r; k <= r; ++k)
                     pointers_[static_cast<std::size_t>(k + r)] = ring(static_cast<std::size_t>(term.plane), z + k, j);
-                weights.apply(pointers_.data(), parts_.data() + term.part * pitch_, n.x, term.part == before);
+                C* const part = parts_.data() + term.part * pitch_;
+                if (term.weight == 1) {
+                    weights.apply(pointers_.data(), part, n.x, term.part == before);
+                } else {
+                    C* const unweighted = parts_.data() + sum_.parts * pitch_;
+                    auto const weight = static_cast<C>(term.weight);
+                    weights.apply(pointers_.data(), unweighted, n.x, false);
+                    if (term.part != before) std::fill(part, part + n.x, C(0));
+                    for (std::int64_t x = 0; x < n.x; ++x) part[x] = madd(weight, unweighted[x], part[x]);
+                }
                 before = term.part;
             }
             C* const result = parts_.data();

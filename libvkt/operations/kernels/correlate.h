@@ -15,6 +15,7 @@ struct AxisTaps {
         even,     ///< w(0) v(0) + sum of w(k) (v(k) + v(-k)), taps from 0 to r
         odd,      ///< sum of w(k) (v(k) - v(-k)), taps from 0 to r
         zero_sum, ///< sum of w(k) ((v(k) - v(0)) + (v(-k) - v(0))), taps from 0 to r: exactly 0 for constants
+        average,  ///< v(0) plus that: exactly v(0) for constants, a mean if w(0) + 2 sum of w(k) is 1
     };
     Kind kind = Kind::even;
     std::vector<double> taps{1};
@@ -33,6 +34,7 @@ struct SeparableSum {
     struct Term {
         int plane = 0, z = 0;
         int part = 0; ///< the sum that it belongs to
+        double weight = 1;
     };
     std::vector<AxisTaps> x, y, z;
     std::vector<Plane> planes;
