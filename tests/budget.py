@@ -34,6 +34,12 @@ arguments = {
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 2 --boundary wrap", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
+    "filter box": ["{f} --radius 3"],
+    "filter dog": ["{f} --sigma 2"],
+    "filter kernel": ["kernel.txt {f}"],
+    "filter log": ["{f} --sigma 2"],
+    "filter median": ["{f} --radius 1", "{f} --radius 3"],
+    "filter sharpen": ["{f} --sigma 2"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
     "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
@@ -47,6 +53,7 @@ arguments = {
     "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y", "median {f}", "median {f} --axis x"],
+    "morphology": ["close {f} --radius 2 --shape box", "erode {f} --radius 2"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],
@@ -87,6 +94,8 @@ base = max(peak(["vkt", *words.split()])[1] for words in
 commands = subprocess.run(["vkt", "help", "--list"], check=True, capture_output=True, text=True).stdout.splitlines()
 assert len(commands) > 20, commands
 worst = 0
+with open("kernel.txt", "w") as kernel:
+    kernel.write("3 3 5 " + "1 2 -3 " * 15)
 for shape, (x, y, z) in shapes.items():
     file = f"{shape}_{x}x{y}x{z}_float32.raw"
     with open(file, "wb") as voxels_file:

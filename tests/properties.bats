@@ -9,6 +9,7 @@ setup_more() {
     vkt resample volume.nrrd --dims 40 50 30 | vkt crop --roi 3:,2:,5: -o aside.nrrd
     vkt crop volume.nrrd --roi 10:22,3:20,4:14 | vkt flip x -o part.nrrd
     vkt set volume.nrrd --direction 0.96,0.28,0,-0.28,0.96,0,0,0,1 -o turned.nrrd
+    echo '3 1 5  1 2 3 4 5 6 7 8 9 10 11 12 13 14 -15' >kernel.txt
     vkt set volume.nrrd --direction 0,0,1,0,-1,0,1,0,0 -o swapped.nrrd
 }
 
@@ -31,6 +32,16 @@ operations=(
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"
+    "filter box --radius 4,0,2"
+    "filter gradient"
+    "filter kernel kernel.txt"
+    "filter laplacian --boundary wrap"
+    "filter sobel --component y --dtype int16"
+    "filter log --sigma 1.5"
+    "filter dog --sigma 1"
+    "filter sharpen --sigma 1,2,0 --boundary wrap"
+    "filter median --radius 1"
+    "filter median --radius 3,2,4 --boundary border:3"
     "convert --dtype float32"
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
@@ -57,6 +68,8 @@ operations=(
     "label --connectivity 18 --min-size 2"
     "distance --signed"
     "fill-holes --connectivity 6 --max-size 50"
+    "morphology close --radius 2"
+    "morphology tophat --radius 1,3,2 --shape box"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
@@ -114,11 +127,14 @@ same_for_all() {
     for operation in "${operations[@]}"; do
         verb=${operation%% *}
         rest=${operation#"$verb"}
-        if [ "$verb" = filter ]; then verb="filter gaussian" rest=${operation#filter gaussian}; fi
+        if [ "$verb" = filter ]; then
+            verb=$(cut -d' ' -f1-2 <<<"$operation")
+            rest=${operation#"$verb"}
+        fi
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith* | copy* | permute* | project*) direct= ;; # their positional words come first
+        flip* | arith* | copy* | permute* | project* | morphology* | 'filter kernel'*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)

@@ -1,9 +1,10 @@
-// stencil on a CPU: rows of neighbours in one compute type, a register of voxels at a time.
+// stencil and column_stencil on a CPU: rows of neighbours in one compute type, a register of voxels at a time.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/kernel/lanes.h"
+#include "libvkt/kernel/order.h"
 
 #include <vector>
 
@@ -33,7 +34,7 @@ public:
     static constexpr std::int64_t tile_rows = 8, tile_columns = row_piece;
 
     NeighbourRows(ConstView in, Index3 radius) : in_(in), radius_(radius) {
-        pitch_ = tile_columns + 2 * radius.x + 2 * lane_count<C>;
+        pitch_ = tile_columns + 2 * radius.x + 2 * lane_count<C>; // the last register reaches beyond
         high_ = tile_rows + 2 * radius.y;
         deep_ = 2 * radius.z + 1;
         values_.resize(static_cast<std::size_t>(pitch_ * high_ * deep_));
@@ -67,8 +68,8 @@ private:
                 std::int64_t const m = std::min(row_piece, n - i);
                 if constexpr (std::is_floating_point_v<C>)
                     load_row(in_.type, from, line(z, j) + i, m);
-                else // the voxels themselves
-                    std::memcpy(line(z, j) + i, from, static_cast<std::size_t>(m) * sizeof(C));
+                else
+                    load_keys(in_.type, from, line(z, j) + i, m);
             }
     }
 
@@ -80,59 +81,102 @@ private:
     std::vector<C const*> rows_;
 };
 
-/// Results of type C as voxels: rounded, or as they are where C is an integer type.
+/// Results of type C as voxels: rounded, or those that have these keys.
 template <class C> Losses store_results(AnyView out, std::byte* to, C const* values, std::int64_t n) {
     if constexpr (std::is_floating_point_v<C>)
         return store_row(out.type, values, to, n);
     else
-        std::memcpy(to, values, static_cast<std::size_t>(n) * sizeof(C));
+        store_keys(out.type, values, to, n);
     return {};
+}
+
+/// Calls make()(rows, n, results) for every row of at most tile_columns voxels of the output; make() once a thread,
+/// for its scratch. rows[(dz + rz) * (2 ry + 1) + dy + ry][x + dx] is a neighbour of voxel x of the row; results have
+/// room for a register more than n.
+template <class C, class Make>
+void for_each_row_of_neighbours(Execution const& execution, AnyView out, Losses& losses, Index3 radius, ConstView in,
+                                Make const& make) {
+    if (out.box.empty()) return;
+    constexpr std::int64_t columns = NeighbourRows<C>::tile_columns, lines = NeighbourRows<C>::tile_rows;
+    Index3 const n = out.dims();
+    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
+    // Tiles are as deep as leaves every thread some.
+    std::int64_t const across = parts(n.x, columns), along = parts(n.y, lines);
+    std::int64_t const wanted = 4 * std::max(1, execution.threads);
+    std::int64_t const deep =
+        std::max<std::int64_t>(std::max<std::int64_t>(4, 4 * radius.z), parts(n.z * across * along, wanted));
+    std::int64_t const layers = parts(n.z, std::min(deep, n.z)), tiles = across * along * layers;
+    std::int64_t const work = out.box.voxels() * (2 * radius.x + 1) * (2 * radius.y + 1) * (2 * radius.z + 1);
+    for_each_item(
+        static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), tiles)), tiles,
+        [&](std::int64_t first, std::int64_t last) {
+            NeighbourRows<C> rows(in, radius);
+            alignas(64) C results[columns + lane_count<C>];
+            auto compute = make();
+            Losses mine;
+            for (std::int64_t tile = first; tile < last; ++tile) {
+                std::int64_t const i = tile % across, j = tile / across % along, k = tile / across / along;
+                Index3 const lower = out.box.lower + Index3{i * columns, j * lines, k * n.z / layers};
+                Box const box{lower,
+                              {std::min(lower.x + columns, out.box.upper.x), std::min(lower.y + lines, out.box.upper.y),
+                               out.box.lower.z + (k + 1) * n.z / layers}};
+                rows.begin(box);
+                for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+                    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+                        compute(rows.around(y, z), box.dims().x, static_cast<C*>(results));
+                        mine +=
+                            store_results(out, out.at(box.lower.x, y, z), static_cast<C const*>(results), box.dims().x);
+                    }
+            }
+            add(losses, mine);
+        });
 }
 
 } // namespace driver
 
 template <class C, class F>
 void stencil(Execution const& execution, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
-    using driver::NeighbourRows;
-    if (out.box.empty()) return;
-    Index3 const n = out.dims();
-    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
-    // Tiles are as deep as leaves every thread some.
-    std::int64_t const across = parts(n.x, NeighbourRows<C>::tile_columns),
-                       along = parts(n.y, NeighbourRows<C>::tile_rows);
-    std::int64_t const wanted = 4 * std::max(1, execution.threads);
-    std::int64_t const deep =
-        std::max<std::int64_t>(std::max<std::int64_t>(4, 4 * radius.z), parts(n.z * across * along, wanted));
-    std::int64_t const layers = parts(n.z, std::min(deep, n.z)), tiles = across * along * layers;
-    std::int64_t const work = out.box.voxels() * (2 * radius.x + 1) * (2 * radius.y + 1) * (2 * radius.z + 1);
-    for_each_item(static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), tiles)), tiles,
-                  [&](std::int64_t first, std::int64_t last) {
-                      NeighbourRows<C> rows(in, radius);
-                      alignas(64) C results[NeighbourRows<C>::tile_columns + lane_count<C>];
-                      F const local = f;
-                      Losses mine;
-                      for (std::int64_t tile = first; tile < last; ++tile) {
-                          std::int64_t const i = tile % across, j = tile / across % along, k = tile / across / along;
-                          Index3 const lower{out.box.lower.x + i * NeighbourRows<C>::tile_columns,
-                                             out.box.lower.y + j * NeighbourRows<C>::tile_rows,
-                                             out.box.lower.z + k * n.z / layers};
-                          Box const box{lower,
-                                        {std::min(lower.x + NeighbourRows<C>::tile_columns, out.box.upper.x),
-                                         std::min(lower.y + NeighbourRows<C>::tile_rows, out.box.upper.y),
-                                         out.box.lower.z + (k + 1) * n.z / layers}};
-                          rows.begin(box);
-                          std::int64_t const length = box.dims().x;
-                          for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
-                              for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
-                                  C const* const* const around = rows.around(y, z);
-                                  for (std::int64_t x = 0; x < length; x += lane_count<C>)
-                                      store_lanes(results + x, local(Window<C>(around, radius, x)));
-                                  mine += driver::store_results(out, out.at(box.lower.x, y, z),
-                                                                static_cast<C const*>(results), length);
-                              }
-                      }
-                      driver::add(losses, mine);
-                  });
+    driver::for_each_row_of_neighbours<C>(execution, out, losses, radius, in, [&] {
+        return [radius, local = f](C const* const* rows, std::int64_t n, C* results) {
+            for (std::int64_t x = 0; x < n; x += lane_count<C>)
+                store_lanes(results + x, local(Window<C>(rows, radius, x)));
+        };
+    });
+}
+
+/// What column_stencil() made of the columns around as many voxels as a register holds.
+template <class C> class ColumnWindow {
+public:
+    using Value = Lanes<C>;
+    ColumnWindow(C const* values, std::int64_t pitch) : values_(values), pitch_(pitch) {}
+    VKT_HD Value operator()(std::int64_t dx, int which) const { return load_lanes(values_ + which * pitch_ + dx); }
+
+private:
+    C const* values_; ///< of the first voxel
+    std::int64_t pitch_;
+};
+
+template <class C, class F>
+void column_stencil(Execution const& execution, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
+    // Pieces whose columns stay in the first cache.
+    constexpr std::int64_t lanes = lane_count<C>, piece = 16 * lanes;
+    std::int64_t const pitch = (piece + 2 * radius.x + lanes - 1) / lanes * lanes + lanes;
+    driver::for_each_row_of_neighbours<C>(execution, out, losses, radius, in, [&] {
+        return [=, local = f, columns = std::vector<C>(static_cast<std::size_t>(pitch * F::columns))](
+                   C const* const* rows, std::int64_t n, C* results) mutable {
+            for (std::int64_t begin = 0; begin < n; begin += piece) {
+                std::int64_t const m = std::min(piece, n - begin);
+                for (std::int64_t x = 0; x < m + 2 * radius.x; x += lanes) {
+                    Lanes<C> made[F::columns];
+                    local.column(Window<C>(rows, radius, begin + x - radius.x), made);
+                    for (int k = 0; k < F::columns; ++k) store_lanes(columns.data() + k * pitch + x, made[k]);
+                }
+                for (std::int64_t x = 0; x < m; x += lanes)
+                    store_lanes(results + begin + x,
+                                local.combine(ColumnWindow<C>(columns.data() + radius.x + x, pitch)));
+            }
+        };
+    });
 }
 
 } // namespace vkt::VKT_BACKEND

@@ -1,10 +1,35 @@
-// stencil on a GPU: a block's voxels and their neighbours in shared memory.
+// stencil and column_stencil on a GPU: a block's voxels and their neighbours in shared memory.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/kernel/cuda_map.h"
+#include "libvkt/kernel/order.h"
 
 namespace vkt::VKT_BACKEND {
+
+namespace driver {
+
+/// A voxel as C, or its key where C is an integer.
+template <class C> __device__ __forceinline__ C load_neighbour(DataType type, std::byte const* from) {
+    if constexpr (std::is_floating_point_v<C>) return load_value<C>(type, from);
+    C key{};
+    with_type(type, [&]<class T>(T) {
+        if constexpr (sizeof(T) == sizeof(C)) key = to_key<T>(*reinterpret_cast<C const*>(from));
+    });
+    return key;
+}
+template <class C>
+__device__ __forceinline__ void store_result(DataType type, std::byte* to, C value, LossCounts& counts) {
+    if constexpr (std::is_floating_point_v<C>) {
+        store_value(type, to, value, counts);
+    } else {
+        with_type(type, [&]<class T>(T) {
+            if constexpr (sizeof(T) == sizeof(C)) *reinterpret_cast<C*>(to) = from_key<T>(value);
+        });
+    }
+}
+
+} // namespace driver
 
 /// The neighbours of one voxel.
 template <class C> class Window {
@@ -46,7 +71,7 @@ __global__ void __launch_bounds__(tile_x* tile_y)
         // The last blocks reach beyond: neighbours that no voxel of theirs has need not be read.
         std::int64_t const gx = x0 + x - tiles.rx, gy = y0 + j - tiles.ry;
         if (gx < dims.x + tiles.rx && gy < dims.y + tiles.ry)
-            values[i] = load_value<C>(in.type, in.at(gx, gy, z0 + k - tiles.rz));
+            values[i] = load_neighbour<C>(in.type, in.at(gx, gy, z0 + k - tiles.rz));
     }
     __syncthreads();
     LossCounts counts;
@@ -56,7 +81,7 @@ __global__ void __launch_bounds__(tile_x* tile_y)
             C const* const centre = values + (k + tiles.rz) * slice +
                                     (static_cast<int>(threadIdx.y) + tiles.ry) * wide + static_cast<int>(threadIdx.x) +
                                     tiles.rx;
-            store_value(out.type, out.at(x, y, z0 + k), f(Window<C>(centre, wide, slice)), counts);
+            store_result(out.type, out.at(x, y, z0 + k), f(Window<C>(centre, wide, slice)), counts);
         }
     add_counts(counts, totals);
 }
@@ -97,6 +122,36 @@ void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F con
         driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n, tiles, f, counts.get());
     check_launch("stencil");
     counts.add_to(losses);
+}
+
+namespace driver {
+
+/// Columns made anew for every voxel: there are registers for them, and no second pass.
+template <class C, class F, int radius> struct ColumnsOfVoxel {
+    F f;
+
+    struct Made {
+        using Value = C;
+        C values[(2 * radius + 1) * F::columns];
+        __device__ __forceinline__ C operator()(int dx, int which) const {
+            return values[(dx + radius) * F::columns + which];
+        }
+    };
+    __device__ __forceinline__ C operator()(Window<C> const& window) const {
+        Made made;
+#pragma unroll
+        for (int dx = -radius; dx <= radius; ++dx)
+            f.column([&](int x, int dy, int dz) { return window(dx + x, dy, dz); },
+                     made.values + (dx + radius) * F::columns);
+        return f.combine(made);
+    }
+};
+
+} // namespace driver
+
+template <class C, class F>
+void column_stencil(Execution const& execution, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
+    stencil<C>(execution, out, losses, radius, driver::ColumnsOfVoxel<C, F, F::radius>{f}, in);
 }
 
 } // namespace vkt::VKT_BACKEND

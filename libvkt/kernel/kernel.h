@@ -10,6 +10,10 @@
 //   map_at<C>(execution, out, losses, f, in...)           out = f(x, y, z, in...)  coordinates as double
 //   stencil<C>(execution, out, losses, radius, f, in)     out = f(window)          window(dx, dy, dz) is a neighbour's
 //                                                         value; `in` covers out.box grown by the radius
+//                                                         (C an integer: keys, see order.h)
+//   column_stencil<C>(…)                                  the same in two steps: f.column(window, C made[F::columns])
+//                                                         makes something of the neighbours with dx = 0, once a
+//                                                         column, and f.combine(columns) of columns(dx, which)
 //   reduce<C>(execution, in, zero)                        an R made of all voxels by add_row(values, n) on the CPU,
 //                                                         add(value) on the GPU, and merge(other): exact, so that no
 //                                                         order matters

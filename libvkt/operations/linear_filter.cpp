@@ -1,0 +1,167 @@
+// Linear filters, host side: types, value maps, bound and cost.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/linear_filter.h"
+
+#include <cmath>
+
+namespace vkt {
+
+namespace {
+
+/// Sum of the magnitudes of all weights along an axis, and of the weights.
+double magnitude_of(AxisTaps const& taps) {
+    double sum = 0;
+    for (std::size_t k = 0; k < taps.taps.size(); ++k) {
+        double const w = std::abs(taps.taps[k]);
+        bool const middle = k == 0 && taps.kind != AxisTaps::Kind::plain;
+        if (taps.kind == AxisTaps::Kind::plain || (middle && taps.kind == AxisTaps::Kind::even))
+            sum += w;
+        else if (!middle)
+            sum += (taps.kind == AxisTaps::Kind::zero_sum || taps.kind == AxisTaps::Kind::average ? 4 : 2) * w;
+    }
+    return sum + (taps.kind == AxisTaps::Kind::average ? 1 : 0);
+}
+double total_of(AxisTaps const& taps) {
+    if (taps.kind == AxisTaps::Kind::average) return 1;
+    double sum = 0;
+    if (taps.kind == AxisTaps::Kind::plain)
+        for (double const w : taps.taps) sum += w;
+    if (taps.kind == AxisTaps::Kind::even)
+        for (std::size_t k = 0; k < taps.taps.size(); ++k) sum += (k == 0 ? 1 : 2) * taps.taps[k];
+    return sum;
+}
+
+AxisTaps const& of(std::vector<AxisTaps> const& all, int index) { return all[static_cast<std::size_t>(index)]; }
+
+/// What a voxel of magnitude 1 can become, the sum of all weights, and how many roundings there are.
+struct Weight {
+    double magnitude = 0, total = 0;
+    std::int64_t steps = 0;
+};
+Weight weight_of(SeparableSum const& sum) {
+    Weight weight;
+    std::vector<double> parts(static_cast<std::size_t>(sum.parts), 0);
+    for (auto const& term : sum.terms) {
+        auto const& plane = sum.planes[static_cast<std::size_t>(term.plane)];
+        auto const &x = of(sum.x, plane.x), &y = of(sum.y, plane.y), &z = of(sum.z, term.z);
+        parts[static_cast<std::size_t>(term.part)] +=
+            std::abs(term.weight) * magnitude_of(x) * magnitude_of(y) * magnitude_of(z);
+        weight.total += term.weight * total_of(x) * total_of(y) * total_of(z);
+        weight.steps = std::max(weight.steps, x.radius() + y.radius() + z.radius());
+    }
+    for (double const part : parts) weight.magnitude += part * part;
+    weight.magnitude = std::sqrt(weight.magnitude);
+    weight.steps = 2 * weight.steps + 9 + static_cast<std::int64_t>(sum.terms.size());
+    return weight;
+}
+Weight weight_of(DenseKernel const& kernel) {
+    Weight weight;
+    for (Tap const& tap : kernel.taps) {
+        weight.magnitude += std::abs(tap.weight);
+        weight.total += tap.weight;
+    }
+    weight.steps = static_cast<std::int64_t>(kernel.taps.size()) + 3;
+    return weight;
+}
+
+} // namespace
+
+AxisTaps central_difference(double spacing) { return {AxisTaps::Kind::odd, {0, 0.5 / spacing}}; }
+AxisTaps second_difference(double spacing) { return {AxisTaps::Kind::zero_sum, {0, 1 / spacing / spacing}}; }
+
+Index3 SeparableSum::radius() const {
+    Index3 r;
+    for (auto const& taps : x) r.x = std::max(r.x, taps.radius());
+    for (auto const& taps : y) r.y = std::max(r.y, taps.radius());
+    for (auto const& taps : z) r.z = std::max(r.z, taps.radius());
+    return r;
+}
+
+double SeparableSum::cost() const {
+    double sum = 0;
+    for (auto const& taps : x) sum += static_cast<double>(taps.taps.size());
+    for (auto const& plane : planes) sum += static_cast<double>(of(y, plane.y).taps.size());
+    for (auto const& term : terms) sum += static_cast<double>(of(z, term.z).taps.size());
+    return sum + (parts > 1 ? 20 : 0);
+}
+
+Index3 SeparableSum::tile() const {
+    Index3 const r = radius();
+    // Rows as many as the halo has; all that is kept of the slices around should stay in the second cache.
+    std::int64_t const rows = std::clamp<std::int64_t>(2 * r.y, 8, 64);
+    auto const row = static_cast<std::int64_t>(planes.size()) * (2 * r.z + 1) * rows * (wide ? 8 : 4);
+    return {std::clamp<std::int64_t>((std::int64_t{1} << 19) / row / 64 * 64, 64, 512), rows,
+            std::max<std::int64_t>(4, 4 * r.z)};
+}
+
+std::size_t SeparableSum::bytes() const {
+    Index3 const r = radius(), n = tile();
+    auto const rows = static_cast<std::int64_t>(planes.size()) * (2 * r.z + 1) * n.y +
+                      static_cast<std::int64_t>(x.size()) * (n.y + 2 * r.y) + parts + 1;
+    return static_cast<std::size_t>(rows * (n.x + 2 * r.x + 128) * (wide ? 8 : 4));
+}
+
+void LinearFilter::parameters(Parameters& parameters) {
+    LocalFilter::parameters(parameters);
+    if (!keeps_type_)
+        parameters.option("dtype", dtype_, "TYPE", "data type of the result (default: float32, or float64)");
+}
+
+void LinearFilter::prepare(Header const& in, Plan& plan) {
+    bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
+    if (!keeps_type_) {
+        plan.output.dtype = dtype_.value_or(wide ? DataType::float64 : DataType::float32);
+        plan.output.values = {};
+    }
+    require_border_voxel(in);
+    sum_ = {};
+    dense_ = {};
+    describe(in, plan);
+    sum_.wide = dense_.wide = wide;
+    same_ = {{AxisTaps{}}, {AxisTaps{}}, {AxisTaps{}}, {{}}, {{}}, 1, in.values.intercept, wide};
+    same_.z[0].taps = {in.values.slope};
+
+    maps_ = !(in.values == plan.output.values);
+
+    bool const separable = !sum_.terms.empty();
+    Weight const weight = separable ? weight_of(sum_) : weight_of(dense_);
+    reach_ = separable ? sum_.radius() : dense_.radius;
+    plan.cost = separable ? sum_.cost() : static_cast<double>(dense_.taps.size());
+    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
+    if (!keeps_type_) {
+        for (auto& term : sum_.terms) term.weight *= in.values.slope;
+        for (Tap& tap : dense_.taps) tap.weight *= in.values.slope;
+        (separable ? sum_.offset : dense_.offset) = in.values.intercept == 0 ? 0 : in.values.intercept * weight.total;
+    }
+
+    double const unit = wide ? 0x1p-53 : 0x1p-24;
+    double const stored = storing_error(plan.output.dtype), steps = static_cast<double>(weight.steps + 2);
+    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.magnitude = weight.magnitude * (steps * unit + stored);
+    plan.error.absolute =
+        std::abs(in.values.intercept) * weight.magnitude * (4 * unit + stored) +
+        steps * std::max(1.0, weight.magnitude * std::abs(in.values.slope)) *
+            (storing_floor(wide ? DataType::float64 : DataType::float32) + storing_floor(plan.output.dtype));
+    plan.error.limit(in.dtype, in.values.slope, std::nullopt);
+}
+
+std::size_t LinearFilter::fit(Index3, Execution const& execution) {
+    return sum_.terms.empty() ? 0 : sum_.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
+}
+
+void LinearFilter::filter(ConstView in, AnyView out, Execution const& execution) {
+    if (sum_.terms.empty())
+        correlate_dense(in, out, dense_, losses_, execution);
+    else
+        correlate(in, out, sum_, losses_, execution);
+}
+
+void LinearFilter::outside(ConstView in, AnyView out, Execution const& execution) {
+    if (maps_)
+        correlate(in, out, same_, losses_, execution);
+    else
+        LocalFilter::outside(in, out, execution);
+}
+
+} // namespace vkt

@@ -1,0 +1,43 @@
+// Filters that are weighted sums of neighbours, or the length of a vector of such sums.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/operations/kernels/correlate.h"
+#include "libvkt/operations/local_filter.h"
+
+namespace vkt {
+
+/// Base of linear filters. They see physical values: the output has no value map. Its type is float32, float64 for
+/// float64 and integers of 32 and 64 bits, unless --dtype says else. Sums are in float32 where the input has at most 16
+/// bits or is float32, else in float64, to which 64-bit integers are rounded. The error bound is that of rounding.
+/// A border value must be a voxel of the input's type. Filters that keep the type keep the value map too, and work on
+/// stored values.
+class LinearFilter : public LocalFilter {
+public:
+    explicit LinearFilter(bool keeps_type = false) : keeps_type_(keeps_type) {}
+    void parameters(Parameters& parameters) override;
+    std::size_t fit(Index3 largest, Execution const& execution) override;
+
+protected:
+    /// The filter for physical values, in world units where lengths matter: fills sum_ or, if it stays empty, dense_.
+    virtual void describe(Header const& in, Plan& plan) = 0;
+    void prepare(Header const& in, Plan& plan) final;
+    void filter(ConstView in, AnyView out, Execution const& execution) override;
+    void outside(ConstView in, AnyView out, Execution const& execution) override;
+
+    SeparableSum sum_;
+    DenseKernel dense_;
+
+private:
+    bool keeps_type_;
+    std::optional<DataType> dtype_;
+    bool maps_ = false; ///< the input has a value map
+    SeparableSum same_; ///< physical values as they are
+};
+
+/// Taps [-1 0 1] / 2 h: central differences for voxels of size h.
+AxisTaps central_difference(double spacing);
+/// Taps [1 -2 1] / h^2.
+AxisTaps second_difference(double spacing);
+
+} // namespace vkt

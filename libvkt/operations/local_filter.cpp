@@ -1,0 +1,104 @@
+// Filters of a neighbourhood: options, checks, and what lies outside the region.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/local_filter.h"
+
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/kernels/convert.h"
+
+#include <cmath>
+
+namespace vkt {
+
+Radius ValueText<Radius>::read(std::vector<std::string> const& w, std::string_view name) {
+    std::string_view const word = w.front();
+    if (word.find(',') == std::string_view::npos) {
+        std::int64_t const r = ValueText<std::int64_t>::read(w, name);
+        return {{r, r, r}};
+    }
+    std::vector<std::string> parts(1);
+    for (char const c : word) {
+        if (c == ',')
+            parts.emplace_back();
+        else
+            parts.back() += c;
+    }
+    if (parts.size() != 3)
+        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is neither one whole number nor three: X,Y,Z"));
+    Radius radius;
+    for (int axis = 0; axis < 3; ++axis)
+        radius.voxels[axis] = ValueText<std::int64_t>::read({parts[static_cast<std::size_t>(axis)]}, name);
+    return radius;
+}
+
+std::vector<std::string> ValueText<Radius>::write(Radius const& radius) {
+    Index3 const& r = radius.voxels;
+    return {r.x == r.y && r.y == r.z ? to_text(r.x) : text(r.x, ",", r.y, ",", r.z)};
+}
+
+void Radius::check(std::int64_t most) const {
+    for (int axis = 0; axis < 3; ++axis)
+        if (voxels[axis] < 0 || voxels[axis] > most)
+            throw Error(ErrorKind::usage, text("--radius ", voxels[axis], " is not in 0 to ", most));
+}
+
+void LocalFilter::parameters(Parameters& parameters) {
+    parameters.option("boundary", boundary_, "RULE",
+                      "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
+    parameters.option("roi", region_, "REGION", "filter only the voxels of this region");
+}
+
+void LocalFilter::check() const {
+    if (!std::isfinite(boundary_.value))
+        throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
+}
+
+Plan LocalFilter::plan(std::span<Header const> inputs) {
+    check();
+    Header const& in = inputs[0];
+    Plan plan;
+    plan.output = in;
+    plan.boundary = boundary_.boundary;
+    if (boundary_.boundary == Boundary::border) plan.border_value = in.values.stored(boundary_.value);
+    losses_ = {};
+    box_ = region_.empty() ? box_of(in.dims) : region_.resolve(in.dims);
+    prepare(in, plan);
+    planned_ = plan.output;
+    return plan;
+}
+
+Plan LocalFilter::plan_level(Header const& level, Index3) {
+    if (!region_.empty())
+        throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
+                    "crop the hierarchical volume first: vkt crop --roi");
+    return plan({&level, 1});
+}
+
+void LocalFilter::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, box_);
+    if (inside != out.box) outside(inputs[0].part(out.box), out, execution);
+    if (!inside.empty()) filter(inputs[0], out.part(inside), execution);
+}
+
+void LocalFilter::outside(ConstView in, AnyView out, Execution const& execution) {
+    if (in.type == out.type)
+        copy_region(in, out, execution);
+    else
+        convert_values(in, out, losses_, execution);
+}
+
+void LocalFilter::require_border_voxel(Header const& in) const {
+    if (boundary_.boundary != Boundary::border) return;
+    double const stored = in.values.stored(boundary_.value);
+    bool const held = is_integer(in.dtype) ? stored >= lowest_of(in.dtype) && stored <= highest_of(in.dtype) &&
+                                                 std::abs(stored - std::nearbyint(stored)) <= 1e-9 * std::abs(stored)
+                                           : std::abs(stored) <= highest_of(in.dtype);
+    if (!held)
+        throw Error(ErrorKind::usage,
+                    text("--boundary border:", boundary_.value, " is no voxel of a ", in.dtype, " volume",
+                         in.values == ValueMap{} ? "" : " with this value map"),
+                    "convert the volume first: vkt convert --dtype float32");
+}
+
+std::vector<Remark> LocalFilter::remarks() const { return store_remarks(losses_, planned_.voxels(), planned_.dtype); }
+
+} // namespace vkt

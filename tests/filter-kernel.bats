@@ -1,0 +1,149 @@
+# vkt filter kernel against SciPy's correlate, dense and separable.
+load helper
+load filters
+
+setup_more() {
+    make_volumes
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(12)
+def text(name, k):
+    with open(name, 'w') as f:
+        print('# weights', *k.shape[::-1], file=f)
+        print(*k.shape[::-1], file=f)
+        np.savetxt(f, k.reshape(-1, k.shape[2]))
+text('dense.txt', r.normal(size=(5, 3, 7)))
+text('long.txt', r.normal(size=(1, 1, 9)))
+text('product.txt', np.einsum('i,j,k->ijk', r.normal(size=3), r.normal(size=7), r.normal(size=5)))
+text('large.txt', r.normal(size=(3, 13, 15)))"
+}
+
+# kernel KERNEL TYPE PAD [OPTION…]: runs it with --explain; are_correlations compares with SciPy to the bound it states.
+kernel() {
+    local out=k$(ls k*.raw 2>/dev/null | wc -l).raw kernel=$1 type=$2 mode=$3
+    shift 3
+    vkt filter kernel $kernel v_13x11x7_$type.raw --explain --format raw -o $out "$@" 2>plan
+    echo "$kernel $type $out $mode $(grep -o 'error at most [0-9.e+-]*' plan | cut -d' ' -f4) $*" >>jobs
+}
+
+are_correlations() {
+    /usr/bin/python3 - <<'PY'
+import numpy as np
+from scipy.ndimage import correlate, convolve
+for line in open('jobs'):
+    kernel, dtype, out, mode, bound, *options = line.split()
+    words = [w for l in open(kernel) for w in l.split('#')[0].split()]
+    k = np.array(words[3:], float).reshape([int(n) for n in words[2::-1]])
+    mode, _, value = mode.partition(':')
+    v = np.fromfile(f'v_13x11x7_{dtype}.raw', dtype).reshape(7, 11, 13).astype('f8')
+    want = (convolve if '--convolve' in options else correlate)(v, k, mode=mode, cval=float(value or 0))
+    wide = dtype in ('float64', 'int32', 'uint32', 'int64', 'uint64')
+    got = np.fromfile(out, 'f8' if wide else 'f4').reshape(v.shape)
+    allowed = float(bound) * max(abs(v).max(), abs(float(value or 0))) + 1e-13 * abs(want).max()
+    assert allowed < 1e-2 * abs(want).max()
+    assert abs(got - want).max() <= allowed, f'{line}: {abs(got - want).max()} > {allowed}'
+PY
+    rm jobs
+}
+
+@test "every type is what SciPy's correlate gives, to the stated bound" {
+    for type in $all_types; do
+        for kernel in dense long product large; do kernel $kernel.txt $type reflect; done
+    done
+    are_correlations
+}
+
+@test "boundaries are SciPy's" {
+    for pair in mirror=reflect clamp=nearest wrap=wrap border=constant:0 border:-2=constant:-2; do
+        for kernel in dense product large; do kernel $kernel.txt float32 "${pair#*=}" --boundary "${pair%=*}"; done
+    done
+    are_correlations
+}
+
+@test "correlation by default, convolution when asked" {
+    kernel dense.txt int16 reflect --convolve
+    kernel product.txt int16 reflect --convolve
+    are_correlations
+    # The weight of the neighbour with larger x is the last of the row.
+    echo '3 1 1  0 0 1' >next.txt
+    vkt filter kernel next.txt v_13x11x7_uint8.raw --dtype uint8 | vkt crop --roi :12,:,: | vkt write - --format raw >a.raw
+    vkt crop v_13x11x7_uint8.raw --roi 1:,:,: | vkt write - --format raw | cmp - a.raw
+}
+
+@test "the plan says what was found" {
+    vkt filter kernel product.txt v_13x11x7_uint8.raw -n -o x.vkt 2>plan
+    grep -q 'separable kernel, 5x7x3' plan
+    vkt filter kernel dense.txt v_13x11x7_uint8.raw -n -o x.vkt 2>plan
+    grep -q 'direct, kernel 7x3x5, 105 weights' plan
+    printf '3 3 3  1 2 1 2 4 2 1 2 1  2 4 2 4 8 4 2 4 2  1 2 1 2 4 2 1 2 1.001' >nearly.txt
+    vkt filter kernel nearly.txt v_13x11x7_uint8.raw -n -o x.vkt 2>plan
+    grep -q 'direct' plan
+}
+
+@test "a kernel may be a volume, of any type and with a value map" {
+    /usr/bin/python3 -c "
+import numpy as np
+np.arange(27, dtype='u1').tofile('k_3x3x3_uint8.raw')
+print(3, 3, 3, *(0.5 * np.arange(27) - 3), file=open('k.txt', 'w'))"
+    vkt set k_3x3x3_uint8.raw --slope 0.5 --intercept -3 -o k.nrrd
+    vkt filter kernel k.nrrd v_13x11x7_float32.raw | vkt write - --format raw >a.raw
+    vkt filter kernel k.txt v_13x11x7_float32.raw | vkt write - --format raw >b.raw
+    cmp a.raw b.raw
+    vkt filter kernel <(cat k.txt) v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw
+    vkt filter kernel <(cat k.nrrd) v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw
+}
+
+@test "values are physical; NaN and infinities stay within the kernel" {
+    vkt set v_13x11x7_int16.raw --slope 0.5 --intercept 100 | vkt filter kernel dense.txt --dtype float64 | vkt write - --format raw >a.raw
+    vkt set v_13x11x7_int16.raw --slope 0.5 --intercept 100 | vkt filter kernel product.txt --dtype float64 | vkt write - --format raw >p.raw
+    vkt filter kernel dense.txt n_13x11x7_float64.raw | vkt write - --format raw >n.raw
+    /usr/bin/python3 -c "
+import numpy as np
+from scipy.ndimage import correlate
+v = np.fromfile('v_13x11x7_int16.raw', 'i2').reshape(7, 11, 13) * .5 + 100
+def read(name):
+    words = [w for l in open(name) for w in l.split('#')[0].split()]
+    return np.array(words[3:], float).reshape([int(n) for n in words[2::-1]])
+for name, kernel in (('a.raw', 'dense.txt'), ('p.raw', 'product.txt')):
+    want = correlate(v, read(kernel), mode='reflect')
+    assert abs(np.fromfile(name, 'f8').reshape(v.shape) - want).max() < 1e-5 * abs(want).max()
+n = np.fromfile('n_13x11x7_float64.raw').reshape(v.shape)
+with np.errstate(invalid='ignore'):
+    spoilt = correlate((~np.isfinite(n)).astype(float), np.ones((5, 3, 7)), mode='reflect') > 0
+got = np.fromfile('n.raw').reshape(v.shape)
+assert (np.isfinite(got) == ~spoilt).all()
+clean = correlate(np.where(np.isfinite(n), n, 0), read('dense.txt'), mode='reflect')
+assert abs(got - clean)[~spoilt].max() < 1e-12"
+}
+
+@test "slabs, threads, memory, pipes and regions make no difference" {
+    for kernel in dense product large; do same_however_run dtype=float32 vkt filter kernel $kernel.txt; done
+    same_however_run dtype=uint8 vkt filter kernel dense.txt
+    same_however_run dtype=uint32 vkt filter kernel product.txt
+}
+
+@test "what is no kernel is refused, and said" {
+    echo '2 3 3' >even.txt
+    fails_with 3 'not odd' vkt filter kernel even.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 2' >short.txt
+    fails_with 3 'it ends after 5 of 6 numbers' vkt filter kernel short.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 2 3 4' >more.txt
+    fails_with 3 'more than 3 weights' vkt filter kernel more.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 2 1e400' >inf.txt
+    run ! vkt filter kernel inf.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 2-3 1' >word.txt
+    fails_with 3 "'2-3' is not a number" vkt filter kernel word.txt v_13x11x7_uint8.raw -o o.vkt
+    fails_with 4 'absent.txt' vkt filter kernel absent.txt v_13x11x7_uint8.raw -o o.vkt
+    fails_with 2 'kernel' vkt filter kernel
+    fails_with 2 'is no voxel of a uint8 volume' vkt filter kernel dense.txt v_13x11x7_uint8.raw --boundary border:0.5 -o o.vkt
+    fails_with 2 'is no voxel of a uint8 volume' vkt filter kernel dense.txt v_13x11x7_uint8.raw --boundary border:-1 -o o.vkt
+    : >empty.txt
+    run ! vkt filter kernel empty.txt v_13x11x7_uint8.raw -o o.vkt
+    [ ! -e o.vkt ]
+}
+
+@test "a type asked for clips and says so" {
+    echo '1 1 1 300' >gain.txt
+    fails_with 3 'clipped to [0,255]' vkt filter kernel gain.txt v_13x11x7_uint8.raw --dtype uint8 --strict -o o.vkt
+    vkt make amr --blocks 20 --levels 2 | vkt filter kernel dense.txt | vkt info - >/dev/null
+}
