@@ -71,6 +71,7 @@ void examples_into(std::string& lines, Command const& command) {
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
         {"arith", "threshold clamp difference subtract add multiply divide"},
+        {"clahe", "contrast equalize equalise adaptive histogram enhance"},
         {"convert", "cast quantize normalize rescale"},
         {"crop", "cut trim subvolume clip roi"},
         {"diff", "compare equal cmp"},

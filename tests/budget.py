@@ -23,6 +23,7 @@ shapes = {
 # {f}: the volume, {x}…{z}: its dims. Several lines of arguments are several runs.
 arguments = {
     "arith": ["add {f} {f}", "mul {f} 2"],
+    "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],

@@ -34,6 +34,7 @@ operations=(
     "convert --dtype int16 --range minmax"
     "convert --dtype uint8 --range p1:p99"
     "arith mul - 1.5"
+    "clahe --bricks 3,4,2"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
