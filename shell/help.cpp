@@ -78,11 +78,12 @@ std::map<std::string, std::string> const& synonyms() {
         {"dump", "print values"},
         {"filter gaussian", "blur smooth denoise gauss"},
         {"flip", "mirror reverse"},
+        {"histogram", "distribution bins counts frequency"},
         {"info", "metadata header"},
         {"make", "generate create phantom"},
         {"render", "image thumbnail screenshot view show display plot"},
         {"resample", "downsample upsample resize shrink zoom"},
-        {"stats", "average histogram mean statistics"},
+        {"stats", "average mean statistics"},
     };
     return words;
 }

@@ -103,7 +103,7 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     if (operation != nullptr || reduction)
         line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;
-    bool const spools = jumps || plan.access == Access::random || (plan.scans && !reduction);
+    bool const spools = jumps || plan.access == Access::random || plan.scans;
     bool const whole = is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += whole    ? ", holds the whole volume"
             : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",

@@ -35,6 +35,7 @@ arguments = {
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
+    "histogram": ["{f}", "{f} --range 0:1", "{f} --range p1:p99 --memory 64M"],
     "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
     "make checkerboard": ["--dims {x} {y} {z}"],
     "make constant": ["--dims {x} {y} {z}"],

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 namespace vkt {
 namespace {
@@ -57,18 +58,34 @@ Bins::Bins(DataType type, ValueMap const& map, Number const& low, Number const& 
     }
     if (size_of(type) > 2) return;
     table_.resize(std::size_t{1} << (8 * size_of(type)));
+    for (std::size_t bits = 0; bits < table_.size(); ++bits) table_[bits] = slot_of(value_of_pattern(type, bits));
+}
+
+Bins Bins::of_patterns(DataType type) {
+    Bins bins;
+    bins.type_ = type;
+    bins.edges_ = {0, 0};
+    bins.table_.resize(std::size_t{1} << (8 * size_of(type)));
+    std::iota(bins.table_.begin(), bins.table_.end(), 0);
+    bins.count_ = static_cast<int>(bins.table_.size());
+    return bins;
+}
+
+double Bins::value_of_pattern(DataType type, std::size_t bits) {
+    double value = 0;
     baseline::for_each_type(type, [&]<class T>(T) {
-        if constexpr (sizeof(T) <= 2)
-            for (std::size_t bits = 0; bits < table_.size(); ++bits) {
-                auto const pattern = static_cast<std::uint16_t>(bits);
-                T value;
-                std::memcpy(static_cast<void*>(&value), &pattern, sizeof value);
-                table_[bits] = slot_of(static_cast<double>(value));
-            }
+        if constexpr (sizeof(T) <= 2) {
+            auto const pattern = static_cast<std::uint16_t>(bits);
+            T stored;
+            std::memcpy(static_cast<void*>(&stored), &pattern, sizeof stored);
+            value = static_cast<double>(stored);
+        }
     });
+    return value;
 }
 
 double Bins::edge(int k) const {
+    if (k == 0) return low_.value;
     if (k == count_) return high_.value;
     if (exact_) {
         Int128 const steps = Int128{k} * (*high_.whole - *low_.whole), whole = steps / count_;
@@ -76,7 +93,8 @@ double Bins::edge(int k) const {
     }
     double const width = high_.value - low_.value;
     if (std::isfinite(width)) return low_.value + k * (width / count_);
-    return low_.value + k * (high_.value / count_ - low_.value / count_);
+    double const share = static_cast<double>(k) / count_;
+    return low_.value * (1 - share) + high_.value * share;
 }
 
 std::string Bins::edge_text(int k) const {

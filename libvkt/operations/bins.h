@@ -15,7 +15,8 @@ namespace vkt {
 /// Bins are half-open, the last one holds its upper edge as well. Values are physical, slope * stored + intercept in
 /// double precision; those of integers without a value map are whole numbers, and nothing is rounded. Edge k is the
 /// rational number low + k (high - low) / count for these, if the ends are whole, and low + k * ((high - low) / count)
-/// in double precision otherwise; the last edge is `high`. What lies outside, infinities too, and what is not a number
+/// in double precision otherwise (low (1 - k / count) + high k / count where the
+/// difference is beyond it); the last edge is `high`. What lies outside, infinities too, and what is not a number
 /// has a slot of its own after the bins.
 class Bins {
 public:
@@ -24,6 +25,11 @@ public:
     Bins() = default;
     /// Of stored voxels of this type under this map; low < high, both finite.
     Bins(DataType type, ValueMap const& map, Number const& low, Number const& high, int count);
+
+    /// Of a type of at most 16 bits: a bin for every pattern of bits, by pattern; it has no edges.
+    static Bins of_patterns(DataType type);
+    /// The stored value of such a pattern.
+    static double value_of_pattern(DataType type, std::size_t bits);
 
     int count() const { return count_; }
     int under() const { return count_; }
