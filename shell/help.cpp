@@ -72,6 +72,7 @@ void examples_into(std::string& lines, Command const& command) {
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
         {"arith", "clamp difference subtract add multiply divide"},
+        {"clahe", "contrast equalize equalise adaptive histogram enhance"},
         {"convert", "cast quantize normalize rescale"},
         {"copy", "paste insert merge"},
         {"crop", "cut trim subvolume clip roi"},
@@ -91,6 +92,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"filter sharpen", "unsharp mask crisp"},
         {"filter sobel", "edge derivative gradient"},
         {"flip", "mirror reverse"},
+        {"histogram", "distribution bins counts frequency"},
         {"info", "metadata header"},
         {"label", "connected components segmentation islands blobs largest"},
         {"make", "generate create phantom"},
@@ -102,8 +104,8 @@ std::map<std::string, std::string> const& synonyms() {
         {"resample", "downsample upsample resize shrink zoom"},
         {"shm", "memory share publish segment ipc"},
         {"slice", "plane cut section png"},
-        {"stats", "average histogram mean statistics"},
         {"threshold", "binarize segment mask otsu"},
+        {"stats", "average mean statistics"},
     };
     return words;
 }

@@ -109,7 +109,8 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     if (operation != nullptr || reduction)
         line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;
-    bool const spools = jumps || plan.access == Access::random || (scans_before(plan, work, 0) && !reduction);
+    bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
+    bool const spools = jumps || plan.access == Access::random || again;
     bool const whole = plan.whole || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
     line += whole    ? ", holds the whole volume"
             : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",

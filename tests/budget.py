@@ -23,6 +23,7 @@ shapes = {
 # {f}: the volume, {x}…{z}: its dims. Several lines of arguments are several runs.
 arguments = {
     "arith": ["add {f} {f}", "mul {f} 2"],
+    "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
@@ -43,6 +44,7 @@ arguments = {
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
     "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
+    "histogram": ["{f}", "{f} --range 0:1", "{f} --range p1:p99 --memory 64M"],
     "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
     "make checkerboard": ["--dims {x} {y} {z}"],
     "make constant": ["--dims {x} {y} {z}"],

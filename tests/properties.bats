@@ -70,6 +70,7 @@ operations=(
     "fill-holes --connectivity 6 --max-size 50"
     "morphology close --radius 2"
     "morphology tophat --radius 1,3,2 --shape box"
+    "clahe --bricks 3,4,2"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }

@@ -35,7 +35,7 @@ enum class Shape : std::uint8_t {
 struct Plan {
     Header output;                   ///< ignored for reductions
     Access access = Access::forward; ///< random: ascending output slabs need input slabs in another order
-    bool scans = false;              ///< wants scan() over the whole input before the first run()
+    bool scans = false;              ///< wants scan() over the whole input before run(); reductions: more than once
     /// run() is called once, for all of the output; footprints are whole inputs. Refused where these, the output and
     /// state_bytes exceed the budget.
     bool whole = false;
@@ -97,7 +97,7 @@ public:
     /// Of how many rows, counted from the first of such a slice, its pieces are multiples.
     virtual std::int64_t scan_step(Index3 /*part*/) const { return 1; }
     virtual void scan_end() {}
-    /// After scan_end(): true if one pass was not enough. Not for reductions, whose input passes only once.
+    /// After scan_end(): true if one pass was not enough. Reductions only if their plan says that they scan.
     virtual bool scans_again() const { return false; }
     /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose
     /// dims and type are fixed by then.

@@ -8,6 +8,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/operation_source.h"
+#include "libvkt/engine/spool.h"
 #include "libvkt/engine/tree_run.h"
 #include "libvkt/kernel/border.h"
 
@@ -36,6 +37,29 @@ private:
     std::vector<Volume> volumes_;
     std::size_t next_ = 0;
 };
+
+/// One volume that was spooled.
+class SpoolSource : public Source {
+public:
+    SpoolSource(Spool& spool, Header const& header) : spool_(spool), header_(header) {}
+
+    bool next_volume() override { return false; }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    void read(AnyView out) override { spool_.read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return spool_.borrow(region); }
+    void finish() override {}
+
+private:
+    Spool& spool_;
+    Header header_;
+};
+
+/// All passes that a reduction wants.
+void scan_passes(Source& source, Operation& reduction, Execution const& execution, StageTimes* times) {
+    do scan_volume(source, reduction, execution, times);
+    while (reduction.scans_again());
+}
 
 void tell_remarks(Operation const& operation, StageInfo const& info) {
     if (!info.listener) return;
@@ -104,8 +128,16 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
         reduce_hierarchical(reduction, load(source, execution), execution);
         return tell_remarks(reduction, info);
     }
-    scan_volume(source, reduction, beside_neighbours(execution, plan, info), info.times.get());
-    source.finish();
+    Execution const beside = beside_neighbours(execution, plan, info);
+    if (plan.scans && source.access() == Access::forward) {
+        Spool spool(source.header(), spool_limit(1, execution), execution, info);
+        spool.fill(source, execution);
+        SpoolSource again(spool, headers.front());
+        scan_passes(again, reduction, beside, info.times.get());
+    } else {
+        scan_passes(source, reduction, beside, info.times.get());
+        source.finish();
+    }
     tell_remarks(reduction, info);
 }
 

@@ -54,7 +54,7 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times);
 
-/// Runs a reduction over the current volume of a source: plan, scan of every slab, scan_end, finish.
+/// Runs a reduction over a source's current volume (spooled if need be): plan, scan of every slab, scan_end, finish.
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info);
 
 /// Moves all volumes of a source into a sink and closes it. On failure the sink is told and nothing is closed.

@@ -338,7 +338,8 @@ void reduce_hierarchical(Operation& reduction, Volume const& volume, Execution c
     on_host.device = Device::cpu;
     Header const& header = volume.header();
     reduction.plan({&header, 1});
-    scan_cells(reduction, volume, on_host);
+    do scan_cells(reduction, volume, on_host);
+    while (reduction.scans_again());
 }
 
 } // namespace vkt

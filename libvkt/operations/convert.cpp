@@ -10,47 +10,6 @@
 
 namespace vkt {
 
-namespace {
-
-RangeEnd parse_end(std::string_view word, std::string_view name) {
-    RangeEnd end;
-    end.percentile = !word.empty() && word.front() == 'p';
-    end.value = ValueText<Number>::read({std::string(end.percentile ? word.substr(1) : word)}, name);
-    double const value = end.value.value;
-    if (end.percentile && !(value >= 0 && value <= 100))
-        throw Error(ErrorKind::usage, text("--", name, ": ", value, " is not a percentile between 0 and 100"));
-    if (!std::isfinite(value)) throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not finite"));
-    return end;
-}
-
-bool is_extreme(RangeEnd const& end) { return end.percentile && (end.value == Number(0) || end.value == Number(100)); }
-
-bool is_below(Number const& a, Number const& b) { return a.whole && b.whole ? *a.whole < *b.whole : a.value < b.value; }
-
-bool is_wide(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
-
-} // namespace
-
-RangeOption ValueText<RangeOption>::read(std::vector<std::string> const& w, std::string_view name) {
-    std::string_view const word = w.front();
-    if (word == "minmax") return {{true, Number(0)}, {true, Number(100)}};
-    std::size_t const colon = word.find(':');
-    if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
-        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
-                    "for example 0:255, minmax or p1:p99");
-    RangeOption const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
-    if (range.low.percentile == range.high.percentile && !is_below(range.low.value, range.high.value))
-        throw Error(ErrorKind::usage,
-                    text("--", name, ": '", word, "' is empty: the first end must be below the second"));
-    return range;
-}
-
-std::vector<std::string> ValueText<RangeOption>::write(RangeOption const& v) {
-    if (v == RangeOption{{true, Number(0)}, {true, Number(100)}}) return {"minmax"};
-    return {text(v.low.percentile ? "p" : "", to_text(v.low.value), ":", v.high.percentile ? "p" : "",
-                 to_text(v.high.value))};
-}
-
 VKT_OPERATION(Convert, "convert")
 
 void Convert::parameters(Parameters& p) {
@@ -74,7 +33,8 @@ Plan Convert::plan(std::span<Header const> inputs) {
     type_ = dtype.value_or(input_.dtype);
     values_ = input_.values;
     counts_ = {};
-    quantiles_.reset();
+    scan_.reset();
+    scans_again_ = false;
     Plan plan;
     plan.output = input_;
     plan.output.dtype = type_;
@@ -95,7 +55,8 @@ Plan Convert::plan(std::span<Header const> inputs) {
     // Of the range that is mapped, which percentiles do not make wider than the data's.
     double const share =
         0x1p-53 * (5 + std::max(std::abs(to_low_), std::abs(to_high_)) / (to_high_ / 2 - to_low_ / 2) / 2);
-    bool const known = !range->low.percentile && !range->high.percentile;
+    bool const known = !range->depends();
+    scan_.emplace(*range, input_);
     double const stores = storing_error(type_), largest = std::max(std::abs(to_low_), std::abs(to_high_));
     double const width = to_high_ - to_low_; // of stored values that the range becomes
     double const stored_share = std::isfinite(largest / width) ? stores * largest / width : 1;
@@ -110,64 +71,25 @@ Plan Convert::plan(std::span<Header const> inputs) {
         plan.error.range = share + stored_share;
     }
     if (known) {
-        set_map(stored(range->low.value), stored(range->high.value));
+        set_map(scan_->low(), scan_->high());
         plan.output.values = values_;
         return plan;
     }
     plan.scans = true;
-    std::vector<double> percents;
-    bool const falling = input_.values.slope < 0; // percentiles are of physical values
-    for (RangeEnd const& end : {range->low, range->high})
-        if (end.percentile && !is_extreme(end)) percents.push_back(falling ? 100 - end.value.value : end.value.value);
-    plan.method = percents.empty() ? "extremes first, then linear map" : "percentiles first, then linear map";
-    any_finite_ = scans_again_ = false;
-    if (percents.empty()) return plan;
-    plan.state_bytes = Quantiles::state_bytes(input_.dtype, 1);
-    quantiles_ = std::make_unique<Quantiles>(input_.dtype, std::move(percents), input_.voxels());
+    plan.method = scan_->has_percentiles() ? "percentiles first, then linear map" : "extremes first, then linear map";
+    plan.state_bytes = scan_->state_bytes();
     return plan;
 }
 
-void Convert::scan(ConstView slab, Execution const& execution) {
-    bool const first_pass = !scans_again_;
-    if (first_pass && (is_extreme(range->low) || is_extreme(range->high))) {
-        FiniteExtremes found;
-        find_extremes(slab, found, execution);
-        auto const value = [&](double v, Int128 whole) {
-            return is_wide(input_.dtype) ? StoredValue{whole, 0} : StoredValue{0, v};
-        };
-        if (found.low <= found.high) {
-            StoredValue const low = value(found.low, found.whole_low), high = value(found.high, found.whole_high);
-            if (!any_finite_ || low - least_voxel_ < 0) least_voxel_ = low;
-            if (!any_finite_ || high - most_voxel_ > 0) most_voxel_ = high;
-            any_finite_ = true;
-        }
-    }
-    if (!quantiles_) return;
-    // Every thread has counters of its own; all together they take no more than an eighth of the budget.
-    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(input_.dtype, 1)));
-    quantiles_->add(slab, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)));
-}
-
-/// Of integers without a value map whole numbers are kept as they are.
-StoredValue Convert::stored(Number const& physical) const {
-    if (is_wide(input_.dtype) && input_.values == ValueMap{} && physical.whole) return {*physical.whole, 0};
-    return {0, input_.values.stored(physical.value)};
-}
-
-StoredValue Convert::end_of(RangeEnd const& end, std::size_t& percentiles) const {
-    if (!end.percentile) return stored(end.value);
-    if (is_extreme(end)) return (end.value == Number(0)) == (input_.values.slope > 0) ? least_voxel_ : most_voxel_;
-    return quantiles_->percentile(percentiles++);
-}
+void Convert::scan(ConstView slab, Execution const& execution) { scan_->scan(slab, execution); }
 
 void Convert::scan_end() {
-    scans_again_ = quantiles_ && quantiles_->end_pass();
+    scans_again_ = scan_->end_pass();
     if (scans_again_) return;
-    if (!any_finite_ && !(quantiles_ && quantiles_->count() > 0))
+    if (!scan_->known())
         throw Error(ErrorKind::data, "no voxel is a finite number: there is no range to map",
                     "give numbers: --range LO:HI");
-    std::size_t percentiles = 0;
-    StoredValue const low = end_of(range->low, percentiles), high = end_of(range->high, percentiles);
+    StoredValue const low = scan_->low(), high = scan_->high();
     double const first = input_.values.physical(low.value()) + 0.0, last = input_.values.physical(high.value()) + 0.0;
     if (!std::isfinite(first) || !std::isfinite(last))
         throw Error(ErrorKind::data, text("the volume's range reaches from ", first, " to ", last),

@@ -3,31 +3,12 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
-#include "libvkt/operations/number.h"
-#include "libvkt/operations/quantiles.h"
+#include "libvkt/operations/range_option.h"
 #include "libvkt/operations/remarks.h"
 
-#include <memory>
+#include <optional>
 
 namespace vkt {
-
-/// One end of a range: a physical value, or a percentile of the volume (0 and 100 are the extremes).
-struct RangeEnd {
-    bool percentile = false;
-    Number value;
-    friend bool operator==(RangeEnd const&, RangeEnd const&) = default;
-};
-
-/// "LO:HI", "minmax", "p1:p99", or mixtures such as "0:p99.5".
-struct RangeOption {
-    RangeEnd low, high;
-    friend bool operator==(RangeOption const&, RangeOption const&) = default;
-};
-
-template <> struct ValueText<RangeOption> : OneWord {
-    static RangeOption read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(RangeOption const& v);
-};
 
 /// Without a range stored values are kept: rounded half to even, saturated, NaN to 0; both are counted. 64-bit integers
 /// convert exactly. With a range, physical values in [low, high] are mapped linearly to `to`, by default the full range
@@ -58,19 +39,16 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
-    StoredValue stored(Number const& physical) const;
-    StoredValue end_of(RangeEnd const& end, std::size_t& percentiles) const;
     void set_map(StoredValue low, StoredValue high);
 
     Header input_;
     DataType type_ = DataType::uint8;
     ValueMap values_;
-    StoredValue low_, high_;               ///< stored input range, low_ where to_low_ comes from
-    StoredValue least_voxel_, most_voxel_; ///< extremes
-    bool any_finite_ = false, scans_again_ = false;
+    StoredValue low_, high_; ///< stored input range, low_ where to_low_ comes from
+    bool scans_again_ = false;
     double to_low_ = 0, to_high_ = 1;
     double scale_ = 1, factor_ = 1; ///< see LinearMap
-    std::unique_ptr<Quantiles> quantiles_;
+    std::optional<RangeScan> scan_;
     Losses counts_;
     bool copies_ = false;
 };

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/statistics.h"
 
-#include "libvkt/amr/cells.h"
 #include "libvkt/amr/reconstruct.h"
+#include "libvkt/operations/foreground.h"
 #include "libvkt/operations/kernels/statistics.h"
 
 #include <cmath>
@@ -39,13 +39,6 @@ Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
             at = find_from_row<T>(slab, row, extreme.value);
     });
     return at;
-}
-
-template <class T> bool equal(T a, T b) {
-    if constexpr (std::is_integral_v<T>)
-        return a == b;
-    else
-        return static_cast<double>(a) == static_cast<double>(b);
 }
 
 /// The first finite voxel of a slab in x-fastest order.
@@ -183,24 +176,8 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
 
 /// The same of what is not background.
 void Statistics::scan_foreground(ConstView part, Execution const& execution) {
-    foreground_.resize(static_cast<std::size_t>(part.box.voxels()) * size_of(part.type));
-    std::int64_t count = 0;
-    baseline::for_each_type(part.type, [&]<class T>(T) {
-        View<T const> const in = part.as<T>();
-        T const background = store_cell<T>(*background_);
-        T* const kept = reinterpret_cast<T*>(foreground_.data());
-        Box const b = part.box;
-        for (std::int64_t z = b.lower.z; z < b.upper.z; ++z)
-            for (std::int64_t y = b.lower.y; y < b.upper.y; ++y)
-                for (std::int64_t x = b.lower.x; x < b.upper.x; ++x) {
-                    T const cell = in(x, y, z);
-                    kept[count] = cell;
-                    count += equal(cell, background) ? 0 : 1;
-                }
-    });
-    if (count == 0) return;
-    ConstView const cells =
-        dense_view(static_cast<std::byte const*>(foreground_.data()), part.type, box_of({count, 1, 1}));
+    ConstView const cells = without_background(part, *background_, foreground_);
+    if (cells.box.empty()) return;
     bands_.resize(1); // one row
     if (!origin_.known) origin_ = first_finite(cells);
     band_statistics(cells, origin_, bands_.data(), execution);

@@ -1,0 +1,247 @@
+// CLAHE, host side: window, histograms of bricks, curves.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/clahe.h"
+
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/remarks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <numeric>
+
+namespace vkt {
+namespace {
+
+constexpr std::int64_t most_bricks = 4096; ///< along an axis
+
+/// The height at which to cut so that no bin is higher than `limit` after what is cut off is spread over all of them.
+double pizer_cut(std::span<std::uint64_t const> counts, double limit) {
+    std::vector<std::uint64_t> heights(counts.begin(), counts.end());
+    std::sort(heights.begin(), heights.end(), std::greater<>());
+    auto const n = static_cast<double>(heights.size());
+    double above = 0; // sum of the bins that are cut
+    for (std::size_t m = 0; m < heights.size(); ++m) {
+        // With m bins cut at c, c + (above - m c) / n = limit.
+        auto const cut = static_cast<double>(m);
+        double const c = (n * limit - above) / (n - cut);
+        if (c >= static_cast<double>(heights[m])) return c;
+        above += static_cast<double>(heights[m]);
+    }
+    return 0;
+}
+
+} // namespace
+
+std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRule rule, double clip) {
+    auto const n = static_cast<double>(counts.size());
+    std::vector<double> curve(counts.size() + 1);
+    auto const voxels =
+        static_cast<double>(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0})); // below 2^62
+    if (voxels == 0) {
+        for (std::size_t i = 0; i < curve.size(); ++i) curve[i] = static_cast<double>(i) / n;
+        return curve;
+    }
+    double cut = 0;
+    switch (rule) {
+    case ClipRule::opencv:
+        cut = clip * voxels / n;
+        break;
+    case ClipRule::skimage:
+        cut = clip * voxels;
+        break;
+    case ClipRule::volkit:
+        cut = clip * static_cast<double>(*std::max_element(counts.begin(), counts.end()));
+        break;
+    case ClipRule::pizer:
+        cut = clip > 1 ? pizer_cut(counts, clip * voxels / n) : 0;
+        break;
+    }
+    double excess = 0, below = 0;
+    for (std::uint64_t const count : counts) excess += std::max(0.0, static_cast<double>(count) - cut);
+    double const spread = excess / n;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+        curve[i] = std::min(1.0, below / voxels);
+        below += std::min(static_cast<double>(counts[i]), cut) + spread;
+    }
+    curve.back() = 1;
+    return curve;
+}
+
+VKT_OPERATION(Clahe, "clahe")
+
+Texts Clahe::texts() const {
+    return {"Raise local contrast (CLAHE).",
+            "Contrast-limited adaptive histogram equalisation in three dimensions: the histogram of each brick is "
+            "limited and equalised, and every voxel is mapped by those of the eight bricks around it. Type and window "
+            "of values are kept. The man page spells out what --clip-as makes of --clip.",
+            {{"As it is usually done", "vkt clahe volume.nrrd -o clear.nrrd"},
+             {"Stronger, in larger bricks, without the rarest values",
+              "vkt clahe volume.nrrd --clip 4 --bricks 4,4,4 --range p0.1:p99.9 | vkt stats"}}};
+}
+
+void Clahe::parameters(Parameters& p) {
+    p.option("clip", clip_, "C", "limit of contrast (opencv, pizer: 2, skimage: 0.01, volkit: 0.85; inf: none)");
+    p.option("clip-as", rule_, "RULE", "what the limit is a share of: see the man page");
+    p.option("bricks", bricks_, "X,Y,Z", "bricks along each axis, of equal size");
+    p.option("bins", bin_count_, "N", "bins of the window, 2 to 65536");
+    p.option("range", range_, "LO:HI|minmax|pA:pB", "window of values; what lies outside is clipped");
+    p.option("roi", roi_, "X0:X1,Y0:Y1,Z0:Z1", "work on these voxels as if they were the volume; keep the others");
+}
+
+double Clahe::clip() const {
+    return clip_.value_or(rule_ == ClipRule::skimage ? 0.01 : rule_ == ClipRule::volkit ? 0.85 : 2);
+}
+
+void Clahe::check() const {
+    if (!(clip() > 0)) throw Error(ErrorKind::usage, text("--clip ", clip(), " is not above 0"), "inf limits nothing");
+    bool const share = rule_ == ClipRule::skimage || rule_ == ClipRule::volkit;
+    if (share && clip() > 1 && std::isfinite(clip()))
+        throw Error(ErrorKind::usage,
+                    text("--clip ", clip(), " is no share ",
+                         rule_ == ClipRule::skimage ? "of a brick's voxels" : "of the tallest bin"),
+                    "with this --clip-as it is at most 1; --clip-as opencv takes multiples of the average bin");
+    if (bin_count_ < 2 || bin_count_ > Bins::most)
+        throw Error(ErrorKind::usage, text("--bins ", bin_count_, " is not between 2 and ", Bins::most));
+    for (int axis = 0; axis < 3; ++axis)
+        if (bricks_[axis] < 1 || bricks_[axis] > most_bricks)
+            throw Error(ErrorKind::usage, text("--bricks ", bricks_[axis], " is not between 1 and ", most_bricks));
+}
+
+Plan Clahe::plan(std::span<Header const> inputs) {
+    check();
+    input_ = inputs.front();
+    losses_ = {};
+    counts_.clear();
+    copies_ = scans_again_ = false;
+    field_ = {};
+    field_.bins = bin_count_;
+    field_.grid.box = roi_.empty() ? box_of(input_.dims) : roi_.resolve(input_.dims);
+    for (int axis = 0; axis < 3; ++axis)
+        field_.grid.bricks[axis] = std::min(bricks_[axis], field_.grid.box.dims()[axis]);
+    field_.whole = is_integer(input_.dtype) && size_of(input_.dtype) == 8;
+    field_.wide =
+        field_.whole || size_of(input_.dtype) == 8 || (is_integer(input_.dtype) && size_of(input_.dtype) == 4);
+    ends_.emplace(range_, input_);
+    ends_known_ = !range_.depends();
+    if (ends_known_) set_window(ends_->low(), ends_->high());
+
+    Plan plan;
+    plan.output = input_;
+    plan.scans = true;
+    plan.cost = 32;
+    Index3 const b = field_.grid.bricks;
+    plan.method = text("CLAHE, ", b.x, "x", b.y, "x", b.z, " bricks, ", bin_count_, " bins, clip ", clip(), " as ", enum_name(rule_));
+    double const counters = static_cast<double>(bin_count_ + 3) * sizeof(std::uint64_t),
+                 curves = static_cast<double>(curve_bytes(field_));
+    auto const columns = static_cast<double>(b.x * b.y); // at most 2^24
+    double const tables = columns * static_cast<double>(b.z) * (counters + curves) + columns * curves;
+    plan.state_bytes = static_cast<std::size_t>(std::min(tables, 0x1p62)) + ends_->state_bytes();
+    // A bin's share of the result is its share of the voxels; what rounding places wrongly, it magnifies.
+    double const n = bin_count_, c = clip();
+    double const steepest = std::min(n, rule_ == ClipRule::opencv    ? c + 1
+                                        : rule_ == ClipRule::pizer   ? std::max(c, 1.0)
+                                        : rule_ == ClipRule::skimage ? c * n + 1
+                                                                     : n);
+    double const unit = field_.wide ? 0x1p-53 : 0x1p-24;
+    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.range = (4 * steepest + 16) * unit;
+    plan.error.magnitude = (4 * steepest + 4) * unit + storing_error(input_.dtype);
+    plan.error.limit(input_.dtype, input_.values.slope, std::nullopt);
+    return plan;
+}
+
+/// Bins and map of a window of stored values, given in any order.
+void Clahe::set_window(StoredValue low, StoredValue high) {
+    if (high - low < 0) std::swap(low, high);
+    double const extent = high - low;
+    copies_ = !(extent > 0);
+    if (copies_) return;
+    auto const number = [](StoredValue const& v) {
+        if (v.rest != 0) return Number(v.value());
+        Number result(v.value());
+        result.whole = v.whole;
+        return result;
+    };
+    bins_ = Bins(input_.dtype, {}, number(low), number(high), bin_count_);
+    field_.low = low.value();
+    field_.high = high.value();
+    field_.scale = 1;
+    if (field_.whole) { // from the integer part of the lower end on
+        field_.base = low.whole;
+        if (low.whole == 0) field_.base = static_cast<Int128>(std::floor(std::clamp(low.rest, -0x1p100, 0x1p100)));
+        StoredValue const base{field_.base, 0};
+        field_.low = low - base;
+        field_.high = high - base;
+    }
+    double const smallest_float = std::numeric_limits<float>::min() * 0x1p20;
+    if (!field_.wide && !(extent < 0x1p120 && extent > smallest_float * bin_count_)) field_.wide = true;
+    if (!std::isfinite(extent)) field_.scale = 0.25;
+    if (extent < 0x1p-900) field_.scale = 0x1p500;
+    field_.scaled_low = field_.low * field_.scale;
+    field_.scaled_width = field_.high * field_.scale - field_.scaled_low;
+    field_.per_unit = bin_count_ / field_.scaled_width;
+}
+
+void Clahe::scan(ConstView slab, Execution const& execution) {
+    Box const box = intersect(slab.box, field_.grid.box);
+    if (box.empty() || copies_) return;
+    if (!ends_known_) return ends_->scan(slab.part(box), execution);
+    counts_.resize(bins_.slots() * static_cast<std::size_t>(field_.grid.count()));
+    count_in_bins(slab.part(box), bins_, field_.grid, counts_.data(), execution);
+}
+
+void Clahe::scan_end() {
+    scans_again_ = false;
+    if (!ends_known_) {
+        if (ends_->end_pass()) {
+            scans_again_ = true;
+            return;
+        }
+        ends_known_ = true;
+        copies_ = !ends_->known();
+        if (!copies_) set_window(ends_->low(), ends_->high());
+        scans_again_ = !copies_;
+        return;
+    }
+    if (!copies_) make_curves();
+}
+
+void Clahe::make_curves() {
+    auto const bins = static_cast<std::size_t>(bins_.count());
+    auto const bricks = static_cast<std::size_t>(field_.grid.count());
+    curves_ = Buffer(bricks * curve_bytes(field_));
+    std::byte* const to = curves_.write(Space::host);
+    for (std::size_t b = 0; b < bricks; ++b) {
+        std::uint64_t* const counts = counts_.data() + b * bins_.slots();
+        counts[0] += counts[bins_.under()];
+        counts[bins - 1] += counts[bins_.over()];
+        std::vector<double> const curve = clipped_curve({counts, bins}, rule_, clip());
+        for (std::size_t i = 0; i <= bins; ++i) {
+            if (field_.wide)
+                reinterpret_cast<double*>(to)[b * (bins + 1) + i] = curve[i];
+            else
+                reinterpret_cast<float*>(to)[b * (bins + 1) + i] = static_cast<float>(curve[i]);
+        }
+    }
+    counts_ = {};
+}
+
+void Clahe::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = copies_ ? Box{} : intersect(out.box, field_.grid.box);
+    if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
+    if (!inside.empty()) clahe_map(inputs[0].part(inside), out.part(inside), field_, curves_, losses_, execution);
+}
+
+std::vector<Remark> Clahe::remarks() const {
+    std::int64_t const voxels = field_.grid.box.voxels();
+    if (copies_) return {{"the window is a single value: nothing was changed", false}};
+    if (losses_.clipped == 0) return {};
+    double const a = input_.values.physical(bins_.edge(0)), b = input_.values.physical(bins_.edge(bin_count_));
+    return {
+        {text(share_text(losses_.clipped, voxels), " clipped to [", std::min(a, b), ",", std::max(a, b), "]"), true}};
+}
+
+} // namespace vkt

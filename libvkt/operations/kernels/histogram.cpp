@@ -1,0 +1,241 @@
+// Counting: bins are guessed by a multiplication and corrected by the edges; each item of work has counters of its own.
+// SPDX-License-Identifier: MIT
+#ifndef __CUDACC__
+#include "libvkt/operations/kernels/histogram.h"
+
+#include <limits>
+#include <vector>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// Slots of a piece of a row.
+using Slots = std::int32_t[row_piece];
+
+/// What guessing and correcting needs, without indirections.
+struct Rule {
+    explicit Rule(Bins const& of)
+        : bins(of), edges(of.edges()), count(of.count()), slope(bins.map().slope),
+          intercept(bins.map().intercept), scale(bins.scale()), scaled_low(bins.scaled_low()),
+          per_unit(bins.per_unit()), doubtful_share(bins.far() ? 1 : 0x1p-16) {}
+
+    Bins const& bins;
+    double const* edges;
+    std::int32_t count;
+    double slope, intercept, scale, scaled_low, per_unit;
+    /// Values this near to an edge, in bins, may lie on its other side: guesses and edges are off by a few parts in
+    /// 2^53 of the number of bins and of the distance of the range from 0 in bins.
+    double doubtful_share;
+};
+
+std::int32_t correct(double value, std::int32_t k, double const* edges, std::int32_t count) {
+    while (k > 0 && value < edges[k]) --k;
+    while (k + 1 < count && value >= edges[k + 1]) ++k;
+    return k;
+}
+
+void place(Rule const& rule, double const* values, std::int64_t n, std::int32_t* slots) {
+    double const* const edges = rule.edges;
+    double const slope = rule.slope, intercept = rule.intercept, scale = rule.scale, scaled_low = rule.scaled_low,
+                 per_unit = rule.per_unit, low = edges[0], high = edges[rule.count], last = rule.count - 1.0,
+                 near = rule.doubtful_share;
+    std::int32_t const count = rule.count;
+    std::int32_t doubtful = 0;
+#pragma omp simd reduction(+ : doubtful)
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
+        double const value = slope * values[i] + intercept;
+        double at = (value * scale - scaled_low) * per_unit;
+        at = at > 0 ? at : 0; // NaN becomes 0
+        double const bounded = at < last ? at : last;
+        auto const k = static_cast<std::int32_t>(bounded);
+        double const rest = at - static_cast<double>(k);
+        bool const inside = value >= low && value <= high;
+        bool const lost = !(value - value == 0) && values[i] - values[i] == 0; // a product beyond double
+        doubtful += (inside && (rest < near || rest > 1 - near)) || lost ? 1 : 0;
+        std::int32_t const outside = value < low ? count : value > high ? count + 1 : count + 2;
+        slots[i] = inside ? k : outside;
+    }
+    if (doubtful == 0) return;
+    for (std::int64_t i = 0; i < n; ++i) {
+        double const value = slope * values[i] + intercept;
+        if (slots[i] < count)
+            slots[i] = correct(value, slots[i], edges, count);
+        else if (!(value - value == 0) && values[i] - values[i] == 0)
+            slots[i] = rule.bins.slot_of(values[i]);
+    }
+}
+
+/// 64-bit integers, from the first edge on.
+void place(Rule const& rule, Int128 const* values, std::int64_t n, std::int32_t* slots) {
+    Int128 const* const edges = rule.bins.whole_edges();
+    Int128 const base = edges[0], highest = rule.bins.highest();
+    std::int32_t const count = rule.count;
+    for (std::int64_t i = 0; i < n; ++i) {
+        Int128 const value = values[i];
+        if (value < base || value > highest) {
+            slots[i] = value < base ? count : count + 1;
+            continue;
+        }
+        double const at = (static_cast<double>(value - base) - rule.scaled_low) * rule.per_unit;
+        auto k = static_cast<std::int32_t>(at < count - 1 ? at : count - 1);
+        while (k > 0 && value < edges[k]) --k;
+        while (k + 1 < count && value >= edges[k + 1]) ++k;
+        slots[i] = k;
+    }
+}
+
+/// One brick's voxels in a slab, or some rows of them.
+struct Item {
+    Index3 brick;
+    Box box;                 ///< voxels of the brick in the slab
+    std::int64_t begin, end; ///< rows of the box
+    bool shared;             ///< other items count in the same brick
+};
+
+/// Equal voxels that follow one another would wait for each other's counter: neighbours have sets of their own.
+class Counters {
+public:
+    explicit Counters(std::size_t slots)
+        : slots_(slots), sets_(slots <= 1024 ? 4 : 2), counters_(slots * static_cast<std::size_t>(sets_)) {}
+
+    void clear() { std::fill(counters_.begin(), counters_.end(), 0); }
+
+    /// at(i): the slot of voxel i. The first and the last voxel have weights of their own.
+    template <class At> void add(std::int64_t n, std::uint64_t first, std::uint64_t weight, std::uint64_t last, At at) {
+        std::uint64_t* const a = counters_.data();
+        a[at(0)] += first;
+        if (n > 1) a[at(n - 1)] += last;
+        std::int64_t i = 1;
+        if (sets_ == 4) {
+            std::uint64_t *const b = a + slots_, *const c = b + slots_, *const d = c + slots_;
+            for (; i + 4 < n; i += 4) {
+                a[at(i)] += weight;
+                b[at(i + 1)] += weight;
+                c[at(i + 2)] += weight;
+                d[at(i + 3)] += weight;
+            }
+        } else {
+            std::uint64_t* const b = a + slots_;
+            for (; i + 2 < n; i += 2) {
+                a[at(i)] += weight;
+                b[at(i + 1)] += weight;
+            }
+        }
+        for (; i + 1 < n; ++i) a[at(i)] += weight;
+    }
+
+    void add_to(std::uint64_t* counts, bool shared) const {
+        for (std::size_t s = 0; s < slots_; ++s) {
+            std::uint64_t sum = 0;
+            for (int set = 0; set < sets_; ++set) sum += counters_[s + static_cast<std::size_t>(set) * slots_];
+            if (sum == 0) continue;
+            if (shared) {
+#pragma omp atomic
+                counts[s] += sum;
+            } else {
+                counts[s] += sum;
+            }
+        }
+    }
+
+private:
+    std::size_t slots_;
+    int sets_;
+    std::vector<std::uint64_t> counters_;
+};
+
+void count_item(ConstView in, Rule const& rule, BrickGrid const& grid, Item const& item, Counters& counters) {
+    std::int64_t const x0 = item.box.lower.x, n = item.box.dims().x, rows = item.box.dims().y;
+    auto const weight = [](std::int64_t w) { return static_cast<std::uint64_t>(w); };
+    std::int64_t const first = grid.share(0, x0, item.brick.x), last = grid.share(0, x0 + n - 1, item.brick.x),
+                       whole = grid.bricks.x;
+    std::int32_t const* const table = rule.bins.table().data();
+    bool const by_table = !rule.bins.table().empty(), wide = rule.bins.wide();
+    std::size_t const bytes = size_of(in.type);
+    for (std::int64_t row = item.begin; row < item.end; ++row) {
+        std::int64_t const y = item.box.lower.y + row % rows, z = item.box.lower.z + row / rows;
+        std::int64_t const share = grid.share(1, y, item.brick.y) * grid.share(2, z, item.brick.z);
+        // Pieces within a row end in voxels of full weight.
+        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+            std::int64_t const m = std::min(row_piece, n - begin);
+            std::uint64_t const left = weight(share * (begin == 0 ? first : whole)),
+                                right = weight(share * (begin + m == n ? last : whole)), full = weight(share * whole);
+            std::byte const* const from = in.at(x0 + begin, y, z);
+            if (by_table && bytes == 1) {
+                auto const* const voxels = reinterpret_cast<std::uint8_t const*>(from);
+                counters.add(m, left, full, right, [=](std::int64_t i) { return table[voxels[i]]; });
+            } else if (by_table) {
+                auto const* const voxels = reinterpret_cast<std::uint16_t const*>(from);
+                counters.add(m, left, full, right, [=](std::int64_t i) { return table[voxels[i]]; });
+            } else {
+                alignas(64) Slots slots;
+                if (wide) {
+                    alignas(64) Int128 values[row_piece];
+                    load_row(in.type, from, values, m);
+                    place(rule, values, m, slots);
+                } else {
+                    alignas(64) double values[row_piece];
+                    place(rule, driver::row_of<double>(in, x0 + begin, y, z, m, values), m, slots);
+                }
+                counters.add(m, left, full, right, [&](std::int64_t i) { return slots[i]; });
+            }
+        }
+    }
+}
+
+/// The parts of bricks in a slab; those with more rows than a thread's share are cut.
+std::vector<Item> items_of(Box const& slab, BrickGrid const& grid, std::size_t slots, int threads) {
+    std::vector<Item> items;
+    Index3 low, high; // bricks that the slab meets
+    for (int axis = 0; axis < 3; ++axis) {
+        low[axis] = grid.brick_at(axis, slab.lower[axis]);
+        high[axis] = grid.brick_at(axis, slab.upper[axis] - 1) + 1;
+        // The last voxel may also have a share in the brick after its first.
+        if (high[axis] < grid.bricks[axis] && grid.first(axis, high[axis]) < slab.upper[axis]) ++high[axis];
+    }
+    Index3 const met = high - low;
+    std::int64_t const wanted = std::int64_t{4} * threads, bricks = met.x * met.y * met.z;
+    for (std::int64_t z = low.z; z < high.z; ++z)
+        for (std::int64_t y = low.y; y < high.y; ++y)
+            for (std::int64_t x = low.x; x < high.x; ++x) {
+                Box const box = intersect(slab, {{grid.first(0, x), grid.first(1, y), grid.first(2, z)},
+                                                 {grid.end(0, x), grid.end(1, y), grid.end(2, z)}});
+                if (box.empty()) continue;
+                std::int64_t const rows = box.dims().y * box.dims().z;
+                // Adding up counters must not cost more than counting.
+                std::int64_t const worth = box.voxels() / (8 * static_cast<std::int64_t>(slots));
+                std::int64_t const pieces =
+                    threads == 1 ? 1
+                                 : std::clamp<std::int64_t>(std::min((wanted + bricks - 1) / bricks, worth), 1, rows);
+                for (std::int64_t i = 0; i < pieces; ++i)
+                    items.push_back({{x, y, z}, box, i * rows / pieces, (i + 1) * rows / pieces, pieces > 1});
+            }
+    return items;
+}
+
+} // namespace
+
+void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::uint64_t* counts,
+                   Execution const& execution) {
+    Box const slab = intersect(in.box, grid.box);
+    if (slab.empty()) return;
+    int const threads = threads_for(execution, slab.voxels());
+    std::vector<Item> const items = items_of(slab, grid, bins.slots(), threads);
+    Rule const rule(bins);
+    for_each_item(threads, static_cast<std::int64_t>(items.size()), [&](std::int64_t begin, std::int64_t end) {
+        Counters counters(bins.slots());
+        for (std::int64_t i = begin; i < end; ++i) {
+            Item const& item = items[static_cast<std::size_t>(i)];
+            counters.clear();
+            count_item(in, rule, grid, item, counters);
+            std::int64_t const brick = item.brick.x + grid.bricks.x * (item.brick.y + grid.bricks.y * item.brick.z);
+            counters.add_to(counts + static_cast<std::size_t>(brick) * bins.slots(), item.shared);
+        }
+    });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt
+#endif
