@@ -54,6 +54,7 @@ public:
     std::vector<std::string> suffixes() const override { return {".png"}; }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
+    std::size_t bytes_held(Header const& header) const override { return bytes_to_draw(header); }
     std::vector<std::string> explain(Header const& header) const override {
         return explanation(options_.settings(), header);
     }
