@@ -109,7 +109,8 @@ bool body_completions(std::vector<std::string> const& words, std::function<void(
     if (words.front() == "pipe") {
         Common common;
         Parameters options;
-        common.declare(options, {true, true, true, true});
+        common.declare(
+            options, {.volume_output = true, .file_output = true, .report = true, .report_file = true, .input = true});
         for (auto const& p : options.all()) offer("--" + p.name);
         return true;
     }

@@ -142,7 +142,7 @@ std::string command_help(Invocation& invocation) {
 std::string common_help() {
     Common common;
     Parameters parameters;
-    common.declare(parameters, {true, false, true, true});
+    common.declare(parameters, {.volume_output = true, .report = true, .input = true});
     return option_lines(parameters);
 }
 
