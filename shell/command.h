@@ -102,6 +102,7 @@ struct Command {
     std::function<std::unique_ptr<Opener>()> opener;
     Body body;
     std::vector<NamedCommand> verbs; ///< sub-verbs: filter gaussian, make sphere
+    bool takes_output = false;       ///< an operation whose last argument, beyond its inputs, is the output
 };
 
 struct NamedCommand {

@@ -54,6 +54,7 @@ std::string usage_line(Invocation& invocation) {
                        : invocation.consumer() ? invocation.consumer()->inputs()
                                                : 0;
     for (int i = 0; i < inputs; ++i) line += " [IN]";
+    if (invocation.command().takes_output) return line + " [OUT | -o OUT] [options]";
     if (invocation.yields_volumes()) line += " [-o OUT]";
     return line + " [options]";
 }

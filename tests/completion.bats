@@ -105,6 +105,9 @@ autoload -Uz _vkt && _vkt
 EOF
     run zsh -f session.zsh
     [[ "$output" == *gaussian* ]]
+    sed -i "s/^words=.*/words=(vkt pipe \"'read v.nrrd | cro\") CURRENT=3/" session.zsh
+    run zsh -f session.zsh
+    [ "$output" = "read v.nrrd | crop" ]
 }
 
 @test "fish completes a verb" {
@@ -112,6 +115,8 @@ EOF
     export XDG_CONFIG_HOME="$BATS_TEST_TMPDIR" XDG_DATA_HOME="$BATS_TEST_TMPDIR"
     run fish --no-config -c "source $VKT_ROOT/shell/completion/vkt.fish; complete -C 'vkt filter ga'"
     [[ "$output" == gaussian* ]]
+    run fish --no-config -c "source $VKT_ROOT/shell/completion/vkt.fish; complete -C \"vkt pipe 'read v.nrrd | cro\""
+    [[ "$output" == *"read v.nrrd | crop"* ]]
 }
 
 @test "views and the variables of the file on the line are completed" {

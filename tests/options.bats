@@ -188,3 +188,13 @@ END
     vkt convert r.nrrd --dtype uint8 -o e.nrrd 2>&-
     vkt diff a.nrrd e.nrrd
 }
+
+@test "a region that is none is named by its option and as a whole" {
+    vkt make ramp --dims 20 4 4 -o r.nrrd
+    for verb in "crop" "read" "stats" "fill --value 1"; do
+        # shellcheck disable=SC2086
+        fails_with 2 "--roi '0-10,:,:': '0-10' is not an integer" vkt $verb r.nrrd --roi 0-10,:,:
+    done
+    fails_with 2 "--roi '0:200%,:,:': '200%' is not between 0% and 100%" vkt crop r.nrrd --roi 0:200%,:,:
+    fails_with 2 "--roi-world '0:a,:,:': 'a' is not a number" vkt crop r.nrrd --roi-world 0:a,:,:
+}
