@@ -1,8 +1,9 @@
 // vkt completion: functions for the user's shell, and the candidates that they ask for.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "shell/candidates.h"
+#include "shell/command.h"
 #include "shell/completion_scripts.h"
-#include "shell/help.h"
 
 #include <cstdio>
 

@@ -2,7 +2,13 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/report.h"
+#include "libvkt/formats/series.h"
+#include "libvkt/io/shared_memory.h"
 #include "shell/command.h"
+#include "shell/named_files.h"
+
+#include <set>
+#include <unistd.h>
 
 namespace vkt::shell {
 namespace {
@@ -40,6 +46,41 @@ std::int64_t untold(History const& step) {
     return count;
 }
 
+bool is_told(History const& step) { return !step.command.empty() || step.earlier > 0; }
+
+/// Adds what a pipeline of these steps would want and not find: files by name, and "-" for standard input.
+void look_for_inputs(History const& step, std::set<std::string>& missing) {
+    for (auto const& input : step.inputs) look_for_inputs(input, missing);
+    if (step.command.empty()) return;
+    Invocation stage(find_verb(step.command));
+    stage.parse();
+    auto const look = [&](std::string const& name) {
+        bool const told = name == "-" ? !step.inputs.empty() && is_told(step.inputs.front()) : name == "<(…)";
+        if (told) return;
+        for (auto const& file : matching_files(name))
+            if (name == "-" || ::access(segment_file(file).c_str(), F_OK) != 0) missing.insert(file);
+    };
+    for (auto const& name : input_names(stage)) look(name);
+    for (auto const& p : stage.own_parameters().all())
+        if (p.given && p.in_history && p.value_name == "FILE") look(p.get().front());
+}
+
+/// Why a shell could not run the pipeline here and now; empty if nothing speaks against it.
+std::string obstacle(History const& history) {
+    std::set<std::string> missing;
+    try {
+        look_for_inputs(history, missing);
+    } catch (Error const& error) { // words of another version, or a file that an option names
+        return text("a step of the pipeline cannot be run here: ", error.what());
+    }
+    bool const input = missing.erase("-") > 0;
+    std::string files;
+    for (auto const& file : missing) files += text(files.empty() ? "'" : ", '", file, "'");
+    if (!files.empty()) files = text("what it reads is not here: ", files);
+    if (!input) return files;
+    return text("the pipeline reads standard input: no history told what came there", files.empty() ? "" : "; ", files);
+}
+
 /// Throws Error{failure} if steps are missing: what is left makes no volume.
 std::string shell_line(History const& history) {
     if (std::int64_t const missing = untold(history); missing > 0)
@@ -56,6 +97,7 @@ public:
         p.flag("as-shell", as_shell_, "print a pipeline that makes the volume again");
     }
     bool reports() const override { return true; }
+    bool reads_pictures() const override { return true; }
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         if (as_shell_ && context.json()) throw Error(ErrorKind::usage, "--as-shell and --json exclude each other");
         Source& source = *inputs.front();
@@ -65,10 +107,14 @@ public:
             source.finish();
             if (context.json())
                 objects.push_back(history ? json(*history, 0) : "null");
+            else if (!history && as_shell_)
+                throw Error(ErrorKind::failure, "no pipeline makes the volume again: it has no history");
             else if (!history)
                 context.note("the volume has no history");
             else
                 texts.push_back(as_shell_ ? shell_line(*history) : tree(*history, 0));
+            if (!as_shell_) continue;
+            if (std::string const why = obstacle(*history); !why.empty()) context.note(why);
         }
         if (objects.size() == 1)
             context.print(objects.front() + "\n");
@@ -87,11 +133,12 @@ private:
 
 Command history_command() {
     return consumer_command<ShowHistory>(
-        {"Show the commands that made a volume.",
+        {"Show the commands that made a volume or a picture.",
          "The newest step comes first, what it read is indented below it. With --as-shell the same as a pipeline that "
-         "a shell runs.",
+         "a shell runs; what it would miss here is said. A picture is a PNG file that vkt render wrote.",
          {{"The steps", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history"},
-          {"As a pipeline", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history --as-shell"}}});
+          {"As a pipeline", "vkt make sphere --dims 32 32 32 | vkt resample --scale 0.5 | vkt history --as-shell"},
+          {"Of a picture", "vkt render volume.nrrd --size 64 | vkt history"}}});
 }
 
 } // namespace vkt::shell

@@ -5,6 +5,7 @@
 #include "libvkt/core/collect.h"
 #include "libvkt/core/report.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/series.h"
 #include "shell/command.h"
 
 namespace vkt::shell {
@@ -78,7 +79,7 @@ std::string json_of(Description const& description) {
 class Info : public Consumer {
 public:
     void parameters(Parameters& p) override {
-        p.flag("first", first_, "only the first volume: what comes after its header is not read, nor proven whole");
+        p.flag("head", first_, "only the first volume: what comes after its header is not read, nor proven whole");
     }
     bool reports() const override { return true; }
 
@@ -98,6 +99,8 @@ public:
             bool const has_bricks = header.kind == Kind::hierarchical && !header.dry_run;
             if (has_bricks && header.attributes.count("variables") == 0)
                 volumes.back().tree = summarise(header.dims, source.take_bricks().bricks());
+            else if (has_bricks && context.json())
+                volumes.back().tree = tree_of_next_file(context);
         }
         context.print(context.json() ? as_json(volumes) : as_text(volumes));
         return 0;
@@ -120,6 +123,25 @@ private:
         return format;
     }
 
+    /// Of the next input file that holds several variables: they share one tree, whose bricks come with any of them.
+    std::optional<TreeSummary> tree_of_next_file(Context& context) {
+        std::string const name = context.stage_info().input_names.front();
+        auto const files = matching_files(name == "-" ? "/dev/stdin" : name);
+        while (file_ < files.size()) {
+            std::string const& file = files[file_++];
+            auto const listed = context.open(file);
+            if (!listed->next_volume() || listed->header().attributes.count("variables") == 0) continue;
+            constexpr std::string_view before = "variable ";
+            auto const first = listed->header().attributes.lower_bound(std::string(before));
+            ReadOptions choice;
+            choice.variable = first->first.substr(before.size());
+            auto const chosen = context.open(file, choice);
+            chosen->next_volume();
+            return summarise(chosen->header().dims, chosen->take_bricks().bricks());
+        }
+        return {};
+    }
+
     /// One object, or an array of them if there are several volumes.
     static std::string as_json(std::vector<Description> const& volumes) {
         if (volumes.size() == 1) return json_of(volumes.front()) + "\n";
@@ -139,6 +161,7 @@ private:
 
     bool first_ = false;
     std::string opened_, format_; ///< of the file, and what is said of it
+    std::size_t file_ = 0;        ///< of the inputs, the next to look for a tree in
 };
 
 } // namespace
@@ -148,7 +171,7 @@ Command info_command() {
         {"Print what the header of a volume says: dims, type, geometry, attributes, history.",
          "Of files only headers are read. A stream is read to its end, which lists every volume and proves that all "
          "of\n"
-         "it is whole; --first stops after the first header, and the command before is cut off.",
+         "it is whole; --head stops after the first header, and the command before is cut off.",
          {{"A file", "vkt info volume.nrrd"},
           {"For scripts", "vkt info volume.nrrd --json"},
           {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}});

@@ -13,8 +13,9 @@ namespace {
 class MakeAmr : public Opener {
 public:
     void parameters(Parameters& p) override {
-        p.option("blocks", blocks_, "N", "leaf blocks: the first possible number that is not below (1000)");
-        p.option("levels", levels_, "N", "levels of refinement, 1 to 20 (4)");
+        p.option("blocks", blocks_, "N",
+                 "leaf blocks: the first possible number that is not below (1000), or all that the levels allow");
+        p.option("levels", levels_, "N", "levels of refinement, 1 to 20 (6)");
         p.option("block-size", block_size_, "N", "cells of a block along each axis (8)");
         p.flag("silcc", silcc_, "the tree of a SILCC snapshot: 142,190 blocks on 7 levels, 4096 x 4096 x 81920");
         p.option("field", field_, "FIELD", "disk (stratified, with clouds), linear (x + 2 y + 3 z) or constant (1)");
@@ -38,7 +39,7 @@ public:
         if (!silcc_) {
             std::int64_t const n = block_size_.value_or(8);
             recipe.block = {n, n, n};
-            recipe.finest = levels_.value_or(4);
+            recipe.finest = levels_.value_or(6);
             recipe.blocks = blocks_.value_or(1000);
         }
         recipe.field = field_;
@@ -94,7 +95,7 @@ Command make_command() {
         {"ramp", operation_command("make ramp", {"Make values that rise along an axis.",
                                                  "By default a voxel's value is its index.",
                                                  {{"From 0 to 1 along z",
-                                                   "vkt make ramp --dims 16 16 33 --axis z --last 1 | vkt stats"}}})},
+                                                   "vkt make ramp --dims 16 16 33 --axis z --to 1 | vkt stats"}}})},
         {"sphere",
          operation_command(
              "make sphere",

@@ -53,7 +53,8 @@ int pipe(std::vector<std::string> const& words) {
     Common common;
     Parameters shared;
     shared.positional("pipeline", line, "the stages, quoted as one word");
-    common.declare(shared, {true, true, true, true});
+    common.declare(shared,
+                   {.volume_output = true, .file_output = true, .report = true, .report_file = true, .input = true});
     parse_words(words, {&shared});
     std::vector<Verb> verbs;
     for (auto& words_of_stage : stages_of(line)) {

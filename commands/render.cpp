@@ -55,6 +55,7 @@ public:
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
+    std::size_t bytes_held(Header const& header) const override { return bytes_to_draw(header); }
     std::vector<std::string> explain(Header const& header) const override {
         return explanation(options_.settings(), header);
     }

@@ -35,7 +35,7 @@ timed 'crop the region' vkt crop "$scratch/tree.vkt" --roi 25%:75%,25%:75%,45%:5
 timed "region on $cells cells" vkt resample "$scratch/region.vkt" --cells "$cells" --method auto -o zoom.nrrd --force
 
 # Density over many decades: the thin gas is a haze, the clouds are bodies in it. Opacities hold for 1/256 of a diagonal.
-look=${AMR_LOOK:---domain 0.02:1 --opacity 0,0.02,0.1,0.5 --colormap viridis --shade gradient --unit auto}
+look=${AMR_LOOK:---domain 0.02:1 --opacity 0,0.02,0.1,0.5 --colormap viridis --shade gradient --unit-distance auto}
 # shellcheck disable=SC2086  # several words
 for name in whole zoom; do
     case $name in

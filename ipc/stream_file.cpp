@@ -18,6 +18,7 @@ public:
     void begin(Header const& header) override {
         Header kept = header;
         kept.timing = false; // files hold nothing that differs from run to run
+        if (!header.dry_run) file_.expect(header.bytes());
         sink_.begin(kept);
     }
     AnyView acquire(Box const& slab) override { return sink_.acquire(slab); }

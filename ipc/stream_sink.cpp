@@ -7,6 +7,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/free_space.h"
 
 #include <algorithm>
 #include <array>
@@ -137,6 +138,7 @@ void StreamSink::Writer::write_text(FrameType type, std::string const& payload, 
 
 void StreamSink::Writer::begin(Header const& header) {
     wait_until_written();
+    if (!header.dry_run) require_space(descriptor_, header.bytes(), "cannot write the stream");
     header_ = header;
     end_ = {};
     std::string json = to_json(header);

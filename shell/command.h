@@ -68,6 +68,10 @@ public:
     virtual bool needs_whole() const { return false; }
     /// False if --device gpu is refused.
     virtual bool runs_on_gpu() const { return false; }
+    /// Bytes it then holds of a volume and of what it makes of it: refused beyond --memory, told by a dry run.
+    virtual std::size_t bytes_held(Header const& header) const { return header.bytes(); }
+    /// True if an input may be a picture that vkt render wrote: a volume without voxels, but with a history.
+    virtual bool reads_pictures() const { return false; }
     /// What --explain says of a volume before it is worked on, one entry a line: method, cost.
     virtual std::vector<std::string> explain(Header const&) const { return {}; }
     /// Returns the exit code. Asked for voxels of volumes that are only planned, sources throw PlannedOnly, which may
@@ -100,6 +104,7 @@ struct Command {
     std::function<std::unique_ptr<Opener>()> opener;
     Body body;
     std::vector<NamedCommand> verbs; ///< sub-verbs: filter gaussian, make sphere
+    bool takes_output = false;       ///< an operation whose last argument, beyond its inputs, is the output
 };
 
 struct NamedCommand {

@@ -8,6 +8,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstring>
 
 namespace vkt::shell {
 namespace {
@@ -25,6 +26,13 @@ template <class Real> void append_value(std::string& to, Real value) {
     std::from_chars(digits, end, shown);
     if (shown != value) end = std::to_chars(digits, digits + sizeof digits, value).ptr;
     to.append(digits, end);
+}
+
+/// Of integers that doubles may not hold.
+template <class Integer> void append_integer(std::string& to, std::byte const* stored) {
+    Integer value = 0;
+    std::memcpy(&value, stored, sizeof value);
+    to += text(value, ".0");
 }
 
 std::string fixed(double value) {
@@ -83,6 +91,7 @@ void Dump::print(Source& source, Context& context) const {
     // Text takes several times the room of the voxels.
     auto const row_bytes = static_cast<std::size_t>(box.dims().x) * 8 * size_of(header.dtype);
     auto const rows = static_cast<std::int64_t>(piece_limit(context.execution()) / row_bytes);
+    bool const as_stored = header.values == ValueMap{};
     Buffer buffer;
     std::vector<double> row(static_cast<std::size_t>(box.dims().x));
     for_each_piece(box, {1, std::clamp<std::int64_t>(rows, 1, box.dims().y)}, [&](Box const& piece) {
@@ -96,7 +105,12 @@ void Dump::print(Source& source, Context& context) const {
             read_row(view, y, z, row.data());
             for (std::size_t x = 0; x < row.size(); ++x) {
                 if (x > 0) lines += ", ";
-                if (single)
+                std::byte const* const stored = view.at(piece.lower.x + static_cast<std::int64_t>(x), y, z);
+                if (as_stored && header.dtype == DataType::int64)
+                    append_integer<std::int64_t>(lines, stored);
+                else if (as_stored && header.dtype == DataType::uint64)
+                    append_integer<std::uint64_t>(lines, stored);
+                else if (single)
                     append_value(lines, static_cast<float>(row[x]));
                 else
                     append_value(lines, header.values.physical(row[x]));

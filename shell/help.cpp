@@ -3,13 +3,8 @@
 #include "shell/help.h"
 
 #include "libvkt/core/error.h"
-#include "libvkt/formats/format.h"
-#include "libvkt/io/shared_memory.h"
-#include "libvkt/render/colormap.h"
-#include "shell/completion_scripts.h"
 
 #include <algorithm>
-#include <functional>
 #include <map>
 
 namespace vkt::shell {
@@ -59,6 +54,7 @@ std::string usage_line(Invocation& invocation) {
                        : invocation.consumer() ? invocation.consumer()->inputs()
                                                : 0;
     for (int i = 0; i < inputs; ++i) line += " [IN]";
+    if (invocation.command().takes_output) return line + " [OUT | -o OUT] [options]";
     if (invocation.yields_volumes()) line += " [-o OUT]";
     return line + " [options]";
 }
@@ -112,44 +108,6 @@ std::map<std::string, std::string> const& synonyms() {
 std::string synonyms(std::string const& name) {
     auto const found = synonyms().find(name);
     return found == synonyms().end() ? std::string() : text(" ", found->second);
-}
-
-/// What may stand for an option's value, as far as it can be known.
-std::vector<std::string> values_of(Parameter const& p, Invocation const& invocation) {
-    if (p.name == "device") return {"auto", "cpu", "gpu"};
-    if (p.name == "colormap") return render::colormap_names();
-    if (p.name == "range" && p.choices.empty()) return {"minmax", "p1:p99"};
-    if (p.name != "format" || !p.choices.empty()) return p.choices;
-    bool const reads = invocation.opener() != nullptr;
-    std::vector<std::string> names;
-    for (auto const& format : formats())
-        if (reads ? format.open != nullptr : format.create != nullptr) names.push_back(format.name);
-    if (!reads) names.emplace_back("vkt");
-    return names;
-}
-
-/// Those of commands that take words of their own; false for all others.
-bool body_completions(std::vector<std::string> const& words, std::function<void(std::string const&)> const& offer) {
-    if (words.front() == "completion") {
-        for (auto const& script : completion_scripts())
-            if (words.size() == 1) offer(script.first);
-        return true;
-    }
-    if (words.front() == "shm" && words.size() > 1) {
-        offer(words[1] == "remove" ? "--all" : "--json");
-        if (words[1] == "remove")
-            for (auto const& name : segments()) offer(name.substr(name.find(':') + 1));
-        return true;
-    }
-    if (words.front() != "help") return false;
-    std::vector<NamedCommand> const* list = &commands();
-    if (words.size() > 1) {
-        Verb const verb = find_verb({words[1]});
-        list = words.size() == 2 ? &verb.command->verbs : nullptr;
-    }
-    if (list != nullptr)
-        for (auto const& entry : *list) offer(entry.name);
-    return true;
 }
 
 } // namespace
@@ -207,7 +165,7 @@ std::string command_help(Invocation& invocation) {
 std::string common_help() {
     Common common;
     Parameters parameters;
-    common.declare(parameters, {true, false, true, true});
+    common.declare(parameters, {.volume_output = true, .report = true, .input = true});
     return option_lines(parameters);
 }
 
@@ -236,50 +194,6 @@ std::string search(std::string const& word) {
         for (auto const& [sub, verb] : command.verbs) look(name + " " + sub, verb);
     }
     return result;
-}
-
-std::vector<std::string> completions(std::vector<std::string> words) {
-    std::vector<std::string> candidates;
-    if (words.empty()) words.emplace_back();
-    std::string const prefix = words.back();
-    words.pop_back();
-    auto const offer = [&](std::string const& candidate) {
-        if (candidate.starts_with(prefix)) candidates.push_back(candidate);
-    };
-    if (words.empty()) {
-        for (auto const& entry : commands()) offer(entry.name);
-        return candidates;
-    }
-    try {
-        if (is_segment(prefix))
-            for (auto const& name : segments()) offer(name);
-        if (!candidates.empty() || body_completions(words, offer)) return candidates;
-        Invocation invocation(find_verb(words));
-        Command const& command = invocation.command();
-        if (!command.verbs.empty() && words.size() == 1) {
-            for (auto const& verb : command.verbs) offer(verb.name);
-            return candidates;
-        }
-        std::string const& before = words.back();
-        for (Parameters* list : {&invocation.own_parameters(), &invocation.common_parameters()}) {
-            Parameter const* const p = before.starts_with("--") ? list->find(before.substr(2)) : nullptr;
-            if (p != nullptr && !p->flag) {
-                for (auto const& value : values_of(*p, invocation)) offer(value);
-                return candidates;
-            }
-        }
-        for (Parameters* list : {&invocation.own_parameters(), &invocation.common_parameters()})
-            for (auto const& p : list->all()) {
-                if (!p.positional && prefix.starts_with("-")) offer("--" + p.name);
-                if (p.positional && prefix.starts_with("-"))
-                    for (auto const& alias : p.aliases) offer("--" + alias);
-                if (p.positional && !prefix.starts_with("-"))
-                    for (auto const& choice : p.choices) offer(choice);
-            }
-    } catch (Error const&) {
-        return {}; // half-typed words complete to nothing
-    }
-    return candidates;
 }
 
 } // namespace vkt::shell

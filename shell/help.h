@@ -1,4 +1,4 @@
-// Help texts and completion words, all from the declarations.
+// Help texts, all from the declarations.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -17,7 +17,5 @@ std::string common_help();                            ///< the options that all 
 std::string search(std::string const& word);          ///< verbs whose texts mention the word
 /// The command that people mean who use another word for it ("blur"); empty if none is known.
 std::string command_of_synonym(std::string const& word);
-/// Candidates for the last of the words (which may be empty), for the shells' completion functions.
-std::vector<std::string> completions(std::vector<std::string> words);
 
 } // namespace vkt::shell

@@ -99,7 +99,7 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
     if (inputs > 0 && !inputs_are_parameters_) {
         Parameter& p =
             positional_inputs_.positional("in", given_inputs_, "input: a file of any known format, a stream, or '-'");
-        p.optional().values(1, inputs).not_in_history();
+        p.optional().values(1, inputs + (c.takes_output ? 1 : 0)).not_in_history();
     }
 }
 
@@ -119,11 +119,22 @@ void Invocation::parse() {
                     text("try 'vkt ", verb_.name, " --help'"));
     }
     parse_words(words, {&own_, &positional_inputs_, &shared_});
+    if (verb_.command->takes_output) take_output();
     if (operation_) operation_->check();
     if (consumer_) consumer_->check();
     if (opener_) opener_->check();
     if (yields_volumes()) common_.check_output();
     resolve_inputs();
+}
+
+/// IN OUT stands for IN -o OUT.
+void Invocation::take_output() {
+    if (given_inputs_.size() <= static_cast<std::size_t>(operation_->inputs())) return;
+    std::string const out = given_inputs_.back();
+    given_inputs_.pop_back();
+    if (shared_.given("output"))
+        throw Error(ErrorKind::usage, text("two outputs: '", common_.output, "' and '", out, "'"));
+    shared_.set("output", {out});
 }
 
 void Invocation::resolve_inputs() {

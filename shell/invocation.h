@@ -51,6 +51,7 @@ public:
     std::vector<std::string> history_words() const;
 
 private:
+    void take_output();
     void resolve_inputs();
 
     Verb verb_;

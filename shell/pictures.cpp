@@ -4,6 +4,7 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/header_text.h"
 #include "libvkt/render/settings.h"
 
 #include <algorithm>
@@ -76,6 +77,42 @@ std::vector<std::string> explanation(render::RenderSettings const& settings, Hea
     return {"method " + method, text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory")};
 }
 
+namespace {
+
+/// Under this keyword a picture keeps its history as the headers of files do.
+constexpr char history_keyword[] = "vkt history";
+constexpr std::size_t most_history = 400'000;
+
+class PictureSource : public Source {
+public:
+    explicit PictureSource(std::unique_ptr<ByteSource> bytes) : bytes_(std::move(bytes)) {}
+    bool next_volume() override {
+        if (std::exchange(opened_, true)) return false;
+        for (auto const& [keyword, content] : render::read_png_texts(*bytes_))
+            if (keyword == history_keyword) header_.history = parse_history(content);
+        return true;
+    }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::forward; }
+    void read(AnyView) override {
+        throw Error(ErrorKind::usage, text("'", bytes_->name(), "' is a picture, not a volume"));
+    }
+    void finish() override {}
+
+private:
+    std::unique_ptr<ByteSource> bytes_;
+    Header header_;
+    bool opened_ = false;
+};
+
+} // namespace
+
+bool is_picture(ByteSource& bytes) { return render::is_png(bytes.peek(8)); }
+
+std::unique_ptr<Source> picture_source(std::unique_ptr<ByteSource> bytes) {
+    return std::make_unique<PictureSource>(std::move(bytes));
+}
+
 bool Volumes::another() {
     while (!another_) {
         another_ = source_.next_volume();
@@ -100,9 +137,11 @@ bool Volumes::next() {
 void write_picture(std::string const& path, bool force, Picture const& picture, Header const& header,
                    StageInfo const& stage, Context& context) {
     render::RenderReport const& r = picture.report;
+    History const history = folded(history_step(stage, {header}));
     auto const png = render::to_png(picture.image, picture.background,
                                     {{"Software", "vkt " VKT_VERSION},
-                                     {"History", history_as_shell(history_step(stage, {header}))},
+                                     {"History", history_as_shell(history)},
+                                     {history_keyword, history_text(history, most_history)},
                                      {"Camera", render::camera_text(r.camera)},
                                      {"Method", r.method},
                                      {"Unit distance", to_text(r.unit)},

@@ -39,6 +39,12 @@ private:
     std::unique_ptr<render::Renderer> renderer_;
 };
 
+/// Whether the bytes begin a PNG file.
+bool is_picture(ByteSource& bytes);
+/// A volume without voxels that has the history in a picture that write_picture() wrote, or none. Throws Error{data}
+/// for files that are cut off or damaged.
+std::unique_ptr<Source> picture_source(std::unique_ptr<ByteSource> bytes);
+
 struct Picture {
     render::Image const& image;
     render::RenderReport const& report;

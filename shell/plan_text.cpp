@@ -131,14 +131,16 @@ std::string opener_plan_text(std::string const& stage, Header const& output, Exe
                 bytes_text(is_tree(output) ? bytes : in_flight(output, execution)), ", streaming\n");
 }
 
-std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output, bool whole,
-                               Execution const& execution) {
+std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output,
+                               std::optional<std::size_t> held, Execution const& execution) {
     auto const bytes = static_cast<double>(input.bytes());
-    bool const holds = whole || is_tree(input);
-    if (whole) check_budget(input.bytes(), execution);
+    bool const holds = held || is_tree(input);
+    if (held) check_budget(*held, execution);
     return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
                 output == "-" ? "standard output" : printable(output), ", peak memory about ",
-                bytes_text(holds ? bytes : in_flight(input, execution)),
+                bytes_text(held    ? static_cast<double>(*held)
+                           : holds ? bytes
+                                   : in_flight(input, execution)),
                 holds ? ", holds the whole volume\n" : ", streaming\n");
 }
 

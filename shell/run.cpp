@@ -13,6 +13,8 @@
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/reference_volume.h"
 #include "shell/help.h"
+#include "shell/named_files.h"
+#include "shell/pictures.h"
 #include "shell/plan_text.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
@@ -22,7 +24,6 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
-#include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
 #include <utility>
@@ -164,7 +165,6 @@ private:
     }
     Execution execution_of(Invocation const& stage) const;
     void check_ends();
-    void spare_inputs();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
     void look_at_like(Invocation const& stage);
@@ -209,13 +209,15 @@ std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions 
 void StageContext::plan(Header const& header, std::string const& output) {
     bool const whole = (invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole()) ||
                        format_of_name(output) == "vdb"; // OpenVDB's trees are made in memory
-    std::fputs(consumer_plan_text(invocation_.stage(), header, output, whole, execution_).c_str(), stderr);
+    std::optional<std::size_t> held;
+    if (whole) held = invocation_.consumer()->bytes_held(header);
+    runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
     explain(header);
 }
 
 void StageContext::explain(Header const& header) const {
     for (auto const& line : invocation_.consumer()->explain(header))
-        std::fputs(text(invocation_.stage(), ":   ", printable(line), "\n").c_str(), stderr);
+        runner_.log().answer(text(invocation_.stage(), ":   ", printable(line)));
 }
 
 void StageContext::print(std::string const& report) {
@@ -264,8 +266,7 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const explain = stage.common().explain || last_.common().explain || log_.verbosity() == Verbosity::verbose;
     if (!planned_only && !explain) return;
     bool const reduction = stage.operation() == nullptr; // a consumer's own
-    std::fputs(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction).c_str(),
-               stderr);
+    log_.answer(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction));
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
@@ -298,6 +299,8 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
             throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
                         ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
+        if (stage.consumer() != nullptr && stage.consumer()->reads_pictures() && !directory && is_picture(*bytes))
+            return picture_source(std::move(bytes));
         ReadOptions options = stated;
         options.memory = execution_of(stage).memory;
         format_ = format_name(*bytes, options);
@@ -349,9 +352,10 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (dry_run_ || stage.common().explain || last_.common().explain)
-            source = std::make_unique<Announced>(std::move(source), [name = stage.stage(), execution](Header const& h) {
-                std::fputs(opener_plan_text(name, h, execution).c_str(), stderr);
-            });
+            source = std::make_unique<Announced>(std::move(source),
+                                                 [name = stage.stage(), execution, log = log_](Header const& h) {
+                                                     log.answer(opener_plan_text(name, h, execution));
+                                                 });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);
@@ -399,80 +403,6 @@ void Runner::check_ends() {
     if (reads_stdin && input_is_terminal())
         throw Error(ErrorKind::usage, "no input: standard input is a terminal",
                     text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
-}
-
-/// The files that a stage names as inputs.
-std::vector<std::string> named_inputs(Invocation& stage) {
-    std::vector<std::string> names = stage.inputs();
-    if (stage.opener() != nullptr)
-        for (char const* const name : {"in", "input"})
-            if (stage.own_parameters().given(name)) names = stage.own_parameters().find(name)->get();
-    std::vector<std::string> files;
-    for (auto const& name : names)
-        if (name != "-")
-            for (auto const& file : matching_files(name)) files.push_back(segment_file(file));
-    return files;
-}
-
-bool same_file(std::string const& a, std::string const& b) {
-    struct stat one {
-    }, other{};
-    return ::stat(a.c_str(), &one) == 0 && ::stat(b.c_str(), &other) == 0 && one.st_dev == other.st_dev &&
-           one.st_ino == other.st_ino;
-}
-
-bool is_pair(std::string const& path) {
-    std::string const lower = lower_case(path);
-    if (is_segment(path)) return false;
-    return lower.ends_with(".nhdr") || lower.ends_with(".mhd");
-}
-
-/// A file, and where formats of two files keep the voxels of a header by this name when they write it.
-std::vector<std::string> files_of(std::string const& path) {
-    std::vector<std::string> files{path};
-    if (is_pair(path))
-        for (char const* const data : {".raw", ".raw.gz", ".zraw"})
-            files.push_back(path.substr(0, path.rfind('.')) + data);
-    return files;
-}
-
-/// One file is replaced in one step, when what it held has been read. What lies in several files is not: an input among
-/// them could end as neither what it was nor what it was to become.
-void Runner::spare_inputs() {
-    std::string output = last_.common().output;
-    if (last_.consumer() != nullptr && last_.own_parameters().find("out") != nullptr)
-        for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
-            if (last_.own_parameters().given(name)) output = last_.own_parameters().find(name)->get().front();
-    bool const series = is_numbered(output), pair = is_pair(output);
-    bool const replaces = series || pair || (!is_segment(output) && ::access(output.c_str(), F_OK) == 0);
-    if (output == "-" || dry_run_ || !replaces) return;
-    std::vector<std::string> inputs;
-    for (auto& stage : stages_)
-        for (auto const& name : named_inputs(stage)) {
-            // A header stays beside what replaces its voxels, and would describe them wrongly.
-            for (auto& file : detached_files(name)) inputs.push_back(std::move(file));
-            if (series || pair)
-                for (auto& file : files_of(name)) inputs.push_back(std::move(file));
-        }
-    if (inputs.empty()) return;
-    constexpr std::int64_t most_files = std::int64_t{1} << 20;
-    for (std::int64_t i = 0; i < (series ? most_files : 1); ++i) {
-        bool any = false;
-        for (auto const& file : files_of(segment_file(numbered_path(output, i)))) {
-            any = any || ::access(file.c_str(), F_OK) == 0;
-            for (auto const& input : inputs)
-                if (same_file(input, file))
-                    throw Error(ErrorKind::usage,
-                                series || pair
-                                    ? text("'", input, "' is read and would be replaced, but not in one step: ",
-                                           series ? "a series is" : "header and voxels are",
-                                           " written one file after the other")
-                                    : text("'", input, "' holds the voxels of an input, whose header would ",
-                                           "describe the new ones"),
-                                "write under another name");
-        }
-        if (!any) break;
-    }
 }
 
 std::unique_ptr<Sink> Runner::make_sink() {
@@ -538,7 +468,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
     sink.close();
     tell_transport();
     bool const passes_on = stream_out_ != nullptr && ipc::is_pipe(STDOUT_FILENO);
-    if (timing && !passes_on) std::fputs(timing_table(reports()).c_str(), stderr);
+    if (timing && !passes_on) log_.answer(timing_table(reports()));
 }
 
 void Runner::tell_transport() const {
@@ -606,14 +536,14 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     bool timing =
         std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });
     if (stream_in_ != nullptr) timing = timing || !stream_in_->stages.empty();
-    if (timing) std::fputs(timing_table(reports()).c_str(), stderr);
+    if (timing) log_.answer(timing_table(reports()));
     return code;
 }
 
 int Runner::run() {
     for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
     check_ends();
-    spare_inputs();
+    if (!dry_run_) spare_inputs(stages_);
     std::unique_ptr<Source> source;
     try {
         for (auto& stage : stages_) {

@@ -105,6 +105,9 @@ autoload -Uz _vkt && _vkt
 EOF
     run zsh -f session.zsh
     [[ "$output" == *gaussian* ]]
+    sed -i "s/^words=.*/words=(vkt pipe \"'read v.nrrd | cro\") CURRENT=3/" session.zsh
+    run zsh -f session.zsh
+    [ "$output" = "read v.nrrd | crop" ]
 }
 
 @test "fish completes a verb" {
@@ -112,4 +115,60 @@ EOF
     export XDG_CONFIG_HOME="$BATS_TEST_TMPDIR" XDG_DATA_HOME="$BATS_TEST_TMPDIR"
     run fish --no-config -c "source $VKT_ROOT/shell/completion/vkt.fish; complete -C 'vkt filter ga'"
     [[ "$output" == gaussian* ]]
+    run fish --no-config -c "source $VKT_ROOT/shell/completion/vkt.fish; complete -C \"vkt pipe 'read v.nrrd | cro\""
+    [[ "$output" == *"read v.nrrd | crop"* ]]
+}
+
+@test "views and the variables of the file on the line are completed" {
+    completes render v.nrrd --view '' | sort >offered
+    printf '%s\n' oblique x -x y -y z -z | sort | diff - offered
+    [ "$(completes render --view ob)" = oblique ]
+    needs_data amr
+    completes read "$VKT_DATA/amr/plt_eb_3d" --variable '' | sort >offered
+    printf '%s\n' density volFrac | diff - offered
+    [ "$(completes read --roi :,:,: "$VKT_DATA/amr/plt_eb_3d" --variable de)" = density ]
+    vkt make ramp --dims 2 2 2 -o ramp.nrrd
+    [ -z "$(vkt completion --words read ramp.nrrd --variable '')" ]
+    [ -z "$(vkt completion --words read nowhere --variable '')" ]
+}
+
+@test "the inside of vkt pipe is completed as the commands are" {
+    touch volume.nrrd
+    [ "$(completes pipe "'rea")" = read ]
+    [ "$(completes pipe "'read volume.nrrd | cr")" = "read volume.nrrd | crop" ]
+    [ "$(completes pipe "'read volume.nrrd|cr")" = "read volume.nrrd|crop" ]
+    [ "$(completes pipe '"read volume.nrrd | vkt filter ga')" = "read volume.nrrd | vkt filter gaussian" ]
+    [ "$(completes pipe "'read volume.nrrd | filter gaussian --bou")" = "read volume.nrrd | filter gaussian --boundary" ]
+    [ "$(completes pipe "'read volume.nrrd | filter gaussian --boundary mi")" = "read volume.nrrd | filter gaussian --boundary mirror" ]
+    [ "$(completes pipe "'read vol")" = "read volume.nrrd" ]
+    [ "$(completes pipe -n "'read volume.nrrd | convert --device g")" = "read volume.nrrd | convert --device gpu" ]
+    [ "$(completes pipe --thr)" = --threads ]
+    # What cannot be part of a pipeline is no candidate.
+    completes pipe "'" >offered
+    grep -qx crop offered
+    run ! grep -x 'pipe\|help\|completion\|shm' offered
+    # A word in quotes of its own within the pipeline goes on as it is.
+    [ -z "$(vkt completion --words pipe "'read \"vol")" ]
+}
+
+@test "an interactive bash completes within the quotes" {
+    python3 - "$VKT_ROOT/shell/completion/vkt.bash" <<'END'
+import os, pty, select, sys, time
+pid, terminal = pty.fork()
+if pid == 0: os.execvp("bash", ["bash", "--norc", "--noprofile", "-i"])
+seen = b""
+def until(text):
+    global seen
+    end = time.time() + 60
+    while text not in seen and time.time() < end:
+        if select.select([terminal], [], [], 1)[0]: seen += os.read(terminal, 65536)
+    assert text in seen, seen
+os.write(terminal, b"PS1='ready''> '; source '" + sys.argv[1].encode() + b"'\n")
+until(b"ready> ")
+os.write(terminal, b"vkt pipe 'read v.nrrd | cro\t")
+until(b"| crop")
+os.write(terminal, b"\x15vkt render --view obl\t")
+until(b"oblique")
+os.close(terminal)
+END
 }

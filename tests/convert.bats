@@ -169,7 +169,6 @@ np.array([2**64 - 1001 + i for i in range(1001)], "u8").tofile("u_1001x1x1_uint6
     fails_with 2 "not a range" vkt convert c.vkt --dtype uint8 --range 3
     fails_with 2 "percentile" vkt convert c.vkt --dtype uint8 --range p1:p101
     fails_with 2 "--to needs --range" vkt convert c.vkt --dtype uint8 --to 0:10
-    fails_with 2 "neither" vkt convert c.vkt
     fails_with 3 "range to map is empty" vkt convert c.vkt --dtype uint8 --range minmax -o out.vkt
     fails_with 2 "does not fit" vkt convert c.vkt --dtype uint8 --range 0:1 --to 0:300 -o out.vkt
 }
@@ -199,4 +198,23 @@ error = float(abs(got - exact).max())
 assert error <= bound, (sys.argv[1], error, bound, line)
 EOF2
     done
+}
+
+@test "without a type it is the format that changes" {
+    vkt make noise --dims 7 6 5 --dtype int16 | vkt set --spacing 1,2,3 --units HU -o v.nrrd
+    vkt convert v.nrrd -o a.mha
+    vkt convert v.nrrd b.mha
+    vkt convert v.nrrd c.nhdr --dtype float32
+    cmp a.mha b.mha
+    [ "$(vkt info b.mha | sed -n 's/^format *//p')" = metaimage ]
+    vkt diff --geometry v.nrrd b.mha
+    vkt info c.nhdr | grep -qx 'dtype      float32'
+    vkt convert v.nrrd | vkt diff v.nrrd -
+    [ "$(vkt convert v.nrrd --dtype uint8 - 2>/dev/null | vkt info --json | grep -c uint8)" -ge 1 ]
+    fails_with 4 "the file exists" vkt convert v.nrrd b.mha
+    fails_with 2 "two outputs" vkt convert v.nrrd d.mha -o e.mha
+    fails_with 2 "unexpected argument 'x'" vkt convert v.nrrd d.mha x
+    [ ! -e d.mha ]
+    vkt pipe 'read v.nrrd | convert - f.mha'
+    cmp f.mha a.mha || vkt diff --geometry f.mha a.mha
 }

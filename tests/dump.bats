@@ -51,3 +51,16 @@ END
     run vkt dump r.vkt --first 2 0 0 --last 2 1 1
     [ "$status" -eq 2 ]
 }
+
+@test "values are printed with all their digits" {
+    while read -r dtype value shown; do
+        vkt make constant --dims 1 1 1 --dtype "$dtype" --value "$value" | vkt dump | grep -qF "{$shown}" ||
+            { echo "$dtype $value" >&2; false; }
+    done <<'END'
+float32 3.1e-7 3.1e-07
+float64 0.1234567890123456 0.1234567890123456
+float64 -1e-300 -1e-300
+int64 -9007199254740993 -9007199254740993.0
+uint64 18446744073709551615 18446744073709551615.0
+END
+}

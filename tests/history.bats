@@ -159,3 +159,62 @@ import json, sys
 assert json.load(sys.stdin)["command"][-1] == "note=a\nb\t\x1b[31mred\x9bm it\x27s"'
     vkt pipe "$(sed 's/vkt //g' line) | diff - n.vkt"
 }
+
+@test "a picture tells its history, and its recipe makes it again" {
+    vkt make sphere --dims 24 20 16 --edge coverage | vkt filter gaussian --sigma 1 | vkt render --size 20x16 --view x -o p.png
+    vkt history p.png >tree
+    diff - tree <<'END'
+vkt render --size 20x16 --view x
+  vkt filter gaussian --sigma 1,1,1
+    vkt make sphere --dims 24 20 16 --edge coverage
+END
+    vkt history <p.png | diff tree -
+    vkt history p.png --json | /usr/bin/python3 -c '
+import json, sys; h = json.load(sys.stdin)
+assert h["command"][0] == "render" and h["inputs"][0]["inputs"][0]["command"][:2] == ["make", "sphere"], h'
+    vkt history p.png --as-shell >line
+    bash -c "$(cat line)" >again.png
+    cmp p.png again.png
+    # Pictures of others have none; damaged ones are bad data, and they are no volumes.
+    /usr/bin/python3 -c '
+import struct, zlib
+def chunk(kind, data): return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+head, end = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0)), chunk(b"IEND", b"")
+body = chunk(b"IDAT", zlib.compress(b"\0\0"))
+open("foreign.png", "wb").write(head + chunk(b"tEXt", b"vkt history\0{}") + body + end)
+open("none.png", "wb").write(head + chunk(b"iTXt", b"vkt history\0\0\0\0\0no JSON") + body + end)
+open("long.png", "wb").write(head + b"\xff\xff\xff\xffiTXt" + end)
+data = open("p.png", "rb").read()
+at = data.index(b"vkt history")
+open("damaged.png", "wb").write(data[:at + 20] + b"X" + data[at + 21:])
+open("cut.png", "wb").write(data[:-5])'
+    for name in foreign none; do
+        vkt history $name.png 2>&1 | grep -q 'has no history'
+    done
+    fails_with 3 "a checksum does not match" vkt history damaged.png
+    fails_with 3 "ended early" vkt history cut.png
+    fails_with 3 "impossible chunk" vkt history long.png
+    fails_with 3 "a PNG picture" vkt info p.png
+}
+
+@test "--as-shell says what the pipeline would miss" {
+    quiet() { vkt history "$1" --as-shell 2>said >/dev/null && [ ! -s said ]; }
+    vkt make ramp --dims 4 4 4 --no-history -o r.nrrd
+    vkt flip x r.nrrd -o f.vkt
+    quiet f.vkt
+    vkt make ramp --dims 4 4 4 | vkt resample --like r.nrrd | vkt arith sub - r.nrrd -o like.vkt
+    quiet like.vkt
+    mv r.nrrd elsewhere.nrrd
+    vkt history f.vkt --as-shell 2>said | grep -qx 'vkt flip x r.nrrd'
+    grep -qx "vkt history: what it reads is not here: 'r.nrrd'" said
+    vkt history like.vkt --as-shell 2>&1 | grep -q "not here: 'r.nrrd'"
+    vkt flip x <elsewhere.nrrd | vkt history --as-shell 2>&1 | grep -q "reads standard input"
+    vkt read - <elsewhere.nrrd | vkt flip x | vkt history --as-shell 2>&1 | grep -q "reads standard input"
+    vkt arith sub elsewhere.nrrd <(cat elsewhere.nrrd) -o s.vkt
+    vkt history s.vkt --as-shell 2>&1 | grep -q "not here: '/dev/fd/"
+    # Without any history there is nothing to run.
+    fails_with 1 "it has no history" vkt history elsewhere.nrrd --as-shell
+    # Words that this version does not take.
+    printf 'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 1 1 1\nencoding: raw\nvkt history:={"command":["frobnicate","x"]}\n\na' >new.nrrd
+    vkt history new.nrrd --as-shell 2>&1 | grep -q "cannot be run here: 'frobnicate' is not a command"
+}

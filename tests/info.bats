@@ -36,11 +36,11 @@ END
     grep -qx "history    vkt read a.nrrd" piped
 }
 
-@test "of files only the header is read, of streams all unless --first" {
+@test "of files only the header is read, of streams all unless --head" {
     truncate -s 4G big_2048x2048x1024_uint8.raw
     run -0 timeout 5 vkt info big_2048x2048x1024_uint8.raw
     # The command before is cut off, or let to its end.
-    run -141 bash -o pipefail -c 'vkt read big_2048x2048x1024_uint8.raw | vkt info --first >/dev/null'
+    run -141 bash -o pipefail -c 'vkt read big_2048x2048x1024_uint8.raw | vkt info --head >/dev/null'
     truncate -s 64M small_512x512x256_uint8.raw
     run -0 bash -o pipefail -c 'vkt read small_512x512x256_uint8.raw | vkt info >/dev/null'
 }
@@ -117,4 +117,32 @@ END
     vkt flip x "$name" -o - -v 2>>err >x.vkt
     only_shown err
     run ! grep -q '^vkt info: all is well' err
+}
+
+@test "files of several variables have all that the page promises of trees" {
+    needs_data amr
+    for file in "$VKT_DATA/amr/plt_eb_3d" "$VKT_DATA"/amr/flash/*chk*; do
+        vkt info "$file" --json >info
+        variable=$(python3 -c 'import json; print([k[9:] for k in json.load(open("info"))["attributes"] if k.startswith("variable ")][0])')
+        vkt read "$file" --variable "$variable" --no-history | vkt info --json >one
+        vkt info --json <"$file" >standard_input 2>/dev/null || rm standard_input # a directory is no standard input
+        python3 - "$VKT_ROOT/man/vkt-info.1" <<'END'
+import json, os, re, sys
+page = open(sys.argv[1]).read()
+promised = re.findall(r"^\.Va (\w+)", page[page.index("Fl -json"):], re.M)
+info, one = json.load(open("info")), json.load(open("one"))
+own = {"level", "cell_width"} # of the objects in level_list
+assert len(promised) > 12 and not set(promised) - own - set(info), set(promised) - set(info)
+for key in ("dims", "levels", "bricks", "cells", "holes", "level_list"): assert info[key] == one[key], key
+assert sum(l["bricks"] for l in info["level_list"]) == info["bricks"]
+assert sum(l["cells"] for l in info["level_list"]) == info["cells"]
+covered = sum(l["cells"] * l["cell_width"][0] * l["cell_width"][1] * l["cell_width"][2] for l in info["level_list"])
+d = info["dims"]
+assert abs(info["holes"] - (1 - covered / (d[0] * d[1] * d[2]))) < 1e-5, info
+if os.path.exists("standard_input"): assert json.load(open("standard_input"))["level_list"] == info["level_list"]
+END
+    done
+    # Of a series each its own.
+    cp -r "$VKT_DATA/amr/plt_eb_3d" plt1 && cp -r plt1 plt2
+    vkt info 'plt*' --json | python3 -c 'import json, sys; assert [len(v["level_list"]) for v in json.load(sys.stdin)] == [2, 2]'
 }

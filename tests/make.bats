@@ -25,7 +25,7 @@ assert abs((np.fromfile("u", "u1") == np.fromfile("v", "u1")).mean() - .25) < .0
 }
 
 @test "ramp, checkerboard, constant" {
-    vkt make ramp --dims 5 4 3 --axis y --first 10 --last 40 --dtype int16 | raw >ramp
+    vkt make ramp --dims 5 4 3 --axis y --from 10 --to 40 --dtype int16 | raw >ramp
     vkt make checkerboard --dims 7 5 4 --period 2 --dtype uint8 --high 9 | raw >board
     vkt make constant --dims 3 2 2 --dtype int8 --value -7 | raw >constant
     check 'assert (raw("ramp", "i2", (3, 4, 5)) == np.array([10, 20, 30, 40])[None, :, None]).all()
@@ -84,8 +84,8 @@ s = np.fromfile("small", "f8"); assert abs(s[13] / (4 / 3 * np.pi * .064) - 1) <
 }
 
 @test "requests that make no sense" {
-    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --first inf -o x.vkt
-    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --dtype float64 --first -1e308 --last 1e308 -o x.vkt
+    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --from inf -o x.vkt
+    fails_with 2 "infinite or too far apart" vkt make ramp --dims 4 1 1 --dtype float64 --from -1e308 --to 1e308 -o x.vkt
     fails_with 2 "too far apart" vkt make noise --dims 4 1 1 --dtype float64 --low -1e308 --high 1e308 -o x.vkt
     fails_with 2 "for --edge coverage" vkt make sphere --dims 4 4 4 --edge coverage --inside inf -o x.vkt
     fails_with 2 "float16 cannot hold 1e+05" vkt make constant --dims 4 1 1 --dtype float16 --value 100000 -o x.vkt
@@ -97,4 +97,13 @@ s = np.fromfile("small", "f8"); assert abs(s[13] / (4 / 3 * np.pi * .064) - 1) <
     fails_with 2 "negative inside" vkt make sphere --dims 8 8 8 --dtype uint8 --edge distance -o x.vkt
     fails_with 2 "ascending" vkt make noise --dims 8 8 8 --low 2 --high 1 -o x.vkt
     fails_with 2 "--dims" vkt make ramp --dims 1000000000000 1000000000000 1000000000000 -o x.vkt
+}
+
+@test "amr by itself is a tree of several levels" {
+    vkt make amr | vkt info --json >i
+    check 'i = json.load(open("i")); levels = [l["bricks"] for l in i["level_list"]]
+assert len(levels) >= 4 and sum(levels) == i["bricks"] >= 1000 and min(levels) > 1, i
+assert i["cells"] == 512 * i["bricks"] < np.prod(i["dims"]) / 10, i'
+    # One level more than the blocks fill is all of the finest level.
+    vkt make amr --levels 3 | vkt info | grep -qx 'bricks     64 of 1 levels with 32768 cells'
 }

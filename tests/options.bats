@@ -148,3 +148,53 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     [ "$status" -eq 3 ]
     [[ "$stderr" == *"an upstream command failed"* ]]
 }
+
+@test "an option means one thing in every command" {
+    vkt help --list >verbs
+    while read -r verb; do
+        # shellcheck disable=SC2086
+        vkt $verb --help | sed -n '/^Options:/,$s/^ .*--\(unit\|size\|first\|last\|tolerance\)\b\( [^ ]*\( [A-Z]\)*\).*/\1\2/p'
+    done <verbs | sed 's/ *$//' | sort -u >found
+    diff - found <<'END'
+first X Y Z
+last X Y Z
+size WxH
+tolerance P%
+tolerance T
+unit UNIT
+END
+    # What lacks its sign is told how it is written.
+    vkt make noise --dims 6 5 4 -o n.nrrd
+    fails_with 2 "--tolerance 0.01%" vkt filter gaussian n.nrrd --sigma 1 --tolerance 1e-4 -o x.nrrd
+    [ "$(vkt resample n.nrrd --dims auto,10,auto | vkt info --json | tr -d ' \n' | grep -o '"dims":[^]]*]')" = '"dims":[12,10,8]' ]
+    [ "$(vkt resample n.nrrd --dims auto auto 2 | vkt history | head -1)" = "vkt resample --dims auto auto 2" ]
+    for dims in auto,auto,auto 0,auto,auto 4,-1,auto 4,4 4,x,auto; do
+        fails_with 2 "--dims" vkt resample n.nrrd --dims $dims -o x.nrrd
+    done
+}
+
+@test "messages have levels: errors always, notes unless quiet, details if verbose" {
+    vkt make ramp --dims 300 2 2 -o r.nrrd
+    run -0 --separate-stderr vkt convert r.nrrd --dtype uint8 -o a.nrrd
+    [[ "$stderr" == "vkt convert: "*clipped* ]]
+    run -0 --separate-stderr vkt convert r.nrrd --dtype uint8 -o b.nrrd --quiet
+    [ -z "$stderr" ]
+    run -0 --separate-stderr vkt convert r.nrrd --dtype uint8 -o c.nrrd --verbose
+    [[ "$stderr" == *clipped* && "$stderr" == *"format nrrd"* ]]
+    for level in --quiet --verbose; do fails_with 4 "the file exists" vkt convert r.nrrd --dtype uint8 -o a.nrrd $level; done
+    # What was asked for is told at any level.
+    vkt convert r.nrrd --dtype uint8 -o d.nrrd --quiet -n 2>&1 | grep -q 'peak memory'
+    # Nobody listens: the work is done all the same.
+    vkt convert r.nrrd --dtype uint8 -o e.nrrd 2>&-
+    vkt diff a.nrrd e.nrrd
+}
+
+@test "a region that is none is named by its option and as a whole" {
+    vkt make ramp --dims 20 4 4 -o r.nrrd
+    for verb in "crop" "read" "stats" "fill --value 1"; do
+        # shellcheck disable=SC2086
+        fails_with 2 "--roi '0-10,:,:': '0-10' is not an integer" vkt $verb r.nrrd --roi 0-10,:,:
+    done
+    fails_with 2 "--roi '0:200%,:,:': '200%' is not between 0% and 100%" vkt crop r.nrrd --roi 0:200%,:,:
+    fails_with 2 "--roi-world '0:a,:,:': 'a' is not a number" vkt crop r.nrrd --roi-world 0:a,:,:
+}

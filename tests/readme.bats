@@ -29,3 +29,32 @@ load helper
         [ -e "$VKT_ROOT/$path" ] || { echo "$path" >&2; false; }
     done
 }
+
+@test "the formats of the README are those that are known" {
+    sed -n '/^## Formats/,/^## /p' "$VKT_ROOT/README.md" | grep '^| ' | tail -n +2 | grep -v '^| ---' >table
+    names() { awk -F'|' -v column="$1" '$column ~ /yes/ { print $3 }' table | grep -oE '`[a-z]+`' | tr -d '`' | sort; }
+    names 5 | diff <(vkt completion --words read --format '' | sort) -
+    names 6 | diff <(vkt completion --words write --format '' | sort) -
+}
+
+@test "the picture of the README is what its quickstart draws" {
+    python_with vtk numpy
+    grep -q '^!\[.*\](examples/quickstart.png)$' "$VKT_ROOT/README.md"
+    # The command as it stands in the script.
+    root=$VKT_ROOT
+    sed -n '/^vkt read /,/quickstart.png$/p' "$VKT_ROOT/examples/quickstart.sh" >line
+    grep -q render line
+    eval "$(cat line)"
+    /usr/bin/python3 - "$VKT_ROOT/examples/quickstart.png" <<'END'
+import sys
+import numpy as np, vtk
+from vtk.util.numpy_support import vtk_to_numpy
+def pixels(name):
+    reader = vtk.vtkPNGReader(); reader.SetFileName(name); reader.Update()
+    image = reader.GetOutput()
+    return image.GetDimensions(), vtk_to_numpy(image.GetPointData().GetScalars()).astype(int)
+(size, a), (other, b) = pixels("quickstart.png"), pixels(sys.argv[1])
+assert size == other and np.abs(a - b).max() <= 1, (size, other, np.abs(a - b).max())
+END
+    diff <(vkt history quickstart.png | sed "s,$VKT_ROOT/,,") <(vkt history "$VKT_ROOT/examples/quickstart.png" | sed 's,/.*/examples,examples,')
+}

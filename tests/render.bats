@@ -126,7 +126,7 @@ PY
     fails_with 2 "step" vkt render $f --step nan -o a.png
     fails_with 2 "size" vkt render $f --size 0x5 -o a.png
     fails_with 2 "view" vkt render $f --view left -o a.png
-    fails_with 2 "unit" vkt render $f --unit -1 -o a.png
+    fails_with 2 "unit" vkt render $f --unit-distance -1 -o a.png
     fails_with 2 "background" vkt render $f --background red -o a.png
     [ ! -e a.png ]
 }
@@ -148,8 +148,8 @@ PY
 --opacity garbage 'garbage' is not a number
 --opacity 2 outside 0 to 1
 --opacity 1:0.5,0.5 neither
---unit x 'x' is not a number
---unit -3 positive
+--unit-distance x 'x' is not a number
+--unit-distance -3 positive
 --domain foo pA:pB
 --domain 3:2 LO:HI
 --domain 5:5 single value
@@ -166,7 +166,7 @@ EOF
     fails_with 2 "--spp: " vkt render $f -n -o a.png -ra multi-scattering --spp 0
     fails_with 2 "--rgba-lookup-table" vkt render $f -n -o a.png --lut 1 1 1 2
     # What suits some volume is not refused: the middle of this one is elsewhere.
-    vkt render $f -n -o a.png --eye 0,0,0 --domain 7:8 --opacity 5:0,6:1 --unit auto
+    vkt render $f -n -o a.png --eye 0,0,0 --domain 7:8 --opacity 5:0,6:1 --unit-distance auto
     vkt render $f -n -o a.png --eye 0.5,0.5,0.5 --domain p1:p99 --opacity 0,1 --up 0,1,0
     [ ! -e a.png ]
 }
@@ -451,4 +451,66 @@ EOF
         vkt render block_24x18x30_uint8.raw --size 8 -o $name
         [ "$(size_of $name)" = "8 8 8 2" ]
     done
+}
+
+@test "a transfer function may come through a pipe, and is read once" {
+    echo '{"points": [[0, 0, 0, 0, 0], [200, 1, 0.5, 0.25, 0.9]]}' >tf.json
+    f=block_24x18x30_uint8.raw
+    vkt render $f --size 16 --transfer tf.json -o file.png
+    vkt render $f --size 16 --transfer <(cat tf.json) -o pipe.png
+    vkt render $f --size 16 --transfer <(cat tf.json) --explain -o explained.png 2>err
+    for name in pipe explained; do
+        /usr/bin/python3 -c "$levels
+assert (levels('file.png') == levels('$name.png')).all() and levels('file.png').max() > 100"
+    done
+    fails_with 3 "malformed" bash -c "vkt render $f --size 16 --transfer <(echo '{}') -o x.png"
+}
+
+@test "colour maps with the names of published ones have their colours" {
+    python_with vtk numpy
+    # A volume of one opaque value is a picture of its colour.
+    shown() { vkt make constant --dims 4 4 4 --value "$2" | vkt render --size 3 --domain 0:1 --opacity 1 --colormap "$1" --fit volume --zoom 9 -o "$1-$2.png" --force; }
+    places=$(/usr/bin/python3 -c 'print(*("%.6f" % (i / 9) for i in range(10)))')
+    for map in viridis coolwarm bone; do
+        for at in $places; do shown $map $at; done
+    done
+    /usr/bin/python3 -c "$levels
+import vtk
+# R's viridis(10), from the package viridisLite.
+viridis = '440154 482878 3E4A89 31688E 26828E 1F9E89 35B779 6DCD59 B4DE2C FDE725'.split()
+want = {'viridis': [[int(c[i:i + 2], 16) for i in (0, 2, 4)] for c in viridis]}
+# Moreland's map, as VTK computes it at each of the 33 places where it was published, with lines between.
+f = vtk.vtkColorTransferFunction(); f.SetColorSpaceToDiverging()
+f.AddRGBPoint(0, 0.230, 0.299, 0.754); f.AddRGBPoint(1, 0.706, 0.016, 0.150)
+knots = np.linspace(0, 1, 33)
+table = np.array([f.GetColor(t) for t in knots])
+at = np.arange(10) / 9
+want['coolwarm'] = 255 * np.stack([np.interp(at, knots, table[:, c]) for c in range(3)], 1)
+# MATLAB's: seven parts of grey and one of its hot map, the channels in reverse.
+ramp = lambda low, high: np.clip((at - low) / (high - low), 0, 1)
+hot = np.stack([ramp(0, 3 / 8), ramp(3 / 8, 6 / 8), ramp(6 / 8, 1)], 1)
+want['bone'] = 255 * (7 * at[:, None] + hot[:, ::-1]) / 8
+for name in want:
+    got = np.array([levels('%s-%.6f.png' % (name, t))[1, 1] for t in at])
+    off = np.abs(got - np.array(want[name])).max()
+    print(name, off)
+    assert off < 2 if name == 'bone' else off <= 1.1, (name, got, want[name])
+"
+}
+
+@test "a dry run, --explain and --memory name one figure, which is what drawing takes" {
+    vkt make noise --dims 160 160 160 -o n.nrrd
+    planned=$(vkt render n.nrrd -n -o p.png 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
+    [ "$(vkt render n.nrrd -n -o p.png 2>&1 | sed -n 's/.*, \([0-9.]*\) MiB of memory$/\1/p')" = "$planned" ]
+    [ "$(vkt render n.nrrd --explain --size 8 -o p.png 2>&1 | sed -n 's/.*, \([0-9.]*\) MiB of memory$/\1/p')" = "$planned" ]
+    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 16M -o q.png
+    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 16M -n -o q.png
+    [ -z "$VKT_SANITIZED" ] || skip "sanitizers take memory of their own"
+    /usr/bin/python3 - "$planned" <<'END'
+import resource, subprocess, sys
+subprocess.run("vkt render n.nrrd --size 64 -o r.png".split(), check=True)
+took, planned = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024, float(sys.argv[1])
+print(took, planned)
+assert planned < took + 4 and took < planned + 48, (took, planned) # the program itself
+END
 }

@@ -312,7 +312,7 @@ assert abs(json.load(open("one"))["mean"] - m) < 1e-6'
     [ "$(vkt resample r.vkt --scale 0.5 | dims)" = '"dims":[5,10,15]' ]
     [ "$(vkt resample r.vkt --scale 2,1,0.1 | dims)" = '"dims":[20,20,3]' ]
     [ "$(vkt resample r.vkt -dims 7 8 9 | dims)" = '"dims":[7,8,9]' ]
-    [ "$(vkt resample r.vkt --size 20,auto,auto | dims)" = '"dims":[20,40,60]' ]
+    [ "$(vkt resample r.vkt --dims 20,auto,auto | dims)" = '"dims":[20,40,60]' ]
     [ "$(vkt resample r.vkt --spacing 2 | dims)" = '"dims":[5,20,45]' ]
     vkt make ramp --dims 3 4 5 | vkt write like.nrrd
     [ "$(vkt resample r.vkt --like like.nrrd | dims)" = '"dims":[3,4,5]' ]

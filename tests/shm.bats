@@ -532,3 +532,12 @@ EOF
     PYTHONPATH="$VKT_BUILD/python" /usr/bin/python3 -W error test.py $seg
     vkt diff shm:$seg in.nrrd
 }
+
+@test "a segment is no part of --memory but where a whole volume is held" {
+    vkt make noise --dims 256 256 64 --dtype uint16 -o big.nrrd # 8 MiB
+    vkt read big.nrrd | vkt flip x --memory 2M -o shm:$seg
+    vkt flip x shm:$seg --memory 2M | vkt diff - big.nrrd
+    vkt stats shm:$seg --memory 2M >/dev/null
+    fails_with 5 "the budget is 2.0 MiB" vkt render shm:$seg --memory 2M --size 8 -o p.png
+    fails_with 5 "the budget is 2.0 MiB" vkt render big.nrrd --memory 2M --size 8 -o p.png
+}

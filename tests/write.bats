@@ -300,3 +300,32 @@ print(f"{name}{h:08x}")')
     vkt write e.nhdr third.raw
     cmp third.raw before.raw
 }
+
+@test "what cannot fit is refused before the first byte, wherever the size is known" {
+    mkdir small
+    mount -t tmpfs -o size=1m tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
+    truncate -s 2M big_128x128x128_uint8.raw
+    failed=0
+    said="no space left on device: 2.0 MiB are needed, 1.0 MiB are free"
+    for name in a.nrrd a.nhdr a.mha a.mhd a.raw a.vkt; do
+        fails_with 4 "$said" vkt write big_128x128x128_uint8.raw small/$name || failed=1
+        fails_with 4 "$said" vkt flip x big_128x128x128_uint8.raw -o small/$name || failed=1
+        [ -z "$(ls -A small)" ] || failed=1
+    done
+    fails_with 4 "$said" bash -c 'vkt flip x big_128x128x128_uint8.raw >small/c.vkt' || failed=1
+    # What may become small is refused only if it cannot: deflate makes no more than 1032 bytes of one.
+    vkt write big_128x128x128_uint8.raw small/d.nrrd --compress || failed=1
+    fails_with 4 "no space left on device: 3.7 MiB are needed" timeout 20 vkt make constant --dims 1000000 1000 4 --dtype uint8 --compress -o small/e.mha || failed=1
+    # Nor do pipes and devices have an end.
+    vkt write big_128x128x128_uint8.raw /dev/null --format raw || failed=1
+    vkt write big_128x128x128_uint8.raw - --format raw | cmp - big_128x128x128_uint8.raw || failed=1
+    umount small
+    [ $failed -eq 0 ]
+}
+
+@test "a volume that no disk holds is refused at once" {
+    for out in big.nrrd big.vkt big.raw; do
+        fails_with 4 "no space left on device: 3638.0 TiB are needed" timeout 20 vkt make noise --dims 1000000 1000000 1000 -o $out
+        [ ! -e $out ]
+    done
+}

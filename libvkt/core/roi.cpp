@@ -59,6 +59,17 @@ void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t
                     "ranges are half-open: 3:4 is one voxel");
 }
 
+/// What a part of a region is refused for names the option and all of its word.
+template <class Read> auto in_name_of(char const* option, std::string const& region, Read const& read) {
+    try {
+        return read();
+    } catch (Error const& error) {
+        if (std::string_view(error.what()).starts_with("--")) throw;
+        throw Error(error.kind(), text(option, " '", region, "': ", error.what()),
+                    error.hint().empty() ? "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis" : error.hint());
+    }
+}
+
 } // namespace
 
 Box Roi::resolve(Index3 dims) const {
@@ -69,7 +80,9 @@ Box Roi::resolve(Index3 dims) const {
                     "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
     Box box;
     for (int axis = 0; axis < 3; ++axis)
-        resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
+        in_name_of("--roi", text, [&] {
+            resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
+        });
     return box;
 }
 
@@ -87,7 +100,7 @@ Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {
         for (int i = 0; i < 2; ++i) {
             std::string const& end = ends[static_cast<std::size_t>(i)];
             double const edge = i == 0 ? -HUGE_VAL : HUGE_VAL;
-            corner[i][axis] = end.empty() ? edge : parse_double(end);
+            corner[i][axis] = end.empty() ? edge : in_name_of("--roi-world", text, [&] { return parse_double(end); });
             if (corner[i][axis] == -edge)
                 throw Error(ErrorKind::usage, vkt::text("--roi-world '", text, "' does not meet the volume"));
         }

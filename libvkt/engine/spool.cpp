@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/io/free_space.h"
 
 #include <cerrno>
 #include <cstdlib>
@@ -14,8 +15,14 @@
 
 namespace vkt {
 
+namespace {
+
+constexpr char hint_of_full_disk[] = "set TMPDIR to a larger file system, or raise --memory";
+
+} // namespace
+
 Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info)
-    : header_(header) {
+    : Spool(header) {
     std::size_t const bytes = header_.bytes();
     if (bytes <= in_memory) {
         memory_.reserve(bytes);
@@ -23,6 +30,7 @@ Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execu
         return;
     }
     open_file(execution.temporary_directory);
+    require_space(file_, bytes, text("cannot spool to ", directory_), hint_of_full_disk);
     if (info.listener)
         info.listener(info.name,
                       text("spooling ", bytes_text(static_cast<double>(bytes)), " to ", directory_, " (--memory is ",
@@ -89,7 +97,7 @@ void Spool::write(std::byte const* data, std::size_t left, std::int64_t offset) 
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0)
             throw Error(ErrorKind::io, text("cannot spool to ", directory_, ": ", std::strerror(errno)),
-                        "set TMPDIR to a larger file system, or raise --memory");
+                        hint_of_full_disk);
         data += n;
         left -= static_cast<std::size_t>(n);
         offset += n;

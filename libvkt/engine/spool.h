@@ -28,6 +28,7 @@ public:
     std::optional<ConstView> borrow(Box const& region) const;
 
 private:
+    explicit Spool(Header const& header) : header_(header) {} ///< what throws after it finds the file closed
     void open_file(std::string const& directory);
     std::int64_t offset_of(std::int64_t y, std::int64_t z) const;
     void write(std::byte const* data, std::size_t n, std::int64_t offset);

@@ -11,6 +11,9 @@
 
 namespace vkt {
 
+/// What so many bytes take at least: deflate makes no more than 258 bytes of 2 bits.
+constexpr std::size_t least_deflated(std::size_t bytes) { return bytes / 1032; }
+
 /// Writes one gzip member (RFC 1952) or zlib stream (RFC 1950). The input is cut into blocks of fixed size, each
 /// compressed on its own with the 32 KiB before it as dictionary and joined on byte boundaries, so that the bytes
 /// depend neither on the sizes of write() nor on the number of threads. Each thread holds about a MiB.

@@ -86,6 +86,7 @@ public:
         dims_ = header.dims;
         dtype_ = header.dtype;
         begun_ = true;
+        file_.expect(deflate_ ? least_deflated(header.bytes()) : header.bytes());
     }
     void write(std::byte const* voxels, std::size_t n) override {
         std::size_t const size = size_of(dtype_);

@@ -4,6 +4,7 @@
 #include "libvkt/io/output_file.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/free_space.h"
 #include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/io/temporaries.h"
@@ -189,6 +190,11 @@ void OutputFile::write_at(std::int64_t position, void const* data, std::size_t n
         position += done;
         n -= static_cast<std::size_t>(done);
     }
+}
+
+void OutputFile::expect(std::size_t bytes) const {
+    require_space(descriptor_, bytes,
+                  path_ == "-" ? "cannot write standard output" : text("cannot write '", path_, "'"));
 }
 
 void OutputFile::commit() {

@@ -38,6 +38,8 @@ public:
     bool in_place() const { return in_place_; }
     void write(void const* data, std::size_t n); ///< all of it, or Error{io} with the reason (disk full, …)
     void write_at(std::int64_t position, void const* data, std::size_t n); ///< not if in_place()
+    /// Throws Error{io} if the file system has no room for so many bytes more.
+    void expect(std::size_t bytes) const;
     void commit();
 
 private:

@@ -20,9 +20,6 @@ void Convert::parameters(Parameters& p) {
 }
 
 void Convert::check() const {
-    if (!dtype && !range)
-        throw Error(ErrorKind::usage, "neither --dtype nor --range is given",
-                    "say for example --dtype uint8 --range minmax");
     if (to && !range) throw Error(ErrorKind::usage, "--to needs --range");
     if (to && (to->low.percentile || to->high.percentile))
         throw Error(ErrorKind::usage, "--to takes two numbers, as in 0:255");

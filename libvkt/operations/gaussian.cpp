@@ -52,21 +52,32 @@ Texts Gaussian::texts() const {
               "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
 }
 
+ShareOfRange ValueText<ShareOfRange>::read(std::vector<std::string> const& w, std::string_view name) {
+    std::string number = w.front();
+    if (!number.ends_with('%')) {
+        double const share = ValueText<double>::read({number}, name);
+        throw Error(ErrorKind::usage, text("--", name, ": ", number, " lacks the sign of a share of the value range"),
+                    text("in percent: --", name, " ", 100 * share, "%"));
+    }
+    number.pop_back();
+    return {ValueText<double>::read({number}, name)};
+}
+
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
     parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
     parameters.option("boundary", boundary_, "RULE",
                       "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
-    parameters.option("tolerance", tolerance_, "T",
-                      "allowed error as a share of the value range (default: a quarter of the last bit, floats 1e-4)");
+    parameters.option("tolerance", tolerance_, "P%",
+                      "allowed error in percent of the value range (default: a quarter of the last bit, floats 0.01%)");
 }
 
 void Gaussian::check() const {
     for (int axis = 0; axis < 3; ++axis)
         if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)
             throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
-    if (tolerance_ && !(*tolerance_ >= 1e-12 && *tolerance_ < 1))
-        throw Error(ErrorKind::usage, text("--tolerance ", *tolerance_, " is not between 1e-12 and 1"));
+    if (tolerance_ && !(tolerance_->percent >= 1e-10 && tolerance_->percent < 100))
+        throw Error(ErrorKind::usage, text("--tolerance ", tolerance_->percent, "% is not between 1e-10% and 100%"));
     if (!std::isfinite(boundary_.value))
         throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }
@@ -104,7 +115,7 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
     passes_.clips = border < lowest_of(in.dtype) || border > highest_of(in.dtype);
     passes_.wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4) ||
                    std::abs(border) > highest_of(DataType::float32);
-    double const tolerance = tolerance_.value_or(default_tolerance(in.dtype, border));
+    double const tolerance = tolerance_ ? tolerance_->share() : default_tolerance(in.dtype, border);
 
     // Rounding takes its share of the tolerance first; if that is most of it, intermediates become wide.
     GaussianRounding rounding;

@@ -9,6 +9,17 @@
 
 namespace vkt {
 
+/// A share of the value range, written in percent: "0.0001%". A tolerance without the sign is one in values, as diff
+/// and refine take it.
+struct ShareOfRange {
+    double percent = 0;
+    double share() const { return percent / 100; }
+};
+template <> struct ValueText<ShareOfRange> : OneWord {
+    static ShareOfRange read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(ShareOfRange v) { return {text(v.percent, "%")}; }
+};
+
 /// Units of lengths that a user gives.
 enum class LengthUnit : std::uint8_t { voxel, world };
 
@@ -54,7 +65,7 @@ public:
     bool runs_on_gpu() const override { return !passes_.clips; }
     std::vector<Remark> remarks() const override;
 
-    void set_tolerance(double tolerance) { tolerance_ = tolerance; }
+    void set_tolerance(double share) { tolerance_ = ShareOfRange{100 * share}; }
 
 private:
     Plan plan_for(Header const& in, Vec3 const& sigma);
@@ -62,7 +73,7 @@ private:
     Vec3 sigma_{1, 1, 1};
     LengthUnit unit_ = LengthUnit::voxel;
     BoundaryRule boundary_{Boundary::mirror, 0};
-    std::optional<double> tolerance_;
+    std::optional<ShareOfRange> tolerance_;
 
     DataType type_ = DataType::uint8;
     std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it

@@ -92,19 +92,19 @@ void MakeConstant::run(std::span<ConstView const>, AnyView out, Execution const&
 void MakeRamp::parameters(Parameters& p) {
     MakeField::parameters(p);
     p.option("axis", axis, "AXIS", "axis along which values change (x)");
-    p.option("first", first, "VALUE", "value of the first voxel (0)");
-    p.option("last", last, "VALUE", "value of the last voxel (as many steps of 1 beyond the first as there are)");
+    p.option("from", first, "VALUE", "value of the first voxel (0)");
+    p.option("to", last, "VALUE", "value of the last voxel (as many steps of 1 beyond the first as there are)");
 }
 double MakeRamp::last_value() const {
     return last.value_or(first + static_cast<double>((*dims)[static_cast<int>(axis)] - 1));
 }
 void MakeRamp::check() const {
     MakeField::check();
-    check_value(first, "first");
-    check_value(last_value(), "last");
+    check_value(first, "from");
+    check_value(last_value(), "to");
     double const end = last_value(), steps = static_cast<double>((*dims)[static_cast<int>(axis)]);
     if (!std::isfinite(first) || !std::isfinite(end) || !std::isfinite((end - first) * steps))
-        throw Error(ErrorKind::usage, text("--first ", first, " and --last ", end, " are infinite or too far apart"));
+        throw Error(ErrorKind::usage, text("--from ", first, " and --to ", end, " are infinite or too far apart"));
 }
 void MakeRamp::run(std::span<ConstView const>, AnyView out, Execution const& execution) {
     make_ramp(out, axis, first, last_value(), (*dims)[static_cast<int>(axis)], execution);

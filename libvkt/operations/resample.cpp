@@ -9,6 +9,7 @@
 #include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/kernels/resample.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -17,8 +18,7 @@ VKT_OPERATION(Resample, "resample")
 
 void Resample::parameters(Parameters& p) {
     p.option("scale", scale, "S|SX,SY,SZ", "factor for the numbers of voxels, rounded to the nearest");
-    p.option("dims", dims, "X Y Z", "numbers of voxels of the result");
-    p.option("size", size, "N,auto,auto", "number of voxels along one axis, the others in proportion");
+    p.option("dims", dims, "X Y Z", "numbers of voxels of the result; any may be auto: in proportion to the others");
     p.option("spacing", spacing, "S|SX,SY,SZ",
              "size of the result's voxels in world units, met as nearly as whole voxels allow");
     p.option("like", like_.file, "FILE", "the grid of this volume: numbers of voxels, spacing, place and directions");
@@ -45,11 +45,10 @@ void Resample::parameters(Parameters& p) {
 }
 
 void Resample::check() const {
-    int const given = (scale ? 1 : 0) + (dims ? 1 : 0) + (size.empty() ? 0 : 1) + (spacing ? 1 : 0) +
-                      (like_.file.empty() ? 0 : 1) + (cells ? 1 : 0);
+    int const given =
+        (scale ? 1 : 0) + (dims ? 1 : 0) + (spacing ? 1 : 0) + (like_.file.empty() ? 0 : 1) + (cells ? 1 : 0);
     if (given > 1)
-        throw Error(ErrorKind::usage,
-                    "only one of --scale, --dims, --size, --spacing, --like and --cells can be followed");
+        throw Error(ErrorKind::usage, "only one of --scale, --dims, --spacing, --like and --cells can be followed");
     if (mask && changes_values())
         throw Error(ErrorKind::usage, "--mask is 0 or 1 in uint8: options that change values do not apply");
     if (!roi.empty() && !world_roi.empty()) throw Error(ErrorKind::usage, "--roi and --roi-world exclude each other");
@@ -61,7 +60,8 @@ void Resample::check() const {
         for (int axis = 0; axis < 3; ++axis)
             if (!std::isfinite((*scale)[axis]) || !((*scale)[axis] > 0))
                 throw Error(ErrorKind::usage, text("--scale: ", (*scale)[axis], " is not a positive factor"));
-    if (dims) check_dims(*dims, DataType::uint8, "dims");
+    if (dims && std::min({dims->value.x, dims->value.y, dims->value.z}) > 0)
+        check_dims(dims->value, DataType::uint8, "dims");
     if (spacing) check_spacing(*spacing, "spacing");
     if (dist) check_spacing(*dist, "dist");
     if (bytes_per_voxel) {
@@ -95,30 +95,46 @@ std::int64_t rounded_extent(double voxels) {
     return std::max<std::int64_t>(1, static_cast<std::int64_t>(n));
 }
 
-/// "512,auto,auto": the numbers given, and for the axes without one the scale of those that have one.
-Index3 dims_of_size(std::string const& size, Index3 dims) {
-    std::vector<std::string> const parts = split(size, ',');
-    if (parts.size() != 3)
-        throw Error(ErrorKind::usage, text("--size: '", size, "' is not X,Y,Z"), "for example --size 512,auto,auto");
-    Index3 result{};
+/// The numbers given, and for the axes without one the scale of those that have one.
+Index3 filled_in(Index3 wanted, Index3 dims) {
     double factor = 0;
     for (int axis = 0; axis < 3; ++axis) {
-        std::string const& part = parts[static_cast<std::size_t>(axis)];
-        if (part == "auto") continue;
-        result[axis] = parse_integer(part);
-        if (result[axis] < 1)
-            throw Error(ErrorKind::usage, text("--size: ", part, " is not a positive number of voxels"));
-        double const here = static_cast<double>(result[axis]) / static_cast<double>(dims[axis]);
+        if (wanted[axis] == 0) continue;
+        double const here = static_cast<double>(wanted[axis]) / static_cast<double>(dims[axis]);
         factor = factor == 0 ? here : std::min(factor, here);
     }
-    if (factor == 0)
-        throw Error(ErrorKind::usage, "--size gives no axis a number of voxels", "for example --size 512,auto,auto");
     for (int axis = 0; axis < 3; ++axis)
-        if (result[axis] == 0) result[axis] = rounded_extent(static_cast<double>(dims[axis]) * factor);
-    return result;
+        if (wanted[axis] == 0) wanted[axis] = rounded_extent(static_cast<double>(dims[axis]) * factor);
+    return wanted;
 }
 
 } // namespace
+
+WantedDims ValueText<WantedDims>::read(std::vector<std::string> const& w, std::string_view name) {
+    std::vector<std::string> parts = w.size() == 1 ? split(w.front(), ',') : w;
+    std::int64_t given = 0;
+    for (auto& part : parts) {
+        if (part == "auto") {
+            part = "0";
+            continue;
+        }
+        ++given;
+        if (part == "0") throw Error(ErrorKind::usage, text("--", name, ": 0 is not a positive number of voxels"));
+    }
+    if (given == 0)
+        throw Error(ErrorKind::usage, text("--", name, " gives no axis a number of voxels"),
+                    "for example --dims 512,auto,auto");
+    Index3 const dims = ValueText<Index3>::read(parts, name);
+    if (std::min({dims.x, dims.y, dims.z}) < 0)
+        throw Error(ErrorKind::usage, text("--", name, ": ", dims, " are not positive numbers of voxels"));
+    return dims;
+}
+
+std::vector<std::string> ValueText<WantedDims>::write(WantedDims v) {
+    std::vector<std::string> words;
+    for (int axis = 0; axis < 3; ++axis) words.push_back(v.value[axis] == 0 ? "auto" : to_text(v.value[axis]));
+    return words;
+}
 
 CellCount ValueText<CellCount>::read(std::vector<std::string> const& w, std::string_view name) {
     std::string number = w.front();
@@ -136,7 +152,7 @@ CellCount ValueText<CellCount>::read(std::vector<std::string> const& w, std::str
 }
 
 Index3 Resample::target_dims(Header const& input) const {
-    if (dims) return *dims;
+    if (dims) return filled_in(dims->value, input.dims);
     if (cells) {
         Header whole = input;
         whole.attributes.clear(); // whatever region a tree had that this grid came from
@@ -144,7 +160,6 @@ Index3 Resample::target_dims(Header const& input) const {
         request.cells = cells->value;
         return plan_grid(whole, request).dims;
     }
-    if (!size.empty()) return dims_of_size(size, input.dims);
     if (!like_.file.empty()) return like_.header().dims;
     Index3 result = input.dims;
     for (int axis = 0; axis < 3; ++axis) {
@@ -213,7 +228,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
-    if (!scale && !dims && size.empty() && !spacing && like_.file.empty() && !cells && !changes_values())
+    if (!scale && !dims && !spacing && like_.file.empty() && !cells && !changes_values())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
     from_ = input.dims;
@@ -394,7 +409,7 @@ SampleGrid Resample::tree_grid(Header const& input) const {
     request.spacing = spacing;
     if (!like_.file.empty()) return grid_like(input);
     if (cells) request.cells = cells->value;
-    if (scale || dims || !size.empty()) {
+    if (scale || dims) {
         Header region = input;
         region.dims = plan_grid(input, request).dims; // without any of the others: the region's finest cells
         request.dims = target_dims(region);

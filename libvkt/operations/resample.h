@@ -25,6 +25,19 @@ template <> struct ValueText<CellCount> : OneWord {
     static std::vector<std::string> write(CellCount v) { return {to_text(v.value)}; }
 };
 
+/// Numbers of voxels along x, y and z; 0 stands for "auto", in proportion to the others.
+struct WantedDims {
+    WantedDims(Index3 v) : value(v) {}
+    Index3 value;
+};
+/// Three words or one with commas, any but not all of them "auto".
+template <> struct ValueText<WantedDims> {
+    static constexpr int min_words = 3, max_words = 3;
+    static std::vector<std::string> choices() { return {}; }
+    static WantedDims read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(WantedDims v);
+};
+
 /// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto
 /// takes the area average of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the
 /// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a
@@ -37,8 +50,7 @@ template <> struct ValueText<CellCount> : OneWord {
 class Resample : public Operation {
 public:
     std::optional<Vec3> scale;
-    std::optional<Index3> dims;
-    std::string size;                     ///< "512,auto,auto"
+    std::optional<WantedDims> dims;
     std::optional<Vec3> spacing;          ///< world units of the result's voxels
     std::optional<CellCount> cells;       ///< about this many voxels, cubes as nearly as possible
     std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones

@@ -60,12 +60,23 @@ Automatic choose_transfer(Histogram const& histogram, Domain const& domain, std:
         return std::max(above / std::max(total, 1.0), 1e-6);
     };
     constexpr int points = 24;
+    std::vector<double> extinctions;
     for (int i = 0; i <= points; ++i) {
         double const x = i / static_cast<double>(points), value = std::lerp(lower, upper, x);
         // Common values get a sharper edge: they are solid rather than a few bright spots.
         double const share = share_from(value), depth = 16 * x * x + 200 * share * share * std::sqrt(x);
         double const extinction = depth / (extent * std::cbrt(share));
-        result.transfer.points.push_back({value, colormap(map, x), -std::expm1(-extinction * unit)});
+        extinctions.push_back(extinction);
+    }
+    // Colour maps bend more often than opacities, which run straight between theirs.
+    constexpr int between = 3;
+    for (int i = 0; i <= points * between; ++i) {
+        auto const k = static_cast<std::size_t>(std::min(i / between, points - 1));
+        double const x = i / static_cast<double>(points * between);
+        double const extinction =
+            std::lerp(extinctions[k], extinctions[k + 1], i / static_cast<double>(between) - static_cast<double>(k));
+        result.transfer.points.push_back(
+            {std::lerp(lower, upper, x), colormap(map, x), -std::expm1(-extinction * unit)});
     }
     result.iso = std::lerp(lower, upper, 0.3);
     return result;

@@ -3,12 +3,16 @@
 #include "libvkt/render/image.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
 
 #include <png.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
+#include <optional>
 
 namespace vkt::render {
 
@@ -104,6 +108,63 @@ std::vector<std::byte> to_png(Image const& image, Background const& background,
     }
     png_destroy_write_struct(&png, &info);
     return out;
+}
+
+namespace {
+
+constexpr std::string_view signature = "\x89PNG\r\n\x1a\n";
+
+std::uint32_t big_endian(std::byte const* bytes) {
+    std::uint32_t value = 0;
+    for (int i = 0; i < 4; ++i) value = value << 8 | static_cast<std::uint32_t>(bytes[i]);
+    return value;
+}
+
+/// Keyword and text of an iTXt chunk; nothing of a compressed one.
+std::optional<std::pair<std::string, std::string>> text_of(std::string_view chunk) {
+    std::size_t const end = chunk.find('\0');
+    if (end == std::string_view::npos || chunk.size() < end + 3 || chunk[end + 1] != 0) return {};
+    std::size_t const language = chunk.find('\0', end + 3);
+    std::size_t const keyword = language == std::string_view::npos ? language : chunk.find('\0', language + 1);
+    if (keyword == std::string_view::npos) return {};
+    return std::pair(std::string(chunk.substr(0, end)), std::string(chunk.substr(keyword + 1)));
+}
+
+} // namespace
+
+bool is_png(std::span<std::byte const> head) {
+    return head.size() >= signature.size() && std::memcmp(head.data(), signature.data(), signature.size()) == 0;
+}
+
+std::vector<std::pair<std::string, std::string>> read_png_texts(ByteSource& bytes) {
+    auto const damaged = [&](char const* how) {
+        return Error(ErrorKind::data, vkt::text("the PNG picture '", bytes.name(), "' ", how));
+    };
+    constexpr std::uint32_t most = 16 << 20; // of a text; what is longer is passed over
+    std::vector<std::pair<std::string, std::string>> texts;
+    bytes.skip(static_cast<std::int64_t>(signature.size()));
+    for (;;) {
+        std::array<std::byte, 8> head{};
+        bytes.read_exactly(head.data(), head.size());
+        std::uint32_t const length = big_endian(head.data());
+        std::string_view const type(reinterpret_cast<char const*>(head.data()) + 4, 4);
+        if (length > 0x7fffffff) throw damaged("has an impossible chunk");
+        if (type == "IEND") return texts;
+        if (type != "iTXt" || length > most) {
+            std::array<std::byte, 4> sum{};
+            bytes.skip(length);
+            bytes.read_exactly(sum.data(), sum.size()); // is there, and with it all before it
+            continue;
+        }
+        std::string chunk(std::size_t{length} + 4, '\0');
+        bytes.read_exactly(chunk.data(), chunk.size());
+        uLong sum = crc32(0, reinterpret_cast<Bytef const*>(type.data()), 4);
+        sum = crc32(sum, reinterpret_cast<Bytef const*>(chunk.data()), length);
+        if (sum != big_endian(reinterpret_cast<std::byte const*>(chunk.data()) + length))
+            throw damaged("is damaged: a checksum does not match");
+        chunk.resize(length);
+        if (auto found = text_of(chunk)) texts.push_back(std::move(*found));
+    }
 }
 
 } // namespace vkt::render

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/io/byte_source.h"
 #include "libvkt/render/colormap.h"
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,5 +37,11 @@ std::vector<unsigned char> to_bytes(Image const& image, Background const& backgr
 /// A PNG file (sRGB chunk, given text chunks as keyword and text). The same picture gives the same bytes.
 std::vector<std::byte> to_png(Image const& image, Background const& background,
                               std::vector<std::pair<std::string, std::string>> const& texts);
+
+/// Whether these bytes begin a PNG file.
+bool is_png(std::span<std::byte const> head);
+/// The texts of a PNG file in chunks such as to_png() writes (iTXt, not compressed), in their order; reads it to its
+/// end. Throws Error{data} if it ends early or a chunk is damaged.
+std::vector<std::pair<std::string, std::string>> read_png_texts(ByteSource& bytes);
 
 } // namespace vkt::render

@@ -96,7 +96,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
-    list.option("unit", s.unit, "DISTANCE",
+    list.option("unit-distance", s.unit, "DISTANCE",
                 "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
     list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
     list.option("shade", shading_, "SHADING", "light at the camera: auto shades iso-surfaces and automatic colours");
@@ -126,7 +126,7 @@ void SettingsParameters::refuse_misfits() const {
                                                {"no-skip", true, false, false},
                                                {"shade", true, true, false},
                                                {"iso", false, true, false},
-                                               {"unit", true, false, true},
+                                               {"unit-distance", true, false, true},
                                                {"opacity", true, false, true},
                                                {"opacity-scale", true, false, true},
                                                {"spp", false, false, true},
@@ -203,7 +203,7 @@ void SettingsParameters::check() const {
     try_out("colormap", [](S& to, S const& from) { to.colormap = from.colormap; });
     try_out("opacity", [](S& to, S const& from) { to.opacity = from.opacity; });
     try_out("domain", [](S& to, S const& from) { to.domain = from.domain; });
-    try_out("unit", [](S& to, S const& from) { to.unit = from.unit; });
+    try_out("unit-distance", [](S& to, S const& from) { to.unit = from.unit; });
     try_out("opacity-scale", [](S& to, S const& from) { to.opacity_scale = from.opacity_scale; });
     try_out("step", [](S& to, S const& from) { to.step = from.step; });
     try_out("iso", [](S& to, S const& from) { to.isos = from.isos; });
@@ -230,7 +230,11 @@ RenderSettings SettingsParameters::settings() const {
     s.light = {light[0], light[1], light[2]};
     if (!s.colormap.empty()) (void)colormap(s.colormap, 0);
     if (!s.lut.empty()) (void)transfer_from_lut(s.lut, 0, 1);
-    if (!transfer_file_.empty()) s.transfer = transfer_from_json(read_text_file(transfer_file_));
+    if (!transfer_file_.empty()) {
+        // Once: a pipe gives it to the first who asks.
+        if (!transfer_) transfer_ = transfer_from_json(read_text_file(transfer_file_));
+        s.transfer = transfer_;
+    }
     render::check(s);
     return s;
 }

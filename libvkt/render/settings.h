@@ -28,6 +28,7 @@ private:
     Shading shading_ = Shading::automatic;
     std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1";
     RenderSettings settings_;
+    mutable std::optional<TransferFunction> transfer_; ///< what the file holds, once it is read
     std::int64_t seed_ = 0;
     bool no_skip_ = false;
 };

@@ -1,0 +1,97 @@
+// Files that command lines name.
+// SPDX-License-Identifier: MIT
+#include "shell/named_files.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/formats/series.h"
+#include "libvkt/io/shared_memory.h"
+
+#include <algorithm>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+namespace vkt::shell {
+namespace {
+
+bool same_file(std::string const& a, std::string const& b) {
+    struct stat one {
+    }, other{};
+    return ::stat(a.c_str(), &one) == 0 && ::stat(b.c_str(), &other) == 0 && one.st_dev == other.st_dev &&
+           one.st_ino == other.st_ino;
+}
+
+bool is_pair(std::string const& path) {
+    std::string const lower = lower_case(path);
+    if (is_segment(path)) return false;
+    return lower.ends_with(".nhdr") || lower.ends_with(".mhd");
+}
+
+/// A file, and where formats of two files keep the voxels of a header by this name when they write it.
+std::vector<std::string> files_of(std::string const& path) {
+    std::vector<std::string> files{path};
+    if (is_pair(path))
+        for (char const* const data : {".raw", ".raw.gz", ".zraw"})
+            files.push_back(path.substr(0, path.rfind('.')) + data);
+    return files;
+}
+
+} // namespace
+
+std::vector<std::string> input_names(Invocation& stage) {
+    if (stage.opener() == nullptr) return stage.inputs();
+    if (!stage.opener()->reads()) return {};
+    std::vector<std::string> names{"-"};
+    for (char const* const name : {"in", "input"})
+        if (stage.own_parameters().given(name)) names = stage.own_parameters().find(name)->get();
+    return names;
+}
+
+std::vector<std::string> named_inputs(Invocation& stage) {
+    std::vector<std::string> files;
+    for (auto const& name : input_names(stage))
+        if (name != "-")
+            for (auto const& file : matching_files(name)) files.push_back(segment_file(file));
+    return files;
+}
+
+void spare_inputs(std::deque<Invocation>& stages) {
+    Invocation& last = stages.back();
+    std::string output = last.common().output;
+    if (last.consumer() != nullptr && last.own_parameters().find("out") != nullptr)
+        for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
+            if (last.own_parameters().given(name)) output = last.own_parameters().find(name)->get().front();
+    bool const series = is_numbered(output), pair = is_pair(output);
+    bool const replaces = series || pair || (!is_segment(output) && ::access(output.c_str(), F_OK) == 0);
+    if (output == "-" || !replaces) return;
+    std::vector<std::string> inputs;
+    for (auto& stage : stages)
+        for (auto const& name : named_inputs(stage)) {
+            // A header stays beside what replaces its voxels, and would describe them wrongly.
+            for (auto& file : detached_files(name)) inputs.push_back(std::move(file));
+            if (series || pair)
+                for (auto& file : files_of(name)) inputs.push_back(std::move(file));
+        }
+    if (inputs.empty()) return;
+    constexpr std::int64_t most_files = std::int64_t{1} << 20;
+    for (std::int64_t i = 0; i < (series ? most_files : 1); ++i) {
+        bool any = false;
+        for (auto const& file : files_of(segment_file(numbered_path(output, i)))) {
+            any = any || ::access(file.c_str(), F_OK) == 0;
+            for (auto const& input : inputs)
+                if (same_file(input, file))
+                    throw Error(ErrorKind::usage,
+                                series || pair
+                                    ? text("'", input, "' is read and would be replaced, but not in one step: ",
+                                           series ? "a series is" : "header and voxels are",
+                                           " written one file after the other")
+                                    : text("'", input, "' holds the voxels of an input, whose header would ",
+                                           "describe the new ones"),
+                                "write under another name");
+        }
+        if (!any) break;
+    }
+}
+
+} // namespace vkt::shell
