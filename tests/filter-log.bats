@@ -56,7 +56,7 @@ import numpy as np
 a, b = np.fromfile('a.raw', 'f4'), np.fromfile('b.raw', 'f4')
 assert abs(a - b).max() <= 1e-6 * abs(b).max()"
     same_however_run dtype=float32 vkt filter log --sigma 1,2,0.5
-    MEMORY=32M same_however_run dtype=uint8 vkt filter log --sigma 4 --boundary wrap
+    MEMORY=64M same_however_run dtype=uint8 vkt filter log --sigma 4 --boundary wrap
     vkt make amr --blocks 20 --levels 2 | vkt filter log | vkt info - >/dev/null
     fails_with 2 'more than 100' vkt filter log v_13x11x7_uint8.raw --sigma 101 -o o.vkt
     fails_with 2 'finite number >= 0' vkt filter log v_13x11x7_uint8.raw --sigma=-1 -o o.vkt
