@@ -23,8 +23,8 @@ struct CommonKind {
     bool volume_output = false; ///< writes volumes: -o, --force, --format, --no-checksum
     bool file_output = false;   ///< writes its own file: -o, --force
     bool report = false;        ///< --json
-    bool input = false;         ///< reads volumes: --trust-paths
     bool report_file = false;   ///< --report FILE
+    bool input = false;         ///< reads volumes: --trust-paths
 };
 
 struct Common : ExecutionOptions {

@@ -86,7 +86,7 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
 
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
-    data_file_->expect(compress_ ? least_deflated(header.bytes()) : header.bytes());
+    data_file_->expect(options_.compress ? least_deflated(header.bytes()) : header.bytes());
     if (volumes_++ > 0) return;
     first_ = in_utf8(header);
     if (!header_file_) {

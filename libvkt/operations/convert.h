@@ -34,7 +34,7 @@ public:
     void after_scan(Header& output) const override { output.values = values_; }
     bool uses_position() const override { return false; }
     /// Percentiles are counted on CPUs.
-    bool runs_on_gpu() const override { return quantiles_ == nullptr; }
+    bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 
