@@ -1,6 +1,5 @@
 // Counting in bins: every thread for itself, in four sets of counters where they are few.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/bins.h"
 
 #include <cmath>
@@ -63,4 +62,3 @@ void count_bins(ConstView in, BinRule const& rule, std::int64_t* counters, Execu
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif

@@ -1,6 +1,5 @@
 // Bits of voxels: comparisons make bytes, which the sign bits of vectors gather.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/bits.h"
 
 namespace vkt {
@@ -112,4 +111,3 @@ void pack_bits(ConstView in, BitRule rule, std::optional<double> zero, std::uint
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

@@ -2,7 +2,6 @@
 // of voxels at a time. Blocks lie at multiples of the window's length, so that sums do not depend on how the output is
 // cut.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/box_window.h"
 
 #include "libvkt/kernel/order.h"
@@ -303,4 +302,3 @@ void difference_of(ConstView a, ConstView b, AnyView out, Losses& losses, Execut
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

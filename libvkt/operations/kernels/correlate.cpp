@@ -1,6 +1,5 @@
 // Correlation on the CPU: weighted sums of rows, four registers at a time.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/correlate.h"
 
 #include "libvkt/kernel/stencil.h"
@@ -258,4 +257,3 @@ void correlate_dense(ConstView in, AnyView out, DenseKernel const& kernel, Losse
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

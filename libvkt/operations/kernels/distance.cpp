@@ -1,7 +1,6 @@
 // Distances along lines: 16 neighbouring lines at a time search outwards until nothing nearer can come. Where that
 // takes long, the lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012) bounds it.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/distance.h"
 
 #include "libvkt/core/buffer.h"
@@ -246,4 +245,3 @@ void distance_pass(AnyView out, DistancePass const& pass, Execution const& execu
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

@@ -1,6 +1,5 @@
 // Counting: bins are guessed by a multiplication and corrected by the edges; each item of work has counters of its own.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/histogram.h"
 
 #include <limits>
@@ -238,4 +237,3 @@ void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::u
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif

@@ -1,6 +1,5 @@
 // Pad: rows copied where they lie in the volume, voxel by voxel beside it.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/pad.h"
 
 namespace vkt {
@@ -39,4 +38,3 @@ void pad_box(ConstView in, AnyView out, PadRule const& rule, Execution const& ex
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif

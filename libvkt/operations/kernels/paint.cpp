@@ -1,6 +1,5 @@
 // Painting: whole registers, beyond the end of a run too; the next one covers what is too much.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/paint.h"
 
 namespace vkt {
@@ -38,4 +37,3 @@ void paint_row(std::span<std::int32_t const> edges, std::uint32_t const* names, 
 } // namespace VKT_BACKEND
 
 } // namespace vkt
-#endif

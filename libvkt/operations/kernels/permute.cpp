@@ -1,6 +1,5 @@
 // Permuting copies: rows where x stays, tiles transposed in registers where it does not.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/permute.h"
 
 #include "libvkt/kernel/stream.h"
@@ -127,4 +126,3 @@ void permute_box(ConstView in, AnyView out, std::array<int, 3> axes, Mirror mirr
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif

@@ -1,6 +1,5 @@
 // Projections: pixels in vectors, lines one voxel after the other, so that results do not depend on where slabs end.
 // SPDX-License-Identifier: MIT
-#ifndef __CUDACC__
 #include "libvkt/operations/kernels/project.h"
 
 #include "libvkt/kernel/rows.h"
@@ -314,4 +313,3 @@ void median_lines(ConstView in, AnyView out, int axis, std::int64_t& nan, Execut
 
 } // namespace VKT_BACKEND
 } // namespace vkt
-#endif
