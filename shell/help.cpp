@@ -81,7 +81,10 @@ std::map<std::string, std::string> const& synonyms() {
         {"info", "metadata header"},
         {"make", "generate create phantom"},
         {"render", "image thumbnail screenshot view show display plot"},
+        {"affine", "transform register registration matrix shear translate tfm"},
         {"resample", "downsample upsample resize shrink zoom"},
+        {"rotate", "turn spin euler quaternion reorient"},
+        {"scale", "magnify enlarge zoom"},
         {"shm", "memory share publish segment ipc"},
         {"stats", "average histogram mean statistics"},
     };

@@ -45,28 +45,90 @@ struct Linear {
     }
 };
 
-struct Cubic {
-    static constexpr Interpolant kind = Interpolant::cubic;
-    VKT_HD static double term(double w, double v) { return w == 0 ? 0 : w * v; }
-    VKT_HD static double weight(int i, double f) {
-        return i == 0   ? ((-0.5 * f + 1) * f - 0.5) * f
-               : i == 1 ? (1.5 * f - 2.5) * f * f + 1
-               : i == 2 ? ((-1.5 * f + 2) * f + 0.5) * f
-                        : (0.5 * f - 0.5) * f * f;
-    }
-    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
-        double const x0 = weight(0, x), x1 = weight(1, x), x2 = weight(2, x), x3 = weight(3, x);
-        double total = 0;
-        for (int k = 0; k < 4; ++k) {
-            double slice = 0;
-            for (int j = 0; j < 4; ++j) {
-                double const row = (term(x0, v(-1, j - 1, k - 1)) + term(x1, v(0, j - 1, k - 1))) +
-                                   (term(x2, v(1, j - 1, k - 1)) + term(x3, v(2, j - 1, k - 1)));
-                slice += term(weight(j, y), row);
-            }
-            total += term(weight(k, z), slice);
+/// A sum over N^3 voxels from `First` on, with weights along each axis. What has no weight takes no part, whatever it
+/// is.
+template <int N, int First, class V>
+VKT_HD double weighted(V const& v, double const* wx, double const* wy, double const* wz) {
+    auto const term = [](double w, double value) { return w == 0 ? 0 : w * value; };
+    double total = 0;
+    for (int k = 0; k < N; ++k) {
+        double slice = 0;
+        for (int j = 0; j < N; ++j) {
+            double row = 0;
+            for (int i = 0; i < N; i += 2)
+                row += term(wx[i], v(First + i, First + j, First + k)) +
+                       term(wx[i + 1], v(First + i + 1, First + j, First + k));
+            slice += term(wy[j], row);
         }
-        return total;
+        total += term(wz[k], slice);
+    }
+    return total;
+}
+/// The interpolant of degree N - 1 whose weights Kernel::weights(fraction, w) gives.
+template <class Kernel, int N> struct Convolution {
+    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
+        double wx[N], wy[N], wz[N];
+        Kernel::weights(x, wx);
+        Kernel::weights(y, wy);
+        Kernel::weights(z, wz);
+        return weighted<N, 1 - N / 2>(v, wx, wy, wz);
+    }
+};
+
+struct Cubic : Convolution<Cubic, 4> {
+    static constexpr Interpolant kind = Interpolant::cubic;
+    VKT_HD static void weights(double f, double* w) {
+        w[0] = ((-0.5 * f + 1) * f - 0.5) * f;
+        w[1] = (1.5 * f - 2.5) * f * f + 1;
+        w[2] = ((-1.5 * f + 2) * f + 0.5) * f;
+        w[3] = (0.5 * f - 0.5) * f * f;
+    }
+};
+
+struct BSpline3 : Convolution<BSpline3, 4> {
+    static constexpr Interpolant kind = Interpolant::bspline3;
+    VKT_HD static void weights(double f, double* w) {
+        double const g = 1 - f;
+        w[0] = g * g * g * (1.0 / 6);
+        w[1] = (4 - 3 * f * f * (2 - f)) * (1.0 / 6);
+        w[2] = (4 - 3 * g * g * (2 - g)) * (1.0 / 6);
+        w[3] = f * f * f * (1.0 / 6);
+    }
+};
+
+struct BSpline5 : Convolution<BSpline5, 6> {
+    static constexpr Interpolant kind = Interpolant::bspline5;
+    VKT_HD static double inner(double t) { return (66 - t * t * (60 - t * t * (30 - 10 * t))) * (1.0 / 120); }
+    VKT_HD static double middle(double t) {
+        return (51 + t * (75 - t * (210 - t * (150 - t * (45 - 5 * t))))) * (1.0 / 120);
+    }
+    VKT_HD static void weights(double f, double* w) {
+        double const g = 1 - f;
+        w[0] = g * g * (g * g) * g * (1.0 / 120);
+        w[1] = middle(1 + f);
+        w[2] = inner(f);
+        w[3] = inner(g);
+        w[4] = middle(1 + g);
+        w[5] = f * f * (f * f) * f * (1.0 / 120);
+    }
+};
+
+struct Lanczos3 : Convolution<Lanczos3, 6> {
+    static constexpr Interpolant kind = Interpolant::lanczos3;
+    VKT_HD static void weights(double f, double* w) {
+        // sin(pi t) sin(pi t / 3) / t^2 at t = f + 2 - i. The first factor is that of f up to its sign; the second has
+        // three phases.
+        constexpr double pi = 3.14159265358979323846, half_root3 = 0.86602540378443864676;
+        double const s = std::sin(pi / 3 * f), c = std::cos(pi / 3 * f);
+        double const a = s, b = 0.5 * s + half_root3 * c, d = -0.5 * s + half_root3 * c; // of f, f + 1, f + 2
+        double const phase[6] = {d, -b, a, d, -b, a}; // with the signs of both factors, but for one that all share
+        double sum = 0;
+        for (int i = 0; i < 6; ++i) {
+            double const t = f + 2 - i;
+            w[i] = phase[i] / (t == 0 ? 1 : t * t);
+            sum += w[i];
+        }
+        for (int i = 0; i < 6; ++i) w[i] = f == 0 ? (i == 2 ? 1 : 0) : w[i] / sum;
     }
 };
 
@@ -176,14 +238,19 @@ double sample_anywhere(View<T const> const& in, PositionRow const& at, double x,
     double const px = at.x(x), py = at.y(x), pz = at.z(x);
     double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
+    bool const continued =
+        spline_degree(Kernel::kind) > 0 && boundary != Boundary::mirror && boundary != Boundary::wrap;
     auto const index = [&](double whole, int i, std::int64_t n) {
         double const limit = 0x1p60; // positions may be anything that a header can say
-        return fold(static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i, n, boundary);
+        std::int64_t const v = static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i;
+        if (continued) return std::clamp(v, -rule.beyond, n - 1 + rule.beyond);
+        return fold(v, n, boundary);
     };
     auto const voxel = [&](int i, int j, int k) {
         std::int64_t const vx = index(wx, i, rule.dims.x), vy = index(wy, j, rule.dims.y),
                            vz = index(wz, k, rule.dims.z);
-        return vx < 0 || vy < 0 || vz < 0 ? rule.border : static_cast<double>(in(vx, vy, vz));
+        bool const border = !continued && (vx < 0 || vy < 0 || vz < 0);
+        return border ? rule.border : static_cast<double>(in(vx, vy, vz));
     };
     return Kernel::value(voxel, px - wx, py - wy, pz - wz);
 }
@@ -329,6 +396,15 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
             return sample_box<T, Linear>(from, out, rule, losses, outside, execution);
         case Interpolant::cubic:
             return sample_box<T, Cubic>(from, out, rule, losses, outside, execution);
+        case Interpolant::lanczos3:
+            return sample_box<T, Lanczos3>(from, out, rule, losses, outside, execution);
+        case Interpolant::bspline3:
+        case Interpolant::bspline5:
+            if constexpr (std::is_same_v<T, float> || std::is_same_v<T, double>) {
+                if (rule.interpolant == Interpolant::bspline3)
+                    return sample_box<T, BSpline3>(from, out, rule, losses, outside, execution);
+                return sample_box<T, BSpline5>(from, out, rule, losses, outside, execution);
+            }
         }
     });
 }
