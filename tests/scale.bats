@@ -34,7 +34,9 @@ for f, about in (((1.3, 2, 1.7), None), ((1.5, 1.5, 1.5), (3, 0, 7.25))):
     for method, order in (("nearest", 0), ("linear", 1), ("bspline3", 3), ("bspline5", 5)):
         got = scale(v, *options, "--method", method, "--boundary", "mirror").ravel()
         clear = ~(abs(p - np.floor(p) - .5) < 1e-5).any(0) if order == 0 else slice(None)
-        assert abs(got - nd.map_coordinates(v, p[::-1], order=order, mode="reflect"))[clear].max() < 1e-7, method'
+        # Padded: where SciPy reflects itself, its order 5 is good to 1e-7 only.
+        want = nd.map_coordinates(np.pad(v, 80, "symmetric"), p[::-1] + 80, order=order)
+        assert abs(got - want)[clear].max() < 1e-9, method'
 }
 
 @test "what shrinks is averaged, and leaves a background" {
@@ -67,7 +69,7 @@ assert (scale(np.full(shape, 0.1, np.float32), "--factor", "0.3,2,1.1", "--bound
     vkt scale in.vkt --roi 2:9,3:10,4:14 --factor 1.5 -o all.vkt
     vkt crop all.vkt --roi 2:9,3:10,4:14 | vkt diff - part.vkt --geometry
     vkt crop all.vkt --roi :,:,0:4 | vkt diff - <(vkt crop in.vkt --roi :,:,0:4)
-    vkt scale in.vkt --factor 2 --expand | vkt info --json | tr -d ' \n' | grep -q '"dims":.24,28,32.*"spacing":.1,2,3'
+    vkt scale in.vkt --factor 2 --expand | vkt info --json | tr -d ' \n' | grep -q '"dims":.24,28,32.*"spacing":.1.0,2.0,3.0'
     vkt scale in.vkt --factor 1.7 --slab 1 --threads 2 | vkt diff - <(vkt scale in.vkt --factor 1.7 --slab 99 --threads 1)
     fails_with 2 'factor' vkt scale in.vkt -o x.vkt
     fails_with 2 'not a positive factor' vkt scale in.vkt --factor 0 -o x.vkt

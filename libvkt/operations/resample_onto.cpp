@@ -197,6 +197,12 @@ void Onto::plan_turned() {
     sampling_.offset = values_.offset;
     bool const same_values = values_.scale == 1 && values_.offset == 0 && values_.in == values_.out;
     algorithm_ = same_values && method_ == ResampleMethod::nearest ? Algorithm::turned_nearest : Algorithm::turned;
+    bool const narrow = size_of(values_.in) <= 2 || values_.in == DataType::float32;
+    bool const as_it_is = values_.scale == 1 && values_.offset == 0 && sampling_.samples == Index3{1, 1, 1};
+    bool const fits = std::abs(values_.border) <= highest_of(DataType::float32) &&
+                      std::abs(values_.background) <= highest_of(DataType::float32);
+    sampling_.single =
+        narrow && as_it_is && values_.in == values_.out && fits && sampling_.interpolant == Interpolant::linear;
     int const degree = spline_degree(sampling_.interpolant);
     if (degree == 0) return;
     bool const wide = values_.in == DataType::float64 || (is_integer(values_.in) && size_of(values_.in) >= 4) ||
@@ -227,6 +233,10 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
         error.magnitude +=
             3 * g * g * g * (storing_error(coefficient_type_) + static_cast<double>(prefilter_.radius + 2) * 0x1p-52);
         error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(coefficient_type_);
+    } else if (!placement_.aligned && sampling_.single) { // three roundings a step, and those of the fractions
+        error.range += 3 * 0x1p-24;
+        error.magnitude += 9 * 0x1p-24;
+        error.absolute += std::abs(output.values.slope) * storing_floor(DataType::float32);
     } else if (placement_.aligned && has_lobes(method_)) {
         error.range += 1e-11;
     }

@@ -48,6 +48,8 @@ struct AffineSampling {
     double border = 0;            ///< stored value, for Boundary::border
     double background = 0;        ///< stored value of the result
     double scale = 1, offset = 0; ///< from stored values of the input to those of the result
+    /// Linear, of types that float32 holds, without a scale or several samples: values are interpolated in float32.
+    bool single = false;
 };
 
 /// Half-open range [-1/2, n - 1/2) of positions that lie in a line of n cells. What rounding moves from one side of a
