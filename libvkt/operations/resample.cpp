@@ -32,8 +32,8 @@ void Resample::parameters(Parameters& p) {
              "with --like, and for hierarchical volumes: value where there is no voxel or cell (0)");
     p.flag("mask", mask, "hierarchical volumes: 1 where there are cells and 0 in holes, as uint8, instead of values");
     p.option("boundary", boundary, "RULE",
-             "how the volume continues outside, for linear, cubic and --like: mirror, clamp (default), wrap or "
-             "border[:VALUE]");
+             "how the volume continues outside, for linear and smoother methods and --like: mirror, clamp (default), "
+             "wrap or border[:VALUE]");
     p.option("dtype", dtype, "TYPE", "data type of the result, values kept").alias("data-format");
     p.option("bytes-per-voxel", bytes_per_voxel, "N", "unsigned integers of this many bytes (volkit)").alias("bpv");
     p.option("dist", dist, "X Y Z",
@@ -71,7 +71,7 @@ void Resample::check() const {
                         text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
     }
     bool const looks_outside = !method || method == ResampleMethod::automatic || method == ResampleMethod::linear ||
-                               method == ResampleMethod::cubic || !like_.file.empty();
+                               has_lobes(*method) || !like_.file.empty();
     if (boundary && !looks_outside)
         throw Error(ErrorKind::usage,
                     text("--boundary does not apply to --method ", enum_name(*method), ", which never looks outside"));
@@ -170,22 +170,9 @@ Index3 Resample::target_dims(Header const& input) const {
     return result;
 }
 
-Kernel Resample::kernel_for(std::int64_t n_in, std::int64_t n_out) const {
-    switch (method.value_or(ResampleMethod::automatic)) {
-    case ResampleMethod::nearest:
-        return Kernel::nearest;
-    case ResampleMethod::linear:
-        return Kernel::linear;
-    case ResampleMethod::area:
-        return Kernel::area;
-    case ResampleMethod::cubic:
-        return Kernel::cubic;
-    case ResampleMethod::automatic:
-    case ResampleMethod::basis:
-    case ResampleMethod::average:
-        break;
-    }
-    return n_out < n_in ? Kernel::area : Kernel::linear;
+Kernel Resample::kernel_of(std::int64_t n_in, std::int64_t n_out) const {
+    return kernel_for(method.value_or(ResampleMethod::automatic),
+                      static_cast<double>(n_in) / static_cast<double>(n_out));
 }
 
 /// The grid of --like, as its own header has it.
@@ -206,7 +193,7 @@ void Resample::choose_header(Header const& input, bool moves, Header& output) {
     if (!(from_ == to_)) output.part.reset();
     if (!like_.file.empty()) take_grid(input, output);
     if (dist) output.geometry.spacing = *dist;
-    bool const lobes = method == ResampleMethod::cubic && !moves;
+    bool const lobes = method && has_lobes(*method) && !moves;
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
         output.dtype = size_of(input.dtype) <= 2 ? DataType::float32 : DataType::float64;
     if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
@@ -253,7 +240,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     bool all_nearest = true;
     for (int axis = 0; axis < 3; ++axis) {
         WeightTable& table = tables_[static_cast<std::size_t>(axis)];
-        table = WeightTable(from_[axis], to_[axis], kernel_for(from_[axis], to_[axis]), rule.boundary);
+        table = WeightTable(from_[axis], to_[axis], kernel_of(from_[axis], to_[axis]), rule.boundary);
         halving[axis] = table.halving();
         taps *= static_cast<double>(table.most_taps());
         all_nearest = all_nearest && (table.kernel() == Kernel::nearest || table.kernel() == Kernel::identity);
@@ -348,7 +335,7 @@ Plan Resample::plan_onto(Header const& input, Placement const& placement) {
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
 /// distance of a quotient from a tie, is beyond double.
 bool Resample::sums_exactly(DataType input) const {
-    if (!is_integer(input) || method == ResampleMethod::cubic) return false;
+    if (!is_integer(input) || (method && has_lobes(*method))) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
     bool const rounds_once = is_integer(out_type_) || out_type_ == DataType::float64;
     double const largest = std::max(std::exp2(8 * static_cast<double>(size_of(input))), std::abs(border_));
@@ -358,7 +345,7 @@ bool Resample::sums_exactly(DataType input) const {
 /// True for 64-bit integers, of which double would lose digits, where 128 bits hold every sum of weights times values
 /// and the border is one of the values.
 bool Resample::sums_in_integers(DataType input) const {
-    if (!is_integer(input) || size_of(input) != 8 || method == ResampleMethod::cubic) return false;
+    if (!is_integer(input) || size_of(input) != 8 || (method && has_lobes(*method))) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
     bool const inside = border_ >= lowest_of(input) && border_ < highest_of(input);
     return inside && border_ == std::rint(border_) && divisor <= 0x1p62;
@@ -395,6 +382,9 @@ Reconstruction Resample::reconstruction() const {
     case ResampleMethod::linear:
     case ResampleMethod::area:
     case ResampleMethod::cubic:
+    case ResampleMethod::bspline3:
+    case ResampleMethod::bspline5:
+    case ResampleMethod::lanczos3:
         break;
     }
     throw Error(ErrorKind::usage,
@@ -485,11 +475,9 @@ void Resample::run_tree(AnyView out, Execution const& execution) {
 }
 
 std::string Resample::describe() const {
-    static char const* const names[] = {"copy", "nearest", "linear", "area", "cubic"};
     std::string result;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        std::string const name = names[static_cast<std::size_t>(tables_[axis].kernel())];
-        result += axis == 0 ? name : ", " + name;
+        result += text(axis == 0 ? "" : ", ", name_of(tables_[axis].kernel()));
     }
     if (algorithm_ == Algorithm::copy) return "copy";
     if (algorithm_ == Algorithm::convert) return "rounded half to even, saturated";

@@ -1,4 +1,4 @@
-// Resampling to another grid, of the same extent or another volume's: nearest, linear, area average or cubic.
+// Resampling to another grid, of the same extent or another volume's: by an interpolant or an area average.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -40,13 +40,13 @@ template <> struct ValueText<WantedDims> {
 
 /// Samples are cell-centred: output o lies at (o + 1/2) n_in / n_out - 1/2; the outer faces stay where they are. auto
 /// takes the area average of axes that shrink and linear interpolation of axes that grow. nearest permutes bytes; the
-/// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); cubic (Keys, a
-/// = -1/2, stretched when shrinking) can leave the range of its input, so that unsigned types become float32 (float64
-/// from 32 bits on) unless a type is given. Sums are in double, of 64-bit integers in 128-bit ones. A constant border
-/// enters the sums as it is, whatever the type. One pass: a row of output is the weighted sum of the input rows in its
-/// footprint, then of their voxels; about one multiply-add per input voxel when shrinking. --like puts the volume onto
-/// another's grid, see Onto. Hierarchical volumes become structured ones: basis, nearest, average or auto, see
-/// Reconstruction; basis by default.
+/// axes that keep their length are copied; nearest, linear and area keep the type (round half to even); the others can
+/// leave the range of their input, so that unsigned types become float32 (float64 from 32 bits on) unless a type is
+/// given. When shrinking cubic (Keys, a = -1/2) and lanczos3 are stretched, splines are sampled several times. Sums are
+/// in double, of 64-bit integers in 128-bit ones. A constant border enters the sums as it is, whatever the type. One
+/// pass: a row of output is the weighted sum of the input rows in its footprint, then of their voxels; about one
+/// multiply-add per input voxel when shrinking. --like puts the volume onto another's grid, see Onto. Hierarchical
+/// volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
 class Resample : public Operation {
 public:
     std::optional<Vec3> scale;
@@ -90,7 +90,7 @@ private:
     double background_in(Header const& volume) const;
     void run_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
-    Kernel kernel_for(std::int64_t n_in, std::int64_t n_out) const;
+    Kernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, bool moves, Header& output);
     std::string describe() const;
     bool sums_exactly(DataType input) const;

@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/kernels/affine.h"
+#include "libvkt/operations/kernels/bspline.h"
 #include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/kernels/permute.h"
 #include "libvkt/operations/kernels/resample.h"
@@ -50,8 +51,34 @@ bool is_signed_permutation(Affine const& map) {
 
 double length(Vec3 v) { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
 
-std::string name_of(Interpolant interpolant) {
-    return interpolant == Interpolant::nearest ? "nearest" : interpolant == Interpolant::linear ? "linear" : "cubic";
+std::string_view name_of(Interpolant interpolant) {
+    for (InterpolantOf const& entry : interpolants)
+        if (entry.interpolant == interpolant) return name_of(entry.kernel);
+    return {};
+}
+
+/// Multiply-adds of a sample.
+double cost_of(Interpolant interpolant) {
+    switch (interpolant) {
+    case Interpolant::nearest:
+        return 1;
+    case Interpolant::linear:
+        return 14;
+    case Interpolant::cubic:
+    case Interpolant::bspline3:
+        return 84;
+    case Interpolant::bspline5:
+    case Interpolant::lanczos3:
+        return 258;
+    }
+    return 0;
+}
+
+/// By how much the weights of an interpolant at the worst position, all of them, exceed the voxels' sum: Keys 1.25,
+/// Lanczos 3 1.544 (half-way) an axis; those of splines are positive, of their coefficients.
+double gain_of(Interpolant interpolant) {
+    double const axis = interpolant == Interpolant::cubic ? 1.25 : interpolant == Interpolant::lanczos3 ? 1.544 : 1;
+    return axis * axis * axis;
 }
 
 } // namespace
@@ -69,8 +96,12 @@ bool Placement::keeps_extent(Index3 from, Index3 to) const {
 }
 
 Placement place(Geometry const& grid, Index3 dims, Geometry const& input) {
+    return place(index_to_index(grid, input), dims);
+}
+
+Placement place(Affine const& map, Index3 dims) {
     Placement p;
-    p.map = index_to_index(grid, input);
+    p.map = map;
     for (Vec3 const v : {p.map.column[0], p.map.column[1], p.map.column[2], p.map.offset})
         if (!(std::abs(v.x) < 1e30 && std::abs(v.y) < 1e30 && std::abs(v.z) < 1e30))
             throw Error(ErrorKind::data, "the grids' positions and spacings have no common scale");
@@ -105,19 +136,15 @@ Onto::Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, s
         plan_turned();
 }
 
-Kernel Onto::kernel_for(double scale) const {
-    switch (method_) {
-    case ResampleMethod::nearest:
-        return Kernel::nearest;
-    case ResampleMethod::linear:
-        return Kernel::linear;
-    case ResampleMethod::area:
-        return Kernel::area;
-    case ResampleMethod::cubic:
-        return Kernel::cubic;
-    default:
-        return std::abs(scale) > 1 ? Kernel::area : Kernel::linear;
-    }
+double background_in(Header const& output, std::optional<double> given, Header const& input) {
+    double physical = given.value_or(0);
+    if (auto const known = input.attributes.find("background"); !given && known != input.attributes.end())
+        if (is_number(known->second)) physical = parse_double(known->second);
+    double const stored = output.values.stored(physical);
+    if (is_integer(output.dtype) && !(stored >= lowest_of(output.dtype) && stored <= highest_of(output.dtype)))
+        throw Error(ErrorKind::usage, text("the background ", physical, " cannot be stored in ", output.dtype),
+                    "choose another --background, or another type: vkt convert --dtype");
+    return stored;
 }
 
 void Onto::plan_aligned() {
@@ -126,7 +153,7 @@ void Onto::plan_aligned() {
         LinePlacement const line{from_[placement_.axis[static_cast<std::size_t>(a)]], to_[a], placement_.scale[a],
                                  placement_.offset[a]};
         bool const on_lattice = std::abs(line.scale) == 1 && line.offset == std::nearbyint(line.offset);
-        Kernel kernel = on_lattice ? Kernel::nearest : kernel_for(line.scale);
+        Kernel kernel = on_lattice ? Kernel::nearest : kernel_for(method_, std::abs(line.scale));
         all_single = all_single && kernel == Kernel::nearest;
         if (on_lattice && line.scale == 1 && !boundary_) kernel = Kernel::identity;
         tables_[static_cast<std::size_t>(a)] =
@@ -155,9 +182,8 @@ void Onto::plan_aligned() {
 
 void Onto::plan_turned() {
     sampling_.map = placement_.map;
-    sampling_.interpolant = method_ == ResampleMethod::nearest ? Interpolant::nearest
-                            : method_ == ResampleMethod::cubic ? Interpolant::cubic
-                                                               : Interpolant::linear;
+    auto const* const known = interpolant_of(method_);
+    sampling_.interpolant = known != nullptr ? known->interpolant : Interpolant::linear;
     sampling_.dims = from_;
     if (method_ != ResampleMethod::nearest && method_ != ResampleMethod::linear)
         for (int a = 0; a < 3; ++a) {
@@ -172,16 +198,50 @@ void Onto::plan_turned() {
     sampling_.offset = values_.offset;
     bool const same_values = values_.scale == 1 && values_.offset == 0 && values_.in == values_.out;
     algorithm_ = same_values && method_ == ResampleMethod::nearest ? Algorithm::turned_nearest : Algorithm::turned;
+    bool const narrow = size_of(values_.in) <= 2 || values_.in == DataType::float32;
+    bool const as_it_is = values_.scale == 1 && values_.offset == 0 && sampling_.samples == Index3{1, 1, 1};
+    bool const fits = std::abs(values_.border) <= highest_of(DataType::float32) &&
+                      std::abs(values_.background) <= highest_of(DataType::float32);
+    sampling_.single =
+        narrow && as_it_is && values_.in == values_.out && fits && sampling_.interpolant == Interpolant::linear;
+    int const degree = spline_degree(sampling_.interpolant);
+    if (degree == 0) return;
+    bool const wide = values_.in == DataType::float64 || (is_integer(values_.in) && size_of(values_.in) >= 4) ||
+                      std::abs(values_.border) > highest_of(DataType::float32) / 1000;
+    coefficient_type_ = wide ? DataType::float64 : DataType::float32;
+    prefilter_ = SplinePrefilter(degree, wide ? 1e-14 : 1e-8);
+    filter_weights_.assign(prefilter_.weight.begin(), prefilter_.weight.end());
+    // From there on all voxels that a coefficient is made of are the same along the axis.
+    sampling_.beyond = prefilter_.radius + 1;
 }
 
 /// Positions are good to 1e-9 voxels, and a voxel's width changes a value by no more than a few ranges; the rest is the
-/// rounding of so many steps in double, of which cubic weights make up to twice as much, and of storing.
+/// rounding of so many steps in double, of which weights that overshoot make more, and of storing, for splines the
+/// coefficients too. What their filters leave out is a share of the range.
 ErrorBound Onto::error_of(Header const& output, double steps) const {
     ErrorBound error;
     error.kind = ErrorBound::Kind::bound;
     error.range = 1e-8;
-    error.magnitude = 2 * (steps * 0x1p-53 + storing_error(output.dtype));
-    error.absolute =
+    double gain = 1;
+    if (placement_.aligned)
+        for (WeightTable const& table : tables_) gain *= table.gain();
+    else
+        gain = gain_of(sampling_.interpolant);
+    error.magnitude = 2 * gain * (steps * 0x1p-53 + storing_error(output.dtype));
+    if (!placement_.aligned && prefilter_.radius > 0) {
+        double const g = prefilter_.gain;
+        error.range += 1.5 * prefilter_.cut * g * g; // weights that sum to 0, of which each axis has some
+        error.magnitude +=
+            3 * g * g * g * (storing_error(coefficient_type_) + static_cast<double>(prefilter_.radius + 2) * 0x1p-52);
+        error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(coefficient_type_);
+    } else if (!placement_.aligned && sampling_.single) { // three roundings a step, and those of the fractions
+        error.range += 3 * 0x1p-24;
+        error.magnitude += 9 * 0x1p-24;
+        error.absolute += std::abs(output.values.slope) * storing_floor(DataType::float32);
+    } else if (placement_.aligned && has_lobes(method_)) {
+        error.range += 1e-11;
+    }
+    error.absolute +=
         std::abs(output.values.slope) *
         (storing_floor(output.dtype) + std::abs(values_.offset) * (4 * 0x1p-53 + storing_error(output.dtype)));
     return error;
@@ -197,14 +257,18 @@ void Onto::describe(Plan& plan) const {
         plan.method = text("onto a turned grid: ", name_of(sampling_.interpolant),
                            count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");
         if (!exact) plan.error = error_of(plan.output, 64 + 2 * count);
-        plan.cost = exact ? 0 : count * (sampling_.interpolant == Interpolant::cubic ? 84 : 14);
+        plan.cost = exact ? 0 : count * cost_of(sampling_.interpolant);
+        if (prefilter_.radius > 0) {
+            plan.method += text(", prefilter of radius ", prefilter_.radius);
+            plan.cost += 3 * static_cast<double>(prefilter_.radius);
+            plan.slab_hint = 4 * prefilter_.radius;
+        }
         return;
     }
-    static char const* const names[] = {"copy", "nearest", "linear", "area", "cubic"};
     double taps = 1;
     plan.method = "onto another grid: ";
     for (std::size_t a = 0; a < 3; ++a) {
-        plan.method += text(a == 0 ? "" : ", ", names[static_cast<std::size_t>(tables_[a].kernel())]);
+        plan.method += text(a == 0 ? "" : ", ", name_of(tables_[a].kernel()));
         plan.state_bytes += tables_[a].bytes();
         taps *= static_cast<double>(tables_[a].most_taps());
     }
@@ -236,7 +300,7 @@ Box Onto::footprint(Box const& output) const {
 }
 
 std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
-    if (!placement_.aligned) return 0;
+    if (!placement_.aligned) return held(largest);
     Box const part = intersect({inner_.lower, inner_.lower + largest}, inner_), in = footprint(part);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, std::max(in.voxels(), part.voxels()));
     std::int64_t const width = in.dims()[placement_.axis[0]];
@@ -249,9 +313,10 @@ std::size_t Onto::fit(Index3 largest, Execution const& execution) const {
 }
 
 /// What the samples of an output region look at: around the corners' images, cut to the volume and with what stands for
-/// the rest. Only with Boundary::wrap it may reach outside, where affine_sample() then expects it.
-Box Onto::turned_footprint(Box const& output) const {
+/// the rest. Only with Boundary::wrap, and for splines, it may reach outside, where affine_sample() then expects it.
+Box Onto::sampled(Box const& output) const {
     Reach const reach = reach_of(sampling_.interpolant);
+    auto const beyond = static_cast<double>(sampling_.beyond);
     Box result;
     for (int b = 0; b < 3; ++b) {
         double low = placement_.map.offset[b], high = low;
@@ -267,6 +332,15 @@ Box Onto::turned_footprint(Box const& output) const {
         low = std::floor(low - face_slack) - static_cast<double>(reach.before);
         high = std::floor(high + face_slack) + static_cast<double>(reach.after) + 1;
         bool const leaves = low < 0 || high > n;
+        if (prefilter_.radius > 0) {
+            bool const folds =
+                boundary_ && (boundary_->boundary == Boundary::wrap || boundary_->boundary == Boundary::mirror);
+            if (!boundary_ && (high <= -beyond || low >= n + beyond)) return {};
+            result.lower[b] = leaves && folds ? 0 : static_cast<std::int64_t>(std::clamp(low, -beyond, n - 1 + beyond));
+            result.upper[b] =
+                leaves && folds ? from_[b] : static_cast<std::int64_t>(std::clamp(high, 1 - beyond, n + beyond));
+            continue;
+        }
         if (!boundary_ && (high <= 0 || low >= n)) return {};
         bool const wraps = leaves && boundary_ && boundary_->boundary == Boundary::wrap;
         if (leaves && boundary_ && boundary_->boundary == Boundary::mirror) {
@@ -287,10 +361,75 @@ Box Onto::turned_footprint(Box const& output) const {
     return result;
 }
 
+/// The voxels that spline coefficients in a box are made of.
+Box Onto::coefficient_source(Box const& coefficients) const {
+    Boundary const boundary = sampling_.boundary.value_or(Boundary::clamp);
+    Box result;
+    for (int a = 0; a < 3; ++a) {
+        std::int64_t const n = from_[a], low = coefficients.lower[a] - prefilter_.radius,
+                           high = coefficients.upper[a] + prefilter_.radius;
+        std::int64_t& lower = result.lower[a];
+        std::int64_t& upper = result.upper[a];
+        lower = std::clamp<std::int64_t>(low, 0, n - 1);
+        upper = std::clamp<std::int64_t>(high, 1, n);
+        if (low >= 0 && high <= n) continue;
+        if (boundary == Boundary::wrap) lower = 0, upper = n;
+        if (boundary != Boundary::mirror) continue;
+        if (low < 0) upper = std::max(upper, std::min(n, -low));
+        if (high > n) lower = std::min(lower, std::max<std::int64_t>(0, 2 * n - high));
+        if (low < -n || high > 2 * n) lower = 0, upper = n;
+    }
+    return result;
+}
+
+Box Onto::turned_footprint(Box const& output) const {
+    Box const looked_at = sampled(output);
+    return prefilter_.radius == 0 || looked_at.empty() ? looked_at : coefficient_source(looked_at);
+}
+
+std::size_t Onto::held(Index3 largest) const {
+    if (placement_.aligned || prefilter_.radius == 0) return 0;
+    double bytes = static_cast<double>(size_of(coefficient_type_));
+    for (int b = 0; b < 3; ++b) {
+        double extent = 4 + 2 * static_cast<double>(reach_of(sampling_.interpolant).after);
+        for (int a = 0; a < 3; ++a)
+            extent += std::abs(placement_.map.column[static_cast<std::size_t>(a)][b]) * static_cast<double>(largest[a]);
+        if (b < 2) extent += 2 * static_cast<double>(prefilter_.radius);
+        bytes *= std::min(extent, static_cast<double>(from_[b] + 2 * sampling_.beyond));
+    }
+    return static_cast<std::size_t>(bytes);
+}
+
+void Onto::run_spline(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
+    Box const box = sampled(out.box);
+    if (box.empty()) { // nothing but background
+        AffineSampling anything = sampling_;
+        anything.interpolant = Interpolant::nearest;
+        return affine_sample(in, out, anything, losses, outside_, execution);
+    }
+    Box const source = coefficient_source(box);
+    Box held = box;
+    for (int a = 0; a < 2; ++a) {
+        held.lower[a] = std::min(box.lower[a], source.lower[a]);
+        held.upper[a] = std::max(box.upper[a], source.upper[a]);
+    }
+    coefficients_.reserve(static_cast<std::size_t>(held.voxels()) * size_of(coefficient_type_));
+    AnyView const coefficients = dense_view(coefficients_.write(Space::host), coefficient_type_, held);
+    SplineFilter filter;
+    filter.weight = filter_weights_.data();
+    filter.radius = prefilter_.radius;
+    filter.dims = from_;
+    filter.boundary = sampling_.boundary.value_or(Boundary::clamp);
+    filter.border = values_.border;
+    bspline_coefficients(in, coefficients, box, source, filter, execution);
+    affine_sample(coefficients, out, sampling_, losses, outside_, execution);
+}
+
 void Onto::run(ConstView in, AnyView out, Losses& losses, Execution const& execution) {
     if (out.box.empty()) return;
     if (placement_.aligned) return run_aligned(in, out, losses, execution);
     if (algorithm_ == Algorithm::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
+    if (prefilter_.radius > 0) return run_spline(in, out, losses, execution);
     affine_sample(in, out, sampling_, losses, outside_, execution);
 }
 

@@ -8,9 +8,11 @@
 #include "libvkt/operations/kernels/affine.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_weights.h"
+#include "libvkt/operations/spline.h"
 
 #include <array>
 #include <optional>
+#include <vector>
 
 namespace vkt {
 
@@ -36,6 +38,8 @@ struct Placement {
 /// on it; what else rounding left in the map is taken out where it moves no voxel by more than 1e-9. Throws Error{data}
 /// if the map is not finite.
 Placement place(Geometry const& grid, Index3 dims, Geometry const& input);
+/// The same for a map of indices.
+Placement place(Affine const& map, Index3 dims);
 
 /// What values are on either side.
 struct OntoValues {
@@ -45,11 +49,15 @@ struct OntoValues {
     double border = 0;            ///< stored in the input, for Boundary::border
 };
 
-/// Puts a volume onto a grid. Along aligned axes, with weights in tables, each axis on its own: nearest, linear, area
-/// (where an axis shrinks, by default) or cubic, as on grids of the same extent; axes that changed places are put back
-/// first. Turned grids sample nearest, linear or cubic at any position; where their voxels are wider than the input's
-/// the mean of several samples is taken, except for nearest and linear. Without a boundary rule the voxels at the faces
-/// continue for half a voxel, and beyond there is background.
+/// The background as it is stored in the output: as given, else what the input names as its own, else 0. Throws
+/// Error{usage} if the type cannot hold it.
+double background_in(Header const& output, std::optional<double> given, Header const& input);
+
+/// Puts a volume onto a grid. Along aligned axes, with weights in tables, each axis on its own, as on grids of the same
+/// extent; axes that changed places are put back first. Turned grids are sampled by an interpolant at any position;
+/// where their voxels are wider than the input's the mean of several samples is taken, except for nearest and linear.
+/// Splines are made of coefficients that are computed for every region anew. Without a boundary rule the voxels at the
+/// faces continue for half a voxel, and beyond there is background.
 class Onto {
 public:
     Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, std::optional<BoundaryRule> boundary,
@@ -60,6 +68,8 @@ public:
     Box footprint(Box const& output) const;
     /// Bytes held for regions of this extent: the input with its axes in order, and what every thread sums up.
     std::size_t fit(Index3 largest, Execution const& execution) const;
+    /// Bytes held besides a region of so many voxels and its footprint.
+    std::size_t held(Index3 largest) const;
     void run(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     /// Voxels of what was computed that became background.
     std::int64_t outside() const { return outside_; }
@@ -70,8 +80,10 @@ private:
     ErrorBound error_of(Header const& output, double steps) const;
     void plan_aligned();
     void plan_turned();
-    Kernel kernel_for(double scale) const;
+    Box sampled(Box const& output) const;
+    Box coefficient_source(Box const& coefficients) const;
     Box turned_footprint(Box const& output) const;
+    void run_spline(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     void run_aligned(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     ConstView with_axes_in_order(ConstView in, Execution const& execution);
 
@@ -82,10 +94,13 @@ private:
     OntoValues values_;
     Algorithm algorithm_ = Algorithm::turned;
     std::array<WeightTable, 3> tables_; ///< aligned: of the output's axes
-    Box inner_;               ///< aligned: output voxels with centres in the input, or that follow the boundary
-    AffineSampling sampling_; ///< turned
+    Box inner_;                 ///< aligned: output voxels with centres in the input, or that follow the boundary
+    AffineSampling sampling_;   ///< turned
+    SplinePrefilter prefilter_; ///< … by a spline
+    std::vector<double> filter_weights_;
+    DataType coefficient_type_ = DataType::float32;
     std::int64_t outside_ = 0;
-    Buffer ordered_, scratch_;
+    Buffer ordered_, scratch_, coefficients_;
 };
 
 } // namespace vkt

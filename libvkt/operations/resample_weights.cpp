@@ -5,8 +5,10 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/operations/spline.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <numeric>
@@ -63,23 +65,59 @@ Line linear_line(std::int64_t o, Ratio r) {
     return line;
 }
 
-Line cubic_line(std::int64_t o, Ratio r) {
+long double sinc(long double t) {
+    constexpr long double pi = 3.14159265358979323846264338327950288L;
+    return t == 0 ? 1 : std::sin(pi * t) / (pi * t);
+}
+
+/// The weights of an interpolant at a position `fraction` beyond the input voxel `whole`, of a grid whose voxels are
+/// `width` input voxels apart. Wider kernels average what falls between the new voxels: convolution kernels are
+/// stretched, splines are sampled several times.
+Line smooth_line(Kernel kernel, std::int64_t whole, long double fraction, long double width) {
+    if (fraction == 0 && width <= 1) return {whole, {1.0}};
+    auto const round = [whole](std::vector<long double> const& weights, std::int64_t lower) {
+        long double sum = 0;
+        for (long double const w : weights) sum += w;
+        Line line{whole + lower, {}};
+        for (long double const w : weights) line.weights.push_back(static_cast<double>(w / sum));
+        return line;
+    };
+    if (kernel == Kernel::bspline3 || kernel == Kernel::bspline5) {
+        int const degree = kernel == Kernel::bspline3 ? 3 : 5;
+        auto const samples = static_cast<std::int64_t>(std::max(1.0L, std::ceil(width - 1e-6L)));
+        static SplinePrefilter const cubic(3, 1e-13), quintic(5, 1e-13);
+        SplinePrefilter const& filter = degree == 3 ? cubic : quintic;
+        std::int64_t const reach = static_cast<std::int64_t>(width) + 2 + filter.radius + degree;
+        std::vector<long double> weights(static_cast<std::size_t>(2 * reach + 1), 0.0L);
+        for (std::int64_t s = 0; s < samples; ++s) {
+            long double const aside = (static_cast<long double>(s) + 0.5L) / static_cast<long double>(samples) - 0.5L;
+            long double const at = samples == 1 ? fraction : fraction + width * aside;
+            for (std::int64_t j = -reach; j <= reach; ++j) { // coefficients, and the voxels that they are made of
+                long double const b = bspline(degree, at - static_cast<long double>(j));
+                if (b == 0) continue;
+                for (std::int64_t k = -filter.radius; k <= filter.radius; ++k)
+                    weights[static_cast<std::size_t>(j + k + reach)] +=
+                        b * filter.weight[static_cast<std::size_t>(std::abs(k))];
+            }
+        }
+        return round(weights, -reach);
+    }
+    long double const stretch = std::max(1.0L, width);
+    bool const keys = kernel == Kernel::cubic;
+    auto const reach = static_cast<std::int64_t>(std::ceil((keys ? 2 : 3) * stretch)) + 1;
+    std::vector<long double> weights;
+    for (std::int64_t i = -reach; i <= reach; ++i) {
+        long double const t = (static_cast<long double>(i) - fraction) / stretch;
+        weights.push_back(keys ? cubic(t) : std::abs(t) >= 3 ? 0 : sinc(t) * sinc(t / 3));
+    }
+    return round(weights, -reach);
+}
+
+Line smooth_line(std::int64_t o, Ratio r, Kernel kernel) {
     Int128 const position = (2 * Int128{o} + 1) * r.a - r.b, unit = 2 * Int128{r.b};
     std::int64_t const whole = floor_quotient(position, unit);
     auto const fraction = static_cast<long double>(position - Int128{whole} * unit) / static_cast<long double>(unit);
-    // When shrinking, the kernel is stretched by the ratio, so that it averages what falls between the new voxels.
-    long double const stretch = std::max(1.0L, static_cast<long double>(r.a) / static_cast<long double>(r.b));
-    auto const reach = static_cast<std::int64_t>(std::ceil(2 * stretch)) + 1;
-    Line line;
-    line.lower = whole - reach;
-    std::vector<long double> weights;
-    long double sum = 0;
-    for (std::int64_t i = -reach; i <= reach; ++i) {
-        weights.push_back(cubic((static_cast<long double>(i) - fraction) / stretch));
-        sum += weights.back();
-    }
-    for (long double const w : weights) line.weights.push_back(static_cast<double>(w / sum));
-    return line;
+    return smooth_line(kernel, whole, fraction, static_cast<long double>(r.a) / static_cast<long double>(r.b));
 }
 
 void trim(Line& line) {
@@ -128,7 +166,10 @@ Line line_of(std::int64_t o, Ratio ratio, Kernel kernel) {
     case Kernel::area:
         return area_line(o, ratio);
     case Kernel::cubic:
-        return cubic_line(o, ratio);
+    case Kernel::bspline3:
+    case Kernel::bspline5:
+    case Kernel::lanczos3:
+        return smooth_line(o, ratio, kernel);
     }
     return {};
 }
@@ -163,16 +204,7 @@ Line placed_line(LinePlacement const& placement, std::int64_t o, Kernel kernel) 
         }
         for (double& w : line.weights) w /= sum;
     } else {
-        double const stretch = std::max(1.0, width);
-        auto const reach = static_cast<std::int64_t>(std::ceil(2 * stretch)) + 1;
-        line.lower = whole - reach;
-        line.weights.clear();
-        double sum = 0;
-        for (std::int64_t i = -reach; i <= reach; ++i) {
-            line.weights.push_back(static_cast<double>(cubic((static_cast<double>(i) - fraction) / stretch)));
-            sum += line.weights.back();
-        }
-        for (double& w : line.weights) w /= sum;
+        line = smooth_line(kernel, whole, fraction, width);
     }
     return line;
 }
@@ -191,6 +223,12 @@ void brought_near(Line& line, std::int64_t n, Boundary boundary) {
 }
 
 } // namespace
+
+std::string_view name_of(Kernel kernel) {
+    static constexpr std::array<std::string_view, 8> names{"copy",  "nearest",  "linear",   "area",
+                                                           "cubic", "bspline3", "bspline5", "lanczos3"};
+    return names[static_cast<std::size_t>(kernel)];
+}
 
 WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary)
     : kernel_(n_in == n_out ? Kernel::identity : kernel), n_out_(n_out) {

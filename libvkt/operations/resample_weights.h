@@ -6,11 +6,13 @@
 #include "libvkt/core/types.h"
 
 #include <cstdint>
+#include <string_view>
 #include <utility>
 
 namespace vkt {
 
-enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic };
+enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic, bspline3, bspline5, lanczos3 };
+std::string_view name_of(Kernel kernel);
 
 /// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] +
 /// i), 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
@@ -49,7 +51,8 @@ public:
 
     Kernel kernel() const { return kernel_; }
     double divisor() const { return divisor_; }
-    /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 unless cubic.
+    /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 where all
+    /// are positive.
     double gain() const { return gain_; }
     /// True if some weights fall on a constant border: AxisTable::inside says how much stays in the volume.
     bool leaves_out() const { return leaves_out_; }

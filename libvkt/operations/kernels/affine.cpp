@@ -5,6 +5,8 @@
 #include "libvkt/kernel/rows.h"
 
 #include <cmath>
+#include <cstring>
+#include <vector>
 
 namespace vkt {
 
@@ -28,9 +30,9 @@ VKT_HD double snapped(double p) {
 }
 
 /// Between a and b, never beyond either; at 0 all of a, whatever b is.
-VKT_HD double between(double a, double b, double f) {
-    double r = (1 - f) * a + f * b;
-    double const low = a < b ? a : b, high = a > b ? a : b;
+template <class R> VKT_HD R between(R a, R b, R f) {
+    R r = (1 - f) * a + f * b;
+    R const low = a < b ? a : b, high = a > b ? a : b;
     r = r < low ? low : r;
     r = r > high ? high : r;
     return f == 0 ? a : r;
@@ -45,28 +47,90 @@ struct Linear {
     }
 };
 
-struct Cubic {
-    static constexpr Interpolant kind = Interpolant::cubic;
-    VKT_HD static double term(double w, double v) { return w == 0 ? 0 : w * v; }
-    VKT_HD static double weight(int i, double f) {
-        return i == 0   ? ((-0.5 * f + 1) * f - 0.5) * f
-               : i == 1 ? (1.5 * f - 2.5) * f * f + 1
-               : i == 2 ? ((-1.5 * f + 2) * f + 0.5) * f
-                        : (0.5 * f - 0.5) * f * f;
-    }
-    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
-        double const x0 = weight(0, x), x1 = weight(1, x), x2 = weight(2, x), x3 = weight(3, x);
-        double total = 0;
-        for (int k = 0; k < 4; ++k) {
-            double slice = 0;
-            for (int j = 0; j < 4; ++j) {
-                double const row = (term(x0, v(-1, j - 1, k - 1)) + term(x1, v(0, j - 1, k - 1))) +
-                                   (term(x2, v(1, j - 1, k - 1)) + term(x3, v(2, j - 1, k - 1)));
-                slice += term(weight(j, y), row);
-            }
-            total += term(weight(k, z), slice);
+/// A sum over N^3 voxels from `First` on, with weights along each axis. What has no weight takes no part, whatever it
+/// is.
+template <int N, int First, class V>
+VKT_HD double weighted(V const& v, double const* wx, double const* wy, double const* wz) {
+    auto const term = [](double w, double value) { return w == 0 ? 0 : w * value; };
+    double total = 0;
+    for (int k = 0; k < N; ++k) {
+        double slice = 0;
+        for (int j = 0; j < N; ++j) {
+            double row = 0;
+            for (int i = 0; i < N; i += 2)
+                row += term(wx[i], v(First + i, First + j, First + k)) +
+                       term(wx[i + 1], v(First + i + 1, First + j, First + k));
+            slice += term(wy[j], row);
         }
-        return total;
+        total += term(wz[k], slice);
+    }
+    return total;
+}
+/// The interpolant of degree N - 1 whose weights Kernel::weights(fraction, w) gives.
+template <class Kernel, int N> struct Convolution {
+    template <class V> VKT_HD static double value(V const& v, double x, double y, double z) {
+        double wx[N], wy[N], wz[N];
+        Kernel::weights(x, wx);
+        Kernel::weights(y, wy);
+        Kernel::weights(z, wz);
+        return weighted<N, 1 - N / 2>(v, wx, wy, wz);
+    }
+};
+
+struct Cubic : Convolution<Cubic, 4> {
+    static constexpr Interpolant kind = Interpolant::cubic;
+    VKT_HD static void weights(double f, double* w) {
+        w[0] = ((-0.5 * f + 1) * f - 0.5) * f;
+        w[1] = (1.5 * f - 2.5) * f * f + 1;
+        w[2] = ((-1.5 * f + 2) * f + 0.5) * f;
+        w[3] = (0.5 * f - 0.5) * f * f;
+    }
+};
+
+struct BSpline3 : Convolution<BSpline3, 4> {
+    static constexpr Interpolant kind = Interpolant::bspline3;
+    VKT_HD static void weights(double f, double* w) {
+        double const g = 1 - f;
+        w[0] = g * g * g * (1.0 / 6);
+        w[1] = (4 - 3 * f * f * (2 - f)) * (1.0 / 6);
+        w[2] = (4 - 3 * g * g * (2 - g)) * (1.0 / 6);
+        w[3] = f * f * f * (1.0 / 6);
+    }
+};
+
+struct BSpline5 : Convolution<BSpline5, 6> {
+    static constexpr Interpolant kind = Interpolant::bspline5;
+    VKT_HD static double inner(double t) { return (66 - t * t * (60 - t * t * (30 - 10 * t))) * (1.0 / 120); }
+    VKT_HD static double middle(double t) {
+        return (51 + t * (75 - t * (210 - t * (150 - t * (45 - 5 * t))))) * (1.0 / 120);
+    }
+    VKT_HD static void weights(double f, double* w) {
+        double const g = 1 - f;
+        w[0] = g * g * (g * g) * g * (1.0 / 120);
+        w[1] = middle(1 + f);
+        w[2] = inner(f);
+        w[3] = inner(g);
+        w[4] = middle(1 + g);
+        w[5] = f * f * (f * f) * f * (1.0 / 120);
+    }
+};
+
+struct Lanczos3 : Convolution<Lanczos3, 6> {
+    static constexpr Interpolant kind = Interpolant::lanczos3;
+    VKT_HD static void weights(double f, double* w) {
+        // sin(pi t) sin(pi t / 3) / t^2 at t = f + 2 - i. The first factor is that of f up to its sign; the second has
+        // three phases.
+        constexpr double pi = 3.14159265358979323846, half_root3 = 0.86602540378443864676;
+        double const s = std::sin(pi / 3 * f), c = std::cos(pi / 3 * f);
+        double const a = s, b = 0.5 * s + half_root3 * c, d = -0.5 * s + half_root3 * c; // of f, f + 1, f + 2
+        double const phase[6] = {d, -b, a, d, -b, a}; // with the signs of both factors, but for one that all share
+        double sum = 0;
+        for (int i = 0; i < 6; ++i) {
+            double const t = f + 2 - i;
+            w[i] = phase[i] / (t == 0 ? 1 : t * t);
+            sum += w[i];
+        }
+        for (int i = 0; i < 6; ++i) w[i] = f == 0 ? (i == 2 ? 1 : 0) : w[i] / sum;
     }
 };
 
@@ -184,11 +248,18 @@ double sample_anywhere(View<T const> const& in, PositionRow const& at, double x,
     double const px = at.x(x), py = at.y(x), pz = at.z(x);
     double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
+    bool const continued =
+        spline_degree(Kernel::kind) > 0 && boundary != Boundary::mirror && boundary != Boundary::wrap;
+    auto const index = [&](double whole, int i, std::int64_t n, std::int64_t lower) {
+        if (!continued) return place_of(whole, i, n, boundary, lower);
+        double const limit = 0x1p60; // positions may be anything that a header can say
+        std::int64_t const v = static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i;
+        return std::clamp(v, -rule.beyond, n - 1 + rule.beyond);
+    };
     auto const voxel = [&](int i, int j, int k) {
-        std::int64_t const vx = place_of(wx, i, rule.dims.x, boundary, in.lower.x),
-                           vy = place_of(wy, j, rule.dims.y, boundary, in.lower.y),
-                           vz = place_of(wz, k, rule.dims.z, boundary, in.lower.z);
-        bool const border = boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
+        std::int64_t const vx = index(wx, i, rule.dims.x, in.lower.x), vy = index(wy, j, rule.dims.y, in.lower.y),
+                           vz = index(wz, k, rule.dims.z, in.lower.z);
+        bool const border = !continued && boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
         return border ? rule.border : static_cast<double>(in(vx, vy, vz));
     };
     return Kernel::value(voxel, px - wx, py - wy, pz - wz);
@@ -241,6 +312,307 @@ void sample_row(View<T const> const& in, PositionRow const& at, XRange range, Af
     slowly(range.begin, quick.begin);
     sample_run(quick.begin, quick.end - quick.begin, to + (quick.begin - range.begin), SampleInside<T, Kernel>(in, at));
     slowly(quick.end, range.end);
+}
+
+/// Linear in float32 the same way; neighbours along x are loaded together.
+template <class T> void sample_run_single(std::int64_t x, std::int64_t n, float* to, SampleInside<T, Linear> const f) {
+    constexpr std::int32_t strip = 64;
+    float fx[strip], fy[strip], fz[strip];
+    T pair[4][2 * strip];
+    std::int64_t index[strip];
+    for (std::int64_t begin = 0; begin < n; begin += strip) {
+        auto const m = static_cast<std::int32_t>(std::min<std::int64_t>(strip, n - begin));
+        auto const first = static_cast<double>(x + begin);
+#pragma omp simd
+        for (std::int32_t i = 0; i < m; ++i) {
+            double dx, dy, dz;
+            index[i] = f.place(first + i, dx, dy, dz);
+            fx[i] = static_cast<float>(dx), fy[i] = static_cast<float>(dy), fz[i] = static_cast<float>(dz);
+        }
+        for (std::int32_t i = 0; i < m; ++i) {
+            T const* const c = f.data + index[i];
+            std::memcpy(pair[0] + 2 * i, c, 2 * sizeof(T));
+            std::memcpy(pair[1] + 2 * i, c + f.row, 2 * sizeof(T));
+            std::memcpy(pair[2] + 2 * i, c + f.slice, 2 * sizeof(T));
+            std::memcpy(pair[3] + 2 * i, c + f.slice + f.row, 2 * sizeof(T));
+        }
+        float* const result = to + begin;
+#pragma omp simd
+        for (std::int32_t i = 0; i < m; ++i) {
+            auto const along_x = [&](int k) {
+                return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), fx[i]);
+            };
+            result[i] = between(between(along_x(0), along_x(1), fy[i]), between(along_x(2), along_x(3), fy[i]), fz[i]);
+        }
+    }
+}
+
+/// Rows that stay rows: weights that all voxels share.
+template <class T>
+void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice, std::int64_t n, float fy, float fz,
+                            float* to) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) {
+        auto const v = [&](std::int64_t at) { return static_cast<float>(from[i + at]); };
+        to[i] = between(between(v(0), v(row), fy), between(v(slice), v(slice + row), fy), fz);
+    }
+}
+
+template <class T>
+void sample_box_single(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses,
+                       std::int64_t& outside, Execution const& execution) {
+    for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
+        alignas(64) float values[row_piece];
+        Losses mine;
+        std::int64_t beyond = 0;
+        PositionRow const at = row_of(rule.map, {}, y, z);
+        bool const parallel =
+            at.y.step == 0 && at.z.step == 0 && at.x.step == 1 && at.x.base == nearest_whole(at.x.base);
+        for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
+            XRange const piece{x, std::min(x + row_piece, x0 + length)};
+            std::int64_t const n = piece.end - piece.begin;
+            XRange const in_it = rule.boundary ? piece : inside(piece, at, rule.dims);
+            if (in_it.end - in_it.begin < n) std::fill_n(values, n, static_cast<float>(rule.background));
+            beyond += n - std::max<std::int64_t>(in_it.end - in_it.begin, 0);
+            auto const slowly = [&](std::int64_t begin, std::int64_t end) {
+                for (std::int64_t i = begin; i < end; ++i)
+                    values[i - piece.begin] =
+                        static_cast<float>(sample_anywhere<T, Linear>(in, at, static_cast<double>(i), rule));
+            };
+            XRange const quick = interior(in_it, at, rule.dims, Interpolant::linear);
+            if (quick.begin >= quick.end) {
+                slowly(in_it.begin, in_it.end);
+            } else {
+                slowly(in_it.begin, quick.begin);
+                SampleInside<T, Linear> const sample(in, at);
+                std::int64_t const m = quick.end - quick.begin;
+                if (parallel) {
+                    double fx, fy, fz;
+                    std::int64_t const index = sample.place(static_cast<double>(quick.begin), fx, fy, fz);
+                    sample_parallel_single(in.data + index, in.row, in.slice, m, static_cast<float>(fy),
+                                           static_cast<float>(fz), values + (quick.begin - piece.begin));
+                } else {
+                    sample_run_single<T>(quick.begin, m, values + (quick.begin - piece.begin), sample);
+                }
+                slowly(quick.end, in_it.end);
+            }
+            mine += store_row(out.type, static_cast<float const*>(values), out.at(x, y, z), n);
+        }
+        driver::add(losses, mine);
+        if (beyond == 0) return;
+#pragma omp atomic
+        outside += beyond;
+    });
+}
+
+/// An axis of the output, y or z, along which nothing happens: its voxels are so many voxels of the input further.
+struct StillAxis {
+    int axis = -1; ///< -1: there is none
+    std::int64_t shift = 0;
+};
+StillAxis still_axis(Affine const& map) {
+    for (int axis = 2; axis >= 1; --axis) {
+        bool still = map.offset[axis] == nearest_whole(map.offset[axis]) && std::abs(map.offset[axis]) < 0x1p50;
+        double reach = 0; // of a voxel in the plane
+        for (int a = 0; a < 3; ++a) {
+            double const along = map.column[static_cast<std::size_t>(a)][axis];
+            still = still && along == (a == axis ? 1 : 0);
+            still = still && (a == axis || map.column[static_cast<std::size_t>(axis)][a] == 0);
+        }
+        for (int b = 0; b < 3; ++b) {
+            double sum = 0;
+            for (int a = 0; a < 3; ++a) sum += a == axis ? 0 : std::abs(map.column[static_cast<std::size_t>(a)][b]);
+            if (b != axis) reach = std::max(reach, sum);
+        }
+        if (still && reach <= 2) return {axis, static_cast<std::int64_t>(map.offset[axis])};
+    }
+    return {};
+}
+
+/// Linear where an axis stays: tiles of the plane, of several slices at once. The slices are the lanes of the vectors:
+/// the tile's source is turned so that they lie side by side, and weights are the same for all of them.
+template <class T> class SlicesTogether {
+public:
+    SlicesTogether(View<T const> const& in, AnyView out, AffineSampling const& rule, StillAxis still)
+        : in_(in), out_(out), rule_(rule), still_(still), across_(still.axis == 2 ? 1 : 2),
+          source_(static_cast<std::size_t>(most_ * most_ * lanes_)),
+          result_(static_cast<std::size_t>(tile_ * tile_ * lanes_)) {}
+
+    /// The tile at voxel (x, v) of the plane, of `n` slices from `slice` on.
+    void run(std::int64_t x, std::int64_t v, std::int64_t slice, std::int64_t n) {
+        std::int64_t const x_end = std::min(x + tile_, out_.box.upper.x),
+                           v_end = std::min(v + tile_, out_.box.upper[across_]);
+        place(x, x_end, v, v_end);
+        if (high_x_ >= low_x_) {
+            load(slice, n);
+            for (std::int64_t row = v; row < v_end; ++row)
+                for (std::int64_t i = quick_[row - v].begin; i < quick_[row - v].end; ++i) compute(i - x, row - v);
+        }
+        for (std::int64_t row = v; row < v_end; ++row) at_the_faces(x, x_end, row, row - v, slice, n);
+        store(x, x_end, v, v_end, slice, n);
+    }
+
+    static constexpr std::int64_t tile_ = 32, lanes_ = 16, most_ = 2 * tile_ + 2;
+    Losses losses;
+    std::int64_t beyond = 0;
+
+private:
+    PositionRow row_at(std::int64_t v) const {
+        return still_.axis == 2 ? row_of(rule_.map, {}, v, 0) : row_of(rule_.map, {}, 0, v);
+    }
+    std::int64_t stride_across() const { return across_ == 1 ? in_.row : in_.slice; }
+    std::int64_t stride_along() const { return still_.axis == 2 ? in_.slice : in_.row; }
+
+    XRange in_plane(XRange range, PositionRow const& row, double before, double after, double slack) const {
+        for (int axis : {0, across_}) {
+            auto const n = static_cast<double>(rule_.dims[axis]);
+            range = narrowed(range, row.line(axis), before - slack, n - after - slack);
+        }
+        return range;
+    }
+
+    /// Where the voxels of the tile come from, and which of them look at voxels of the volume only.
+    void place(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t v_end) {
+        low_x_ = low_v_ = std::int64_t{1} << 60;
+        high_x_ = high_v_ = -low_x_;
+        for (std::int64_t row = v; row < v_end; ++row) {
+            PositionRow const at = row_at(row);
+            std::int64_t const r = row - v;
+            XRange const piece{x, x_end};
+            inside_[r] = rule_.boundary ? piece : in_plane(piece, at, -0.5, 0.5, face_slack);
+            if (inside_[r].begin > inside_[r].end) inside_[r].end = inside_[r].begin;
+            quick_[r] = in_plane(inside_[r], at, 0, 1, 0);
+            PositionLine const along = at.line(0), across = at.line(across_);
+            for (std::int64_t i = quick_[r].begin; i < quick_[r].end; ++i) {
+                double const px = along(static_cast<double>(i)), pv = across(static_cast<double>(i));
+                double const wx = floor_of(px), wv = floor_of(pv);
+                Source& s = sources_[r][i - x];
+                s = {static_cast<std::int32_t>(wx), static_cast<std::int32_t>(wv), static_cast<float>(px - wx),
+                     static_cast<float>(pv - wv)};
+                low_x_ = std::min<std::int64_t>(low_x_, s.x), high_x_ = std::max<std::int64_t>(high_x_, s.x + 1);
+                low_v_ = std::min<std::int64_t>(low_v_, s.v), high_v_ = std::max<std::int64_t>(high_v_, s.v + 1);
+            }
+        }
+        width_ = high_x_ - low_x_ + 1;
+    }
+
+    void load(std::int64_t slice, std::int64_t n) {
+        std::int64_t const along = stride_along(), across = stride_across();
+        std::int64_t const lower_along = in_.lower[still_.axis], lower_across = in_.lower[across_];
+        for (std::int64_t v = low_v_; v <= high_v_; ++v) {
+            T const* const from = in_.data + (low_x_ - in_.lower.x) + (v - lower_across) * across +
+                                  (slice + still_.shift - lower_along) * along;
+            float* const to = source_.data() + (v - low_v_) * width_ * lanes_;
+            for (std::int64_t k = 0; k < n; ++k) {
+                T const* const row = from + k * along;
+                for (std::int64_t i = 0; i < width_; ++i) to[i * lanes_ + k] = static_cast<float>(row[i]);
+            }
+        }
+    }
+
+    void compute(std::int64_t x, std::int64_t row) {
+        Source const s = sources_[row][x];
+        float const* const a = source_.data() + ((s.v - low_v_) * width_ + (s.x - low_x_)) * lanes_;
+        float const* const b = a + width_ * lanes_;
+        float* const to = result_.data() + (row * tile_ + x) * lanes_;
+        float const fx = s.fraction_x, fv = s.fraction_v;
+#pragma omp simd
+        for (std::int64_t k = 0; k < lanes_; ++k)
+            to[k] = between(between(a[k], a[k + lanes_], fx), between(b[k], b[k + lanes_], fx), fv);
+    }
+
+    void at_the_faces(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t row, std::int64_t slice,
+                      std::int64_t n) {
+        XRange const in_it = inside_[row], quick = quick_[row];
+        bool const none = quick.begin >= quick.end;
+        for (std::int64_t i = x; i < x_end; ++i) {
+            if (!none && i >= quick.begin && i < quick.end) {
+                i = quick.end - 1;
+                continue;
+            }
+            float* const to = result_.data() + (row * tile_ + i - x) * lanes_;
+            if (i < in_it.begin || i >= in_it.end) {
+                std::fill_n(to, n, static_cast<float>(rule_.background));
+                beyond += n;
+                continue;
+            }
+            for (std::int64_t k = 0; k < n; ++k) {
+                PositionRow const at =
+                    still_.axis == 2 ? row_of(rule_.map, {}, v, slice + k) : row_of(rule_.map, {}, slice + k, v);
+                to[k] = static_cast<float>(sample_anywhere<T, Linear>(in_, at, static_cast<double>(i), rule_));
+            }
+        }
+    }
+
+    void store(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t v_end, std::int64_t slice,
+               std::int64_t n) {
+        alignas(64) float values[tile_];
+        for (std::int64_t k = 0; k < n; ++k)
+            for (std::int64_t row = v; row < v_end; ++row) {
+                float const* const from = result_.data() + (row - v) * tile_ * lanes_ + k;
+                for (std::int64_t i = 0; i < x_end - x; ++i) values[i] = from[i * lanes_];
+                std::byte* const to = still_.axis == 2 ? out_.at(x, row, slice + k) : out_.at(x, slice + k, row);
+                losses += store_row(out_.type, static_cast<float const*>(values), to, x_end - x);
+            }
+    }
+
+    struct Source {
+        std::int32_t x, v;
+        float fraction_x, fraction_v;
+    };
+
+    View<T const> in_;
+    AnyView out_;
+    AffineSampling const& rule_;
+    StillAxis still_;
+    int across_; ///< the other axis of the plane, beside x
+    std::vector<float> source_, result_;
+    XRange inside_[tile_], quick_[tile_];
+    Source sources_[tile_][tile_];
+    std::int64_t low_x_ = 0, high_x_ = 0, low_v_ = 0, high_v_ = 0, width_ = 0;
+};
+
+template <class T>
+void sample_slices_together(View<T const> const& in, AnyView out, AffineSampling const& rule, StillAxis still,
+                            Losses& losses, std::int64_t& outside, Execution const& execution) {
+    using Tiles = SlicesTogether<T>;
+    int const across = still.axis == 2 ? 1 : 2;
+    Index3 const n = out.dims();
+    auto const pieces = [](std::int64_t extent, std::int64_t size) { return (extent + size - 1) / size; };
+    std::int64_t const nx = pieces(n.x, Tiles::tile_), nv = pieces(n[across], Tiles::tile_),
+                       nk = pieces(n[still.axis], Tiles::lanes_);
+    for_each_item(threads_for(execution, out.box.voxels()), nx * nv * nk, [&](std::int64_t begin, std::int64_t end) {
+        if (begin >= end) return;
+        Tiles tiles(in, out, rule, still);
+        for (std::int64_t item = begin; item < end; ++item) {
+            std::int64_t const slice = out.box.lower[still.axis] + item / nx / nv * Tiles::lanes_;
+            tiles.run(out.box.lower.x + item % nx * Tiles::tile_, out.box.lower[across] + item / nx % nv * Tiles::tile_,
+                      slice, std::min(Tiles::lanes_, out.box.upper[still.axis] - slice));
+        }
+        driver::add(losses, tiles.losses);
+#pragma omp atomic
+        outside += tiles.beyond;
+    });
+}
+
+/// Linear in float32, each part of the box in the way that suits it; which one that is depends on no cut.
+template <class T>
+void sample_single(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses,
+                   std::int64_t& outside, Execution const& execution) {
+    StillAxis const still = still_axis(rule.map);
+    Box part = out.box;
+    if (still.axis >= 0) {
+        part.lower[still.axis] = std::clamp(-still.shift, out.box.lower[still.axis], out.box.upper[still.axis]);
+        part.upper[still.axis] =
+            std::clamp(rule.dims[still.axis] - still.shift, part.lower[still.axis], out.box.upper[still.axis]);
+    }
+    if (still.axis < 0 || part.empty()) return sample_box_single(in, out, rule, losses, outside, execution);
+    sample_slices_together(in, out.part(part), rule, still, losses, outside, execution);
+    for (bool const above : {false, true}) { // slices beside the volume
+        Box beside = out.box;
+        (above ? beside.lower : beside.upper)[still.axis] = (above ? part.upper : part.lower)[still.axis];
+        if (!beside.empty()) sample_box_single(in, out.part(beside), rule, losses, outside, execution);
+    }
 }
 
 /// to becomes the mean of `count` samples, of which `sample` is the last: by steps that neither overflow nor leave the
@@ -328,6 +700,8 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
                    Execution const& execution) {
     for_each_type(in.type, [&]<class T>(T) {
         View<T const> const from = in.as<T>();
+        if constexpr (sizeof(T) <= 2 || std::is_same_v<T, float>)
+            if (rule.single) return sample_single<T>(from, out, rule, losses, outside, execution);
         switch (rule.interpolant) {
         case Interpolant::nearest:
             return sample_box<T, Nearest>(from, out, rule, losses, outside, execution);
@@ -335,6 +709,15 @@ void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses
             return sample_box<T, Linear>(from, out, rule, losses, outside, execution);
         case Interpolant::cubic:
             return sample_box<T, Cubic>(from, out, rule, losses, outside, execution);
+        case Interpolant::lanczos3:
+            return sample_box<T, Lanczos3>(from, out, rule, losses, outside, execution);
+        case Interpolant::bspline3:
+        case Interpolant::bspline5:
+            if constexpr (std::is_same_v<T, float> || std::is_same_v<T, double>) {
+                if (rule.interpolant == Interpolant::bspline3)
+                    return sample_box<T, BSpline3>(from, out, rule, losses, outside, execution);
+                return sample_box<T, BSpline5>(from, out, rule, losses, outside, execution);
+            }
         }
     });
 }

@@ -42,8 +42,9 @@ inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataTy
     sum.y = tables[1].taps(space);
     sum.z = tables[2].taps(space);
     sum.divisor = tables[0].divisor() * tables[1].divisor() * tables[2].divisor();
-    // Sums of float64 then stay below a quarter of the largest number, or a half for Keys' kernel, which overshoots.
-    if (type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor)) - 2);
+    // Sums of float64 then stay below a quarter of the largest number, those of kernels that overshoot as well.
+    double const gain = tables[0].gain() * tables[1].gain() * tables[2].gain();
+    if (type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor * gain)) - 2);
     sum.x_identity = tables[0].kernel() == Kernel::identity;
     return sum;
 }

@@ -1,0 +1,9 @@
+// vkt affine: see libvkt/operations/affine.h.
+// SPDX-License-Identifier: MIT
+#include "shell/command.h"
+
+namespace vkt::shell {
+
+Command affine_command() { return operation_command("affine"); }
+
+} // namespace vkt::shell

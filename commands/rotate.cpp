@@ -1,0 +1,9 @@
+// vkt rotate: see libvkt/operations/rotate.h.
+// SPDX-License-Identifier: MIT
+#include "shell/command.h"
+
+namespace vkt::shell {
+
+Command rotate_command() { return operation_command("rotate"); }
+
+} // namespace vkt::shell

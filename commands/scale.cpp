@@ -1,0 +1,9 @@
+// vkt scale: see libvkt/operations/scale.h.
+// SPDX-License-Identifier: MIT
+#include "shell/command.h"
+
+namespace vkt::shell {
+
+Command scale_command() { return operation_command("scale"); }
+
+} // namespace vkt::shell

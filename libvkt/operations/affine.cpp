@@ -1,0 +1,94 @@
+// Affine: from points of the world, or voxels, to voxels.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/affine.h"
+
+#include "libvkt/core/frame.h"
+#include "libvkt/core/text.h"
+#include "libvkt/io/byte_source.h"
+
+namespace vkt {
+
+VKT_OPERATION(AffineOperation, "affine")
+
+namespace {
+
+constexpr std::size_t largest_file = std::size_t{1} << 20;
+
+/// True for what can only be a matrix: a list of numbers.
+bool is_list(std::string const& word) {
+    return word.find_first_of(" ,;\n\t") != std::string::npos &&
+           word.find_first_not_of("0123456789+-.eE ,;\n\t\r") == std::string::npos;
+}
+
+std::string contents_of(std::string const& file) {
+    auto const source = open_bytes(file);
+    std::string contents(largest_file + 1, '\0');
+    contents.resize(source->read(contents.data(), contents.size()));
+    if (contents.size() > largest_file) throw Error(ErrorKind::data, text(file, ": too long for an affine transform"));
+    return contents;
+}
+
+} // namespace
+
+Texts AffineOperation::texts() const {
+    return {
+        "Move a volume by a matrix or an ITK transform.",
+        "The result at a point p shows the input at T(p), as ITK and SciPy mean it; --inverse moves content from p "
+        "to T(p) instead. T is twelve or sixteen numbers, row by row, or a file with them or with ITK's linear "
+        "transforms (.tfm), in world coordinates unless --unit voxel is given.",
+        {{"Sheared, in voxels", "vkt affine '1 0.2 0 0  0 1 0 0  0 0 1 0' volume.nrrd --unit voxel -o sheared.nrrd"},
+         {"Content ten millimetres along x",
+          "vkt affine '1 0 0 10 0 1 0 0 0 0 1 0' volume.nrrd --inverse --expand -o moved.nrrd"}}};
+}
+
+void AffineOperation::parameters(Parameters& p) {
+    p.positional("matrix", matrix_, "12 or 16 numbers, row by row, or a file with them or with ITK's transforms");
+    p.option("unit", unit_, "UNIT", "what the numbers are about: world (default) or voxel");
+    p.flag("inverse", inverse_, "the map says where content goes, not where it comes from");
+    sampling_parameters(p);
+}
+
+void AffineOperation::check() const {
+    AffineTransform::check();
+    if (!is_list(matrix_)) return;
+    try {
+        parse_transform(matrix_, "MATRIX");
+    } catch (Error const& error) {
+        throw Error(ErrorKind::usage, error.what(), error.hint());
+    }
+}
+
+Plan AffineOperation::plan(std::span<Header const> inputs) {
+    if (is_list(matrix_))
+        transform_ = parse_transform(matrix_, "MATRIX");
+    else
+        transform_ = parse_transform(contents_of(matrix_), matrix_);
+    if (transform_.itk && unit_ == LengthUnit::voxel)
+        throw Error(ErrorKind::usage, "ITK's transforms are about the world: --unit voxel does not apply");
+    if (inverse_) transform_.map = inverse(transform_.map);
+    return AffineTransform::plan(inputs);
+}
+
+Affine AffineOperation::source_map(Header const& lattice, Index3 lower) const {
+    Affine const& t = transform_.map;
+    if (unit_ == LengthUnit::voxel) {
+        Vec3 const l{static_cast<double>(lower.x), static_cast<double>(lower.y), static_cast<double>(lower.z)};
+        Affine map = t;
+        map.offset = t(l) - l;
+        return map;
+    }
+    // In voxels around the lattice's own origin, so that a far one costs no digits of the linear part.
+    Geometry const geometry = transform_.itk ? geometry_in(lps_frame, lattice) : lattice.geometry;
+    Geometry linear = geometry;
+    linear.origin = {};
+    Affine map;
+    for (int a = 0; a < 3; ++a) {
+        auto const i = static_cast<std::size_t>(a);
+        Vec3 const step = geometry.direction[i] * geometry.spacing[a];
+        map.column[i] = world_to_index(linear, t(step) - t.offset);
+    }
+    map.offset = world_to_index(linear, t(geometry.origin) - geometry.origin);
+    return map;
+}
+
+} // namespace vkt

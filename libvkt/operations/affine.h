@@ -1,0 +1,32 @@
+// Affine: a volume moved by a matrix, or by what a registration found.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/operations/affine_transform.h"
+#include "libvkt/operations/gaussian.h"
+#include "libvkt/operations/transform_file.h"
+
+namespace vkt {
+
+/// The voxel of the result at point p is that of the input at T(p), which is how ITK and SciPy mean it; --inverse turns
+/// it round: content at p moves to T(p). World coordinates are those of the volume, of ITK's files left-posterior-
+/// superior, which volumes in another anatomical frame are seen from.
+class AffineOperation : public AffineTransform {
+public:
+    std::string_view name() const override { return "affine"; }
+    Texts texts() const override;
+    void parameters(Parameters& p) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+
+protected:
+    Affine source_map(Header const& lattice, Index3 lower) const override;
+
+private:
+    std::string matrix_;
+    LengthUnit unit_ = LengthUnit::world;
+    bool inverse_ = false;
+    TransformText transform_;
+};
+
+} // namespace vkt

@@ -1,0 +1,242 @@
+// Affine transforms: where the result lies, and what becomes of a region.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/affine_transform.h"
+
+#include "libvkt/core/frame.h"
+#include "libvkt/core/text.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/remarks.h"
+
+#include <cmath>
+
+namespace vkt {
+namespace {
+
+constexpr double same_voxel = 1e-6;
+
+/// One map after another: first `inner`.
+Affine composed(Affine const& outer, Affine const& inner) {
+    Affine result;
+    result.offset = outer(inner.offset);
+    for (std::size_t a = 0; a < 3; ++a) {
+        Vec3 const c = inner.column[a];
+        result.column[a] = outer.column[0] * c.x + outer.column[1] * c.y + outer.column[2] * c.z;
+    }
+    return result;
+}
+
+/// A lattice along the same axes as another.
+struct Lattice {
+    Index3 dims;
+    Vec3 first;          ///< position of its first voxel in voxels of the other
+    Vec3 width{1, 1, 1}; ///< size of its voxels in voxels of the other
+};
+
+/// True if the axes of the world that the volume spans change places, or directions, and nothing else happens: the
+/// spacings then go along.
+bool turns_axes(Affine const& forward, Vec3 spacing, Vec3& width) {
+    Vec3 result;
+    int used = 0;
+    for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) {
+            double const length = std::abs(forward.column[static_cast<std::size_t>(a)][b]) * spacing[b] / spacing[a];
+            if (length < 1e-9) continue;
+            if (std::abs(length - 1) > 1e-9) return false;
+            result[b] = spacing[a] / spacing[b];
+            used += 1 << (4 * b);
+        }
+    if (used != 0x111) return false;
+    width = result;
+    return true;
+}
+
+/// The least lattice that holds the cells of all voxels where they have moved to; around the middle of what it holds.
+Lattice enclosing(Affine const& source_map, Index3 dims, Vec3 spacing) {
+    Affine const forward = inverse(source_map);
+    Lattice result;
+    turns_axes(forward, spacing, result.width);
+    for (int b = 0; b < 3; ++b) {
+        double low = forward.offset[b], high = low;
+        for (int a = 0; a < 3; ++a) {
+            double const step = forward.column[static_cast<std::size_t>(a)][b];
+            double const last = static_cast<double>(dims[a]) - 0.5;
+            low += std::min(-0.5 * step, step * last);
+            high += std::max(-0.5 * step, step * last);
+        }
+        double const n = std::ceil((high - low) / result.width[b] - same_voxel);
+        if (!(n <= static_cast<double>(max_extent)))
+            throw Error(ErrorKind::usage, text("the result would have ", n, " voxels along an axis"));
+        result.dims[b] = std::max<std::int64_t>(1, static_cast<std::int64_t>(n));
+        double const voxels = static_cast<double>(result.dims[b]);
+        double const first = 0.5 * (low + high) + (0.5 - 0.5 * voxels) * result.width[b];
+        double const whole = std::nearbyint(first);
+        result.first[b] = std::abs(first - whole) < 1e-9 ? whole + 0.0 : first;
+    }
+    return result;
+}
+
+} // namespace
+
+Vec3 middle_of(Index3 dims) {
+    return {0.5 * static_cast<double>(dims.x - 1), 0.5 * static_cast<double>(dims.y - 1),
+            0.5 * static_cast<double>(dims.z - 1)};
+}
+
+Vec3 fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) {
+    if (!about) return middle_of(dims);
+    return {about->x - static_cast<double>(lower.x), about->y - static_cast<double>(lower.y),
+            about->z - static_cast<double>(lower.z)};
+}
+
+void AffineTransform::sampling_parameters(Parameters& p) {
+    p.flag("expand", expand_, "make the grid as large as the moved volume needs, with the same voxels");
+    p.option("like", like_.file, "FILE", "the grid of this volume, instead of the input's own");
+    p.option("roi", region_, "REGION", "move the content of this region only, within it");
+    p.option("method", method_, "METHOD",
+             "auto (default): linear, averaging where voxels of the result are wider than those of the input; or "
+             "nearest, linear, cubic, bspline3, bspline5, lanczos3");
+    p.option("boundary", boundary_, "RULE",
+             "how the volume continues outside, instead of a background: mirror, clamp, wrap or border[:VALUE]");
+    p.option("background", background_, "VALUE", "value where the result lies outside the moved volume (0)");
+}
+
+void AffineTransform::check() const {
+    if (boundary_ && background_)
+        throw Error(ErrorKind::usage, "--boundary continues the volume everywhere: --background does not apply");
+    if (expand_ && !like_.file.empty())
+        throw Error(ErrorKind::usage, "--like says how large the result is: --expand does not apply");
+    if (!region_.empty() && (expand_ || !like_.file.empty()))
+        throw Error(ErrorKind::usage,
+                    text("--roi keeps the grid: ", expand_ ? "--expand" : "--like", " does not apply"),
+                    "crop the region first, to have it alone");
+}
+
+Placement AffineTransform::place_result(Header const& input, Header& output) const {
+    if (!like_.file.empty()) {
+        Header const& like = like_.header();
+        output.dims = like.dims;
+        output.geometry = like.geometry;
+        output.attributes.erase("space");
+        if (auto const space = like.attributes.find("space"); space != like.attributes.end())
+            output.attributes["space"] = space->second;
+        if (!(like.dims == input.dims && same_place(like, input))) output.part.reset();
+        Affine const grid = index_to_index(geometry_beside(input, like), input.geometry);
+        return place(composed(source_map(input, {}), grid), like.dims);
+    }
+    Affine map = source_map(input, {});
+    if (expand_) {
+        Lattice const lattice = enclosing(map, input.dims, input.geometry.spacing);
+        Affine grid;
+        for (int a = 0; a < 3; ++a) grid.column[static_cast<std::size_t>(a)][a] = lattice.width[a];
+        grid.offset = lattice.first;
+        map = composed(map, grid);
+        bool const same = lattice.dims == input.dims && lattice.first == Vec3{} && lattice.width == Vec3{1, 1, 1};
+        if (!same) {
+            output.geometry.origin = index_to_world(input.geometry, lattice.first);
+            for (int a = 0; a < 3; ++a) output.geometry.spacing[a] *= lattice.width[a];
+            output.dims = lattice.dims;
+            output.part.reset();
+        }
+    }
+    return place(map, output.dims);
+}
+
+Plan AffineTransform::plan(std::span<Header const> inputs) {
+    Header const& input = inputs.front();
+    if (input.kind == Kind::hierarchical)
+        throw Error(ErrorKind::usage,
+                    text("the cells of a hierarchical volume cannot be moved: they would leave the bricks"),
+                    "make it a grid first: vkt resample --cells 50M");
+    losses_ = {};
+    onto_.reset();
+    type_ = input.dtype;
+    Plan plan;
+    plan.output = input;
+    in_place_ = false;
+    Placement placement;
+    if (region_.empty()) {
+        placement = place_result(input, plan.output);
+        box_ = box_of(plan.output.dims);
+        region_dims_ = input.dims;
+    } else {
+        box_ = region_.resolve(input.dims);
+        in_place_ = true;
+        region_dims_ = box_.dims();
+        Header part = input;
+        part.dims = region_dims_;
+        part.geometry = cropped(input.geometry, box_.lower);
+        placement = place(source_map(part, box_.lower), part.dims);
+    }
+    try {
+        vkt::check(plan.output);
+    } catch (Error const& error) { // what was asked for is too large: not the data's fault
+        throw Error(ErrorKind::usage, error.what(), error.hint());
+    }
+    OntoValues values{type_, type_};
+    if (boundary_)
+        values.border = input.values.stored(boundary_->value);
+    else
+        values.background = background_in(plan.output, background_, input);
+    ResampleMethod const method = method_ ? static_cast<ResampleMethod>(*method_) : ResampleMethod::automatic;
+    onto_.emplace(placement, region_dims_, box_.dims(), method, boundary_, values);
+    onto_->describe(plan);
+    if (in_place_) plan.shift.reset();
+    return plan;
+}
+
+Box AffineTransform::footprint(Box const& output, int) const {
+    if (!in_place_) return onto_->footprint(output);
+    Box const part = intersect(output, box_);
+    if (part.empty()) return output;
+    Box source = onto_->footprint({part.lower - box_.lower, part.upper - box_.lower});
+    if (source.empty()) return output;
+    source = {source.lower + box_.lower, source.upper + box_.lower};
+    // What lies beyond the region is made of it.
+    bool const leaves = !(intersect(source, box_) == source);
+    if (leaves) source = box_;
+    for (int a = 0; a < 3; ++a) {
+        source.lower[a] = std::min(source.lower[a], output.lower[a]);
+        source.upper[a] = std::max(source.upper[a], output.upper[a]);
+    }
+    return source;
+}
+
+std::size_t AffineTransform::fit(Index3 largest, Execution const&) { return onto_->held(largest); }
+
+void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    if (out.box.empty()) return;
+    ConstView const in = inputs.front();
+    if (!in_place_) return onto_->run(in, out, losses_, execution);
+    copy_region(in.part(out.box), out, execution);
+    Box const part = intersect(out.box, box_);
+    if (part.empty()) return;
+    AnyView const to = out.part(part).moved_to(part.lower - box_.lower);
+    Box const needed = onto_->footprint(to.box), whole = box_of(region_dims_);
+    if (needed.empty()) return onto_->run(in, to, losses_, execution);
+    if (intersect(needed, whole) == needed) {
+        Box const there{needed.lower + box_.lower, needed.upper + box_.lower};
+        return onto_->run(in.part(there).moved_to(needed.lower), to, losses_, execution);
+    }
+    // A region that is wrapped around.
+    Box window = whole;
+    for (int a = 0; a < 3; ++a) {
+        window.lower[a] = std::min(window.lower[a], needed.lower[a]);
+        window.upper[a] = std::max(window.upper[a], needed.upper[a]);
+    }
+    window_.reserve(static_cast<std::size_t>(window.voxels()) * size_of(type_));
+    AnyView const filled = dense_view(window_.write(Space::host), type_, window);
+    copy_region(in.part(box_), filled.part(whole), execution);
+    fill_border(filled, whole, region_dims_, boundary_->boundary, 0, execution);
+    onto_->run(ConstView(filled).part(needed), to, losses_, execution);
+}
+
+std::vector<Remark> AffineTransform::remarks() const {
+    Index3 const n = box_.dims();
+    std::int64_t const voxels = n.x * n.y * n.z;
+    std::vector<Remark> result = store_remarks(losses_, voxels, type_);
+    if (onto_ && onto_->outside() > 0)
+        result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background"), false});
+    return result;
+}
+
+} // namespace vkt

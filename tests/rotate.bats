@@ -1,0 +1,336 @@
+# vkt rotate: SciPy, ITK and NumPy as oracles, permutations, analytic fields, and what must not depend on anything.
+load helper
+
+# turn PYTHON: runs it with volumes, vkt and SciPy at hand. Arrays are [z, y, x], vectors x, y, z.
+turn() {
+    python_with numpy scipy
+    /usr/bin/python3 - <<PY
+import json, subprocess, numpy as np, scipy.ndimage as nd
+from scipy.spatial.transform import Rotation
+random = np.random.default_rng(5)
+def vkt(*words, code=0):
+    done = subprocess.run(("vkt",) + tuple(map(str, words)), capture_output=True, text=True, errors="replace")
+    assert done.returncode == code, (words, done.returncode, done.stderr)
+    return done
+def put(v, *options, name="in.vkt"):
+    z, y, x = v.shape
+    file = f"put_{x}x{y}x{z}_{v.dtype}.raw"
+    v.tofile(file)
+    vkt("set", file, *options, "-o", name, "--force")
+def info(name="out.vkt"): return json.loads(vkt("info", "--json", name).stdout)
+def get(name="out.vkt"):
+    i = info(name)
+    vkt("write", name, "get.raw", "--force")
+    return np.fromfile("get.raw", i["dtype"]).reshape(i["dims"][::-1])
+def rotate(v, *options, spacing=None):
+    put(v, *([] if spacing is None else ["--spacing", ",".join(map(str, spacing))]))
+    vkt("rotate", "in.vkt", *options, "-o", "out.vkt", "--force")
+    return get()
+def source(shape, r, spacing=(1, 1, 1), about=None):
+    "Positions x, y, z in the input of every voxel, for a rotation r of the content."
+    s = np.array(spacing, float)
+    c = (np.array(shape[::-1]) - 1) / 2 if about is None else np.array(about, float)
+    p = np.indices(shape)[::-1].reshape(3, -1)
+    return (r.inv().apply((p.T - c) * s) / s + c).T
+def inside(p, shape, by=1e-5):
+    return np.all([(p[a] > -.5 + by) & (p[a] < n - .5 - by) for a, n in enumerate(shape[::-1])], 0)
+def noise(shape, kind=np.float64):
+    v = random.uniform(-100, 100, shape)
+    return (v if np.dtype(kind).kind == "f" else np.rint(abs(v))).astype(kind)
+$1
+PY
+}
+
+@test "the sense of the turn: about z from x to y" {
+    turn '
+v = np.zeros((3, 9, 9), np.uint8); v[1, 4, 7] = 200  # right of the middle
+assert rotate(v, "--axis", "z", "--angle", 90)[1, 7, 4] == 200  # y grows
+v = np.zeros((9, 9, 9), np.uint8); v[4, 7, 4] = 200
+assert rotate(v, "--axis", "x", "--angle", 90)[7, 4, 4] == 200  # from y to z
+v = np.zeros((9, 9, 9), np.uint8); v[7, 4, 4] = 200
+assert rotate(v, "--axis", "y", "--angle", 90)[4, 4, 7] == 200'  # from z to x
+}
+
+@test "any axis, Euler angles and quaternions, as SciPy has them; linear in all types" {
+    turn '
+shape = (13, 11, 17)
+for kind in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64"):
+    v = noise(shape, kind)
+    for options, r in ((["--axis", "1,-2,0.5", "--angle", -37], Rotation.from_rotvec(np.radians(-37) * np.array((1, -2, .5)) / 5.25**.5)),
+                       (["--euler", "20,-35,130"], Rotation.from_euler("xyz", (20, -35, 130), degrees=True)),
+                       (["--quaternion", "2,-4,6,1", "--about", "3,7,5.5"], Rotation.from_quat((2, -4, 6, 1)))):
+        s = (0.8, 1.3, 2.1)
+        p = source(shape, r, s, (3, 7, 5.5) if "--about" in options else None)
+        got = rotate(v, *options, "--method", "linear", "--background", "9", spacing=s).ravel()
+        want = nd.map_coordinates(v.astype(float), p[::-1], order=1, mode="nearest")
+        ins, out = inside(p, shape), ~inside(p, shape, -1e-5)
+        assert ins.sum() > 50 and out.sum() > 50
+        assert (got[out] == 9).all()
+        tolerance = {"float16": .04, "float32": 4e-5, "float64": 2e-6}.get(kind, .5 + 2e-4)
+        assert (abs(got - want)[ins] <= tolerance).all(), (kind, options, abs(got - want)[ins].max())'
+}
+
+@test "splines agree with SciPy, whose prefilter is recursive, under every boundary" {
+    turn '
+shape = (25, 23, 29)
+r = Rotation.from_rotvec(np.radians(25) * np.array((1, 2, -1)) / 6**.5)
+p = source(shape, r)
+for kind, tolerance in (("float64", 1e-5), ("float32", 2e-4), ("uint16", .5 + 1e-3)):
+    v = noise(shape, kind)
+    for order in (3, 5):
+        for rule, mode in (("mirror", "reflect"), ("wrap", "grid-wrap")):
+            got = rotate(v, "--axis", "1,2,-1", "--angle", 25, "--method", f"bspline{order}", "--boundary", rule).ravel()
+            want = nd.map_coordinates(v.astype(float), p[::-1], order=order, mode=mode)
+            if kind == "uint16": want = np.clip(want, 0, 65535)
+            assert abs(got - want).max() <= tolerance, (kind, order, rule, abs(got - want).max())
+        # These SciPy extends by 12 voxels only before it filters.
+        for rule, pad in (("clamp", dict(mode="edge")), ("border:5", dict(mode="constant", constant_values=5))):
+            got = rotate(v, "--axis", "1,2,-1", "--angle", 25, "--method", f"bspline{order}", "--boundary", rule).ravel()
+            want = nd.map_coordinates(np.pad(v.astype(float), 60, **pad), p[::-1] + 60, order=order)
+            if kind == "uint16": want = np.clip(want, 0, 65535)
+            assert abs(got - want).max() <= tolerance, (kind, order, rule, abs(got - want).max())
+        # Without a rule the outermost voxels go on for half a voxel, and then there is background.
+        got = rotate(v, "--axis", "1,2,-1", "--angle", 25, "--method", f"bspline{order}", "--background", "7").ravel()
+        want = nd.map_coordinates(np.pad(v.astype(float), 60, mode="edge"), p[::-1] + 60, order=order)
+        if kind == "uint16": want = np.clip(want, 0, 65535)
+        assert abs(got - want)[inside(p, shape)].max() <= tolerance
+        assert (got[~inside(p, shape, -1e-5)] == 7).all()'
+}
+
+@test "cubic and Lanczos are their definitions, nearest is SciPy's" {
+    turn '
+def keys(t):
+    t = abs(t); return np.where(t < 1, 1.5*t**3 - 2.5*t**2 + 1, np.where(t < 2, -.5*t**3 + 2.5*t**2 - 4*t + 2, 0))
+def lanczos(t): return np.where(abs(t) < 3, np.sinc(t) * np.sinc(t / 3), 0)
+shape = (15, 14, 13)
+v = noise(shape)
+r = Rotation.from_euler("xyz", (33, 12, -70), degrees=True)
+p = source(shape, r); ins = inside(p, shape); w = np.floor(p)
+padded = np.pad(v, 4, "edge")
+for method, kernel, taps in (("cubic", keys, range(-1, 3)), ("lanczos3", lanczos, range(-2, 4))):
+    weight = [[kernel(p[a] - w[a] - i) for i in taps] for a in range(3)]
+    weight = [np.array(x) / sum(x) for x in weight]
+    total = 0
+    for k, dz in enumerate(taps):
+        for j, dy in enumerate(taps):
+            for i, dx in enumerate(taps):
+                at = [np.clip(w[a] + d + 4, 0, n + 7).astype(int) for a, (d, n) in enumerate(zip((dx, dy, dz), shape[::-1]))]
+                total = total + weight[0][i] * weight[1][j] * weight[2][k] * padded[at[2], at[1], at[0]]
+    got = rotate(v, "--euler", "33,12,-70", "--method", method).ravel()
+    assert abs(got - total)[ins].max() < 2e-5, method
+got = rotate(v, "--euler", "33,12,-70", "--method", "nearest").ravel()
+tie = (abs(p - np.floor(p) - .5) < 1e-5).any(0)
+assert (got == nd.map_coordinates(v, p[::-1], order=0, mode="nearest"))[ins & ~tie].all()'
+}
+
+@test "ITK agrees, with directions and spacings" {
+    python_with SimpleITK
+    turn '
+import SimpleITK as itk
+q = Rotation.from_euler("xyz", (10, 50, -20), degrees=True).as_matrix()
+v = noise((35, 33, 37), np.float32)
+i = itk.GetImageFromArray(v); i.SetOrigin((5, -80, 300)); i.SetDirection(q.ravel())
+n = np.array((0.3, 0.5, -0.8)); n /= np.linalg.norm(n)
+t = itk.VersorRigid3DTransform()
+# Splines average where voxels of unequal spacing turn, which ITK leaves alone.
+for method, how, spacing in (("linear", itk.sitkLinear, (0.7, 1.1, 1.9)), ("bspline3", itk.sitkBSpline, (1.2, 1.2, 1.2))):
+    i.SetSpacing(spacing)
+    itk.WriteImage(i, "in.nrrd")
+    t.SetCenter(i.TransformContinuousIndexToPhysicalPoint(((37-1)/2, (33-1)/2, (35-1)/2)))
+    t.SetRotation([float(x) for x in q @ n], np.radians(-41.))  # where the content comes from
+    want = itk.GetArrayFromImage(itk.Resample(i, i, t, how, 0.0))
+    vkt("rotate", "in.nrrd", "--axis", "0.3,0.5,-0.8", "--angle", 41, "--method", method, "-o", "out.nrrd", "--force")
+    got = itk.GetArrayFromImage(itk.ReadImage("out.nrrd"))
+    core = (got != 0) & (want != 0)
+    if method == "bspline3": core = nd.binary_erosion(core, iterations=9)  # ITK mirrors around voxels
+    assert core.sum() > 300 and abs(got - want)[core].max() < 3e-2 * (method == "bspline3") + 2e-4, (method, core.sum(), abs(got - want)[core].max())'
+}
+
+@test "no turn, whole turns and quarter turns move bytes, by every method" {
+    turn '
+for kind, shape in ((np.uint16, (7, 7, 7)), (np.float32, (6, 6, 6)), (np.float64, (5, 8, 11)), (np.int64, (5, 8, 11))):
+    v = np.frombuffer(random.bytes(int(np.prod(shape)) * np.dtype(kind).itemsize), kind).reshape(shape)  # NaN payloads too
+    put(v)
+    for method in ("auto", "nearest", "linear", "cubic", "bspline3", "bspline5", "lanczos3"):
+        for axis, planes in (("x", (1, 0)), ("y", (0, 2)), ("z", (2, 1))):
+            for quarters in (0, 1, 2, 3) if method == "auto" else (1,):
+                angle = 90 * quarters + random.choice((-720, 0, 360))
+                want = np.rot90(v, quarters, planes)
+                vkt("rotate", "in.vkt", "--axis", axis, "--angle", angle, "--expand", "--method", method, "-o", "out.vkt", "--force")
+                assert get().tobytes() == want.tobytes() and get().shape == want.shape, (kind, shape, method, axis, quarters)
+                if want.shape == shape and len(set(shape)) == 1:
+                    vkt("rotate", "in.vkt", "--axis", axis, "--angle", angle, "--method", method, "-o", "out.vkt", "--force")
+                    assert get().tobytes() == want.tobytes()
+assert "exact" in vkt("rotate", "in.vkt", "--angle", 90, "--expand", "-n").stderr
+# A third of a turn about a diagonal of space changes x to y to z.
+v = noise((6, 6, 6)); put(v)
+vkt("rotate", "in.vkt", "--axis", "1,1,1", "--angle", 120, "-o", "out.vkt", "--force")
+assert (get() == v.transpose(1, 2, 0)).all()
+# Four quarter turns of a volume that is no cube, spacings and place included.
+put(noise((5, 8, 11), np.uint8), "--spacing", "1,2,3", "--origin", "4,5,6")
+name = "in.vkt"
+for k in range(4):
+    vkt("rotate", name, "--axis", "y", "--angle", 90, "--expand", "-o", f"turn{k}.vkt", "--force"); name = f"turn{k}.vkt"
+assert info("turn0.vkt")["spacing"] == [3, 2, 1] and info("turn0.vkt")["dims"] == [5, 8, 11]
+vkt("diff", "in.vkt", name, "--geometry")'
+}
+
+@test "half a turn keeps every voxel, and no turn every bit: defects of others" {
+    turn '
+for n in (8, 33):  # SciPy once lost the corners at 180 degrees: sin(pi) is not 0
+    v = np.ones((n, n, n), np.uint8)
+    for axis in "xyz":
+        assert (rotate(v, "--axis", axis, "--angle", 180) == 1).all()
+v = noise((9, 10, 11), np.float32)  # volkit moves most voxels at 0 degrees
+for axis in ("x", "1,2,3"):
+    for method in ("nearest", "linear", "bspline5"):
+        assert rotate(v, "--axis", axis, "--angle", 0, "--method", method).tobytes() == v.tobytes()
+# The centre of mass of a blob in the middle stays there: no half voxel is lost.
+z, y, x = np.indices((32, 33, 34)); c = np.array((31, 32, 33)) / 2
+v = np.exp(-((z - c[0])**2 + (y - c[1])**2 + (x - c[2])**2) / 18)
+for angle in (1, 121.3, 300):
+    for method in ("nearest", "linear", "cubic", "bspline3"):
+        got = rotate(v, "--axis", "1,1,-3", "--angle", angle, "--method", method)
+        assert np.abs(np.array(nd.center_of_mass(got)) - c).max() < (2e-2 if method == "nearest" else 1e-3), (angle, method)'
+}
+
+@test "what smooth fields lose in a turn, and polynomials do not" {
+    turn '
+z, y, x = np.indices((24, 96, 96)); r2 = (x - 47.5)**2 + (y - 47.5)**2; disc = (r2 < 35**2) & (abs(z - 11.5) < 4)
+plate = np.cos(np.pi * r2 / 96 / 4)  # frequencies up to 1/8 at the rim
+def psnr(a): return 10 * np.log10(4 / ((a - plate)[disc]**2).mean())
+for method, there_and_back, twelve in (("linear", 32, 18), ("cubic", 56, 42), ("bspline3", 73, 60), ("bspline5", 100, 90)):
+    put(plate)
+    back = rotate(rotate(plate, "--angle", 30, "--method", method), "--angle", -30, "--method", method)
+    assert psnr(back) > there_and_back, (method, psnr(back))
+    if method != "bspline5":
+        turns = plate
+        for k in range(12): turns = rotate(turns, "--angle", 30, "--method", method, "--boundary", "mirror")
+        assert psnr(turns) > twelve, (method, psnr(turns))
+x0, y0 = x - 47.5, y - 47.5
+field = x0**2 - y0**2 + 0.01 * x0**3 + 3 * x0 * (z - 11.5)
+a = np.radians(30); u, w = x0 * np.cos(a) + y0 * np.sin(a), y0 * np.cos(a) - x0 * np.sin(a)
+want = u**2 - w**2 + 0.01 * u**3 + 3 * u * (z - 11.5)
+for method in ("bspline3", "bspline5"):
+    got = rotate(field, "--angle", 30, "--method", method)
+    assert abs(got - want)[(r2 < 25**2) & (z == 11)].max() < 1e-5 * np.ptp(field), method'
+}
+
+@test "expanded, all of it is there; onto another grid, where it lies in the world" {
+    turn '
+v = np.full((9, 12, 20), 3, np.float64)
+got = rotate(v, "--angle", 30, "--expand", "--boundary", "border:0", "--method", "linear")
+assert got.shape == (9, 21, 24)  # 20 cos + 12 sin, 20 sin + 12 cos, upwards
+assert abs(got.sum() - v.sum()) < 2e-3 * v.sum()
+i = info()
+middle = np.array(i["origin"]) + (np.array(i["dims"]) - 1) / 2
+assert abs(middle - (9.5, 5.5, 4)).max() < 1e-12
+v = noise((9, 12, 20)); put(v, "--origin", "10,20,30")
+vkt("rotate", "in.vkt", "--axis", "0,1,2", "--angle", 50, "--expand", "--method", "linear", "-o", "all.vkt")
+vkt("rotate", "in.vkt", "--axis", "0,1,2", "--angle", 50, "--like", "all.vkt", "--method", "linear", "-o", "like.vkt")
+vkt("diff", "all.vkt", "like.vkt", "--geometry", "--tolerance", "1e-9")
+vkt("rotate", "in.vkt", "--axis", "0,1,2", "--angle", 50, "--method", "linear", "-o", "same.vkt")
+vkt("rotate", "in.vkt", "--axis", "0,1,2", "--angle", 50, "--like", "in.vkt", "--method", "linear", "-o", "like.vkt", "--force")
+vkt("diff", "same.vkt", "like.vkt", "--geometry")'
+}
+
+@test "a region turns in place as if it were alone, and all else stays" {
+    turn '
+v = noise((14, 17, 19), np.float32); put(v)
+for roi in ("3:12,4:13,2:11", "0:19,0:17,0:14", "5:6,2:15,3:12"):
+    for options in (["--angle", 30], ["--axis", "1,2,0", "--angle", 77, "--method", "bspline3", "--boundary", "wrap"],
+                    ["--angle", 45, "--method", "cubic", "--boundary", "mirror", "--about", "7,8,6"],
+                    ["--angle", 90], ["--angle", 90, "--boundary", "wrap", "--about", "4,9,5"], ["--axis", "x", "--angle", -20, "--background", "5"]):
+        vkt("rotate", "in.vkt", "--roi", roi, *options, "-o", "out.vkt", "--force", "--slab", 3)
+        got = get()
+        alone = list(options)
+        if "--about" in alone:
+            k = alone.index("--about") + 1
+            low = [int(part.split(":")[0]) for part in roi.split(",")]
+            alone[k] = ",".join(str(float(c) - l) for c, l in zip(alone[k].split(","), low))
+        vkt("crop", "in.vkt", "--roi", roi, "-o", "part.vkt", "--force")
+        vkt("rotate", "part.vkt", *alone, "-o", "part2.vkt", "--force")
+        box = tuple(slice(*map(int, part.split(":"))) for part in roi.split(","))[::-1]
+        want = v.copy(); want[box] = get("part2.vkt")
+        assert got.tobytes() == want.tobytes(), (roi, options)
+        assert info()["origin"] == info("in.vkt")["origin"]'
+}
+
+@test "not a number stays near, infinity too, and integers saturate" {
+    turn '
+v = np.ones((30, 30, 30), np.float32); v[15, 15, 15] = np.nan
+for method, reach in (("linear", 2), ("cubic", 4), ("lanczos3", 6)):
+    got = rotate(v, "--axis", "1,1,0", "--angle", 20, "--method", method, "--boundary", "clamp")
+    z, y, x = np.nonzero(np.isnan(got))
+    assert 0 < len(z) and max(np.ptp(z), np.ptp(y), np.ptp(x)) <= 2 * reach
+    assert abs(got[~np.isnan(got)] - 1).max() < 1e-6
+v = np.ones((80, 8, 8), np.float32); v[40] = np.nan
+got = rotate(v, "--axis", "z", "--angle", 20, "--boundary", "clamp")
+assert np.isnan(got[40]).all() and (got[[39, 41]] == 1).all()
+got = rotate(v, "--axis", "x", "--angle", 20, "--boundary", "clamp", "--method", "bspline3")
+assert np.isnan(got[40]).any() and (abs(got[[0, 1, 2, 77, 78, 79]] - 1) < 1e-6).all()
+v = np.zeros((20, 20, 20), np.uint8); v[:, :, 10:] = 255
+done = subprocess.run(["sh", "-c", "vkt rotate step.vkt --angle 10 --method cubic -o out.vkt --force"], capture_output=True, text=True) if put(v, name="step.vkt") is None else None
+assert "clipped to [0,255]" in done.stderr and get().max() == 255, done.stderr
+for value, kind in ((255, np.uint8), (np.float32(.1), np.float32), (2**62, np.int64), (-1.7e308, np.float64)):
+    for method in ("linear", "nearest"):
+        got = rotate(np.full((9, 9, 9), value, kind), "--euler", "10,20,30", "--boundary", "mirror", "--method", method)
+        assert (got == np.array(value, kind)).all(), (value, method)
+for kind in (np.uint8, np.uint16, np.int32):
+    for method in ("cubic", "bspline3", "bspline5", "lanczos3"):
+        assert (rotate(np.full((9, 9, 9), 100, kind), "--euler", "10,20,30", "--boundary", "mirror", "--method", method) == 100).all()'
+}
+
+@test "single voxels, lines and planes; values with a scale and an offset" {
+    turn '
+for shape in ((1, 1, 1), (1, 1, 7), (1, 7, 1), (7, 1, 1), (1, 9, 8), (8, 1, 9), (2, 2, 2)):
+    v = noise(shape)
+    for method in ("linear", "cubic", "bspline3", "bspline5", "lanczos3"):
+        for rule in ("mirror", "wrap", "clamp"):
+            got = rotate(v, "--axis", "1,2,3", "--angle", 30, "--method", method, "--boundary", rule)
+            assert np.isfinite(got).all() and (v.size > 1 or abs(got - v).max() < 1e-10)
+v = noise((9, 10, 11), np.int16); put(v, "--slope", 0.5, "--intercept", 10)
+vkt("rotate", "in.vkt", "--angle", 33, "--background", "12", "-o", "out.vkt", "--force")
+assert get()[0, 0, 0] == 4 and info()["slope"] == 0.5
+vkt("rotate", "in.vkt", "--angle", 33, "--boundary", "border:12", "-o", "out.vkt", "--force")
+assert get()[0, 0, 0] == 4'
+}
+
+@test "nothing depends on slabs, threads, pipes, memory or the instruction set" {
+    vkt make noise --dims 41 37 29 --seed 7 --spacing 1,1.2,1.4 -o in.vkt
+    vkt convert in.vkt --dtype uint8 --range 0:1 -o bytes.vkt
+    for args in "--angle 30" "--axis x --angle 30" "--axis y --angle 30" "--axis 1,2,3 --angle 40" "--angle 90 --expand" \
+        "--axis 1,2,3 --angle 40 --method bspline3" "--angle 30 --method bspline5 --boundary mirror" \
+        "--euler 10,20,30 --method lanczos3" "--euler 10,20,30 --method nearest" \
+        "--angle 30 --roi 3:30,4:33,5:25 --method bspline3 --boundary wrap"; do
+        for file in in bytes; do
+            vkt rotate $file.vkt $args --slab 100 --threads 1 -q | vkt write all.raw --force
+            for cut in "--slab 1 --threads 2" "--slab 3 --threads 5" "--slab 7"; do
+                vkt rotate $file.vkt $args $cut -q | vkt write cut.raw --force
+                cmp all.raw cut.raw
+            done
+            vkt read $file.vkt --slab 1 | vkt rotate $args --slab 1 -q | vkt write cut.raw --force
+            cmp all.raw cut.raw
+            VKT_INSTRUCTION_SET=baseline vkt rotate $file.vkt $args -q | vkt write cut.raw --force
+            cmp all.raw cut.raw
+        done
+    done
+}
+
+@test "what is asked for must make sense" {
+    vkt make noise --dims 8 8 8 -o in.vkt
+    fails_with 2 'by how much' vkt rotate in.vkt -o x.vkt
+    fails_with 2 'only one of' vkt rotate in.vkt --angle 3 --euler 1,2,3 -o x.vkt
+    fails_with 2 'no direction' vkt rotate in.vkt --axis 0,0,0 --angle 3 -o x.vkt
+    fails_with 2 'three numbers' vkt rotate in.vkt --axis 1,2 --angle 3 -o x.vkt
+    fails_with 2 'no rotation' vkt rotate in.vkt --quaternion 0,0,0,0 -o x.vkt
+    fails_with 2 'goes with --angle' vkt rotate in.vkt --axis x --euler 1,2,3 -o x.vkt
+    fails_with 2 'does not apply' vkt rotate in.vkt --angle 3 --roi 0:4,0:4,0:4 --expand -o x.vkt
+    fails_with 2 'does not apply' vkt rotate in.vkt --angle 3 --like in.vkt --expand -o x.vkt
+    fails_with 2 'does not apply' vkt rotate in.vkt --angle 3 --boundary wrap --background 3 -o x.vkt
+    fails_with 2 'cannot be stored in uint8' sh -c 'vkt convert in.vkt --dtype uint8 | vkt rotate --angle 3 --background=-1 -o x.vkt'
+    fails_with 2 'make it a grid first' sh -c 'vkt make amr --blocks 20 --levels 2 -o tree.vkt && vkt rotate tree.vkt --angle 3 -o x.vkt'
+    fails_with 2 "not one of" vkt rotate in.vkt --angle 3 --method area -o x.vkt
+    [ ! -e x.vkt ]
+    vkt rotate in.vkt --axis 0,0,-5e300 --angle -90 | vkt diff - <(vkt rotate in.vkt --angle 90) # any length will do
+}
