@@ -73,7 +73,8 @@ void Permute::turn_towards_body(Header const& in) {
         }
     } while (std::next_permutation(axes.begin(), axes.end()));
     for (std::size_t k = 0; k < 3; ++k) {
-        bool const falls = directions[world_axis(letters[k])][1] == letters[k];
+        char const letter = letters[k];
+        bool const falls = letter == 'r' || letter == 'a' || letter == 'i';
         reversed_[static_cast<std::size_t>(axes_[k])] = (cosine(axes_, k) < 0) != falls;
     }
 }
