@@ -13,6 +13,9 @@ namespace {
 
 constexpr int together = 4; ///< registers that a weighted sum is made of at a time, so that additions overlap
 
+static_assert(driver::NeighbourRows<float>::tile_columns % (together * lane_count<float>) == 0,
+              "the last block of a row may not reach beyond what there is room for");
+
 template <class C> Lanes<C> all_lanes(C value) { return Lanes<C>{} + value; }
 
 /// Calls f(x) for the first voxels of blocks of `together` registers that cover n voxels.
