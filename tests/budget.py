@@ -50,6 +50,7 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
+    "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
