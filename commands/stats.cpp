@@ -41,7 +41,8 @@ Command stats_command() {
          "world volume that the last line states. Cells that hold the volume's background are not counted.",
          {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
           {"Of a part, for a program",
-           "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"}}});
+           "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"},
+          {"Median and tails", "vkt stats volume.nrrd --percentiles 1,50,99"}}});
 }
 
 } // namespace vkt::shell

@@ -65,6 +65,7 @@ arguments = {
     "set-header": ["{f} --dist 1 2 3"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range minmax"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
+    "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above

@@ -101,7 +101,7 @@ same_for_all() {
     vkt make noise --dims 640 304 30 --dtype uint16 --seed 3 -o large.nrrd
     for operation in "${operations[@]}" "filter gaussian --sigma 0,0,6" "filter gaussian --sigma 1,1,2" \
         "resample --dims 5 4 2" "resample --dims 600 500 3"; do
-        [[ $operation != *wrap* ]] || continue # refused: the rows at one edge need those at the other, of all slices
+        [[ $operation != distance* ]] || continue # works on whole volumes: 4 MiB do not hold this one
         # shellcheck disable=SC2086
         whole=$(vkt read large.nrrd | vkt $operation 2>/dev/null | raw_sum)
         # shellcheck disable=SC2086

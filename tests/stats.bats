@@ -138,3 +138,39 @@ assert 20480 <= total < 20480 + 65536, total'
     diff <(vkt stats 'a?.nrrd' | sed -n 's/^volume  *//p') <(vkt info 'a?.nrrd' | sed -n 's/^volume  *//p')
     [ "$(vkt stats 'a?.nrrd' | sed -n 's/^volume  *//p')" = "$(printf '1 of 2\n2 of 2')" ]
 }
+
+@test "percentiles are NumPy's, of all types, of parts, and whichever way they are read" {
+    for dtype in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 37 19 11 --dtype $dtype --seed 5 -o p.vkt --force
+        vkt read p.vkt | vkt write - --format raw >p.raw
+        vkt stats p.vkt --json --percentiles 0,1,37.5,50,100 >p.json
+        check "v = np.fromfile('p.raw', '$dtype'); s = json.load(open('p.json'))
+for p in (0, 1, 37.5, 50, 100):
+    want = np.percentile(v.astype(np.longdouble), p)
+    assert abs(np.longdouble(str(s['p%g' % p])) - want) <= 1e-15 * abs(want), ('$dtype', p, s['p%g' % p], want)
+assert s['p0'] == s['min'] and s['p100'] == s['max']"
+        vkt stats p.vkt --json | diff - <(grep -v '"p[0-9.]*":' p.json | sed 's/\("stddev": .*\),$/\1/')
+    done
+    # Many voxels of 32 bits take several passes, of a pipe too.
+    vkt make noise --dims 170 160 130 --seed 2 -o q.nrrd
+    vkt stats q.nrrd --json --roi 3:,:,:-1 --percentiles 25,75 >q.json
+    vkt read q.nrrd | vkt stats --json --roi 3:,:,:-1 --percentiles 25,75 --memory 16M --slab 7 --threads 3 2>spooled | cmp - q.json
+    grep -q spooling spooled
+    vkt read q.nrrd | vkt write - --format raw >q.raw
+    check 'v = np.fromfile("q.raw", "f4").reshape(130, 160, 170)[:-1, :, 3:].astype(float); s = json.load(open("q.json"))
+for p in (25, 75): assert abs(s["p%d" % p] - np.percentile(v, p)) < 1e-15 * 2'
+}
+
+@test "percentiles under a value map, without finite values, and of trees" {
+    check 'np.arange(101, dtype="u1").tofile("s_101x1x1_uint8.raw")'
+    vkt set s_101x1x1_uint8.raw --slope -2 --intercept 7 -o m.nrrd
+    vkt stats m.nrrd --json --percentiles 10,50 >m.json
+    check 's = json.load(open("m.json")); assert (s["p10"], s["p50"]) == (7 - 2 * 90, 7 - 2 * 50), s'
+    check 'np.full(24, np.nan, "f4").tofile("n_4x3x2_float32.raw")'
+    vkt stats n_4x3x2_float32.raw --json --percentiles 50 | grep -q '"p50": null'
+    vkt make amr --blocks 50 --levels 3 -o t.vkt
+    vkt stats t.vkt --json --percentiles 0,100 >t.json
+    check 's = json.load(open("t.json")); assert s["p0"] == s["min"] and s["p100"] == s["max"]'
+    fails_with 2 "not between 0 and 100" vkt stats m.nrrd --percentiles 1,101
+    fails_with 2 "not a number" vkt stats m.nrrd --percentiles 1,,2
+}

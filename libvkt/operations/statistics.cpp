@@ -105,8 +105,31 @@ void Moments::append(Moments const& next, bool exact) {
     finite += next.finite;
 }
 
+PercentList ValueText<PercentList>::read(std::vector<std::string> const& w, std::string_view name) {
+    PercentList list;
+    std::string_view rest = w.front();
+    for (bool more = true; more;) {
+        std::size_t const comma = rest.find(',');
+        std::string const word(rest.substr(0, comma));
+        double const percent = ValueText<double>::read({word}, name);
+        if (!(percent >= 0 && percent <= 100))
+            throw Error(ErrorKind::usage, text("--", name, ": ", word, " is not between 0 and 100"));
+        list.values.push_back(percent);
+        more = comma != std::string_view::npos;
+        if (more) rest.remove_prefix(comma + 1);
+    }
+    return list;
+}
+
+std::vector<std::string> ValueText<PercentList>::write(PercentList const& v) {
+    std::string words;
+    for (double const percent : v.values) words += text(words.empty() ? "" : ",", percent);
+    return words.empty() ? std::vector<std::string>{} : std::vector<std::string>{words};
+}
+
 void Statistics::parameters(Parameters& p) {
     p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
+    p.option("percentiles", percents_, "P,P...", "also the values below which these per cents of the finite ones lie");
 }
 
 Plan Statistics::plan(std::span<Header const> inputs) {
@@ -123,8 +146,18 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     min_ = max_ = {};
     origin_ = {};
     result_ = {};
+    first_pass_ = true;
+    scans_again_ = false;
+    quantiles_.reset();
     Plan plan;
     plan.output = input_;
+    if (!percents_.values.empty()) {
+        std::vector<double> stored = percents_.values; // percents are of physical values
+        for (double& percent : stored) percent = input_.values.slope < 0 ? 100 - percent : percent;
+        quantiles_.emplace(input_.dtype, std::move(stored), hierarchical ? input_.cell_count : region_.voxels());
+        plan.scans = size_of(input_.dtype) > 2;
+        plan.state_bytes = Quantiles::state_bytes(input_.dtype, 1);
+    }
     plan.method =
         is_integer(input_.dtype) && size_of(input_.dtype) <= 4 ? "exact integer sums" : "shifted sums, Chan merge";
     if (!is_integer(input_.dtype) || size_of(input_.dtype) > 4) {
@@ -144,6 +177,12 @@ void Statistics::enter_level(Index3 cell_width, Index3 first) {
     level_->cell = cell;
 }
 
+void Statistics::add_to_quantiles(ConstView part, Execution const& execution) {
+    // Every thread has counters of its own; all together they take no more than an eighth of the budget.
+    auto const fitting = static_cast<std::int64_t>(execution.memory / (8 * Quantiles::state_bytes(input_.dtype, 1)));
+    quantiles_->add(part, static_cast<int>(std::clamp<std::int64_t>(fitting, 1, execution.threads)));
+}
+
 void Statistics::append(Moments const& slice, bool exact) {
     total_.append(slice, exact);
     if (level_ != nullptr) level_->moments.append(slice, exact);
@@ -154,6 +193,8 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     if (box.empty()) return;
     ConstView const part = slab.part(box);
     if (background_) return scan_foreground(part, execution);
+    if (quantiles_) add_to_quantiles(part, execution);
+    if (!first_pass_) return;
     Index3 const n = box.dims();
     std::int64_t const bands = bands_in_slice(n);
     bands_.resize(static_cast<std::size_t>(bands * n.z));
@@ -178,6 +219,8 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
 void Statistics::scan_foreground(ConstView part, Execution const& execution) {
     ConstView const cells = without_background(part, *background_, foreground_);
     if (cells.box.empty()) return;
+    if (quantiles_) add_to_quantiles(cells, execution);
+    if (!first_pass_) return;
     bands_.resize(1); // one row
     if (!origin_.known) origin_ = first_finite(cells);
     band_statistics(cells, origin_, bands_.data(), execution);
@@ -240,6 +283,25 @@ void Statistics::merge_extremes(ConstView slab) {
 }
 
 void Statistics::scan_end() {
+    if (first_pass_) summarise();
+    first_pass_ = false;
+    scans_again_ = quantiles_ && quantiles_->end_pass();
+    if (quantiles_ && !scans_again_) set_percentiles();
+}
+
+void Statistics::set_percentiles() {
+    for (std::size_t i = 0; i < percents_.values.size(); ++i) {
+        Percentile found{percents_.values[i], "nan"};
+        if (quantiles_->count() > 0) {
+            StoredValue const stored = quantiles_->percentile(i);
+            bool const whole = input_.values == ValueMap{} && stored.rest == 0 && stored.whole != 0;
+            found.digits = whole ? to_text(stored.whole) : to_text(input_.values.physical(stored.value()));
+        }
+        result_.percentiles.push_back(found);
+    }
+}
+
+void Statistics::summarise() {
     StatisticsResult& r = result_;
     Moments const& m = total_;
     double const undefined = std::numeric_limits<double>::quiet_NaN();
@@ -345,6 +407,7 @@ Report report(StatisticsResult const& r) {
         report.add_number("argmin", "nan").add_number("argmax", "nan");
     report.add_number("sum", r.sum_text);
     report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
+    for (Percentile const& p : r.percentiles) report.add_number(text("p", p.percent), p.digits);
     if (r.hierarchical)
         report.add("weighted_sum", r.weighted_sum)
             .add("weighted_mean", r.weighted_mean)

@@ -3,11 +3,13 @@
 #pragma once
 
 #include "libvkt/core/report.h"
-#include "libvkt/engine/operation.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/quantiles.h"
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -72,6 +74,22 @@ struct Extreme {
     Index3 where;
 };
 
+/// Percents in [0,100], as "1,50,99".
+struct PercentList {
+    std::vector<double> values;
+    friend bool operator==(PercentList const&, PercentList const&) = default;
+};
+template <> struct ValueText<PercentList> : OneWord {
+    static PercentList read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(PercentList const& v);
+};
+
+/// A value below which a share of the finite ones lies.
+struct Percentile {
+    double percent = 0;
+    std::string digits; ///< of the physical value; exact for integers, "nan" if there is no finite value
+};
+
 /// Results in physical values (slope * stored + intercept). Exact texts where the stored values are integers and the
 /// value map is the identity.
 struct StatisticsResult {
@@ -84,6 +102,7 @@ struct StatisticsResult {
     /// that of the cells that count. Extremes are named by their cell's first finest cell. Structured volumes: 0.
     bool hierarchical = false;
     double weighted_sum = 0, weighted_mean = 0, weighted_variance = 0, volume = 0;
+    std::vector<Percentile> percentiles;      ///< as asked for
     std::string min_text, max_text, sum_text; ///< exact decimals for integers, shortest round trip otherwise; "nan"
 };
 
@@ -95,6 +114,7 @@ Report report(StatisticsResult const& result);
 /// and once more weighted by their volume; those whose centres lie in the region, which is the volume's own (attribute
 /// "roi") if none is given. Cells that hold the volume's background (attribute "background") are not counted, whether
 /// they are stored or not: blocks are filled up with them. Cost: one read of the volume, O(rows of a slab) memory.
+/// Percentiles are those of Quantiles, of cells one by one; types of more than 16 bits take up to three more passes.
 class Statistics : public Operation {
 public:
     Roi roi; ///< part to look at; empty: all
@@ -108,6 +128,7 @@ public:
     std::int64_t scan_step(Index3 part) const override { return rows_in_band(part); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
+    bool scans_again() const override { return scans_again_; }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     StatisticsResult const& result() const { return result_; }
@@ -119,12 +140,18 @@ private:
         Moments moments;
     };
     void append(Moments const& slice, bool exact);
+    void add_to_quantiles(ConstView part, Execution const& execution);
     void scan_foreground(ConstView part, Execution const& execution);
     void merge_extremes(ConstView slab);
     void merge_extremes(ConstView slab, Range const& range);
     Index3 finest_cell(Index3 cell) const;
     void weigh(StatisticsResult& result) const;
+    void summarise();
+    void set_percentiles();
 
+    PercentList percents_;
+    std::optional<Quantiles> quantiles_;
+    bool first_pass_ = true, scans_again_ = false;
     Header input_;
     Box finest_region_;
     Box region_;                        ///< in voxels, or in cells of the level
