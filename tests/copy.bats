@@ -56,7 +56,7 @@ assert a.tobytes() == open('out.raw', 'rb').read()"
 }
 
 @test "values are converted: types rounded and saturated, value maps by physical values" {
-    vkt make ramp --dims 4 1 1 --dtype float32 --first -1.5 --last 299.5 -o f.nrrd
+    vkt make ramp --dims 4 1 1 --dtype float32 --from -1.5 --to 299.5 -o f.nrrd
     vkt fill into.nrrd --value 0 -o zero.nrrd
     run --separate-stderr bash -c 'vkt copy f.nrrd zero.nrrd --at 0,0,0 | vkt write - --format raw | od -An -tu1 -N4'
     [ "$(echo $output)" = "0 99 199 255" ]

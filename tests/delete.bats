@@ -1,7 +1,7 @@
 # vkt delete: a region becomes background, all else stays.
 load helper
 
-setup_more() { vkt make ramp --dims 9 7 5 --dtype uint8 --first 1 -o ramp.nrrd; }
+setup_more() { vkt make ramp --dims 9 7 5 --dtype uint8 --from 1 -o ramp.nrrd; }
 
 raw() { vkt write "${1:--}" - --format raw; }
 
