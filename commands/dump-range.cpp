@@ -8,7 +8,7 @@ Command dump_range_command() {
     Command c;
     c.texts = {"Print the values of a part of a volume as text.",
                "volkit's name for vkt dump with a range, which must be given.",
-               {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump-range --from 0 0 0 --to 4 2 2"}}};
+               {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump-range --first 0 0 0 --last 4 2 2"}}};
     c.consumer = [] { return std::make_unique<Dump>(true); };
     return c;
 }

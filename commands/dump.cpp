@@ -11,7 +11,7 @@ Command dump_command() {
                "write a format "
                "such as NRRD instead; for a summary use vkt stats.",
                {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump --roi 0:4,0:2,0:2"},
-                {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --from 0 0 0 --to 4 2 2"}}};
+                {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}}};
     c.consumer = [] { return std::make_unique<Dump>(false); };
     return c;
 }

@@ -10,7 +10,7 @@ Command fill_range_command() {
         {"Set the voxels of a region to one value.",
          "volkit's name for vkt fill with a range, which must be given.",
          {{"Blank a corner",
-           "vkt make ramp --dims 16 12 8 | vkt fill-range --from 0 0 0 --to 4 4 4 --value 0 | vkt stats"}}});
+           "vkt make ramp --dims 16 12 8 | vkt fill-range --first 0 0 0 --last 4 4 4 --value 0 | vkt stats"}}});
 }
 
 } // namespace vkt::shell

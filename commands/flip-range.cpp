@@ -10,7 +10,7 @@ Command flip_range_command() {
         {"Mirror the voxels of a region within it.",
          "volkit's name for vkt flip --roi. Voxels outside the region and the geometry stay as they are.",
          {{"Mirror a corner left and right",
-           "vkt make ramp --dims 16 12 8 | vkt flip-range --axis x --from 0 0 0 --to 4 4 4 | vkt stats"}}});
+           "vkt make ramp --dims 16 12 8 | vkt flip-range --axis x --first 0 0 0 --last 4 4 4 | vkt stats"}}});
 }
 
 } // namespace vkt::shell
