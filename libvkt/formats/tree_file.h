@@ -35,9 +35,9 @@ struct AmrListing {
     int dimensions = 3;
     std::vector<AmrVariable> variables;
     std::vector<std::string> not_read; ///< what else there is: "grid 'v' of type vec3s"
-    Header header;                   ///< kind, dims, geometry, attributes and counts that every variable shares
-    std::vector<Brick> bricks;       ///< the tree
-    std::int64_t blocks_in_file = 0; ///< with parents or covered boxes
+    Header header;                     ///< kind, dims, geometry, attributes and counts that every variable shares
+    std::vector<Brick> bricks;         ///< the tree
+    std::int64_t blocks_in_file = 0;   ///< with parents or covered boxes
 };
 
 /// An open file of hierarchical volumes: its tables are read once, cells when they are asked for.

@@ -133,7 +133,8 @@ Plan Clahe::plan(std::span<Header const> inputs) {
     plan.scans = true;
     plan.cost = 32;
     Index3 const b = field_.grid.bricks;
-    plan.method = text("CLAHE, ", b.x, "x", b.y, "x", b.z, " bricks, ", bin_count_, " bins, clip ", clip(), " as ", enum_name(rule_));
+    plan.method = text("CLAHE, ", b.x, "x", b.y, "x", b.z, " bricks, ", bin_count_, " bins, clip ", clip(), " as ",
+                       enum_name(rule_));
     double const counters = static_cast<double>(bin_count_ + 3) * sizeof(std::uint64_t),
                  curves = static_cast<double>(curve_bytes(field_));
     auto const columns = static_cast<double>(b.x * b.y); // at most 2^24

@@ -5,9 +5,9 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/core/wide.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/operations/kernels/difference.h"
-#include "libvkt/core/wide.h"
 
 #include <cmath>
 #include <limits>

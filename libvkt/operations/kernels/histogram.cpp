@@ -16,9 +16,9 @@ using Slots = std::int32_t[row_piece];
 /// What guessing and correcting needs, without indirections.
 struct Rule {
     explicit Rule(Bins const& of)
-        : bins(of), edges(of.edges()), count(of.count()), slope(bins.map().slope),
-          intercept(bins.map().intercept), scale(bins.scale()), scaled_low(bins.scaled_low()),
-          per_unit(bins.per_unit()), doubtful_share(bins.far() ? 1 : 0x1p-16) {}
+        : bins(of), edges(of.edges()), count(of.count()), slope(bins.map().slope), intercept(bins.map().intercept),
+          scale(bins.scale()), scaled_low(bins.scaled_low()), per_unit(bins.per_unit()),
+          doubtful_share(bins.far() ? 1 : 0x1p-16) {}
 
     Bins const& bins;
     double const* edges;

@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/tiles.h"
 
-#include "libvkt/render/kernels/pixels.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/scatter.h"
+#include "libvkt/render/kernels/pixels.h"
 
 namespace vkt::render::VKT_BACKEND {
 

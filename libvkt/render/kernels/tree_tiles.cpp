@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #ifndef VKT_BACKEND_cuda // rays hold lists that grow: a GPU needs another loop around the same march
 
-#include "libvkt/render/kernels/pixels.h"
 #include "libvkt/render/inner/tree_march.h"
+#include "libvkt/render/kernels/pixels.h"
 
 namespace vkt::render::VKT_BACKEND {
 
