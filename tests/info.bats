@@ -131,7 +131,7 @@ import json, os, re, sys
 page = open(sys.argv[1]).read()
 promised = re.findall(r"^\.Va (\w+)", page[page.index("Fl -json"):], re.M)
 info, one = json.load(open("info")), json.load(open("one"))
-own = {"level", "cell_width"} # of the objects in level_list
+own = {"level", "cell_width", "not_read"} # of the objects in level_list, and of files with more than is read
 assert len(promised) > 12 and not set(promised) - own - set(info), set(promised) - set(info)
 for key in ("dims", "levels", "bricks", "cells", "holes", "level_list"): assert info[key] == one[key], key
 assert sum(l["bricks"] for l in info["level_list"]) == info["bricks"]

@@ -68,12 +68,12 @@ Report& Report::add(std::string name, std::vector<Report> rows) {
 }
 
 Report& Report::add(std::string name, std::vector<double> const& values) {
-    std::string text, json;
+    std::string words, json;
     for (double const v : values) {
-        text += (text.empty() ? "" : " ") + to_text(v);
-        json += (json.empty() ? "" : ", ") + (std::isfinite(v) ? to_text(v) : std::string("null"));
+        words += vkt::text(words.empty() ? "" : " ", to_text(v));
+        json += vkt::text(json.empty() ? "" : ", ", std::isfinite(v) ? to_text(v) : std::string("null"));
     }
-    fields_.push_back({std::move(name), text, "[" + json + "]"});
+    fields_.push_back({std::move(name), words, vkt::text("[", json, "]")});
     return *this;
 }
 

@@ -6,6 +6,10 @@
 #include <stdexcept>
 
 #if defined(__AVX2__)
+// GCC before 13 takes the undefined operands of its own intrinsics for mistakes (its bug 105593).
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
 #include <immintrin.h>
 #endif
 
