@@ -63,7 +63,7 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
-    "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range minmax"],
+    "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
