@@ -72,8 +72,9 @@ assert (scale(np.full(shape, 0.1, np.float32), "--factor", "0.3,2,1.1", "--bound
     vkt scale in.vkt --factor 2 --expand | vkt info --json | tr -d ' \n' | grep -q '"dims":.24,28,32.*"spacing":.1.0,2.0,3.0'
     vkt scale in.vkt --factor 1.7 --slab 1 --threads 2 | vkt diff - <(vkt scale in.vkt --factor 1.7 --slab 99 --threads 1)
     fails_with 2 'factor' vkt scale in.vkt -o x.vkt
-    fails_with 2 'not a positive factor' vkt scale in.vkt --factor 0 -o x.vkt
+    fails_with 2 'between 1e-12' vkt scale in.vkt --factor 0 -o x.vkt
     fails_with 2 'vkt flip mirrors' vkt scale in.vkt --factor=-1 -o x.vkt
-    fails_with 2 'voxels along an axis' vkt scale in.vkt --factor 1e300 --expand -o x.vkt
+    fails_with 2 'voxels along an axis' vkt scale in.vkt --factor 1e12 --expand -o x.vkt
+    fails_with 2 'between 1e-12' vkt scale in.vkt --factor 1e300 --expand -o x.vkt
     [ ! -e x.vkt ]
 }

@@ -31,8 +31,8 @@ void Scale::parameters(Parameters& p) {
 void Scale::check() const {
     AffineTransform::check();
     for (int a = 0; a < 3; ++a) {
-        if (!(factor_[a] > 0) || !std::isfinite(factor_[a]))
-            throw Error(ErrorKind::usage, text("--factor: ", factor_[a], " is not a positive factor"),
+        if (!(factor_[a] >= 1e-12 && factor_[a] <= 1e12))
+            throw Error(ErrorKind::usage, text("--factor: ", factor_[a], " is not a factor between 1e-12 and 1e12"),
                         factor_[a] < 0 ? "vkt flip mirrors" : "");
         if (about_ && !std::isfinite((*about_)[a])) throw Error(ErrorKind::usage, "--about: not finite");
     }
