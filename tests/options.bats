@@ -128,7 +128,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "did you mean 'vkt filter gaussian'?" vkt blur v.nrrd
     fails_with 2 "did you mean 'vkt crop'?" vkt clip v.nrrd
     fails_with 2 "did you mean 'vkt resample'?" vkt resize v.nrrd
-    fails_with 2 "did you mean 'vkt stats'?" vkt mean v.nrrd
+    fails_with 2 "did you mean 'vkt stats'?" vkt statistics v.nrrd
     fails_with 2 "did you mean 'vkt crop'?" vkt corp v.nrrd
     fails_with 2 "did you mean 'vkt filter gaussian'?" vkt filter gauss v.nrrd
     fails_with 2 "needs a method before 'v.nrrd'" vkt filter v.nrrd

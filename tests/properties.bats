@@ -102,6 +102,7 @@ same_for_all() {
     for operation in "${operations[@]}" "filter gaussian --sigma 0,0,6" "filter gaussian --sigma 1,1,2" \
         "resample --dims 5 4 2" "resample --dims 600 500 3"; do
         [[ $operation != distance* ]] || continue # works on whole volumes: 4 MiB do not hold this one
+        [[ $operation != *wrap* ]] || continue    # refused: rows of this sigma from both edges need 6 MiB
         # shellcheck disable=SC2086
         whole=$(vkt read large.nrrd | vkt $operation 2>/dev/null | raw_sum)
         # shellcheck disable=SC2086

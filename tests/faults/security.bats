@@ -31,7 +31,10 @@ if child == 0:
             except OSError:
                 time.sleep(0.01)
         c = s
-        c.send(struct.pack("I", 0x314b5456))
+        try:
+            c.send(struct.pack("I", 0x314b5456))
+        except BrokenPipeError: # hung up already
+            pass
     c.settimeout(10)
     try:
         data, descriptors, _, _ = socket.recv_fds(c, 64, 4)
