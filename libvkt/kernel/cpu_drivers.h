@@ -169,8 +169,8 @@ concept CountsUndefined = requires(F const& f, C... values) {
 /// What the functor returns, which is what is rounded.
 template <bool At, class C, class F, class... In> struct ResultOf {
     template <class> using Each = C;
-    using type = std::conditional_t<At, std::invoke_result<F const&, double, double, double, Each<In>...>,
-                                    std::invoke_result<F const&, Each<In>...>>::type;
+    using type = typename std::conditional_t<At, std::invoke_result<F const&, double, double, double, Each<In>...>,
+                                             std::invoke_result<F const&, Each<In>...>>::type;
 };
 
 template <class C, bool At, class F, std::size_t... k, class... In>

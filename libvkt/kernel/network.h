@@ -4,6 +4,7 @@
 
 #include "libvkt/kernel/backend.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -144,17 +145,23 @@ template <Exchange step, class V> VKT_HD void exchange(V* values) {
     if constexpr (step.least) values[step.low] = a < b ? a : b;
     if constexpr (step.greatest) values[step.high] = a < b ? b : a;
 }
-template <class N, class V, std::size_t... i> VKT_HD void apply_steps(V* values, std::index_sequence<i...>) {
-    (exchange<N::network.steps[i]>(values), ...);
+template <class N, std::size_t begin, class V, std::size_t... i>
+VKT_HD void apply_steps(V* values, std::index_sequence<i...>) {
+    (exchange<N::network.steps[begin + i]>(values), ...);
 }
 
 template <class F, int... k> VKT_HD void unrolled(F const& f, std::integer_sequence<int, k...>) { (f(k), ...); }
 /// Calls f(0), …, f(n - 1) without a loop, so that arrays become registers.
 template <int n, class F> VKT_HD void unrolled(F const& f) { unrolled(f, std::make_integer_sequence<int, n>{}); }
 
-/// Runs a network on values in registers.
-template <class N, class V> VKT_HD void apply_network(V* values) {
-    apply_steps<N>(values, std::make_index_sequence<static_cast<std::size_t>(N::network.count)>{});
+/// Runs a network, from step `begin`, on values in registers: in pieces, since compilers bound how long one expression
+/// may become.
+template <class N, std::size_t begin = 0, class V> VKT_HD void apply_network(V* values) {
+    constexpr std::size_t count = static_cast<std::size_t>(N::network.count), piece = 128;
+    if constexpr (begin < count) {
+        apply_steps<N, begin>(values, std::make_index_sequence<std::min(piece, count - begin)>{});
+        apply_network<N, begin + piece>(values);
+    }
 }
 
 } // namespace vkt::VKT_BACKEND
