@@ -61,6 +61,8 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
     return *this;
 }
 
+Buffer::Buffer(std::size_t bytes) { reserve(bytes); }
+
 Buffer Buffer::adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> owner) {
     Buffer buffer;
     buffer.host_ = host;

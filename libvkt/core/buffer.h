@@ -16,7 +16,7 @@ namespace vkt {
 class Buffer {
 public:
     Buffer() = default;
-    explicit Buffer(std::size_t bytes) { reserve(bytes); }
+    explicit Buffer(std::size_t bytes); ///< with reserve(bytes)
     /// Memory that somebody else allocated and `owner` keeps alive; it is written to like any other.
     static Buffer adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> owner);
     ~Buffer();

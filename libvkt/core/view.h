@@ -37,7 +37,7 @@ template <class Byte> struct BasicView {
     Space space = Space::host;
 
     Index3 dims() const { return box.dims(); }
-    Byte* at(std::int64_t x, std::int64_t y, std::int64_t z) const {
+    [[gnu::always_inline]] Byte* at(std::int64_t x, std::int64_t y, std::int64_t z) const {
         return data + static_cast<std::int64_t>(size_of(type)) *
                           ((x - box.lower.x) + (y - box.lower.y) * row + (z - box.lower.z) * slice);
     }

@@ -111,7 +111,7 @@ Plan Permute::plan(std::span<Header const> inputs) {
     bool const reverses = reversed_[0] || reversed_[1] || reversed_[2];
     if (axes_ == std::array{0, 1, 2} && !reverses) plan.shift = Index3{};
     bool const in_order = axes_[2] == 2 && !reversed_[2];
-    if (!in_order && in.dims.z > 1) plan.access = Access::random;
+    if (!in_order) plan.access = Access::random;
     // Slices of the result that are made of columns take whole cache lines of the input.
     if (axes_[2] == 0) plan.slab_hint = static_cast<std::int64_t>(128 / size_of(in.dtype));
     plan.method = "permuting copy";
