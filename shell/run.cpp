@@ -23,6 +23,7 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <new>
 #include <system_error>
 #include <unistd.h>
@@ -323,6 +324,8 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
     for (auto const& path : stage.inputs()) {
         if (path == "-" && previous)
             sources.push_back(std::move(previous));
+        else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error))
+            sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
         else
             sources.push_back(open(stage, path));
     }

@@ -153,3 +153,17 @@ a.tofile("v_70x61x53_uint8.raw")
     vkt make ramp --dims 4 4 4 | vkt distance --explain 2>plan | vkt stats
     grep -q 'holds the whole volume' plan
 }
+
+@test "with --roi only the region is measured: distances are those of the cropped volume, all else is 0" {
+    vkt make noise --dims 23 19 17 | vkt threshold --above 0.05 -o mask.nrrd
+    for option in --unit=voxel --signed; do
+        for region in 3:20,2:11,5:16 :,7:8,: 0:1,:,:; do
+            vkt distance mask.nrrd $option --roi "$region" -o depth.nrrd --force
+            vkt crop mask.nrrd --roi "$region" | vkt distance $option -o part.nrrd --force
+            vkt crop depth.nrrd --roi "$region" | vkt diff - part.nrrd
+            vkt delete depth.nrrd --roi "$region" | vkt stats --json >outside.json
+            grep -q '"max": 0[,.]' outside.json
+            grep -q '"min": -\?0[,.]' outside.json
+        done
+    done
+}

@@ -234,3 +234,27 @@ for volume in (snake, combs, walls):
     fails_with 5 'components' vkt label c.nrrd --memory 8M -o o.nrrd
     [ ! -e o.nrrd ]
 }
+
+@test "with --roi only the region counts: labels are those of the cropped volume, all else is 0" {
+    vkt make noise --dims 23 19 17 | vkt threshold --above 0.4 -o mask.nrrd
+    for region in 3:20,2:11,5:16 :,7:8,: 22:23,18:19,16:17 0:1,:,:; do
+        for slab in 1 5; do
+            vkt label mask.nrrd --roi "$region" --slab $slab --report whole.json -o labels.nrrd --force
+            vkt crop mask.nrrd --roi "$region" | vkt label --report part.json -o part.nrrd --force
+            vkt crop labels.nrrd --roi "$region" | vkt diff - part.nrrd
+            vkt delete labels.nrrd --roi "$region" | vkt stats --json | grep -q '"max": 0[,.]'
+        done
+        /usr/bin/python3 - "$region" <<'EOF'
+import json, sys
+first = [int(axis.split(":")[0] or 0) for axis in sys.argv[1].split(",")]
+whole, part = (json.load(open(f))["labels"] for f in ("whole.json", "part.json"))
+assert len(whole) == len(part)
+for a, b in zip(whole, part):
+    assert a["size"] == b["size"]
+    for key in "lower", "upper", "centroid":
+        assert all(abs(p - q - f) < 1e-9 for p, q, f in zip(a[key], b[key], first)), (key, a, b)
+    assert all(abs(p - q) < 1e-9 for p, q in zip(a["centroid_world"], b["centroid_world"]))
+EOF
+    done
+    run -2 vkt label mask.nrrd --roi 0:24,:,:
+}

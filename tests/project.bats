@@ -210,3 +210,17 @@ for what in 'max', 'min', 'mean', 'sum', 'std', 'median':
     fails_with 2 'hierarchical' vkt project max t.vkt -o x.nrrd
     [ ! -e x.nrrd ]
 }
+
+@test "with --roi the image is that of the cropped volume" {
+    vkt make noise --dims 23 19 17 --dtype float32 | vkt set --spacing 1,2,3 -o in.nrrd
+    for what in max min mean sum std median; do
+        for axis in x y z; do
+            for region in 3:20,2:11,5:16 22:23,:,1:3; do
+                vkt project $what in.nrrd --axis $axis --roi "$region" -o image.nrrd --force
+                vkt crop in.nrrd --roi "$region" | vkt project $what --axis $axis | vkt diff - image.nrrd
+                vkt read in.nrrd --slab 2 | vkt project $what --axis $axis --roi "$region" | vkt diff - image.nrrd
+            done
+        done
+    done
+    run -2 vkt project max in.nrrd --roi 0:24,:,:
+}

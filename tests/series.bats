@@ -71,6 +71,27 @@ EOF
     fails_with 3 "different numbers of volumes" vkt arith add 'v_[01].nrrd' 'v_?.nrrd' -o 'y_%d.nrrd'
 }
 
+@test "one volume in a file goes with each of a series" {
+    one 9 | vkt arith mul - 5 -o five.nrrd
+    series | vkt arith add - five.nrrd -o 'a_%d.nrrd'
+    series | vkt arith sub five.nrrd - --dtype int32 -o 'b_%d.nrrd'
+    vkt arith add five.nrrd <(series) --memory 100 -o 'd_%d.nrrd'
+    number=0
+    for n in 1 9 10; do
+        one $n | vkt arith mul - 1 -o one.nrrd --force
+        vkt arith add one.nrrd five.nrrd | vkt diff - a_$number.nrrd
+        vkt arith sub five.nrrd one.nrrd --dtype int32 | vkt diff - b_$number.nrrd
+        vkt arith add one.nrrd five.nrrd | vkt diff - d_$number.nrrd
+        number=$((number + 1))
+    done
+    [ ! -e a_3.nrrd ]
+    # Two of three are no single volume, and what came through a pipe is gone.
+    vkt read 'step_[19].raw' --dims 6 5 4 --dtype uint16 -o two.vkt
+    fails_with 3 "different numbers of volumes" eval "series | vkt arith add - two.vkt -o 'x_%d.nrrd'"
+    fails_with 3 "single volume is used with each of a series if it is a file" \
+        eval "series | vkt arith add - <(vkt read five.nrrd) -o 'y_%d.nrrd'"
+}
+
 @test "reports tell of each volume" {
     series >all.vkt
     vkt dump <all.vkt >dumped

@@ -202,3 +202,22 @@ np.array([-1.7e308, 1.7e308], np.float64).tofile('w_2x1x1_float64.raw')"
     fails_with 2 'not a finite number' vkt threshold $v --above inf -o x.nrrd
     [ ! -e x.nrrd ]
 }
+
+@test "with --roi all outside of the region is 0, and Otsu does not see it" {
+    vkt make noise --dims 23 19 17 --dtype float32 | vkt fill --value 1e6 --roi 0:2,:,: -o in.nrrd
+    for region in 3:20,2:11,5:16 22:23,:,1:3; do
+        for how in '--above 0.3' --otsu; do
+            # shellcheck disable=SC2086
+            vkt threshold in.nrrd $how --roi "$region" --slab 3 --report whole.json -o mask.nrrd --force
+            # shellcheck disable=SC2086
+            vkt crop in.nrrd --roi "$region" | vkt threshold $how --report part.json -o part.nrrd --force
+            vkt crop mask.nrrd --roi "$region" | vkt diff - part.nrrd
+            vkt delete mask.nrrd --roi "$region" | vkt stats --json | grep -q '"max": 0[,.]'
+            cmp whole.json part.json
+        done
+    done
+    vkt make amr --blocks 20 --levels 2 -o tree.vkt
+    vkt threshold tree.vkt --above 0.1 --roi 0:16,:,: | vkt resample --method nearest -o mask.nrrd
+    vkt resample tree.vkt --method nearest | vkt threshold --above 0.1 --roi 0:16,:,: | vkt diff - mask.nrrd
+    run -2 vkt threshold in.nrrd --above 1 --roi 0:24,:,:
+}

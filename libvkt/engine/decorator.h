@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/source.h"
 
+#include <functional>
 #include <memory>
 #include <utility>
 
@@ -30,9 +31,25 @@ public:
 
 protected:
     Source& inner() const { return *source_; }
+    void replace(std::unique_ptr<Source> source) { source_ = std::move(source); }
 
 private:
     std::unique_ptr<Source> source_;
+};
+
+/// A source that can be opened again, such as a file.
+class ReopenedSource : public SourceDecorator {
+public:
+    explicit ReopenedSource(std::function<std::unique_ptr<Source>()> open)
+        : SourceDecorator(open()), open_(std::move(open)) {}
+
+    bool rewind() override {
+        replace(open_());
+        return true;
+    }
+
+private:
+    std::function<std::unique_ptr<Source>()> open_;
 };
 
 } // namespace vkt

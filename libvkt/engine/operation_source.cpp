@@ -105,8 +105,12 @@ std::string input_placeholder(std::size_t i, bool explicit_word) {
 
 bool OperationSource::Input::next_volume() {
     spool_.reset();
-    return source_->next_volume();
+    bool const more = source_->next_volume();
+    volumes_ += more ? 1 : 0;
+    return more;
 }
+
+bool OperationSource::Input::repeat() { return volumes_ == 1 && source_->rewind() && source_->next_volume(); }
 
 void OperationSource::Input::read(AnyView out) {
     if (spool_)
@@ -151,10 +155,14 @@ bool OperationSource::next_volume() {
     if (inputs_.empty()) {
         if (std::exchange(generated_, true)) return false;
     } else {
-        std::size_t more = 0;
-        for (auto& input : inputs_) more += input->next_volume() ? 1 : 0;
-        if (more == 0) return false;
-        if (more < inputs_.size()) throw Error(ErrorKind::data, "the inputs hold different numbers of volumes");
+        std::vector<Input*> ended;
+        for (auto& input : inputs_)
+            if (!input->next_volume()) ended.push_back(input.get());
+        if (ended.size() == inputs_.size()) return false;
+        for (Input* const input : ended)
+            if (!input->repeat())
+                throw Error(ErrorKind::data, "the inputs hold different numbers of volumes",
+                            "a single volume is used with each of a series if it is a file");
     }
     plan_volume();
     return true;

@@ -35,6 +35,8 @@ private:
     public:
         explicit Input(std::unique_ptr<Source> source) : source_(std::move(source)) {}
         bool next_volume() override;
+        /// After the end of a sequence of one volume: that volume again, if it can be had.
+        bool repeat();
         Header const& header() const override { return source_->header(); }
         Access access() const override { return spool_ ? Access::random : source_->access(); }
         void read(AnyView out) override;
@@ -55,6 +57,7 @@ private:
     private:
         std::unique_ptr<Source> source_;
         std::unique_ptr<Spool> spool_;
+        std::int64_t volumes_ = 0;
     };
 
     void plan_volume();

@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/operations/kernels/bits.h"
 #include "libvkt/operations/kernels/distance.h"
+#include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/zero.h"
 
@@ -85,6 +86,7 @@ Texts Distance::texts() const {
 void Distance::parameters(Parameters& parameters) {
     parameters.flag("signed", both, "zero voxels get minus the distance to the nearest non-zero one");
     parameters.option("unit", unit, "UNIT", "unit of the distances: world or voxel, whatever its shape");
+    parameters.option("roi", roi, "REGION", "measure only within this region, as if there were no other voxels");
 }
 
 Plan Distance::plan(std::span<Header const> inputs) {
@@ -101,6 +103,8 @@ Plan Distance::plan(std::span<Header const> inputs) {
     plan.whole = true;
     plan.cost = 30;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
+    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    Index3 const dims = region_.dims();
     bool const world = unit == LengthUnit::world;
     auto const& direction = input_.geometry.direction;
     for (int a = 0; a < 3 && world; ++a)
@@ -110,7 +114,7 @@ Plan Distance::plan(std::span<Header const> inputs) {
                         "measure with --unit voxel, or resample the volume first: vkt resample --like");
     Vec3 const spacing = world ? input_.geometry.spacing : Vec3{1, 1, 1};
     Vec3 size;
-    if (auto const whole = whole_spacing(spacing, input_.dims)) {
+    if (auto const whole = whole_spacing(spacing, dims)) {
         whole_ = true;
         unit_length_ = whole->unit;
         for (std::size_t a = 0; a < 3; ++a) weights_[a] = static_cast<double>(whole->steps[a] * whole->steps[a]);
@@ -120,18 +124,18 @@ Plan Distance::plan(std::span<Header const> inputs) {
         unit_length_ = std::max({spacing.x, spacing.y, spacing.z});
         for (int a = 0; a < 3; ++a) weights_[static_cast<std::size_t>(a)] = std::pow(spacing[a] / unit_length_, 2);
     }
-    for (int a = 0; a < 3; ++a) size[a] = spacing[a] * static_cast<double>(input_.dims[a] - 1);
+    for (int a = 0; a < 3; ++a) size[a] = spacing[a] * static_cast<double>(dims[a] - 1);
     plan.method = text("outward search to 20 voxels, then envelopes; squares ", whole_ ? "exact" : "in float64");
     if (!whole_ || unit_length_ != 1) {
         plan.error.kind = ErrorBound::Kind::bound;
         plan.error.absolute = std::sqrt(dot(size, size)) * (whole_ ? 0x1.0001p-24 : 0x1p-23);
     }
-    std::int64_t const longest = std::max(input_.dims.y, input_.dims.z);
+    std::int64_t const longest = std::max(dims.y, dims.z);
     plan.state_bytes = static_cast<std::size_t>(longest + 40) * 16 * (whole_ ? 4 : 8) * 4 + 65536;
     return plan;
 }
 
-Box Distance::footprint(Box const&, int) const { return box_of(input_.dims); }
+Box Distance::footprint(Box const&, int) const { return region_; }
 
 void Distance::run_rows(ConstView in, AnyView out, Execution const& execution) {
     Index3 const n = in.dims();
@@ -188,8 +192,10 @@ void Distance::run_rows(ConstView in, AnyView out, Execution const& execution) {
     none_ = objects == in.box.voxels() || (both && objects == 0);
 }
 
-void Distance::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    run_rows(inputs[0], out, execution);
+void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution const& execution) {
+    if (region_ != whole.box) fill_box(whole, VoxelBytes{}, execution);
+    AnyView const out = whole.part(region_).moved_to({});
+    run_rows(inputs[0].part(region_).moved_to({}), out, execution);
     DistancePass pass;
     pass.whole = whole_;
     pass.both_sides = both;
@@ -205,7 +211,7 @@ void Distance::run(std::span<ConstView const> inputs, AnyView out, Execution con
 
 std::vector<Remark> Distance::remarks() const {
     std::vector<Remark> result;
-    if (nan_ > 0) result.push_back({text(share_text(nan_, input_.voxels()), " not a number: taken for zero"), false});
+    if (nan_ > 0) result.push_back({text(share_text(nan_, region_.voxels()), " not a number: taken for zero"), false});
     if (none_) result.push_back({"all voxels are of one kind: distances are infinite", false});
     return result;
 }

@@ -19,6 +19,7 @@ class Distance : public Operation {
 public:
     bool both = false;
     LengthUnit unit = LengthUnit::world;
+    Roi roi; ///< only its voxels count, as if they were the volume; all others become 0
 
     std::string_view name() const override { return "distance"; }
     Texts texts() const override;
@@ -35,6 +36,7 @@ private:
     void run_rows(ConstView in, AnyView out, Execution const& execution);
 
     Header input_;
+    Box region_;
     std::optional<double> zero_;
     bool whole_ = true;               ///< squares are whole numbers of unit_length_ squared, see DistancePass
     std::array<double, 3> weights_{}; ///< of a squared step along each axis

@@ -3,6 +3,7 @@
 #include "libvkt/operations/label.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/kernels/paint.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/zero.h"
@@ -33,6 +34,7 @@ void Label::parameters(Parameters& parameters) {
                       "label only the N largest components; of equal ones the first");
     parameters.option("min-size", min_size, "VOXELS", "label only components of at least so many voxels");
     parameters.option("dtype", dtype, "TYPE", "unsigned integer type of the labels");
+    parameters.option("roi", roi, "REGION", "label only the voxels of this region, as if there were no others");
 }
 
 void Label::check() const {
@@ -63,8 +65,9 @@ Plan Label::plan(std::span<Header const> inputs) {
     rules.connectivity = connectivity;
     rules.by_value = by_value;
     rules.zero = stored_zero(input_);
-    components_.begin(input_.dims, rules);
-    plan.state_bytes = Components::table_bytes(input_.dims);
+    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    components_.begin(region_.dims(), rules);
+    plan.state_bytes = Components::table_bytes(region_.dims());
     return plan;
 }
 
@@ -72,7 +75,14 @@ Box Label::footprint(Box const& output, int) const {
     return {{0, output.lower.y, output.lower.z}, {input_.dims.x, output.upper.y, output.upper.z}};
 }
 
-void Label::scan(ConstView slab, Execution const& execution) {
+ConstView Label::in_region(ConstView rows) const {
+    Box const inside = intersect(rows.box, region_);
+    return inside.empty() ? ConstView{} : rows.part(inside).moved_to(inside.lower - region_.lower);
+}
+
+void Label::scan(ConstView whole_rows, Execution const& execution) {
+    ConstView const slab = in_region(whole_rows);
+    if (slab.box.empty()) return;
     threads_ = execution.threads;
     components_.add(slab, execution);
     if (is_integer(slab.type)) return;
@@ -109,19 +119,23 @@ void Label::scan_end() {
 }
 
 void Label::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = intersect(out.box, region_);
+    if (inside != out.box) fill_box(out, VoxelBytes{}, execution);
+    if (inside.empty()) return;
+    AnyView const to = out.part(inside).moved_to(inside.lower - region_.lower);
     components_.for_each_row(
-        inputs[0], execution,
+        in_region(inputs[0]), execution,
         [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
-            Box row = out.box;
+            Box row = to.box;
             row.lower.y = y, row.upper.y = y + 1;
             row.lower.z = z, row.upper.z = z + 1;
-            paint_row(edges, names, out.part(row), execution);
+            paint_row(edges, names, to.part(row), execution);
         });
 }
 
 std::vector<Remark> Label::remarks() const {
     if (nan_ == 0) return {};
-    return {{text(share_text(nan_, input_.voxels()), " not a number: they belong to no component"), false}};
+    return {{text(share_text(nan_, region_.voxels()), " not a number: they belong to no component"), false}};
 }
 
 Report Label::report() const {
@@ -133,14 +147,16 @@ Report Label::report() const {
     for (std::size_t i = 0; i < labelled_.size(); ++i) {
         Components::Component const& c = all[labelled_[i]];
         auto const n = static_cast<long double>(c.size);
-        Vec3 const centroid{static_cast<double>(static_cast<long double>(c.sum_x) / n),
-                            static_cast<double>(static_cast<long double>(c.sum_y) / n),
-                            static_cast<double>(static_cast<long double>(c.sum_z) / n)};
+        auto const centre = [&](std::uint64_t sum, std::int64_t lower) {
+            return static_cast<double>(static_cast<long double>(sum) / n + static_cast<long double>(lower));
+        };
+        Vec3 const centroid{centre(c.sum_x, region_.lower.x), centre(c.sum_y, region_.lower.y),
+                            centre(c.sum_z, region_.lower.z)};
         Report row;
         row.add("label", static_cast<std::int64_t>(i + 1));
         row.add("size", static_cast<std::int64_t>(c.size));
-        row.add("lower", Index3{c.lower_x, c.lower_y, c.lower_z});
-        row.add("upper", Index3{c.upper_x, c.upper_y, c.upper_z});
+        row.add("lower", Index3{c.lower_x, c.lower_y, c.lower_z} + region_.lower);
+        row.add("upper", Index3{c.upper_x, c.upper_y, c.upper_z} + region_.lower);
         row.add("centroid", centroid);
         row.add("centroid_world", index_to_world(input_.geometry, centroid));
         rows.push_back(std::move(row));

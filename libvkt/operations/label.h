@@ -20,6 +20,7 @@ public:
     std::optional<std::int64_t> keep_largest;
     std::int64_t min_size = 1; ///< voxels
     DataType dtype = DataType::uint32;
+    Roi roi; ///< only its voxels count, as if they were the volume; all others become 0
 
     std::string_view name() const override { return "label"; }
     Texts texts() const override;
@@ -29,6 +30,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
+    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     void scan(ConstView slab, Execution const& execution) override;
     /// Throws Error{failure} if there are more labels than the type has room for.
     void scan_end() override;
@@ -40,8 +42,11 @@ public:
 
 private:
     void choose();
+    /// What these rows have of the region, with the region's lower corner at 0.
+    ConstView in_region(ConstView rows) const;
 
     Header input_;
+    Box region_;
     Components components_;
     std::vector<std::uint32_t> labelled_; ///< numbers of the components that are labelled, in the order of the labels
     std::int64_t nan_ = 0;

@@ -14,10 +14,14 @@ VKT_OPERATION(Project, "project")
 void Project::parameters(Parameters& parameters) {
     parameters.positional("what", kind, "max, min, mean, sum, std or median");
     parameters.option("axis", axis, "AXIS", "axis along which voxels are reduced");
+    parameters.option("roi", roi, "REGION", "project only the voxels of this region");
 }
 
 Plan Project::plan(std::span<Header const> inputs) {
-    Header const& in = inputs[0];
+    Header in = inputs[0];
+    region_ = roi.empty() ? box_of(in.dims) : roi.resolve(in.dims);
+    in.dims = region_.dims();
+    in.geometry = cropped(in.geometry, region_.lower);
     int const along = static_cast<int>(axis);
     dims_ = in.dims;
     type_ = in.dtype;
@@ -73,12 +77,18 @@ Plan Project::plan(std::span<Header const> inputs) {
 Box Project::footprint(Box const& output, int) const {
     if (kind != Projection::median) return {};
     auto const axes = axes_without(static_cast<int>(axis));
-    Box box = box_of(dims_);
+    Box box = region_;
     for (int k = 0; k < 2; ++k) {
-        box.lower[axes[static_cast<std::size_t>(k)]] = output.lower[k];
-        box.upper[axes[static_cast<std::size_t>(k)]] = output.upper[k];
+        int const along = axes[static_cast<std::size_t>(k)];
+        box.lower[along] = region_.lower[along] + output.lower[k];
+        box.upper[along] = region_.lower[along] + output.upper[k];
     }
     return box;
+}
+
+void Project::scan(ConstView slab, Execution const& execution) {
+    Box const inside = intersect(slab.box, region_);
+    if (!inside.empty()) project_add(state_, slab.part(inside).moved_to(inside.lower - region_.lower), execution);
 }
 
 std::size_t Project::fit(Index3, Execution const& execution) {

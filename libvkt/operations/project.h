@@ -27,6 +27,7 @@ class Project : public Operation {
 public:
     Projection kind = Projection::max;
     Axis axis = Axis::z;
+    Roi roi; ///< only these voxels: the image is that of the volume cropped to them
 
     std::string_view name() const override { return "project"; }
     Shape shape() const override { return Shape::geometric; }
@@ -34,14 +35,16 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     /// Empty but for medians: all else has been seen by then.
     Box footprint(Box const& output, int input) const override;
-    void scan(ConstView slab, Execution const& execution) override { project_add(state_, slab, execution); }
+    Box scanned(Box const& whole) const override { return intersect(whole, region_); }
+    void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override {}
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
 
 private:
-    Index3 dims_; ///< of the input
+    Box region_;
+    Index3 dims_; ///< of the region
     DataType type_ = DataType::uint8;
     ProjectionState state_;
     std::int64_t nan_ = 0; ///< of medians

@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/threshold.h"
 
+#include "libvkt/amr/reconstruct.h"
+#include "libvkt/amr/tree.h"
+#include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/remarks.h"
 
 namespace vkt {
@@ -13,6 +16,7 @@ void Threshold::parameters(Parameters& p) {
     p.option("below", below, "T", "1 where the value is less than T; with --above, between the two");
     p.option("range", range, "LO:HI", "1 where LO <= value <= HI; an end may be left out");
     p.flag("otsu", otsu, "1 above the threshold that separates the values best (Otsu's)");
+    p.option("roi", roi, "REGION", "look only at the voxels of this region; the others become 0");
 }
 
 void Threshold::check() const {
@@ -32,6 +36,10 @@ Plan Threshold::plan(std::span<Header const> inputs) {
     rule_ = {in.values, above.value_or(Number(-HUGE_VAL)), below.value_or(Number(HUGE_VAL)), above || otsu,
              below.has_value()};
     if (range) rule_.low = range->low, rule_.high = range->high;
+    bool const tree = in.kind == Kind::hierarchical;
+    inside_ = finest_inside_ = roi.empty() ? (tree ? region_of(in) : box_of(in.dims))
+                               : tree      ? resolve_in_tree(roi, in)
+                                           : roi.resolve(in.dims);
     voxels_ = in.voxels();
     nan_ = 0;
     Plan plan;
@@ -46,6 +54,15 @@ Plan Threshold::plan(std::span<Header const> inputs) {
     return plan;
 }
 
+void Threshold::enter_level(Index3 cell_width, Index3 first) {
+    inside_ = cells_centred_in({finest_inside_.lower - first, finest_inside_.upper - first}, cell_width);
+}
+
+void Threshold::scan(ConstView slab, Execution const& execution) {
+    Box const inside = roi.empty() ? slab.box : intersect(slab.box, inside_);
+    if (!inside.empty()) found_->add(slab.part(inside), execution);
+}
+
 void Threshold::scan_end() {
     scans_again_ = found_->end_pass();
     if (scans_again_) return;
@@ -54,8 +71,11 @@ void Threshold::scan_end() {
 }
 
 void Threshold::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    Box const inside = roi.empty() ? out.box : intersect(out.box, inside_);
+    if (inside != out.box) fill_box(out, VoxelBytes{}, execution);
+    if (inside.empty()) return;
     Losses losses;
-    threshold_box(inputs.front().part(out.box), out, rule_, losses, execution);
+    threshold_box(inputs.front().part(inside), out.part(inside), rule_, losses, execution);
     nan_ += losses.undefined;
 }
 

@@ -20,16 +20,18 @@ public:
     std::optional<Number> above, below;
     std::optional<NumberRange> range;
     bool otsu = false;
+    Roi roi; ///< all voxels outside of it become 0, and otsu does not look at them
 
     std::string_view name() const override { return "threshold"; }
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
-    void scan(ConstView slab, Execution const& execution) override { found_->add(slab, execution); }
+    void enter_level(Index3 cell_width, Index3 first) override;
+    void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
-    bool uses_position() const override { return false; }
+    bool uses_position() const override { return !roi.empty(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
@@ -41,6 +43,7 @@ private:
     ThresholdRule rule_;
     std::unique_ptr<Otsu> found_;
     bool scans_again_ = false;
+    Box inside_, finest_inside_; ///< the region, in voxels of the level and in finest cells
     std::int64_t voxels_ = 0, nan_ = 0;
 };
 

@@ -105,7 +105,7 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     int included = -1;       // the last stretch whose bricks the batch knows
     std::int64_t known = -1; // the point whose value the march carries
     std::int64_t begin = 0;  // where the batch does
-    auto const flush = [&]() __attribute__((always_inline)) {
+    auto const flush = [&]() __attribute__((noinline)) { // called from four places
         if (size == 0) return;
         for (int j = size; j < chunk; ++j) field.width[j] = field.width[size - 1];
         march.known = known == begin ? 0 : -1;
