@@ -217,7 +217,7 @@ np.array([-1.7e308, 1.7e308], np.float64).tofile('w_2x1x1_float64.raw')"
         done
     done
     vkt make amr --blocks 20 --levels 2 -o tree.vkt
-    vkt threshold tree.vkt --above 0.1 --roi 0:16,:,: | vkt resample --method nearest -o mask.nrrd
-    vkt resample tree.vkt --method nearest | vkt threshold --above 0.1 --roi 0:16,:,: | vkt diff - mask.nrrd
+    vkt threshold tree.vkt --above 0.1 --roi 0:16,:,: | vkt resample --method nearest -o tree.nrrd
+    vkt resample tree.vkt --method nearest | vkt threshold --above 0.1 --roi 0:16,:,: | vkt diff - tree.nrrd
     run -2 vkt threshold in.nrrd --above 1 --roi 0:24,:,:
 }
