@@ -3,7 +3,7 @@ load helper
 
 @test "the pipelines of the README run" {
     cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
-    sed -n '/^## Pipelines/,/^## Commands/p' "$VKT_ROOT/README.md" | grep '^vkt ' >lines
+    sed -n '/^## Pipelines/,/^## Examples/p' "$VKT_ROOT/README.md" | grep '^vkt ' >lines
     [ "$(wc -l <lines)" -eq 9 ]
     while IFS= read -r line; do
         bash -c "$line" >out 2>err </dev/null || { echo "$line: $(cat err)" >&2; false; }

@@ -1,21 +1,26 @@
 #!/usr/bin/python3
-# Makes examples/data/phantom.nrrd: nested shells, a double helix and a vessel tree, 64 x 64 x 96 uint8.
+# make-phantom.py [DIRECTORY]: makes the two volumes that come with vkt.
+#   phantom.nrrd  nested shells, a double helix and a vessel tree, 64 x 64 x 96 uint8
+#   ct.nrrd       a CT of a made trunk with its noise: Hounsfield units, slices thicker than pixels, 72 x 60 x 40 int16
 # SPDX-License-Identifier: MIT
 #
 # Every structure is a signed distance in millimetres, turned into a value over one voxel, so that edges are soft
-# enough for gradients. The same bytes come out on every machine: no random numbers, no time stamps.
+# enough for gradients. The same voxels come out on every machine: noise is arithmetic of integers, no time stamps.
 import gzip
+import os
 import sys
 
 import numpy as np
 
 DIMS = (64, 64, 96)
 SPACING = 0.5  # mm
+CT_DIMS = (72, 60, 40)
+CT_SPACING = (1.5, 1.5, 2.4)  # mm
 
 
-def cells():
+def cells(dims, spacing):
     """World positions of the voxel centres, centred on the volume: three arrays of shape (z, y, x)."""
-    axes = [(np.arange(n) - (n - 1) / 2) * SPACING for n in DIMS]
+    axes = [(np.arange(n) - (n - 1) / 2) * s for n, s in zip(dims, spacing)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     return x, y, z
 
@@ -67,7 +72,7 @@ def branch(start, direction, length, radius, depth):
 
 
 def phantom():
-    x, y, z = cells()
+    x, y, z = cells(DIMS, 3 * (SPACING,))
     value = np.zeros(x.shape)
 
     def put(level, inside):
@@ -91,18 +96,77 @@ def phantom():
     return np.rint(np.clip(value, 0, 255)).astype(np.uint8)
 
 
-def main():
-    path = sys.argv[1] if len(sys.argv) > 1 else "phantom.nrrd"
-    voxels = phantom()
-    origin = [-(n - 1) / 2 * SPACING for n in DIMS]
+def noise(count):
+    """Integers of mean 0 and standard deviation 1 / sqrt(3) in units of 1: sums of four bytes of a hash of the index."""
+    h = np.arange(count, dtype=np.uint64) + np.uint64(1)
+    for shift, factor in ((33, 0xFF51AFD7ED558CCD), (33, 0xC4CEB9FE1A85EC53), (33, 1)):
+        h = (h ^ (h >> np.uint64(shift))) * np.uint64(factor)
+    parts = sum(((h >> np.uint64(16 * k)) & np.uint64(255)).astype(np.int64) for k in range(4))
+    return (parts - 510) / 255
+
+
+def vertebra(x, y, z):
+    """Distance to a vertebra around the origin: body, arch, one spinous and two transverse processes; y is backwards."""
+    waist = 1 - 0.12 * np.cos(np.pi * np.clip(z / 14, -1, 1)) ** 2      # the body is slimmer half-way up
+    body = np.maximum((np.hypot(x / 1.3, y) - 13 * waist) * 0.9, np.abs(z) - 13)
+    body = np.maximum(body, -(np.hypot(x, y - 17.5) - 8))               # its back is hollow, for the spinal canal
+    best = body
+    for side in (-1, 1):
+        best = np.minimum(best, polyline(x, y, z, [(9 * side, 8, 4), (10 * side, 17, 3), (0, 24, -2)], [4.2, 3.4, 3.0]))
+        best = np.minimum(best, polyline(x, y, z, [(9 * side, 15, 3), (28 * side, 17, 5)], [3.4, 2.4]))
+    return np.minimum(best, polyline(x, y, z, [(0, 23, -2), (0, 27.5, -9)], [3.2, 3.0]))
+
+
+def ct():
+    x, y, z = cells(CT_DIMS, CT_SPACING)
+    value = np.full(x.shape, -1000.0)                                   # air
+
+    def put(hounsfield, distance):
+        nonlocal value
+        value = value + soft(distance, 2.0) * (hounsfield - value)
+
+    y = y + 4                                                           # room for the table behind the back
+    trunk = (np.hypot(x / 51, y / 40) - 1) * 40 + 0.02 * np.abs(z)
+    put(-105, trunk)                                                    # fat under the skin …
+    put(55, trunk + 4)                                                  # … muscle …
+    put(-95, np.maximum((np.hypot(x / 43, (y + 10) / 23) - 1) * 23, y - 6))  # … and fat of the belly
+    put(62, ellipsoid(x - 20, y + 15, z - 22, 20, 14, 30))              # liver, with a spot that hardly differs
+    put(38, ellipsoid(x - 22, y + 16, z - 12, 5, 5, 6))
+    for side in (-1, 1):                                                # kidneys: cortex, darker within
+        put(48, ellipsoid(x - 29 * side, y - 2, z + 14, 9, 7.5, 24))
+        put(22, ellipsoid(x - 27 * side, y - 2, z + 14, 4.5, 4, 16))
+    put(30, polyline(x, y, z, [(-28, -16, 44), (-18, -20, 20), (-6, -19, 4), (-22, -17, -16), (2, -20, -28), (18, -20, -46)],
+                     [7] * 6))                                          # gut, with a bubble of gas
+    put(-900, ellipsoid(x + 18, y + 22, z - 20, 4.5, 2.5, 5))
+    put(120, np.hypot(x + 5.5, y + 10) - 4.5)                              # aorta and vena cava with some contrast agent
+    put(85, np.hypot(x - 6, y + 10) - 4.5)
+    put(20, np.hypot(x, y - 22) - 6)                                    # spinal canal
+    for k in (-1, 0, 1):                                                # vertebrae: hard rind, spongy core; discs between
+        put(75, np.maximum(np.hypot(x / 1.3, y - 8) - 12, np.abs(z - 39 * k - 19.5) - 8))
+        bone = vertebra(x, y - 8, z - 39 * k)
+        put(800, bone)
+        put(330, bone + 2.2)
+    table = np.hypot(x, y + 118) - 160
+    put(-350, np.abs(table - 2) - 2)                                    # the table, and two rails in it
+    for side in (-1, 1):
+        put(900, np.hypot(x - 36 * side, y - 38.3) - 1.8)
+    value = value + 14 * np.sqrt(3) * noise(value.size).reshape(value.shape)
+    # Steps of 4 HU: far below the noise, and half the bytes in the file.
+    return (4 * np.rint(np.clip(value, -1024, 2000) / 4)).astype(np.int16)
+
+
+def write(path, voxels, spacing, about, space):
+    dims = voxels.shape[::-1]
+    origin = [-(n - 1) / 2 * s for n, s in zip(dims, spacing)]
+    kind = {"uint8": "type: uint8\n", "int16": "type: int16\nendian: little\n"}[str(voxels.dtype)]
     header = (
         "NRRD0005\n"
-        "# Phantom of vkt: nested shells, double helix, vessel tree. MIT licence.\n"
-        "type: uint8\n"
+        f"# {about}. MIT licence.\n"
+        f"{kind}"
         "dimension: 3\n"
-        "space dimension: 3\n"
-        f"sizes: {DIMS[0]} {DIMS[1]} {DIMS[2]}\n"
-        f"space directions: ({SPACING},0,0) (0,{SPACING},0) (0,0,{SPACING})\n"
+        f"{space}\n"
+        f"sizes: {dims[0]} {dims[1]} {dims[2]}\n"
+        f"space directions: ({spacing[0]},0,0) (0,{spacing[1]},0) (0,0,{spacing[2]})\n"
         "space units: \"mm\" \"mm\" \"mm\"\n"
         f"space origin: ({origin[0]},{origin[1]},{origin[2]})\n"
         "kinds: domain domain domain\n"
@@ -111,7 +175,15 @@ def main():
     )
     with open(path, "wb") as out:
         out.write(header.encode())
-        out.write(gzip.compress(voxels.tobytes(), compresslevel=9, mtime=0))
+        out.write(gzip.compress(voxels.astype(voxels.dtype.newbyteorder("<")).tobytes(), compresslevel=9, mtime=0))
+
+
+def main():
+    folder = sys.argv[1] if len(sys.argv) > 1 else "."
+    write(os.path.join(folder, "phantom.nrrd"), phantom(), 3 * (SPACING,),
+          "Phantom of vkt: nested shells, double helix, vessel tree", "space dimension: 3")
+    write(os.path.join(folder, "ct.nrrd"), ct(), CT_SPACING,
+          "Phantom of vkt: a made CT of a trunk, in Hounsfield units", "space: left-posterior-superior")
 
 
 if __name__ == "__main__":

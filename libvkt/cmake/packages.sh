@@ -10,7 +10,7 @@ set -eu
 build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev libboost-dev libcli11-dev libspdlog-dev
     nlohmann-json3-dev libxxhash-dev'
 optional='libopenvdb-dev libtbb-dev libhdf5-dev libglfw3-dev libgl-dev python3-numpy'
-test='bats libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
+test='bats make libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
     xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-pip python3-vtk9 python3-openvdb teem-apps strace time xxd bsdutils
     util-linux procps'
 
