@@ -70,8 +70,10 @@ struct TreeComb {
     }
 };
 
-template <class T>
-VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray const& ray, TreeScratch& scratch,
+/// Scratch is a TreeScratch by a name that only one object file knows, so that the functions that are not inlined here
+/// are its own: those for another instruction set have the same names.
+template <class T, class Scratch>
+VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray const& ray, Scratch& scratch,
                            Counters& counters) {
     ++counters.rays;
     // Outside of the box nothing can be seen. Points are counted from the entry all the same, as in a lattice.
@@ -105,7 +107,8 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     int included = -1;       // the last stretch whose bricks the batch knows
     std::int64_t known = -1; // the point whose value the march carries
     std::int64_t begin = 0;  // where the batch does
-    auto const flush = [&]() __attribute__((noinline)) { // called from four places
+    // Called from four places.
+    auto const flush = [&]() __attribute__((noinline)) {
         if (size == 0) return;
         for (int j = size; j < chunk; ++j) field.width[j] = field.width[size - 1];
         march.known = known == begin ? 0 : -1;

@@ -11,7 +11,7 @@ namespace {
 
 template <class T>
 void run(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels, std::int64_t width, Counters& total) {
-    struct Owner : TreeScratch {
+    struct Owner : TreeScratch { // internal, as march_tree() wants it
         ~Owner() { release(); }
     } scratch;
     for_pixels(tile, pixels, width, [&](int x, int y) {
