@@ -6,7 +6,7 @@
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/arithmetic.h"
 #include "libvkt/operations/kernels/convert.h"
-#include "libvkt/operations/program.h"
+#include "libvkt/operations/kernels/transform.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/same_grid.h"
 

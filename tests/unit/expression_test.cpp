@@ -1,8 +1,10 @@
 // Expressions: precedence, folding, sharing, columns of mistakes, limits, and the slots of programs.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/engine/pipeline.h"
 #include "libvkt/operations/expression.h"
 #include "libvkt/operations/program.h"
+#include "libvkt/operations/transform_each.h"
 
 #include <cmath>
 #include <gtest/gtest.h>
@@ -133,4 +135,28 @@ TEST(Program, IntervalsHoldWhatCanComeOut) {
     expect("a * 0", false, -HUGE_VAL, HUGE_VAL);
     expect("v / x", false, -HUGE_VAL, HUGE_VAL);
     expect("a == a", true, 0, 1);
+}
+
+TEST(TransformEach, CallsAFunctionInOrderAndHandsOnWhatItThrows) {
+    Header header;
+    header.dims = {1500, 2, 3}; // rows longer than what is worked on at a time
+    header.dtype = DataType::uint16;
+    header.values = {0.5, 3};
+    Volume volume(header);
+    View<std::uint16_t> const from = volume.mutable_view().as<std::uint16_t>();
+    for (std::int64_t i = 0; i < header.voxels(); ++i) from.data[i] = static_cast<std::uint16_t>(i);
+    std::int64_t next = 0;
+    TransformEach each([&](Index3 p, double value) {
+        EXPECT_EQ(next++, p.x + 1500 * (p.y + 2 * p.z));
+        EXPECT_EQ(value, 0.5 * static_cast<double>(next - 1) + 3);
+        return value + static_cast<double>(p.z);
+    });
+    Execution execution;
+    Volume const result = apply(each, {volume}, execution);
+    EXPECT_EQ(next, header.voxels());
+    EXPECT_EQ(result.header().values, header.values);
+    auto const* const to = reinterpret_cast<std::uint16_t const*>(result.view().data);
+    for (std::int64_t i = 0; i < header.voxels(); ++i) ASSERT_EQ(to[i], i + 2 * (i / 3000));
+    TransformEach throwing([](Index3, double) -> double { throw std::runtime_error("mine"); });
+    EXPECT_THROW(apply(throwing, {volume}, execution), std::runtime_error);
 }
