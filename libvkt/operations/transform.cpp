@@ -31,6 +31,10 @@ bool is_exact(Op op) {
            op == Op::select || op == Op::clamp;
 }
 
+bool has_neighbours(Expression const& expression) {
+    return expression.any([](Node const& node) { return node.op == Op::voxel && !(node.offset == Index3{}); });
+}
+
 /// What the values of a node are made of; what only decides, a comparison or the condition of a choice, does not count.
 struct Origin {
     bool function = false;
@@ -95,9 +99,7 @@ void Transform::parameters(Parameters& parameters) {
 
 void Transform::check() const {
     Expression const parsed = Expression::parse(expression);
-    bool const neighbours =
-        parsed.any([](Node const& node) { return node.op == Op::voxel && !(node.offset == Index3{}); });
-    if (boundary_ && !neighbours)
+    if (boundary_ && !has_neighbours(parsed))
         throw Error(ErrorKind::usage, "--boundary: the expression looks at no neighbours",
                     "these are written v[1,0,0]");
     if (boundary_ && !std::isfinite(boundary_->value))
@@ -106,10 +108,8 @@ void Transform::check() const {
 
 Shape Transform::shape() const {
     if (expression.empty()) return Shape::neighbourhood; // nothing is said yet
-    bool const neighbours = Expression::parse(expression).any([](Node const& node) {
-        return node.op == Op::voxel && !(node.offset == Index3{});
-    });
-    return neighbours ? Shape::neighbourhood : Shape::pointwise;
+    if (planned_shape_) return *planned_shape_;
+    return has_neighbours(Expression::parse(expression)) ? Shape::neighbourhood : Shape::pointwise;
 }
 
 int Transform::inputs() const {
@@ -244,6 +244,7 @@ Plan Transform::plan_for(std::span<Header const> inputs, Expression const& parse
 
 Plan Transform::plan(std::span<Header const> inputs) {
     Expression const parsed = Expression::parse(expression);
+    planned_shape_ = has_neighbours(parsed) ? Shape::neighbourhood : Shape::pointwise;
     if (static_cast<int>(inputs.size()) != parsed.volumes())
         throw Error(ErrorKind::usage,
                     text("the expression names ", parsed.volumes(), parsed.volumes() == 1 ? " volume" : " volumes",

@@ -56,6 +56,7 @@ private:
     std::optional<BoundaryRule> boundary_;
     Roi region_;
 
+    std::optional<Shape> planned_shape_; ///< asked for often: parsed once a volume
     Program program_;
     std::vector<ValueMap> maps_; ///< of the inputs
     std::vector<Box> reach_;     ///< offsets that each input is looked at
