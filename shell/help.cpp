@@ -105,6 +105,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"slice", "plane cut section png"},
         {"threshold", "binarize segment mask otsu"},
         {"stats", "average mean statistics"},
+        {"transform", "expression formula calc compute map math function"},
     };
     return words;
 }

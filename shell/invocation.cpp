@@ -141,7 +141,7 @@ void Invocation::resolve_inputs() {
     if (operation_) {
         inputs_ = inputs_are_parameters_ ? operation_->input_names() : given_inputs_;
         auto const n = static_cast<std::size_t>(operation_->inputs());
-        while (inputs_.size() < n) inputs_.emplace_back("-");
+        while (inputs_.size() < n) inputs_.insert(inputs_.begin(), "-"); // what comes down the pipe is the first
     }
     if (consumer_) {
         inputs_ = inputs_are_parameters_ ? consumer_->input_names() : given_inputs_;

@@ -68,6 +68,7 @@ arguments = {
     "set-header": ["{f} --dist 1 2 3"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
+    "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
     "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }

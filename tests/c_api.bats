@@ -124,6 +124,44 @@ static int take_null(void) {
     return wrong != 0 || untouched != NULL || json != NULL || voxels != NULL || *vkt_remarks(NULL) != '\0';
 }
 
+static double shifted(int64_t x, int64_t y, int64_t z, double value, void* user) {
+    int64_t* const calls = user;
+    return value + 10.0 * (double)x + 100.0 * (double)y + 1000.0 * (double)z + 0.0 * (double)++*calls;
+}
+
+/* program transform: a function of index and physical value, in the order of memory. */
+static int transform(void) {
+    int16_t const voxels[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+    vkt_description d;
+    vkt_volume *a = NULL, *b = NULL;
+    void const* result = NULL;
+    int64_t calls = 0;
+    vkt_default_description(&d);
+    d.dims[0] = d.dims[1] = d.dims[2] = 2;
+    d.dtype = "int16";
+    d.slope = 2;
+    if (vkt_create(&d, voxels, &a) != VKT_OK) return complain();
+    if (vkt_transform(a, shifted, &calls, OPTIONS("--roi", "1:2,:,:"), &b) != VKT_OK) return complain();
+    if (vkt_voxels(b, &result, NULL) != VKT_OK) return complain();
+    for (int i = 0; i < 8; ++i) printf("%d ", ((int16_t const*)result)[i]);
+    printf("calls %d\n", (int)calls);
+    vkt_free(b);
+    if (vkt_transform(a, shifted, &calls, OPTIONS("--dtype", "int8"), &b) != VKT_OK) return complain();
+    printf("%s\n", vkt_remarks(b));
+    vkt_free(b);
+    b = NULL;
+    if (vkt_transform(a, NULL, NULL, NULL, 0, &b) != VKT_USAGE || b != NULL) return 99;
+    if (vkt_transform(NULL, shifted, &calls, NULL, 0, &b) != VKT_USAGE || b != NULL) return 99;
+    if (vkt_apply(OPTIONS("transform", "v + 10 * x + 100 * y + 1000 * z"), (vkt_volume const*[]){a}, 1, &b) != VKT_OK)
+        return complain();
+    if (vkt_voxels(b, &result, NULL) != VKT_OK) return complain();
+    for (int i = 0; i < 8; ++i) printf("%d ", ((int16_t const*)result)[i]);
+    printf("\n");
+    vkt_free(a);
+    vkt_free(b);
+    return 0;
+}
+
 /* program trim: memory of freed volumes is kept, used again, and given back. */
 static int trim(void) {
     vkt_volume *a = NULL, *b = NULL;
@@ -150,6 +188,7 @@ int main(int argc, char** argv) {
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
     if (argc == 2 && strcmp(argv[1], "null") == 0) return take_null();
     if (argc == 2 && strcmp(argv[1], "trim") == 0) return trim();
+    if (argc == 2 && strcmp(argv[1], "transform") == 0) return transform();
     printf("%s\n", vkt_version());
     for (char const* const* name = vkt_operations(); *name != NULL; ++name) printf("%s\n", *name);
     return 0;
@@ -220,6 +259,14 @@ EOF
 @test "null pointers are refused by name" {
     "$program" null
     [ ! -e null.nrrd ]
+}
+
+@test "a function of index and value is called for every voxel" {
+    run "$program" transform
+    [ "$status" -eq 0 ]
+    [ "${lines[0]}" = "0 6 2 58 4 510 6 562 calls 4" ]
+    [[ "${lines[1]}" == "4 of 8 voxels"*"clipped to [-128,127]" ]]
+    [ "${lines[2]}" = "0 6 52 58 504 510 556 562 " ]
 }
 
 @test "memory of freed volumes serves the next result until it is given back" {

@@ -71,6 +71,8 @@ operations=(
     "morphology close --radius 2"
     "morphology tophat --radius 1,3,2 --shape box"
     "clahe --bricks 3,4,2"
+    "transform v*sin(x/9)+wz"
+    "transform v[2,0,-3]-v[0,1,0]/3 --boundary wrap"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
@@ -136,7 +138,7 @@ same_for_all() {
         # shellcheck disable=SC2086
         piped=$(vkt read volume.nrrd | vkt $operation 2>/dev/null | raw_sum)
         case $operation in
-        flip* | arith* | copy* | permute* | project* | morphology* | 'filter kernel'*) direct= ;; # their positional words come first
+        flip* | arith* | copy* | permute* | project* | morphology* | transform* | 'filter kernel'*) direct= ;; # their positional words come first
         *)
             # shellcheck disable=SC2086
             direct=$(vkt $verb volume.nrrd $rest 2>/dev/null | raw_sum)

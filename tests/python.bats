@@ -277,3 +277,51 @@ del b
 assert 0 < vkt.trim() <= 40 << 20
 EOF
 }
+
+@test "transform: expressions, and functions of index and value" {
+    python <<'EOF'
+a = np.arange(24, dtype=np.float32).reshape(2, 3, 4) - 12
+v = vkt.Volume(a, spacing=(1, 2, 3))
+z, y, x = np.indices(a.shape)
+assert np.array_equal(v.transform("v * 2 + x").array, a * 2 + x)
+assert np.array_equal(vkt.transform(v, "-v").array, -a)
+assert np.array_equal(vkt.transform(v, "v - a * b", v, vkt.Volume(x, like=v), dtype="float64").array, a - a * x)
+assert np.array_equal(v.transform("v[1,0,0]", boundary="wrap").array, np.roll(a, -1, 2))
+assert v.transform("v > 3").dtype == np.uint8
+calls = []
+def shifted(x, y, z, value):
+    calls.append((x, y, z))
+    return value + 100 * x + 10 * y + z
+result = vkt.transform(v, shifted)
+assert np.array_equal(result.array, a + 100 * x + 10 * y + z) and result.spacing == (1, 2, 3)
+assert calls == [(i, j, k) for k in range(2) for j in range(3) for i in range(4)]
+part = v.transform(shifted, roi="1:2,:,:", dtype=np.int16)
+assert np.array_equal(part.array, np.where(x == 1, a + 100 * x + 10 * y + z, a)) and part.dtype == np.int16
+assert "transform" in str(part.header["history"])
+calls.clear()
+def fails(x, y, z, value):
+    calls.append(x)
+    raise KeyError("no")
+try:
+    v.transform(fails)
+    raise SystemExit("nothing was raised")
+except KeyError:
+    assert len(calls) == 1
+for wrong, code in ((lambda: v.transform("v +"), 2), (lambda: v.transform(shifted, v), 2), (lambda: v.transform("v + a"), 2),
+                    (lambda: v.transform(shifted, roi="90:,:,:"), 2)):
+    try:
+        wrong()
+        raise SystemExit("nothing was refused")
+    except vkt.Error as error:
+        assert error.exit_code == code, error
+for clip in "v * 100", lambda x, y, z, value: value * 100:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        v.transform(clip, dtype="int8")
+    assert len(caught) == 1 and "clipped to [-128,127]" in str(caught[0].message), caught
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    vkt.transform(v, "1 / 0 * v"), vkt.transform(v, lambda *_: 999, dtype="uint8")
+    assert [w.filename for w in caught] == ["<stdin>"] * 2, [w.filename for w in caught]
+EOF
+}

@@ -9,6 +9,7 @@
 #include "libvkt/formats/request.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/statistics.h"
+#include "libvkt/operations/transform_each.h"
 
 #include <cstdlib>
 #include <cstring>
@@ -160,6 +161,13 @@ Volume read_one(Source& source, std::string const& path, std::int64_t index, Exe
     return volume;
 }
 
+/// Takes what was lost, one remark a line.
+Listener into(std::string& remarks) {
+    return [&remarks](std::string const&, std::string const& message, bool lossy) {
+        if (lossy) remarks += (remarks.empty() ? "" : "\n") + message;
+    };
+}
+
 } // namespace
 
 char const* vkt_version(void) { return VKT_VERSION; }
@@ -296,11 +304,38 @@ vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* c
             volumes.push_back(inputs[i]->volume);
         }
         std::string remarks;
-        Volume volume = apply(words_of(words, count), volumes,
-                              [&remarks](std::string const&, std::string const& message, bool lossy) {
-                                  if (lossy) remarks += (remarks.empty() ? "" : "\n") + message;
-                              });
+        Volume volume = apply(words_of(words, count), volumes, into(remarks));
         *result = wrapped(std::move(volume));
+        (*result)->remarks = std::move(remarks);
+    });
+}
+
+vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function function, void* user, char const* const* words,
+                         size_t count, vkt_volume** result) {
+    return guarded([&] {
+        need(volume, "volume");
+        if (function == nullptr) need(nullptr, "function");
+        need(result, "result");
+        TransformEach transform([&](Index3 p, double value) { return function(p.x, p.y, p.z, value, user); });
+        Parameters own, shared;
+        ExecutionOptions options;
+        transform.parameters(own);
+        options.declare(shared);
+        read_options(words, count, {&own, &shared});
+        std::string remarks;
+        StageInfo info;
+        info.name = transform.name();
+        info.words = history_words(info.name, own, {"-"}, false);
+        info.words.insert(info.words.begin() + 1, "(a function of the program)");
+        info.input_names = {"-"};
+        info.listener = into(remarks);
+        std::vector<std::unique_ptr<Source>> sources;
+        sources.push_back(volume_source({volume->volume}));
+        Execution const execution = keeping_blocks(options.execution());
+        auto const source = attach(std::move(sources), transform, execution, std::move(info));
+        source->next_volume();
+        Volume transformed = load(*source, execution);
+        *result = wrapped(std::move(transformed));
         (*result)->remarks = std::move(remarks);
     });
 }

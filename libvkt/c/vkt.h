@@ -80,6 +80,13 @@ VKT_API vkt_status vkt_write(vkt_volume const* volume, char const* path, char co
    --device, --threads and --memory are understood. */
 VKT_API vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs,
                              size_t input_count, vkt_volume** result);
+/* What a voxel becomes: x, y and z are its indices, `value` is physical, `user` is what vkt_transform() was given. */
+typedef double (*vkt_voxel_function)(int64_t x, int64_t y, int64_t z, double value, void* user);
+/* Calls a function once for every voxel, in this thread and in the order of the voxels in memory. Results are stored in
+   the volume's type, rounded and limited to its range; options: --dtype TYPE, --roi REGION, beyond which voxels keep
+   their values, --memory. Without a callback, {"transform", "v * 2 + x"} for vkt_apply() is faster. */
+VKT_API vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function function, void* user,
+                                 char const* const* words, size_t count, vkt_volume** result);
 /* What was lost when this volume was computed, "12 of 4096 voxels clipped", one remark a line; "" if nothing. */
 VKT_API char const* vkt_remarks(vkt_volume const* volume);
 

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/arithmetic.h"
 
-#include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/operations/exact.h"
 #include "libvkt/operations/kernels/arithmetic.h"
 #include "libvkt/operations/kernels/arithmetic_settled.h"
+#include "libvkt/operations/same_grid.h"
 
 #include <bit>
 #include <cmath>
@@ -276,18 +276,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
         headers.push_back(numbers_.back() || next >= inputs.size() ? nullptr : &inputs[next++]);
     }
     Header const& first = inputs.front();
-    for (Header const& other : inputs.subspan(1)) {
-        if (first.kind != other.kind)
-            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt resample --cells 50M");
-        char const* const hint = "vkt resample SECOND --like FIRST puts the second onto the grid of the first";
-        if (!(first.dims == other.dims))
-            throw Error(ErrorKind::usage,
-                        text("the volumes differ in size: ", first.dims, " and ", other.dims, " voxels"), hint);
-        if (!same_geometry(first.geometry, geometry_beside(first, other)))
-            throw Error(ErrorKind::usage,
-                        "the volumes lie at different places in the world (origin, spacing or direction)", hint);
-    }
+    require_same_grid(inputs);
     Plan plan;
     plan.output = first;
     choose_values(headers, plan.output);

@@ -17,7 +17,7 @@ import warnings as _warnings
 
 import numpy as _np
 
-__all__ = ["Error", "Volume", "apply", "operations", "read", "trim"]
+__all__ = ["Error", "Volume", "apply", "operations", "read", "transform", "trim"]
 
 _library = ctypes.CDLL(_os.path.join(_os.path.dirname(_os.path.abspath(__file__)), "_vkt.so"))
 
@@ -35,6 +35,10 @@ class _Description(ctypes.Structure):
         ("hierarchical", ctypes.c_int),
         ("space", ctypes.c_char_p),
     ]
+
+
+_VoxelFunction = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_double,
+                                  ctypes.c_void_p)
 
 
 def _declare():
@@ -55,6 +59,7 @@ def _declare():
         "vkt_header": (ctypes.c_int, [volume, out]),
         "vkt_write": (ctypes.c_int, [volume, text, words, size]),
         "vkt_apply": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
+        "vkt_transform": (ctypes.c_int, [volume, _VoxelFunction, ctypes.c_void_p, words, size, out]),
         "vkt_remarks": (text, [volume]),
         "vkt_statistics": (ctypes.c_int, [volume, words, size, out]),
         "vkt_trim": (size, []),
@@ -281,6 +286,10 @@ class Volume:
         """vkt.apply() with this volume as the first input."""
         return _apply(name, (self, *arguments), options)
 
+    def transform(self, what, *others, **options):
+        """vkt.transform() of this volume."""
+        return _transform(self, what, others, options)
+
 
 def read(path, **options):
     """The volume of a file of any format that vkt knows, or of a segment of shared memory, "shm:NAME", which is mapped
@@ -309,13 +318,60 @@ def _apply(name, arguments, options):
         else:
             words.append(_value(argument))
     words += _options(options)
+    return _applied(name, words, inputs)
+
+
+def _applied(name, words, inputs):
     handles = (ctypes.c_void_p * len(inputs))(*(volume._handle for volume in inputs))
     handle = ctypes.c_void_p()
     _check(_library.vkt_apply(*_words(words), handles, len(inputs), ctypes.byref(handle)))
+    return _result(name, handle)
+
+
+def _result(name, handle, level=5):
+    """The volume; what was lost is a warning for whoever called the package, so many calls up."""
     result = Volume._of(handle)
     for remark in _library.vkt_remarks(handle).decode().splitlines():
-        _warnings.warn(f"{name}: {remark}", RuntimeWarning, stacklevel=3)
+        _warnings.warn(f"{name}: {remark}", RuntimeWarning, stacklevel=level)
     return result
+
+
+def transform(volume, what, *others, **options):
+    """Every voxel computed: transform(volume, "v * 2 + sin(x / 10)"), transform(volume, "a > v ? a : v", other), or with
+    a function of index and value, transform(volume, lambda x, y, z, value: value if z > 10 else 0).
+
+    An expression is that of `vkt transform` (man vkt-transform); others are its volumes a, b, …; options: dtype, roi,
+    boundary. A function is called once for every voxel, in the order of memory, and is slower by a factor of hundreds;
+    its options are dtype and roi. What it raises stops it and comes out here."""
+    return _transform(volume, what, others, options)
+
+
+def _transform(volume, what, others, options):
+    if not callable(what):
+        # A blank keeps an expression that begins with a dash from being an option.
+        return _applied("transform", ["transform", " " + what, *_options(options)], [volume, *others])
+    if others:
+        raise Error("a function of index and value takes one volume", 2, "an expression takes several")
+    raised = []
+
+    def called(x, y, z, value, _):
+        if raised:
+            return 0.0
+        try:
+            return float(what(x, y, z, value))
+        except BaseException as error:  # C cannot hand it on
+            raised.append(error)
+            return 0.0
+
+    handle = ctypes.c_void_p()
+    status = _library.vkt_transform(volume._handle, _VoxelFunction(called), None, *_words(_options(options)),
+                                    ctypes.byref(handle))
+    if raised:
+        if status == 0:
+            _library.vkt_free(handle)
+        raise raised[0]
+    _check(status)
+    return _result("transform", handle, 4)
 
 
 def operations():

@@ -1,0 +1,27 @@
+// Comparing the grids of inputs.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/same_grid.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
+#include "libvkt/core/text.h"
+
+namespace vkt {
+
+void require_same_grid(std::span<Header const> inputs) {
+    Header const& first = inputs.front();
+    for (Header const& other : inputs.subspan(1)) {
+        if (first.kind != other.kind)
+            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
+                        "make it a grid first: vkt resample --cells 50M");
+        char const* const hint = "vkt resample SECOND --like FIRST puts the second onto the grid of the first";
+        if (!(first.dims == other.dims))
+            throw Error(ErrorKind::usage,
+                        text("the volumes differ in size: ", first.dims, " and ", other.dims, " voxels"), hint);
+        if (!same_geometry(first.geometry, geometry_beside(first, other)))
+            throw Error(ErrorKind::usage,
+                        "the volumes lie at different places in the world (origin, spacing or direction)", hint);
+    }
+}
+
+} // namespace vkt

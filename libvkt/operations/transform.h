@@ -1,0 +1,74 @@
+// Transform: an expression computed for every voxel.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/boundary_rule.h"
+#include "libvkt/engine/operation.h"
+#include "libvkt/operations/program.h"
+
+#include <vector>
+
+namespace vkt {
+
+/// Each voxel becomes what an expression (see Expression) makes of it, of its neighbours, of its position and of the
+/// voxels there of other volumes on the same grid. All values are physical ones.
+///
+/// Computed in float64; in float32, operation by operation, where volumes and result are 8- or 16-bit integers, float16
+/// or float32, and every whole number on the way stays below 2^24, so that integers come out exactly; a result of an
+/// integer type must be whole throughout for that. + - * / sqrt and comparisons are those of IEEE 754; other functions
+/// are within 4 units in the last place of float64 before they are stored.
+///
+/// Type of the result: with a region that of the first volume. Else that of the volumes whose values enter (see
+/// promoted()); float32, or float64 for 32-bit and wider types, where a function that yields fractions is among them or
+/// their value maps differ; of positions, comparisons and numbers alone the smallest integer type that holds all that
+/// can come out, or float64.
+class Transform : public Operation {
+public:
+    std::string expression;
+    std::optional<DataType> dtype;
+
+    std::string_view name() const override { return "transform"; }
+    Texts texts() const override;
+    Shape shape() const override;
+    /// As many as the expression names; without one, as many as there may be.
+    int inputs() const override;
+    void parameters(Parameters& parameters) override;
+    void check() const override;
+    Plan plan(std::span<Header const> inputs) override;
+    /// Throws Error{usage} if there is a region, or if the expression asks for extents: levels know neither.
+    Plan plan_level(Header const& level, Index3 cell_width) override;
+    /// Positions are those of the cells' centres, in finest cells; regions hold cells with centres in them.
+    void enter_level(Index3 cell_width, Index3 first) override;
+    bool uses_position() const override { return program_.positions || !region_.empty(); }
+    Box footprint(Box const& output, int input) const override;
+    std::size_t fit(Index3 largest, Execution const& execution) override;
+    void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<Remark> remarks() const override;
+
+private:
+    Plan plan_for(std::span<Header const> inputs, Expression const& parsed);
+    std::vector<Values> values(std::span<Header const> inputs, Expression const& parsed, bool whole) const;
+    bool whole_positions(std::span<Header const> inputs) const;
+    void choose_type(std::span<Header const> inputs, Expression const& parsed, Header& output) const;
+    bool fits_float(std::span<Header const> inputs, Expression const& parsed, Header const& output) const;
+    void choose_border(std::span<Header const> inputs, Plan& plan) const;
+
+    std::optional<BoundaryRule> boundary_;
+    Roi region_;
+
+    std::optional<Shape> planned_shape_; ///< asked for often: parsed once a volume
+    Program program_;
+    std::vector<ValueMap> maps_; ///< of the inputs
+    std::vector<Box> reach_;     ///< offsets that each input is looked at
+    Header planned_;             ///< output
+    ProgramPlace place_;
+    Geometry geometry_; ///< of voxels or finest cells; of a level's cells where there are neighbours
+    bool on_level_ = false;
+    Index3 level_width_{1, 1, 1};
+    Box box_, finest_; ///< the region, in voxels or cells of the level, and as given
+    bool in_float_ = false, counts_undefined_ = false;
+    std::vector<std::byte> workspace_;
+    TransformLosses losses_;
+};
+
+} // namespace vkt
