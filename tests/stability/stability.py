@@ -22,7 +22,9 @@ import scipy.ndimage as nd
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 import clahe_reference
-from harness import COMMANDS, Skip, exit_code, has_option, main, messages, needs, path_of, report, run, test, vkt, write_volume
+from harness import (
+    COMMANDS, Failed, Skip, exit_code, has_option, main, messages, needs, path_of, report, run, test, vkt, write_volume,
+)  # fmt: skip
 
 INTEGERS = "uint8 int8 uint16 int16 uint32 int32 uint64 int64".split()
 ALL_TYPES = [*INTEGERS, "float16", "float32", "float64"]
@@ -90,6 +92,18 @@ def gaussians(table):
         return {"fir": " --method fir", "cascade": " --method cascade"}
     table.skip("cascade", "vkt has no 'filter gaussian --method'")
     return {"fir": ""}
+
+
+def offered(table, way, volume, stage):
+    """False, and said so, where the cascade refuses because its bound would not keep to the tolerance."""
+    try:
+        messages(volume, stage + " -n")
+        return True
+    except Failed as refusal:
+        if way != "cascade" or "no cascade" not in str(refusal):
+            raise
+        table.skip(stage.removeprefix("filter gaussian "), "no cascade keeps to this tolerance")
+        return False
 
 
 def histogram(volume, options):
@@ -232,7 +246,8 @@ def _(t):
 @test(15, "resample by 1/2, area")
 def _(t):
     t.same("float32", vkt(line(range(8)), "resample --scale .5,1,1 --method area"), line([0.5, 2.5, 4.5, 6.5]))
-    t.same("uint8, half to even", vkt(line(range(8), "uint8"), "resample --scale .5,1,1 --method area"), line([0, 2, 4, 6], "uint8"))
+    got = vkt(line(range(8), "uint8"), "resample --scale .5,1,1 --method area")
+    t.same("uint8, half to even", got, line([0, 2, 4, 6], "uint8"))
 
 
 @test(16, "resample keeps constants")
@@ -255,7 +270,8 @@ def _(t):
         got = vkt(v, f"resample --scale {scale} --method {method}")
         at = [(np.arange(m) + 0.5) * n / m - 0.5 for m, n in zip(got.shape, v.shape)]
         wanted = field(at[0][:, None, None], at[1][None, :, None], at[2][None, None, :])
-        # Slopes along x, y, z add up to 4.25. Splines look farther, and for them a border is a bend: its trace falls by 0.27 (0.43) a voxel.
+        # Slopes along x, y, z add up to 4.25. Splines look farther, and for them a border is a bend, whose trace falls by
+        # 0.27 (0.43) a voxel.
         e = {"bspline3": 12, "bspline5": 16}.get(method, 3 if scale >= 1 else 4)
         i = tuple(slice(math.ceil(e * m / n), m - math.ceil(e * m / n)) for m, n in zip(got.shape, v.shape))
         if (method, scale) == ("cubic", 0.6):  # a stretched kernel has its first moment for whole ratios only
@@ -335,8 +351,21 @@ def _(t):
 def _(t):
     v = np.zeros((1, 1, 40), np.uint8)
     v[..., 20:] = 255
-    for method in "cubic", "lanczos3", "bspline3":
+
+    def keys(t):
+        return np.where(t < 1, (1.5 * t - 2.5) * t * t + 1, np.where(t < 2, ((2.5 - 0.5 * t) * t - 4) * t + 2, 0))
+
+    def lanczos(t):
+        return np.where(t < 3, np.sinc(t) * np.sinc(t / 3), 0)
+
+    taps = np.arange(-5, 45)
+    away = np.abs((np.arange(97)[:, None] + 0.5) * 40 / 97 - 0.5 - taps)
+    for method, kernel in ("cubic", keys), ("lanczos3", lanczos), ("bspline3", None):
         got = vkt(v, f"resample --dims 97 1 1 --method {method} --dtype uint8").reshape(-1)
+        if kernel:
+            weights = kernel(away)
+            exact = (weights / weights.sum(axis=1, keepdims=True)) @ v[0, 0, taps.clip(0, 39)]
+            t.near(f"{method}: the interpolant, clamped", got, exact.clip(0, 255), 0.5 + 1e-9)
         t.at_most(f"{method}: brightest of the dark side", got[:47].max(), 40)
         t.at_least(f"{method}: darkest of the bright side", got[50:].min(), 215)
         t.equal(f"{method}: ends", [int(got[0]), int(got[-1]), int(got.min()), int(got.max())], [0, 255, 0, 255])
@@ -360,8 +389,9 @@ def _(t):
     constants = (0.1, "float32"), (200, "uint8"), (65535, "uint16"), (-32768, "int16"), (1e30, "float32")
     for way, option in gaussians(t).items():
         for (value, dtype), sigma in itertools.product(constants, (0.3, 0.5, 1, 3.3, 26, 27, 32, 300)):
-            v = np.full((7, 8, 9), value, dtype)
-            t.same(f"{way} {value} {dtype} sigma {sigma}", vkt(v, f"filter gaussian --sigma {sigma}{option}"), v)
+            v, stage = np.full((7, 8, 9), value, dtype), f"filter gaussian --sigma {sigma}{option}"
+            if way == "fir" or offered(t, way, v, stage):
+                t.same(f"{way} {value} {dtype} sigma {sigma}", vkt(v, stage), v)
 
 
 @test(27, "Gaussian of sigma 0, and of no sigma at all")
@@ -385,8 +415,13 @@ def _(t):
     for way, option in gaussians(t).items():
         for shape in (8, 8, 8), (5, 6, 7):
             v = random(shape)
-            got = vkt(v, f"filter gaussian --sigma {10 * max(shape)}{option} --tolerance 0.0001%")
+            stage = f"filter gaussian --sigma {10 * max(shape)}{option} --tolerance {'0.0001%' if way == 'fir' else '0.01%'}"
+            if not offered(t, way, v, stage):
+                continue
+            got = vkt(v, stage)
             t.near(f"{way} {shape}, share of R", got / np.ptp(v), np.full(shape, v.mean(dtype=float)) / np.ptp(v), 1e-5)
+        if not offered(t, way, v, f"filter gaussian --sigma 1e6{option}"):
+            continue
         got = vkt(v, f"filter gaussian --sigma 1e6{option}")
         t.near(f"{way} sigma 1e6, share of R", got / np.ptp(v), np.full(shape, v.mean(dtype=float)) / np.ptp(v), 1e-4)
 
@@ -416,6 +451,8 @@ def _(t):
     for way, option in gaussians(t).items():
         for sigma, shape in itertools.product((1, 3.3, 20), ((20, 21, 22), (5, 6, 7))):
             v = random(shape, "float64")
+            if not offered(t, way, v, f"filter gaussian --sigma {sigma}{option}"):
+                continue
             got = vkt(v, f"filter gaussian --sigma {sigma}{option}")
             t.near(f"{way} sigma {sigma} {shape}, relative", math.fsum(got.flat) / math.fsum(v.flat), 1.0, 1e-6)
 
@@ -444,20 +481,24 @@ def _(t):
             k = 2 * math.pi * cycles / n
             v = np.broadcast_to(np.cos(k * x + 0.3), (1, 1, n)).astype(float).copy()
             stage = f"filter gaussian --sigma {sigma},0,0 --boundary wrap{option}"
+            if not offered(t, way, v, stage):
+                continue
             bound = explained(v, stage)
             # Sampling folds frequencies: at sigma 1 the gain at pi is twice 0.0072.
             gain = sum(math.exp(-((sigma * (k + 2 * math.pi * m)) ** 2) / 2) for m in range(-3, 4))
             gain /= sum(math.exp(-((sigma * 2 * math.pi * m) ** 2) / 2) for m in range(-3, 4))
-            t.near(f"{way} sigma {sigma}, {cycles} cycles in 64", vkt(v, stage), gain * v, bound["range"] * np.ptp(v) + bound["magnitude"] + 1e-9)
+            most = bound["range"] * np.ptp(v) + bound["magnitude"] + 1e-9
+            t.near(f"{way} sigma {sigma}, {cycles} cycles in 64", vkt(v, stage), gain * v, most)
 
 
 @test(34, "Gaussian of 3, then 4, is that of 5")
 def _(t):
     v = random((24, 24, 24))
     for way, option in gaussians(t).items():
-        stages = [f"filter gaussian --sigma {s}{option}" for s in (3, 4, 5)]
+        a, b, c = (3, 4, 5) if way == "fir" else (6, 8, 10)
+        stages = [f"filter gaussian --sigma {s}{option}" for s in (a, b, c)]
         bound = sum(explained(v, s)["range"] + explained(v, s)["magnitude"] for s in stages)
-        t.near(f"{way}", vkt(v, *stages[:2]), vkt(v, stages[2]), bound * np.ptp(v) + 1e-4)
+        t.near(f"{way} {a}, {b}, {c}", vkt(v, *stages[:2]), vkt(v, stages[2]), bound * np.ptp(v) + 1e-4)
 
 
 @test(35, "Gaussian attains its bound on the worst input, and not more")
@@ -496,24 +537,28 @@ def _(t):
     impulse = np.zeros_like(step)
     impulse[5, 6, 7] = 1
     for way, option in gaussians(t).items():
-        for name, v in ("random", random((12, 12, 12))), ("step", step), ("impulse", impulse), ("bytes", random((12, 12, 12), "uint8")):
-            for sigma in 0.4, 2, 9:
+        noise, noisy_bytes = random((12, 12, 12)), random((12, 12, 12), "uint8")
+        for name, v in ("noise", noise), ("step", step), ("impulse", impulse), ("bytes", noisy_bytes):
+            for sigma in (0.4, 2, 9) if way == "fir" else (4, 9):
                 got = vkt(v, f"filter gaussian --sigma {sigma}{option}").astype(float)
                 t.at_most(f"{way} {name} sigma {sigma}: excess", max(v.min() - got.min(), got.max() - v.max()), 0)
 
 
 @test(38, "a NaN or infinity spoils the box of the kernel and nothing else")
 def _(t):
-    v = random((30, 31, 32))
     for way, option in gaussians(t).items():
         sigma = 1.5 if way == "fir" else 4
+        v = random((30, 31, 32) if way == "fir" else (72, 73, 74))
+        bad_at = tuple(n // 2 for n in v.shape)
         stage = f"filter gaussian --sigma {sigma}{option}"
         impulse = np.zeros(v.shape)
-        impulse[14, 15, 16] = 1e200
+        impulse[bad_at] = 1e200
         support = vkt(impulse, stage + (" --tolerance 0.01%" if way == "fir" else "")) != 0
+        if way == "cascade":  # and nodes whose weight is just 0
+            support = nd.maximum_filter(support, 5)
         for bad in np.nan, np.inf, -np.inf:
             spoilt = v.copy()
-            spoilt[14, 15, 16] = bad
+            spoilt[bad_at] = bad
             got = vkt(spoilt, stage)
             if way == "fir":
                 t.same(f"{way} {bad}: where it is not finite", (~np.isfinite(got)).astype(np.uint8), support.astype(np.uint8))
@@ -528,15 +573,16 @@ def _(t):
     v = np.full((6, 7, 8), 1e-40, np.float32)
     step = 2.0**-149
     for way, option in gaussians(t).items():
-        got = vkt(v, f"filter gaussian --sigma 2{option}")
+        sigma = 2 if way == "fir" else 4
+        got = vkt(v, f"filter gaussian --sigma {sigma}{option}")
         # A quarter of each value is what is averaged, so two bits less are there.
         t.near(f"{way} constant, steps of 2^-149", got.astype(float) / step, v.astype(float) / step, 2)
         noise = (random((12, 12, 12)) * 1e-38).astype(np.float32)
-        got = vkt(noise, f"filter gaussian --sigma 2{option}")
+        got = vkt(noise, f"filter gaussian --sigma {sigma}{option}")
         bound = 1e-4 * float(np.ptp(noise)) / step + 4
-        t.near(f"{way} noise, steps of 2^-149", got.astype(float) / step, gaussian(noise, 2) / step, bound)
+        t.near(f"{way} noise, steps of 2^-149", got.astype(float) / step, gaussian(noise, sigma) / step, bound)
         if len(on_gpu := gpu()) == 0:
-            t.near(f"{way} GPU", vkt(v, f"filter gaussian --sigma 2{option} --device gpu").astype(float) / step, v / step, 2)
+            t.near(f"{way} GPU", vkt(v, f"filter gaussian --sigma {sigma}{option} --device gpu").astype(float) / step, v / step, 2)
         else:
             t.skip(f"{way} GPU", on_gpu)
 
@@ -545,14 +591,14 @@ def _(t):
 def _(t):
     v = random((40, 40, 40), "uint8")
     for way, option in gaussians(t).items():
-        for sigma in 1, 2, 4:
+        for sigma in (1, 2, 4) if way == "fir" else (4, 8):
             exact = gaussian(v, sigma)
             # By default a quarter of the last bit is allowed besides the half that rounding costs.
             for name, tolerance, most, share in ("default", "", 0.75, 0.02), ("0.001%", " --tolerance 0.001%", 0.51, 0.005):
                 if way == "cascade" and tolerance:
                     continue
                 got = vkt(v, f"filter gaussian --sigma {sigma}{option}{tolerance}")
-                t.at_most(f"{way} sigma {sigma}, {name}: |bias|", abs(np.mean(got - exact)), 0.01)
+                t.at_most(f"{way} sigma {sigma}, {name}: |bias|", abs(np.mean(got - np.rint(exact))), 0.01)
                 t.at_most(f"{way} sigma {sigma}, {name}: largest error", np.abs(got - exact).max(), most)
                 t.at_most(f"{way} sigma {sigma}, {name}: share not rounded right", np.mean(got != np.rint(exact)), share)
 
@@ -577,8 +623,8 @@ def _(t):
     ways = [f"filter gaussian --sigma 2{option}" for option in gaussians(t).values()]
     if len(ways) > 1:
         ways[1] = ways[1].replace("sigma 2", "sigma 5")
-    stages = *ways, "filter median", "filter box --radius 3", "resample --scale 1.7,.6,1.3", "rotate --axis 1,2,3 --angle 20", "clahe"
-    for stage in stages:
+    others = "filter median", "filter box --radius 3", "resample --scale 1.7,.6,1.3", "rotate --axis 1,2,3 --angle 20", "clahe"
+    for stage in (*ways, *others):
         whole = vkt(v, stage)
         for slab, threads, transport in (1, 1, "pipe"), (2, 16, "shm"), (7, 2, "pipe"), (23, 1, "shm"), (1, 16, "pipe"):
             got = vkt(v, f"read --slab {slab} --transport {transport}", f"{stage} --threads {threads} --slab {slab}", "write")
@@ -644,7 +690,9 @@ def _(t):
     for rule, at in index.items():
         padded = np.pad(v, (0, 1), constant_values=0.7)
         far = padded[np.ix_(*([[at(i, 3) for i in range(-4, 7)]] * 3))]
-        wanted = np.array([(far[z : z + 9, y : y + 9, x : x + 9] * weights).sum() for z, y, x in np.ndindex(3, 3, 3)]).reshape(3, 3, 3)
+        wanted = np.zeros((3, 3, 3))
+        for z, y, x in np.ndindex(3, 3, 3):
+            wanted[z, y, x] = (far[z : z + 9, y : y + 9, x : x + 9] * weights).sum()
         got = vkt(v, f"filter kernel {file} --boundary {rule}{':0.7' if rule == 'border' else ''}")
         t.near(rule, got, wanted, 1e-15 * weights.sum())
 
@@ -713,7 +761,8 @@ def _(t):
 
 @test(53, "CLAHE of awkward sizes")
 def _(t):
-    for shape, bricks in ((41, 37, 31), "8,8,8"), ((41, 37, 31), "64,64,64"), ((1, 17, 13), "4,4,4"), ((1, 1, 1), "2,2,2"), ((7, 1, 1), "7,7,7"):
+    prime = (41, 37, 31)
+    for shape, bricks in (prime, "8,8,8"), (prime, "64,64,64"), ((1, 17, 13), "4,4,4"), ((1, 1, 1), "2,2,2"), ((7, 1, 1), "7,7,7"):
         v = random(shape, "uint16", 4)
         got = vkt(v, f"clahe --bricks {bricks}")
         t.equal(f"{shape} in {bricks}: shape", got.shape, shape)
@@ -736,6 +785,8 @@ def _(t):
     for name, window, distinct, contrast in ("percentiles", " --range p0:p99.9", 200, 1.2), ("to the outlier", "", 200, 0):
         got = vkt(v, "clahe --clip 4" + window)
         t.at_least(f"window {name}: distinct values", len(np.unique(got)), distinct)
+        ends = (0.0, float(np.percentile(v, 99.9)) if window else 65535.0)
+        t.near(f"window {name}: against the definition", got, clahe_reference.clahe(v, ends, clip=4), 0.51)
         if window:
             t.at_least(f"window {name}: deviation over that of the input", got[rest].std() / v[rest].std(), contrast)
         else:  # all voxels but one share a bin or three of 256: they keep their order, and a small part of the window
@@ -794,7 +845,8 @@ def _(t):
 
 @test(59, "more voxels in a bin than 32 bits count")
 def _(t):
-    got = report((), "make constant --dtype uint8 --value 7 --dims 2500 2000 1000 --transport shm", "histogram --range 0:255 --bins 255")
+    make = "make constant --dtype uint8 --value 7 --dims 2500 2000 1000 --transport shm"
+    got = report((), make, "histogram --range 0:255 --bins 255")
     t.equal("5e9 voxels of 7", got["counts"][7], 5_000_000_000)
     t.equal("in other bins", sum(got["counts"]) - got["counts"][7], 0)
 
@@ -956,7 +1008,8 @@ def _(t):
     for dtype, through in ("uint8", "float32"), ("uint16", "float32"), ("int16", "float32"), ("int8", "float32"):
         v = np.arange(np.iinfo(dtype).min, np.iinfo(dtype).max + 1).astype(dtype).reshape(1, 16, -1)
         t.same(f"{dtype} {through}, all {v.size}", vkt(v, f"convert --dtype {through}", f"convert --dtype {dtype}"), v)
-        back = vkt(v, f"convert --dtype {through} --range {v.min()}:{v.max()}", f"convert --dtype {dtype} --range {v.min()}:{v.max()}")
+        window = f"--range {v.min()}:{v.max()}"
+        back = vkt(v, f"convert --dtype {through} {window}", f"convert --dtype {dtype} {window}")
         t.same(f"{dtype} 0 to 1 in {through}, all {v.size}", back, v)
     for dtype in "uint32", "int32":
         v = random((64, 64, 64), dtype)
@@ -1014,7 +1067,8 @@ def _(t):
             file.seek(count - 1)
             file.write(b"\t")
         t.equal(f"{dims}: last voxel", vkt((path,), corner).reshape(-1).tolist(), [0] * 7 + [9])
-        t.equal(f"{dims}: mirrored", vkt((path,), "crop --roi :,:,-1:", "flip x", "crop --roi 0:2,-1:,:").reshape(-1).tolist(), [9, 0])
+        got = vkt((path,), "crop --roi :,:,-1:", "flip x", "crop --roi 0:2,-1:,:").reshape(-1).tolist()
+        t.equal(f"{dims}: last slice, mirrored", got, [9, 0])
         if dims[0] == 1300:
             got = vkt((path,), "flip z", "crop --roi -2:,-2:,0:2").reshape(-1).tolist()
             t.equal(f"{dims}: flip z, first slices", got, [0, 0, 0, 9, 0, 0, 0, 0])
@@ -1028,7 +1082,11 @@ def _(t):
 @test(76, "regions that are none")
 def _(t):
     v = random((5, 6, 7))
-    for name, roi in ("empty", "3:3,:,:"), ("inverted", "5:2,:,:"), ("outside", "7:9,:,:"), ("beyond", "3:8,:,:"), ("far below", ":,-100:3,:"), ("no number", "a:b,:,:"), ("overflow", "0:99999999999999999999,:,:"):  # fmt: skip
+    regions = {
+        "empty": "3:3,:,:", "inverted": "5:2,:,:", "outside": "7:9,:,:", "beyond": "3:8,:,:", "far below": ":,-100:3,:",
+        "no number": "a:b,:,:", "overflow": "0:99999999999999999999,:,:",
+    }  # fmt: skip
+    for name, roi in regions.items():
         for stage in "crop", "delete", "flip x":
             t.refused(f"{stage}: {name} {roi}", v, f"{stage} --roi {roi}")
     t.same("touching the edges", vkt(v, "crop --roi 4:7,0:6,4:5"), v[4:5, 0:6, 4:7].copy())
@@ -1042,6 +1100,12 @@ def _(t):
     folder = path_of("-bricks")
     run((v,), ["brick --size 16 --ghost 2"], folder)
     t.same("37x5x1 in 16^3, ghost 2", vkt((folder,), "merge"), v)
+    folder = path_of("-bricks")
+    run((v,), ["brick --size 16 --ghost 2 --boundary clamp"], folder)
+    padded = np.pad(v, 2, mode="edge")
+    for index in range(3):
+        wanted = padded[:, :, 16 * index : 16 * index + 20]
+        t.same(f"brick {index}: ghosts, clamped", vkt((f"{folder}/brick_{index:03d}.nrrd",), "read"), wanted.copy())
     for shape, size, ghost in ((20, 21, 22), 8, 1), ((3, 40, 7), 5, 0):
         v = random(shape)
         folder = path_of("-bricks")
@@ -1060,12 +1124,13 @@ def _(t):
 
 
 STAGES = [
-    "flip x", "flip y", "flip z", "filter gaussian --sigma 1", "filter median", "filter box", "filter sobel", "filter gradient",
-    "filter laplacian", "filter log", "filter dog", "filter sharpen", "clahe", "convert --dtype float64", "fill --roi 1:2,1:2,1:2 --value 1",
-    "fill-range --value 1 --first 0 0 0 --last 2 2 2", "delete --roi 1:2,1:2,1:2", "morphology erode", "morphology close", "threshold --otsu",
-    "label", "distance", "fill-holes", "rotate --angle 30", "scale --factor 2", "affine '1 0 0 0 0 1 0 0 0 0 1 0'", "arith add - 1",
-    "resample --scale 1", "set --spacing 1,2,3", "permute xyz", "flip-range --axis x --first 0 0 0 --last 2 2 2", "crop --roi :,:,:",
-    "pad --by 0:0,0:0,0:0", "transform 'v + x'", "scan", "filter bilateral", "filter nlmeans", "watershed",
+    "flip x", "flip y", "flip z", "flip-range --axis x --first 0 0 0 --last 2 2 2", "rotate --angle 30", "scale --factor 2",
+    "affine '1 0 0 0 0 1 0 0 0 0 1 0'", "resample --scale 1", "permute xyz", "crop --roi :,:,:", "pad --by 0:0,0:0,0:0",
+    "convert --dtype float64", "set --spacing 1,2,3", "arith add - 1", "transform 'v + x'", "scan", "clahe",
+    "fill --roi 1:2,1:2,1:2 --value 1", "fill-range --value 1 --first 0 0 0 --last 2 2 2", "delete --roi 1:2,1:2,1:2",
+    "filter gaussian --sigma 1", "filter median", "filter box", "filter sobel", "filter gradient", "filter laplacian",
+    "filter log", "filter dog", "filter sharpen", "filter bilateral --range-sigma 1", "filter nlmeans --search 1 --strength 1",
+    "morphology erode", "morphology close", "threshold --otsu", "label", "distance", "fill-holes", "watershed",
 ]  # fmt: skip
 
 
@@ -1103,7 +1168,8 @@ def _(t):
         if stage in exact:
             t.same(f"{stage} {dtype}", other, cpu)
         elif cpu.dtype.kind == "f":
-            t.near(f"{stage} {dtype}, ulp of R", other / np.spacing(np.float32(np.ptp(v))), cpu / np.spacing(np.float32(np.ptp(v))), 4)
+            ulp = np.spacing(np.float32(np.ptp(v)))
+            t.near(f"{stage} {dtype}, ulp of R", other / ulp, cpu / ulp, 4)
         else:
             t.near(f"{stage} {dtype}", other, cpu, 1)
             t.at_most(f"{stage} {dtype}: share that differs", np.mean(other != cpu), 1e-4)
@@ -1135,6 +1201,8 @@ def _(t):
         costs = []
         for tolerance in 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6:
             stage = f"filter gaussian --sigma 4 --tolerance {tolerance * 100:.6g}%{option}"
+            if not offered(t, way, fields["noise"], stage):
+                continue
             worst = 0.0
             for name, v in fields.items():
                 promise = explained(v, stage)
@@ -1166,7 +1234,8 @@ def _(t):
 
 @test(103, "volkit 3: 4 to 8 voxels, linear")
 def _(t):
-    t.same("0 10 20 30", vkt(line([0, 10, 20, 30]), "resample --dims 8 1 1 --method linear"), line([0, 2.5, 7.5, 12.5, 17.5, 22.5, 27.5, 30]))
+    wanted = line([0, 2.5, 7.5, 12.5, 17.5, 22.5, 27.5, 30])
+    t.same("0 10 20 30", vkt(line([0, 10, 20, 30]), "resample --dims 8 1 1 --method linear"), wanted)
 
 
 @test(104, "volkit 4: flips of odd sizes, and of regions that do not begin at 0")
@@ -1239,7 +1308,8 @@ def _(t):
         bricks = [min(2, n) for n in shape]
         got = vkt(v, f"clahe --bricks {bricks[2]},{bricks[1]},{bricks[0]} --bins 64 --clip 3 --clip-as opencv")
         wanted = clahe_reference.clahe(v, None, bricks[::-1], 64, 3, "opencv")
-        t.near(f"{shape} {dtype}", got, wanted, 0.5 + (16 + 4 * 4) * 2.0**-24 * np.ptp(v.astype(float)) + 20 * 2.0**-24 * np.abs(v.astype(float)).max())
+        v = v.astype(float)
+        t.near(f"{shape} {dtype}", got, wanted, 0.5 + (32 * np.ptp(v) + 20 * np.abs(v).max()) * 2.0**-24)
 
 
 @test(111, "volkit 11: extents that are numbers, in their order")
