@@ -286,6 +286,9 @@ def fill(entry):
 
 def main():
     global SABOTAGE
+    if "--list" in sys.argv:
+        print("\n".join(f"{number} {name}" for number, name, _ in TESTS))
+        return
     chosen = [int(n) for n in sys.argv[1:] if n.isdigit()]
     SABOTAGE = "--sabotage" in sys.argv
     entries = [entry for entry in TESTS if not chosen or entry[0] in chosen]
