@@ -68,6 +68,30 @@ SEE ALSO"
     done
 }
 
+@test "vkt-stability(7) names every operation, every line of the table, and tests that exist" {
+    python_with numpy scipy
+    VKT=$(command -v vkt) /usr/bin/python3 - "$VKT_ROOT" <<'END'
+import os, re, subprocess, sys
+root = sys.argv[1]
+page = open(f"{root}/man/vkt-stability.7").read()
+run = lambda *words: subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+lines = {int(line.split()[0]) for line in run("/usr/bin/python3", f"{root}/tests/stability/stability.py", "--list")}
+named = set()
+for group in re.findall(r"^\[([0-9, -]+)\]", page, re.MULTILINE):
+    for first, last in re.findall(r"(\d+)(?:-(\d+))?", group):
+        named |= set(range(int(first), int(last or first) + 1))
+assert named == lines, f"not named: {sorted(lines - named)}; not lines: {sorted(named - lines)}"
+commands = run("vkt", "help", "--list")
+known = {name for command in commands for name in (command.replace(" ", "-"), command.split()[0])}
+for stem in set(re.findall(r"([a-z0-9-]+)\.bats", page)):
+    assert os.path.exists(f"{root}/tests/{stem}.bats") or stem not in known, f"there is no {stem}.bats"
+items = " , ".join(re.findall(r"^\.It Cm (.*)", page, re.MULTILINE)).split(" , ")
+plain = {"completion", "dump", "dump-range", "help", "history", "info", "pipe"}  # move, print or start; compute nothing
+absent = [c for c in commands if c not in items and c.split()[0] not in items and c not in plain]
+assert not absent, f"not named: {absent}"
+END
+}
+
 @test "common options are described in vkt(1)" {
     vkt help --common | options_in_help >help
     [ -s help ]
