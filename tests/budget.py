@@ -20,9 +20,10 @@ shapes = {
     "flat": (4096, voxels // 4096, 1),
 }
 
-# {f}: the volume, {x}…{z}: its dims. Several lines of arguments are several runs.
+# {f}: the volume, {bricks}: a directory of its bricks, {x}…{z}: its dims. Several lines of arguments are several runs.
 arguments = {
     "arith": ["add {f} {f}", "mul {f} 2"],
+    "brick": ["{f} --size 64 --ghost 2", "{f} --size 64 --ghost 1 --boundary mirror", "{f} --size 5000"],
     "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],
@@ -55,6 +56,7 @@ arguments = {
     "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y", "median {f}", "median {f} --axis x"],
+    "merge": ["{bricks}"],
     "morphology": ["close {f} --radius 2 --shape box", "erode {f} --radius 2"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
@@ -106,6 +108,7 @@ for shape, (x, y, z) in shapes.items():
         for place in range(1, 100):  # not all zeros, yet sparse
             voxels_file.seek(place * (x * y * z // 100) * 4)
             voxels_file.write(struct.pack("<f", place))
+    subprocess.run(["vkt", "brick", file, "--size", "96,96,64", "-o", "bricks", "--force"], check=True)
     for name in commands:
         if name in no_volumes:
             continue
@@ -115,7 +118,7 @@ for shape, (x, y, z) in shapes.items():
                 runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
             for given, source in runs:
                 first = words.replace("{f}", given, 1)  # the other input of two is a file
-                line = [*name.split(), *first.format(f=file, x=x, y=y, z=z).split()]
+                line = [*name.split(), *first.format(f=file, bricks="bricks", x=x, y=y, z=z).split()]
                 own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
                 if "--memory" not in line:
                     line += ["--memory", f"{budget}M"]
