@@ -30,7 +30,7 @@ arguments = {
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
     "delete": ["{f} --roi 0:64,:,:"],
-    "diff": ["{f} {f}"],
+    "diff": ["{f} {f}", "{f} {f} --mutual-information", "{f} {f} --ssim"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
@@ -67,7 +67,7 @@ arguments = {
     "set-header": ["{f} --dist 1 2 3"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
-    "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
