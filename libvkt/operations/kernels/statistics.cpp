@@ -305,9 +305,9 @@ template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics
 /// Products of numbers in 16 lanes, as mantissas and exponents. Zeros stay zeros; all else must be finite.
 class LaneProducts {
 public:
-    /// Numbers of magnitudes from 2^-149 to 2^149, a multiple of the lanes of them.
-    void multiply_moderate(double const* v, std::int64_t n) {
-        constexpr std::int64_t together = 6 * lanes; // 6 * 149 binary digits have room
+    /// Numbers of magnitudes from 2^-Digits to 2^Digits, a multiple of the lanes of them.
+    template <int Digits> void multiply_moderate(double const* v, std::int64_t n) {
+        constexpr std::int64_t together = 1000 / Digits * lanes;
         for (std::int64_t i = 0; i < n; i += together) {
             for (std::int64_t j = i; j < std::min(n, i + together); j += lanes)
                 for (int r = 0; r < registers; ++r)
@@ -359,28 +359,54 @@ public:
     }
 };
 
+/// to[i]: products of integers of at most 16 bits, several at a time, as double has them exactly. Returns how many.
+template <class T> std::int64_t multiply_together(T const* p, std::int64_t n, double* to) {
+    using Wide = std::conditional_t<std::is_signed_v<T>, std::int32_t, std::uint32_t>;
+    constexpr std::int64_t factors = 4 / sizeof(T); // whose product fits 32 bits
+    std::int64_t const each = n / factors;
+#pragma omp simd
+    for (std::int64_t i = 0; i < each; ++i) {
+        Wide product = static_cast<Wide>(p[i]);
+        for (std::int64_t k = 1; k < factors; ++k) product *= static_cast<Wide>(p[i + k * each]);
+        to[i] = static_cast<double>(product);
+    }
+    std::int64_t count = each;
+    for (std::int64_t i = each * factors; i < n; ++i) to[count++] = static_cast<double>(p[i]);
+    return count;
+}
+
 /// The product of a band's finite physical values. A zero ends it.
 template <class T> Product product_of(Band<T> const& band, ValueMap const& map) {
     bool const mapped = !(map == ValueMap{});
     LaneProducts products;
-    alignas(64) double factors[chunk];
+    alignas(64) double factors[chunk + lanes];
     bool zero = false;
     band.for_each_run([&](T const* p, std::int64_t n) {
         if (zero) return;
-        for (std::int64_t i = 0; i < n; ++i) factors[i] = static_cast<double>(p[i]);
-        if (mapped)
+        if (mapped) {
+#pragma omp simd
             for (std::int64_t i = 0; i < n; ++i) {
-                double const stored = factors[i], value = map.slope * stored + map.intercept;
+                double const stored = static_cast<double>(p[i]), value = map.slope * stored + map.intercept;
                 // The product may be beyond double where the sum is not.
-                factors[i] = value - value == 0 ? value : __builtin_fma(map.slope, stored, map.intercept);
+                double const physical = value - value == 0 ? value : __builtin_fma(map.slope, stored, map.intercept);
+                factors[i] = physical - physical == 0 ? physical : 1;
             }
-        if (!std::is_integral_v<T> || mapped)
-            for (std::int64_t i = 0; i < n; ++i) factors[i] = factors[i] - factors[i] == 0 ? factors[i] : 1;
+        } else if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
+            n = multiply_together(p, n, factors);
+        } else {
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) {
+                double const value = static_cast<double>(p[i]);
+                factors[i] = value - value == 0 ? value : 1;
+            }
+        }
         while (n % lanes != 0) factors[n++] = 1;
         if (std::is_same_v<T, double> || mapped)
             products.multiply(factors, n);
+        else if (!std::is_integral_v<T>)
+            products.template multiply_moderate<149>(factors, n);
         else
-            products.multiply_moderate(factors, n);
+            products.template multiply_moderate<64>(factors, n);
         zero = products.zero();
     });
     return zero ? Product{0, 0} : products.product();
