@@ -88,7 +88,15 @@ public:
     virtual void check() const {}
     /// True if it opens what others made. Adds the options about inputs.
     virtual bool reads() const { return false; }
+    /// The inputs that its history names by placeholders (StageInfo), because their own past belongs to it.
+    virtual std::vector<std::string> input_names() const { return {}; }
+    /// In a pipeline of one process, open("-") of the context is the stage before. The context outlives the source.
     virtual std::unique_ptr<Source> open(Context& context) = 0;
+    /// What writes to this output if it is no file (a directory); null if it is one. `create` makes files.
+    virtual std::unique_ptr<Sink> sink(std::string const& /*output*/, WriteOptions const& /*options*/,
+                                       std::function<std::unique_ptr<Sink>(std::string const&)> const& /*create*/) {
+        return nullptr;
+    }
 };
 
 /// Does something else entirely (help, completion, pipe); gets its raw words.

@@ -68,9 +68,10 @@ void examples_into(std::string& lines, Command const& command) {
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
         {"arith", "clamp difference subtract add multiply divide"},
+        {"brick", "split tile chunk block decompose subdivide ghost"},
         {"clahe", "contrast equalize equalise adaptive histogram enhance"},
         {"convert", "cast quantize normalize rescale"},
-        {"copy", "paste insert merge"},
+        {"copy", "paste insert"},
         {"crop", "cut trim subvolume clip roi"},
         {"delete", "erase clear blank remove"},
         {"diff", "compare equal cmp"},
@@ -92,6 +93,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"info", "metadata header"},
         {"label", "connected components segmentation islands blobs largest"},
         {"make", "generate create phantom"},
+        {"merge", "join assemble stitch compose bricks"},
         {"pad", "extend enlarge border frame margin"},
         {"permute", "transpose swap reorient orientation"},
         {"project", "mip projection reduce flatten"},

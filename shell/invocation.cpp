@@ -90,6 +90,7 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
     } else if (c.opener) {
         opener_ = c.opener();
         opener_->parameters(own_);
+        inputs_are_parameters_ = !opener_->input_names().empty();
         kind.volume_output = true;
         kind.input = opener_->reads();
     }
@@ -149,6 +150,7 @@ void Invocation::resolve_inputs() {
         // A missing first of two inputs would be surprising; a missing last one is standard input.
         while (inputs_.size() < n) inputs_.emplace_back("-");
     }
+    if (opener_) inputs_ = opener_->input_names();
     if (std::count(inputs_.begin(), inputs_.end(), "-") > 1)
         throw Error(ErrorKind::usage, "standard input can be read only once",
                     "give the other input as a file or as <(vkt …)");

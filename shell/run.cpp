@@ -121,8 +121,9 @@ class Runner;
 /// What consumers see of a stage.
 class StageContext : public Context {
 public:
-    StageContext(Runner& runner, Invocation& invocation, Execution execution)
-        : runner_(runner), invocation_(invocation), execution_(std::move(execution)) {}
+    StageContext(Runner& runner, Invocation& invocation, Execution execution,
+                 std::unique_ptr<Source> previous = nullptr)
+        : runner_(runner), invocation_(invocation), execution_(std::move(execution)), previous_(std::move(previous)) {}
     Execution const& execution() const override { return execution_; }
     StageInfo stage_info() const override;
     bool json() const override { return invocation_.common().json; }
@@ -144,6 +145,7 @@ private:
     Runner& runner_;
     Invocation& invocation_;
     Execution execution_;
+    std::unique_ptr<Source> previous_; ///< what open("-") yields, if there is a stage before
 };
 
 class Runner {
@@ -188,6 +190,7 @@ private:
     std::string format_; ///< of the input opened last
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
+    std::vector<std::unique_ptr<StageContext>> contexts_; ///< of openers
     TimeMeter meter_;
 };
 
@@ -204,6 +207,7 @@ std::function<void(std::string const&)> StageContext::detail() {
 }
 std::string const& StageContext::format() const { return runner_.format(); }
 std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& stated) {
+    if (path == "-" && previous_ && !stated.describes()) return std::move(previous_);
     return runner_.open(invocation_, path, stated);
 }
 
@@ -348,9 +352,12 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
     Execution const execution = execution_of(stage);
     std::unique_ptr<Source> source;
     if (stage.opener() != nullptr) {
-        if (previous) throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
-        StageContext context(*this, stage, execution);
-        source = stage.opener()->open(context);
+        bool const reads_previous = std::ranges::count(stage.inputs(), "-") > 0;
+        if (previous && !reads_previous)
+            throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
+        // Sources may open more files as long as they live.
+        contexts_.push_back(std::make_unique<StageContext>(*this, stage, execution, std::move(previous)));
+        source = stage.opener()->open(*contexts_.back());
         if (!stage.common().no_history)
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
@@ -434,6 +441,8 @@ std::unique_ptr<Sink> Runner::make_sink() {
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
     };
+    if (last_.opener() != nullptr)
+        if (auto sink = last_.opener()->sink(c.output, options, create)) return sink;
     return is_numbered(c.output) ? series_sink(c.output, create) : create(numbered_path(c.output, 0));
 }
 

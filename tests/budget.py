@@ -20,17 +20,18 @@ shapes = {
     "flat": (4096, voxels // 4096, 1),
 }
 
-# {f}: the volume, {x}…{z}: its dims. Several lines of arguments are several runs.
+# {f}: the volume, {bricks}: a directory of its bricks, {x}…{z}: its dims. Several lines of arguments are several runs.
 arguments = {
     "affine": ["0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f}", "0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f} --method bspline3 --memory 64M"],
     "arith": ["add {f} {f}", "mul {f} 2"],
+    "brick": ["{f} --size 64 --ghost 2", "{f} --size 64 --ghost 1 --boundary mirror", "{f} --size 5000"],
     "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
     "delete": ["{f} --roi 0:64,:,:"],
-    "diff": ["{f} {f}"],
+    "diff": ["{f} {f}", "{f} {f} --mutual-information", "{f} {f} --ssim"],
     "dump": ["{f} --roi 0:12%,0:60%,0:1"],
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
@@ -56,6 +57,7 @@ arguments = {
     "pad": ["{f} --by 0:3,2:0,1:1", "{f} --by 1 --boundary mirror"],
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y --memory 32M", "median {f}", "median {f} --axis x"],
+    "merge": ["{bricks}"],
     "morphology": ["close {f} --radius 2 --shape box", "erode {f} --radius 2"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
@@ -69,7 +71,7 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe", "shm list", "shm remove"}  # pipe: its stages are the commands above
@@ -111,6 +113,7 @@ for shape, (x, y, z) in shapes.items():
         for place in range(1, 100):  # not all zeros, yet sparse
             voxels_file.seek(place * (x * y * z // 100) * 4)
             voxels_file.write(struct.pack("<f", place))
+    subprocess.run(["vkt", "brick", file, "--size", "96,96,64", "-o", "bricks", "--force"], check=True)
     for name in commands:
         if name in no_volumes:
             continue
@@ -120,7 +123,7 @@ for shape, (x, y, z) in shapes.items():
                 runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
             for given, source in runs:
                 first = words.replace("{f}", given, 1)  # the other input of two is a file
-                line = [*name.split(), *first.format(f=file, x=x, y=y, z=z).split()]
+                line = [*name.split(), *first.format(f=file, bricks="bricks", x=x, y=y, z=z).split()]
                 own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
                 if "--memory" not in line:
                     line += ["--memory", f"{budget}M"]

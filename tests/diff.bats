@@ -150,3 +150,100 @@ END
     grep -a '^Offset = -1 -2 3$' short.mha
     vkt diff --geometry short.nrrd short.mha
 }
+
+# Structural similarity and mutual information by SciPy and NumPy, as scikit-image defines them.
+similarity_volumes() {
+    python_with numpy scipy
+    cat >similar.py <<'END'
+import json, subprocess, sys
+import numpy as np
+from scipy.ndimage import gaussian_filter
+def save(v, name):
+    z, y, x = v.shape
+    v.tofile(f"{name}_{x}x{y}x{z}_{v.dtype}.raw")
+    return f"{name}_{x}x{y}x{z}_{v.dtype}.raw"
+def diff(*words, code=(0, 1)):
+    r = subprocess.run(["vkt", "diff", *words, "--json"], capture_output=True, text=True)
+    assert r.returncode in code, r.stderr
+    return json.loads(r.stdout)
+def ssim(a, b, L):
+    a, b = a.astype(np.longdouble), b.astype(np.longdouble)
+    m = a.flat[0]  # covariances need no offset
+    sigma = [1.5 if n > 1 else 0 for n in a.shape]
+    f = lambda v: gaussian_filter(v.astype(float), sigma, truncate=3.5, mode="reflect")
+    ux, uy, xx, yy, xy = f(a - m), f(b - m), f((a - m) ** 2), f((b - m) ** 2), f((a - m) * (b - m))
+    vx, vy, vxy = xx - ux * ux, yy - uy * uy, xy - ux * uy
+    ux, uy = ux + float(m), uy + float(m)
+    C1, C2 = (.01 * L) ** 2, (.03 * L) ** 2
+    s = ((2 * ux * uy + C1) * (2 * vxy + C2)) / ((ux ** 2 + uy ** 2 + C1) * (vx + vy + C2))
+    return s[tuple(slice(5, -5) if n > 10 else slice(None) for n in s.shape)].mean()
+def information(a, b, bins):
+    h, _, _ = np.histogram2d(a.ravel().astype(float), b.ravel().astype(float), bins)
+    e = lambda p: -(p[p > 0] / p.sum() * np.log(p[p > 0] / p.sum())).sum()
+    x, y, xy = e(h.sum(1)), e(h.sum(0)), e(h)
+    return x + y - xy, (x + y) / xy
+END
+}
+
+@test "SSIM and mutual information are those of SciPy and NumPy" {
+    similarity_volumes
+    /usr/bin/python3 - <<'END'
+from similar import *
+r = np.random.default_rng(5)
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    for dims in (23, 29, 31), (70, 13, 71), (11, 11, 11), (1, 40, 30), (7, 19, 1), (1, 1, 1):
+        if t not in ("uint8", "float32") and dims != (23, 29, 31): continue
+        a = gaussian_filter(r.normal(50, 30, dims), 1)
+        a = (a + (1e6 if t == "float64" else 0)).astype(t)
+        b = (a.astype(float) + r.normal(0, 3, dims)).astype(t)
+        x, y = save(a, "a"), save(b, "b")
+        L = float(a.max()) - float(a.min())
+        d = diff(x, y, "--ssim", "--mutual-information")
+        if L > 0:
+            assert d["ssim_range"] == L and abs(d["ssim"] - ssim(a, b, L)) < 2e-9, (t, dims, d["ssim"], ssim(a, b, L))
+            mi, nmi = information(a, b, 64)
+            assert abs(d["mutual_information"] - mi) < 1e-12 and abs(d["normalized_mutual_information"] - nmi) < 1e-12, (t, dims)
+        d = diff(x, y, "--ssim", "--ssim-range", "255", "--mutual-information", "--bins", "7")
+        assert abs(d["ssim"] - ssim(a, b, 255)) < 2e-9 and abs(d["mutual_information"] - information(a, b, 7)[0]) < 1e-12
+END
+}
+
+@test "SSIM and mutual information are the same for any threads, memory and transport, and 1 and 2 for equal volumes" {
+    similarity_volumes
+    /usr/bin/python3 - <<'END'
+from similar import *
+r = np.random.default_rng(6)
+a = gaussian_filter(r.normal(0, 1, (45, 67, 130)), 1).astype("f4"); b = (a + .1 * r.normal(0, 1, a.shape)).astype("f4")
+x, y = save(a, "a"), save(b, "b")
+more = ["--ssim", "--mutual-information"]
+want = diff(x, y, *more)
+for options in ["--threads", "1"], ["--threads", "5"], ["--threads", "1", "--memory", "1M"]:
+    assert diff(x, y, *more, *options) == want, options
+for memory in "1M", "1G":
+    for transport in "pipe", "shm":
+        piped = subprocess.run(f"vkt read {y} --transport {transport} | vkt diff {x} - --ssim --mutual-information --json --memory {memory} -q",
+                               shell=True, capture_output=True, text=True)
+        assert json.loads(piped.stdout) == want, piped.stderr
+same = diff(x, x, *more, code=[0])
+assert same["ssim"] == 1 and abs(same["normalized_mutual_information"] - 2) < 1e-12
+c = save(np.full_like(a, 3), "c")
+assert diff(c, c, *more)["ssim"] == 1 and diff(c, x, *more)["mutual_information"] == 0
+a[3, 4, 5] = np.nan
+n = save(a, "n")
+d = diff(n, y, *more)
+assert d["ssim"] is None and d["mutual_information"] > 0
+# Physical values.
+subprocess.run(["vkt", "set", x, "--slope", "-3", "--intercept", "7", "-o", "s.nrrd"], check=True)
+subprocess.run(["vkt", "set", y, "--slope", "-3", "--intercept", "7", "-o", "t.nrrd"], check=True)
+a = gaussian_filter(np.random.default_rng(6).normal(0, 1, (45, 67, 130)), 1).astype("f4").astype(float) * -3 + 7
+b = b.astype(float) * -3 + 7
+assert abs(diff("s.nrrd", "t.nrrd", "--ssim")["ssim"] - ssim(a, b, a.max() - a.min())) < 1e-9
+END
+    fails_with 2 "is for --ssim" vkt diff a.vkt a.vkt --ssim-range 3
+    fails_with 2 "is not a positive number" vkt diff a.vkt a.vkt --ssim --ssim-range 0
+    fails_with 2 "is not between 2 and 1024" vkt diff a.vkt a.vkt --mutual-information --bins 1
+    fails_with 2 "is for --mutual-information" vkt diff a.vkt a.vkt --bins 10
+    vkt make ramp --dims 4 4 4 -o small.vkt
+    run -1 vkt diff a.vkt small.vkt --ssim --json
+    [[ "$output" == *'"ssim": null'* ]]
+}

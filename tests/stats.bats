@@ -149,7 +149,7 @@ for p in (0, 1, 37.5, 50, 100):
     want = np.percentile(v.astype(np.longdouble), p)
     assert abs(np.longdouble(str(s['p%g' % p])) - want) <= 1e-15 * abs(want), ('$dtype', p, s['p%g' % p], want)
 assert s['p0'] == s['min'] and s['p100'] == s['max']"
-        vkt stats p.vkt --json | diff - <(grep -v '"p[0-9.]*":' p.json | sed 's/\("stddev": .*\),$/\1/')
+        vkt stats p.vkt --json | diff - <(grep -v '"p[0-9.]*":' p.json | sed 's/\("product_sign": .*\),$/\1/')
     done
     # Many voxels of 32 bits take several passes, of a pipe too.
     vkt make noise --dims 170 160 130 --seed 2 -o q.nrrd
@@ -173,4 +173,171 @@ for p in (25, 75): assert abs(s["p%d" % p] - np.percentile(v, p)) < 1e-15 * 2'
     check 's = json.load(open("t.json")); assert s["p0"] == s["min"] and s["p100"] == s["max"]'
     fails_with 2 "not between 0 and 100" vkt stats m.nrrd --percentiles 1,101
     fails_with 2 "not a number" vkt stats m.nrrd --percentiles 1,,2
+}
+
+@test "the product, its logarithm and its sign are those of exact rationals" {
+    check '
+r = np.random.default_rng(3)
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64".split():
+    i = np.iinfo(t); v = r.integers(i.min, i.max, (5, 17, 23), dtype=t, endpoint=True); v[v == 0] = 3; v.tofile(f"p_23x17x5_{t}.raw")
+for t in "float16", "float32", "float64":
+    v = (r.normal(0, 1, (5, 17, 23)) * 10.0 ** r.uniform(-4, 4, (5, 17, 23))).astype(t); v[v == 0] = 1
+    if t == "float64": v *= 10.0 ** r.uniform(-200, 200, v.shape); v[0, 0, 0] = 5e-324
+    if t == "float32": v[0, 0, 0] = 1e-45
+    v.tofile(f"p_23x17x5_{t}.raw")'
+    for dtype in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt stats p_23x17x5_$dtype.raw --json >p.$dtype
+        vkt set p_23x17x5_$dtype.raw --slope -0.5 --intercept 0.25 -o m.vkt --force
+        vkt stats m.vkt --json >m.$dtype
+        for options in '--memory 1k --threads 1' '--threads 5'; do
+            vkt stats p_23x17x5_$dtype.raw --json $options | cmp - p.$dtype
+        done
+    done
+    check '
+from fractions import Fraction
+import math
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    v = [Fraction(int(x)) if t[0] in "ui" else Fraction(float(x)) for x in np.fromfile(f"p_23x17x5_{t}.raw", t)]
+    for name, w in ("p", v), ("m", [Fraction(1, 4) - x / 2 for x in v]):
+        if name == "m" and t in ("int64", "uint64", "float64"): w = [Fraction(float(x)) for x in w] # as float64 has them
+        s = json.load(open(f"{name}.{t}")); p = math.prod(w)
+        log = math.log(abs(p.numerator)) - math.log(p.denominator) if p else -math.inf
+        assert s["product_sign"] == (p > 0) - (p < 0), (t, name)
+        if p: assert abs(s["product_log"] - log) <= 1e-12 * abs(log) + 1e-11, (t, name, s["product_log"], log)
+        else: assert s["product_log"] is None and s["product"] == 0
+        if abs(log) < 700: assert abs(s["product"] / float(p) - 1) < 1e-12'
+    # What double holds is the number itself; zeros, NaN and infinities.
+    check 'np.array([3, -5, 7, np.nan], "f4").tofile("a_4x1x1_float32.raw"); np.array([3, 0, np.inf, 1], "f4").tofile("b_4x1x1_float32.raw")
+np.array([-3, 2, np.inf, 1], "f4").tofile("c_4x1x1_float32.raw"); np.array([2, 0, -4, 1], "i2").tofile("d_4x1x1_int16.raw")'
+    for i in a_4x1x1_float32 b_4x1x1_float32 c_4x1x1_float32 d_4x1x1_int16; do vkt stats $i.raw --json >${i%%_*}.json; done
+    check 'a, b, c, d = (json.load(open(n + ".json")) for n in "abcd")
+assert (a["product"], a["product_sign"]) == (-105, -1) and abs(a["product_log"] - np.log(105)) < 1e-14
+assert b["product"] is None and b["product_sign"] is None and c["product"] is None and c["product_sign"] == -1
+assert (d["product"], d["product_sign"], d["product_log"]) == (0, 0, None)'
+}
+
+grouped_volumes() {
+    python_with numpy scipy
+    check '
+r = np.random.default_rng(4)
+labels = np.repeat(np.repeat(np.repeat(r.integers(0, 9, (4, 6, 8)), 5, 0), 4, 1), 4, 2)[:19, :23, :31].copy()
+mask = (r.random(labels.shape) < .3)
+labels.astype("u2").tofile("labels_31x23x19_uint16.raw"); mask.astype("f4").tofile("mask_31x23x19_float32.raw")
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    if t[0] == "f": v = r.normal(100, 3, labels.shape).astype(t)
+    else: v = r.integers(1, min(np.iinfo(t).max, 2**62), labels.shape).astype(t)
+    v.tofile(f"v_31x23x19_{t}.raw")'
+}
+
+@test "masks, labels and slices agree with SciPy and NumPy, for any cut" {
+    grouped_volumes
+    for dtype in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        v=v_31x23x19_$dtype.raw
+        vkt stats $v --labels labels_31x23x19_uint16.raw --json >labels.$dtype
+        vkt stats $v --labels labels_31x23x19_uint16.raw --json --memory 1k --threads 1 | cmp - labels.$dtype
+        vkt read $v | vkt stats --labels labels_31x23x19_uint16.raw --json --threads 5 | cmp - labels.$dtype
+        vkt stats $v --mask mask_31x23x19_float32.raw --json >mask.$dtype
+        vkt stats $v --mask mask_31x23x19_float32.raw --labels labels_31x23x19_uint16.raw --json >both.$dtype
+        for axis in x y z; do vkt stats $v --per $axis --json >$axis.$dtype; done
+        vkt stats $v --per y --roi 3:20,4:9,2:15 --json >roi.$dtype
+    done
+    check '
+from scipy import ndimage
+l = np.fromfile("labels_31x23x19_uint16.raw", "u2").reshape(19, 23, 31); m = np.fromfile("mask_31x23x19_float32.raw", "f4").reshape(l.shape) != 0
+def same(row, v, where, t):
+    picked = v[where]; w = picked.astype(np.longdouble)
+    assert row["count"] == picked.size and row["min"] == picked.min().item() and row["max"] == picked.max().item(), (t, row)
+    at = np.argwhere(where & (v == picked.min()))[0][::-1].tolist(); assert row["argmin"] == at, (t, row, at)
+    at = np.argwhere(where & (v == picked.max()))[0][::-1].tolist(); assert row["argmax"] == at, (t, row, at)
+    if t[0] != "f": assert row["sum"] == sum(int(x) for x in picked)
+    else: assert abs(row["sum"] - w.sum()) <= 1e-14 * abs(w).sum()
+    assert abs(row["mean"] - w.mean()) <= 1e-14 * abs(w).max() and abs(row["variance"] - w.var()) <= 1e-11 * w.var()
+    assert abs(row["stddev"] - w.std()) <= 1e-11 * w.std()
+    log = np.log(abs(w)).sum(); assert abs(row["product_log"] - log) <= 1e-12 * abs(log) + 1e-12, (t, row["product_log"], log)
+    assert row["product_sign"] == np.prod(np.sign(w))
+for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    v = np.fromfile(f"v_31x23x19_{t}.raw", t).reshape(l.shape)
+    rows = json.load(open("labels." + t))["labels"]
+    assert [r["label"] for r in rows] == np.unique(l).tolist()
+    for r in rows: same(r, v, l == r["label"], t)
+    if t in ("float32", "float64", "uint8"):
+        means = ndimage.mean(v.astype("f8"), l, np.unique(l)); assert np.allclose([r["mean"] for r in rows], means, rtol=1e-13)
+        assert np.allclose([r["stddev"] for r in rows], ndimage.standard_deviation(v.astype("f8"), l, np.unique(l)), rtol=1e-9)
+    same(json.load(open("mask." + t)), v, m, t)
+    for r in json.load(open("both." + t))["labels"]: same(r, v, m & (l == r["label"]), t)
+    for axis, n in ("x", 31), ("y", 23), ("z", 19):
+        rows = json.load(open(f"{axis}.{t}"))["slices"]; assert [r[axis] for r in rows] == list(range(n))
+        for r in rows: same(r, v, np.indices(v.shape)["zyx".index(axis)] == r[axis], t)
+    z, y, x = np.indices(v.shape); inside = (x >= 3) & (x < 20) & (y >= 4) & (y < 9) & (z >= 2) & (z < 15)
+    rows = json.load(open("roi." + t))["slices"]; assert [r["y"] for r in rows] == list(range(4, 9))
+    for r in rows: same(r, v, inside & (y == r["y"]), t)'
+}
+
+@test "partial statistics add up to those of the whole" {
+    grouped_volumes
+    for dtype in uint8 int16 uint32 int64 float16 float32 float64; do
+        v=v_31x23x19_$dtype.raw
+        for options in '' '--labels labels_31x23x19_uint16.raw' '--mask mask_31x23x19_float32.raw' '--per x'; do
+            vkt stats $v $options --json >whole
+            n=0
+            for z in 0:3 3:4 4:19; do
+                vkt stats $v $options --roi :,:,$z --mergeable >part$n
+                n=$((n + 1))
+            done
+            vkt stats --merge part0 part1 part2 --json >sum
+            # Merging in two steps changes nothing.
+            vkt stats --merge part0 part1 --mergeable >first
+            vkt stats --merge first part2 --json | cmp - sum
+            check "
+def flat(o): return [x for r in (o.get('labels') or o.get('slices') or [o]) for x in r.items()]
+a, b = flat(json.load(open('whole'))), flat(json.load(open('sum')))
+assert len(a) == len(b) > 10
+for (k, x), (l, y) in zip(a, b):
+    exact = k not in ('mean', 'variance', 'stddev', 'product', 'product_log') and not ('$dtype'[0] == 'f' and k == 'sum')
+    assert k == l and (x == y if exact or x is None or isinstance(x, list) else abs(x - y) <= 1e-12 * abs(x)), (k, x, y, '$dtype', '$options')
+    if '$dtype' in ('uint8', 'int16', 'uint32') and k in ('mean', 'variance', 'stddev'): assert x == y"
+        done
+    done
+    fails_with 3 "of different volumes: float64 and uint8" vkt stats --merge part0 <(vkt stats v_31x23x19_uint8.raw --per x --mergeable)
+    fails_with 3 "of different things" vkt stats --merge part0 <(vkt stats v_31x23x19_float64.raw --mergeable)
+    fails_with 3 "is no partial statistics" vkt stats --merge sum
+    fails_with 3 "is no partial statistics" vkt stats --merge v_31x23x19_uint8.raw
+    fails_with 2 "cannot be joined" vkt stats v_31x23x19_uint8.raw --percentiles 5 --mergeable
+}
+
+@test "several files have names, tables and CSV have columns, and what does not go together is refused" {
+    grouped_volumes
+    cp v_31x23x19_uint8.raw 'a,b_31x23x19_uint8.raw'
+    vkt stats v_31x23x19_uint8.raw v_31x23x19_float32.raw 'a,b_31x23x19_uint8.raw' --json >several
+    vkt stats v_31x23x19_uint8.raw v_31x23x19_float32.raw 'a,b_31x23x19_uint8.raw' --csv >several.csv
+    vkt stats v_31x23x19_uint8.raw v_31x23x19_float32.raw >text
+    [ "$(grep -c '^name ' text)" -eq 2 ]
+    vkt stats v_31x23x19_float32.raw --json >one
+    vkt stats v_31x23x19_float32.raw --labels labels_31x23x19_uint16.raw >table
+    vkt stats v_31x23x19_float32.raw --labels labels_31x23x19_uint16.raw --csv >labels.csv
+    vkt stats v_31x23x19_float32.raw --labels labels_31x23x19_uint16.raw --json >labels.json
+    check '
+import csv
+s, one = json.load(open("several")), json.load(open("one"))
+assert [r.pop("name") for r in s] == ["v_31x23x19_uint8.raw", "v_31x23x19_float32.raw", "a,b_31x23x19_uint8.raw"] and s[1] == one and s[0] == s[2]
+rows = list(csv.DictReader(open("several.csv")))
+assert [r["name"] for r in rows] == ["v_31x23x19_uint8.raw", "v_31x23x19_float32.raw", "a,b_31x23x19_uint8.raw"]
+assert float(rows[1]["mean"]) == one["mean"] and int(rows[1]["argmin_y"]) == one["argmin"][1]
+rows, want = list(csv.DictReader(open("labels.csv"))), json.load(open("labels.json"))["labels"]
+assert [(int(r["label"]), float(r["mean"]), int(r["count"])) for r in rows] == [(r["label"], r["mean"], r["count"]) for r in want]
+lines = open("table").read().splitlines()
+assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
+    fails_with 2 "--mask has 4 1 1 voxels" vkt stats v_31x23x19_uint8.raw --mask <(vkt make ramp --dims 4 1 1)
+    fails_with 2 "labels are integers, these are float32" vkt stats v_31x23x19_uint8.raw --labels mask_31x23x19_float32.raw
+    fails_with 2 "give one" vkt stats v_31x23x19_uint8.raw --labels labels_31x23x19_uint16.raw --per z
+    fails_with 2 "not one of x, y, z" vkt stats v_31x23x19_uint8.raw --per w
+    fails_with 2 "cannot be joined" vkt stats v_31x23x19_uint8.raw --percentiles 5 --per z
+    fails_with 2 "go with one input" vkt stats v_31x23x19_uint8.raw v_31x23x19_uint8.raw --mask mask_31x23x19_float32.raw
+    fails_with 2 "hierarchical" bash -c 'vkt make amr --blocks 20 --levels 2 | vkt stats --per z'
+    fails_with 5 "labels are more than --memory" vkt stats v_31x23x19_float64.raw --labels v_31x23x19_uint32.raw --memory 1M
+    # A mask of nothing.
+    vkt make constant --dims 31 23 19 --value 0 -o zero.vkt
+    vkt stats v_31x23x19_uint8.raw --mask zero.vkt --json >empty
+    check 's = json.load(open("empty")); assert s["count"] == 0 and s["mean"] is None and s["product"] is None'
+    vkt stats v_31x23x19_uint8.raw --mask zero.vkt --labels labels_31x23x19_uint16.raw --json | tr -d ' \n' | grep -q '"labels":\[\]'
 }

@@ -38,23 +38,6 @@ private:
     std::size_t next_ = 0;
 };
 
-/// One volume that was spooled.
-class SpoolSource : public Source {
-public:
-    SpoolSource(Spool& spool, Header const& header) : spool_(spool), header_(header) {}
-
-    bool next_volume() override { return false; }
-    Header const& header() const override { return header_; }
-    Access access() const override { return Access::random; }
-    void read(AnyView out) override { spool_.read(out); }
-    std::optional<ConstView> borrow(Box const& region) override { return spool_.borrow(region); }
-    void finish() override {}
-
-private:
-    Spool& spool_;
-    Header header_;
-};
-
 /// All passes that a reduction wants.
 void scan_passes(Source& source, Operation& reduction, Execution const& execution, StageTimes* times) {
     do scan_volume(source, reduction, execution, times);
@@ -130,10 +113,8 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
     }
     Execution const beside = beside_neighbours(execution, plan, info);
     if (plan.scans && source.access() == Access::forward) {
-        Spool spool(source.header(), spool_limit(1, execution), execution, info);
-        spool.fill(source, execution);
-        SpoolSource again(spool, headers.front());
-        scan_passes(again, reduction, beside, info.times.get());
+        auto const again = spooled(source, 1, execution, info);
+        scan_passes(*again, reduction, beside, info.times.get());
     } else {
         scan_passes(source, reduction, beside, info.times.get());
         source.finish();

@@ -12,12 +12,30 @@
 #include <cstring>
 #include <fcntl.h>
 #include <unistd.h>
+#include <utility>
 
 namespace vkt {
 
 namespace {
 
 constexpr char hint_of_full_disk[] = "set TMPDIR to a larger file system, or raise --memory";
+
+/// One volume that was spooled.
+class SpoolSource : public Source {
+public:
+    SpoolSource(std::unique_ptr<Spool> spool, Header const& header) : spool_(std::move(spool)), header_(header) {}
+
+    bool next_volume() override { return false; }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    void read(AnyView out) override { spool_->read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return spool_->borrow(region); }
+    void finish() override {}
+
+private:
+    std::unique_ptr<Spool> spool_;
+    Header header_;
+};
 
 } // namespace
 
@@ -142,6 +160,13 @@ void Spool::fetch(std::byte* to, std::size_t left, std::int64_t offset) {
         left -= static_cast<std::size_t>(got);
         offset += got;
     }
+}
+
+std::unique_ptr<Source> spooled(Source& source, std::size_t inputs, Execution const& execution, StageInfo const& info) {
+    Header const header = source.header();
+    auto spool = std::make_unique<Spool>(header, spool_limit(inputs, execution), execution, info);
+    spool->fill(source, execution);
+    return std::make_unique<SpoolSource>(std::move(spool), header);
 }
 
 } // namespace vkt

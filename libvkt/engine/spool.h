@@ -42,4 +42,8 @@ private:
     std::string directory_;
 };
 
+/// The current volume of a source, which is finished thereby, as one that can be read in any order; finishing that does
+/// nothing. It takes up to a share of the memory for one of so many inputs, and a file beyond.
+std::unique_ptr<Source> spooled(Source& source, std::size_t inputs, Execution const& execution, StageInfo const& info);
+
 } // namespace vkt

@@ -7,6 +7,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -22,6 +23,7 @@
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -60,10 +62,41 @@ bool is_temporary_name(std::string_view name, std::size_t prefix) {
 /// True if the file is one of ours whose owner is gone.
 bool left_over(int descriptor) {
     struct stat status {};
-    if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) return false;
-    // An empty file may have been made this moment, before its owner could mark it.
-    if (status.st_size == 0 && status.st_ctime + 60 > std::time(nullptr)) return false;
+    bool const directory = ::fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
+    if ((!directory && !S_ISREG(status.st_mode)) || status.st_uid != ::geteuid()) return false;
+    // An empty file, or a directory, may have been made this moment, before its owner could mark it.
+    if ((directory || status.st_size == 0) && status.st_ctime + 60 > std::time(nullptr)) return false;
     return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
+}
+
+/// What a directory entry begins with, as the kernel writes it.
+struct KernelEntry {
+    std::uint64_t inode;
+    std::int64_t offset;
+    std::uint16_t bytes;
+    std::uint8_t type;
+    char name[1];
+};
+
+/// Removes a file, or a directory with the files in it. Async-signal-safe.
+void remove_temporary(char const* path) noexcept {
+    if (::unlink(path) == 0 || (errno != EISDIR && errno != EPERM)) return;
+    int const folder = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (folder < 0) return;
+    alignas(KernelEntry) char entries[4096];
+    for (bool any = true; any;) { // from the start again, since what is removed may shift what follows
+        any = false;
+        ::lseek(folder, 0, SEEK_SET);
+        for (long n = 0; (n = ::syscall(SYS_getdents64, folder, entries, sizeof entries)) > 0;)
+            for (long at = 0; at < n;) {
+                auto const* const entry = reinterpret_cast<KernelEntry const*>(entries + at);
+                char const* const name = entries + at + offsetof(KernelEntry, name);
+                any = ::unlinkat(folder, name, 0) == 0 || any;
+                at += entry->bytes;
+            }
+    }
+    ::close(folder);
+    ::rmdir(path);
 }
 
 /// False if nobody is there to hear it.
@@ -118,8 +151,10 @@ void forget_temporary(int slot) {
 
 void remove_temporaries() noexcept {
     for (auto& slot : temporaries)
-        if (char const* const path = slot.load()) ::unlink(path);
+        if (char const* const path = slot.load()) remove_temporary(path);
 }
+
+void remove_directory(std::string const& path) noexcept { remove_temporary(path.c_str()); }
 
 Guard::Guard(std::string const& path) {
     int ends[2];
@@ -129,7 +164,7 @@ Guard::Guard(std::string const& path) {
         ::setsid();
         ::dup2(ends[1], 0);
         ::close_range(1, ~0U, 0);
-        if (!say_word(0) || !hear_word(0)) ::unlink(path.c_str());
+        if (!say_word(0) || !hear_word(0)) remove_temporary(path.c_str());
         ::_exit(0);
     }
     ::close(ends[1]);
@@ -158,7 +193,7 @@ void remove_leftovers(std::string const& path) {
         int const descriptor =
             ::openat(::dirfd(folder.get()), entry->d_name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
         if (descriptor < 0) continue;
-        if (left_over(descriptor)) ::unlinkat(::dirfd(folder.get()), entry->d_name, 0);
+        if (left_over(descriptor)) remove_temporary(text(directory, "/", entry->d_name).c_str());
         ::close(descriptor);
     }
 }

@@ -105,6 +105,41 @@ void Moments::append(Moments const& next, bool exact) {
     finite += next.finite;
 }
 
+void Product::multiply(Product const& next) {
+    mantissa *= next.mantissa;
+    exponent += next.exponent;
+    int by = 0;
+    mantissa = 2 * std::frexp(mantissa, &by);
+    exponent = mantissa == 0 ? 0 : exponent + by - 1;
+}
+
+double Product::value() const {
+    constexpr std::int64_t beyond = 4096;
+    return static_cast<double>(std::ldexp(mantissa, static_cast<int>(std::clamp(exponent, -beyond, beyond))));
+}
+
+double Product::logarithm() const {
+    return static_cast<double>(std::log(std::abs(mantissa)) +
+                               static_cast<long double>(exponent) * 0.693147180559945309417232121458176568L);
+}
+
+void PartialStatistics::append(PartialStatistics const& next, DataType type) {
+    bool const integer = is_integer(type);
+    Moments more = next.moments;
+    if (!origin.known)
+        origin = next.origin;
+    else if (next.origin.known)
+        more.mean += integer ? static_cast<long double>(next.origin.integer - origin.integer)
+                             : static_cast<long double>(next.origin.value) - origin.value;
+    moments.append(more, integer && size_of(type) <= 4);
+    auto const less = [&](Extreme const& a, Extreme const& b) {
+        return integer ? a.integer < b.integer : a.value < b.value;
+    };
+    if (next.min.valid && (!min.valid || less(next.min, min))) min = next.min;
+    if (next.max.valid && (!max.valid || less(max, next.max))) max = next.max;
+    product.multiply(next.product);
+}
+
 PercentList ValueText<PercentList>::read(std::vector<std::string> const& w, std::string_view name) {
     PercentList list;
     std::string_view rest = w.front();
@@ -144,6 +179,7 @@ Plan Statistics::plan(std::span<Header const> inputs) {
     level_ = nullptr;
     total_ = {};
     min_ = max_ = {};
+    product_ = {};
     origin_ = {};
     result_ = {};
     first_pass_ = true;
@@ -199,7 +235,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     std::int64_t const bands = bands_in_slice(n);
     bands_.resize(static_cast<std::size_t>(bands * n.z));
     if (!origin_.known) origin_ = first_finite(part);
-    band_statistics(part, origin_, bands_.data(), execution);
+    band_statistics(part, origin_, product_map(), bands_.data(), execution);
     // Bands to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
     bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     slices_.assign(static_cast<std::size_t>(n.z), {});
@@ -212,6 +248,8 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
         slice_ = slices_.front();
     else
         for (Moments const& slice : slices_) append(slice, exact);
+    if (product_map() != nullptr)
+        for (BandStatistics const& band : bands_) product_.multiply(band.product);
     merge_extremes(part);
 }
 
@@ -223,8 +261,9 @@ void Statistics::scan_foreground(ConstView part, Execution const& execution) {
     if (!first_pass_) return;
     bands_.resize(1); // one row
     if (!origin_.known) origin_ = first_finite(cells);
-    band_statistics(cells, origin_, bands_.data(), execution);
+    band_statistics(cells, origin_, product_map(), bands_.data(), execution);
     append(bands_.front().moments, is_integer(input_.dtype) && size_of(input_.dtype) <= 4);
+    if (product_map() != nullptr) product_.multiply(bands_.front().product);
     merge_extremes(part, bands_.front().range);
 }
 
@@ -301,30 +340,27 @@ void Statistics::set_percentiles() {
     }
 }
 
-void Statistics::summarise() {
-    StatisticsResult& r = result_;
-    Moments const& m = total_;
+StatisticsResult result_of(PartialStatistics const& all, DataType type, ValueMap const& map) {
+    StatisticsResult r;
+    Moments const& m = all.moments;
     double const undefined = std::numeric_limits<double>::quiet_NaN();
-    bool const integer = is_integer(input_.dtype);
-    ValueMap const map = input_.values;
+    bool const integer = is_integer(type);
     std::int64_t const infinite = m.positive_infinity + m.negative_infinity;
-    r.hierarchical = input_.kind == Kind::hierarchical;
     r.nan = m.nan;
     r.inf = infinite;
     r.count = m.finite + m.nan + infinite;
     r.valid = m.finite + infinite > 0;
     if (!r.valid) {
         r.min = r.max = r.sum = r.mean = r.variance = r.stddev = undefined;
-        if (r.hierarchical) r.weighted_sum = r.weighted_mean = r.weighted_variance = undefined;
+        r.product = r.product_log = r.product_sign = undefined;
         r.min_text = r.max_text = r.sum_text = "nan";
-        return;
+        return r;
     }
     long double sum = 0, mean = 0, variance = 0;
     if (integer) {
         sum = static_cast<long double>(m.integer_sum);
         mean = quotient(m.integer_sum, m.finite);
-        variance = size_of(input_.dtype) <= 4 ? exact_variance(m)
-                                              : m.squared_deviations() / static_cast<long double>(m.finite);
+        variance = size_of(type) <= 4 ? exact_variance(m) : m.squared_deviations() / static_cast<long double>(m.finite);
     } else if (infinite > 0) {
         double const infinity = std::numeric_limits<double>::infinity();
         sum = mean = m.negative_infinity == 0 ? infinity : m.positive_infinity == 0 ? -infinity : undefined;
@@ -334,7 +370,7 @@ void Statistics::summarise() {
         mean = sum / static_cast<long double>(m.finite);
         variance = m.squared_deviations() / static_cast<long double>(m.finite);
     }
-    Extreme const low = map.slope < 0 ? max_ : min_, high = map.slope < 0 ? min_ : max_;
+    Extreme const low = map.slope < 0 ? all.max : all.min, high = map.slope < 0 ? all.min : all.max;
     r.argmin = low.where;
     r.argmax = high.where;
     long double const slope = map.slope, intercept = map.intercept;
@@ -349,11 +385,30 @@ void Statistics::summarise() {
     r.mean = static_cast<double>(slope * mean + intercept);
     r.variance = static_cast<double>(slope * slope * variance);
     r.stddev = static_cast<double>(std::abs(slope) * std::sqrt(variance));
-    weigh(r);
+    r.product = all.product.value();
+    r.product_log = all.product.logarithm();
+    r.product_sign = all.product.sign();
+    if (infinite > 0) {
+        bool const negative = (map.slope < 0 ? m.positive_infinity : m.negative_infinity) % 2 != 0;
+        double const sign = r.product_sign * (negative ? -1 : 1), infinity = std::numeric_limits<double>::infinity();
+        r.product_sign = sign == 0 ? undefined : sign;
+        r.product = sign == 0 ? undefined : sign * infinity;
+        r.product_log = sign == 0 ? undefined : infinity;
+    }
     bool const exact = integer && map == ValueMap{};
     r.min_text = exact ? to_text(low.integer) : to_text(r.min);
     r.max_text = exact ? to_text(high.integer) : to_text(r.max);
     r.sum_text = exact ? to_text(m.integer_sum) : to_text(r.sum);
+    return r;
+}
+
+void Statistics::summarise() {
+    result_ = result_of(partial(), input_.dtype, input_.values);
+    result_.hierarchical = input_.kind == Kind::hierarchical;
+    if (!result_.valid && result_.hierarchical)
+        result_.weighted_sum = result_.weighted_mean = result_.weighted_variance = result_.sum;
+    else
+        weigh(result_);
 }
 
 /// Mean and variance over volume: every level adds its sum and its squared deviations, cell volume times.
@@ -399,6 +454,11 @@ void Statistics::weigh(StatisticsResult& r) const {
 
 Report report(StatisticsResult const& r) {
     Report report;
+    report_into(report, r);
+    return report;
+}
+
+void report_into(Report& report, StatisticsResult const& r) {
     report.add("count", r.count).add("nan", r.nan).add("inf", r.inf);
     report.add_number("min", r.min_text).add_number("max", r.max_text);
     if (r.valid)
@@ -407,13 +467,13 @@ Report report(StatisticsResult const& r) {
         report.add_number("argmin", "nan").add_number("argmax", "nan");
     report.add_number("sum", r.sum_text);
     report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
+    report.add("product", r.product).add("product_log", r.product_log).add("product_sign", r.product_sign);
     for (Percentile const& p : r.percentiles) report.add_number(text("p", p.percent), p.digits);
     if (r.hierarchical)
         report.add("weighted_sum", r.weighted_sum)
             .add("weighted_mean", r.weighted_mean)
             .add("weighted_variance", r.weighted_variance)
             .add("volume", r.volume);
-    return report;
 }
 
 } // namespace vkt

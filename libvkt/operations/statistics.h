@@ -37,6 +37,18 @@ private:
     void append_sum(Moments const& next);
 };
 
+/// A product that neither overflows nor vanishes: mantissa * 2^exponent, the mantissa in [1,2), or 0. Each factor costs
+/// a relative error of 2^-53 at most.
+struct Product {
+    long double mantissa = 1;
+    std::int64_t exponent = 0;
+
+    void multiply(Product const& next);
+    double value() const;     ///< infinite, or 0, where double has no room
+    double logarithm() const; ///< natural, of the magnitude; -inf of 0
+    int sign() const { return mantissa > 0 ? 1 : mantissa < 0 ? -1 : 0; }
+};
+
 /// Smallest and largest value of some rows: as a float, or as an integer (128 bits hold every integer type).
 struct Range {
     bool valid = false;
@@ -56,6 +68,7 @@ struct MeanOrigin {
 struct BandStatistics {
     Moments moments;
     Range range;
+    Product product; ///< of the finite physical values, if asked for
 };
 
 /// Short rows are summed several at a time, so that they cost no more than long ones. How many depends on their length
@@ -72,6 +85,17 @@ struct Extreme {
     double value = 0;
     Int128 integer = 0;
     Index3 where;
+};
+
+/// All that is known of some voxels: the same of more of them follows by append().
+struct PartialStatistics {
+    Moments moments;
+    MeanOrigin origin;
+    Extreme min, max;
+    Product product; ///< of the finite physical values
+
+    /// `type`: of the voxels. What comes first keeps the position of an extreme that both have.
+    void append(PartialStatistics const& next, DataType type);
 };
 
 /// Percents in [0,100], as "1,50,99".
@@ -98,6 +122,9 @@ struct StatisticsResult {
     /// Variance with ddof 0. What double has no room for (the variance of values near 1e200) is infinite.
     double min = 0, max = 0, sum = 0, mean = 0, variance = 0, stddev = 0;
     Index3 argmin, argmax; ///< voxel indices in the whole volume, first in x-fastest order
+    /// Of the values: infinite where double has no room; its sign and the logarithm of its magnitude are known all the
+    /// same. NaN: there is no number, or 0 times infinity.
+    double product = 1, product_log = 0, product_sign = 1;
     /// Hierarchical volumes: the same weighted by the world volume of the cells; weighted_sum is the integral, `volume`
     /// that of the cells that count. Extremes are named by their cell's first finest cell. Structured volumes: 0.
     bool hierarchical = false;
@@ -107,6 +134,10 @@ struct StatisticsResult {
 };
 
 Report report(StatisticsResult const& result);
+/// The same after what the report says already.
+void report_into(Report& report, StatisticsResult const& result);
+/// What follows from the sums over a structured volume of this type.
+StatisticsResult result_of(PartialStatistics const& all, DataType type, ValueMap const& map);
 
 /// Reduction. NaN is skipped and counted. Infinities count as values: mean and sum become infinite, variance NaN.
 /// The result is the same bit for bit for every thread count, slab height and instruction set: rows are summed
@@ -132,6 +163,8 @@ public:
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
     StatisticsResult const& result() const { return result_; }
+    PartialStatistics partial() const { return {total_, origin_, min_, max_, product_}; }
+    bool percentiles() const { return !percents_.values.empty(); }
 
 private:
     /// Sums of the cells of one volume, in finest cells.
@@ -146,6 +179,8 @@ private:
     void merge_extremes(ConstView slab, Range const& range);
     Index3 finest_cell(Index3 cell) const;
     void weigh(StatisticsResult& result) const;
+    /// For band_statistics: of no interest once a factor was 0.
+    ValueMap const* product_map() const { return product_.mantissa == 0 ? nullptr : &input_.values; }
     void summarise();
     void set_percentiles();
 
@@ -163,6 +198,7 @@ private:
     Moments total_;
     MeanOrigin origin_;
     Extreme min_, max_;
+    Product product_;
     std::vector<BandStatistics> bands_; ///< scratch: of a slab
     std::vector<Moments> slices_;       ///< scratch: one per slice of a slab
     Moments slice_;                     ///< of the slice that comes in pieces

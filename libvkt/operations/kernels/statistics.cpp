@@ -19,6 +19,8 @@ constexpr int registers = lanes / doubles;
 constexpr std::int64_t chunk = 2048; // stays in the first cache between the two loops; a multiple of the lanes
 
 typedef double DoubleRegister __attribute__((vector_size(register_bytes)));
+typedef std::int64_t LongRegister __attribute__((vector_size(register_bytes)));
+typedef DoubleRegister UnalignedRegister __attribute__((aligned(8), may_alias));
 template <class T> struct Loads {
     typedef T part
         __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
@@ -300,7 +302,119 @@ template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
 }
 
-template <class T> void bands_of(ConstView slab, MeanOrigin const& origin, BandStatistics* bands, int threads) {
+/// Products of numbers in 16 lanes, as mantissas and exponents. Zeros stay zeros; all else must be finite.
+class LaneProducts {
+public:
+    /// Numbers of magnitudes from 2^-Digits to 2^Digits, a multiple of the lanes of them.
+    template <int Digits> void multiply_moderate(double const* v, std::int64_t n) {
+        constexpr std::int64_t together = 1000 / Digits * lanes;
+        for (std::int64_t i = 0; i < n; i += together) {
+            for (std::int64_t j = i; j < std::min(n, i + together); j += lanes)
+                for (int r = 0; r < registers; ++r)
+                    mantissa_[r] *= *reinterpret_cast<UnalignedRegister const*>(v + j + r * doubles);
+            for (int r = 0; r < registers; ++r) split(mantissa_[r], exponent_[r]);
+        }
+    }
+    /// Any numbers.
+    void multiply(double const* v, std::int64_t n) {
+        for (std::int64_t i = 0; i < n; i += lanes)
+            for (int r = 0; r < registers; ++r) {
+                DoubleRegister factor = *reinterpret_cast<UnalignedRegister const*>(v + i + r * doubles);
+                DoubleRegister const size = factor < 0 ? -factor : factor;
+                LongRegister const small = size < 0x1p-900; // perhaps subnormal
+                factor = small ? factor * 0x1p200 : factor;
+                exponent_[r] += small & -200;
+                split(factor, exponent_[r]);
+                mantissa_[r] *= factor;
+                split(mantissa_[r], exponent_[r]);
+            }
+    }
+    Product product() const {
+        Product all;
+        for (int j = 0; j < lanes; ++j)
+            all.multiply({mantissa_[j / doubles][j % doubles], exponent_[j / doubles][j % doubles]});
+        return all;
+    }
+    bool zero() const {
+        bool any = false;
+        for (int j = 0; j < lanes; ++j) any = any || mantissa_[j / doubles][j % doubles] == 0;
+        return any;
+    }
+
+private:
+    /// Moves the exponent of a normal number, or of what is 0, from the one to the other.
+    static void split(DoubleRegister& number, LongRegister& exponent) {
+        LongRegister const bits = reinterpret_cast<LongRegister>(number);
+        exponent += ((bits >> 52) & 0x7ff) - 1023;
+        LongRegister const one = (bits & ~(std::int64_t{0x7ff} << 52)) | (std::int64_t{1023} << 52);
+        number = number == 0 ? number : reinterpret_cast<DoubleRegister>(one);
+    }
+
+    DoubleRegister mantissa_[registers] = {};
+    LongRegister exponent_[registers] = {};
+
+public:
+    LaneProducts() {
+        for (auto& m : mantissa_) m += 1;
+    }
+};
+
+/// to[i]: products of integers of at most 16 bits, several at a time, as double has them exactly. Returns how many.
+template <class T> std::int64_t multiply_together(T const* p, std::int64_t n, double* to) {
+    using Wide = std::conditional_t<std::is_signed_v<T>, std::int32_t, std::uint32_t>;
+    constexpr std::int64_t factors = 4 / sizeof(T); // whose product fits 32 bits
+    std::int64_t const each = n / factors;
+#pragma omp simd
+    for (std::int64_t i = 0; i < each; ++i) {
+        Wide product = static_cast<Wide>(p[i]);
+        for (std::int64_t k = 1; k < factors; ++k) product *= static_cast<Wide>(p[i + k * each]);
+        to[i] = static_cast<double>(product);
+    }
+    std::int64_t count = each;
+    for (std::int64_t i = each * factors; i < n; ++i) to[count++] = static_cast<double>(p[i]);
+    return count;
+}
+
+/// The product of a band's finite physical values. A zero ends it.
+template <class T> Product product_of(Band<T> const& band, ValueMap const& map) {
+    bool const mapped = !(map == ValueMap{});
+    LaneProducts products;
+    alignas(64) double factors[chunk + lanes];
+    bool zero = false;
+    band.for_each_run([&](T const* p, std::int64_t n) {
+        if (zero) return;
+        if (mapped) {
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) {
+                double const stored = static_cast<double>(p[i]), value = map.slope * stored + map.intercept;
+                // The product may be beyond double where the sum is not.
+                double const physical = value - value == 0 ? value : __builtin_fma(map.slope, stored, map.intercept);
+                factors[i] = physical - physical == 0 ? physical : 1;
+            }
+        } else if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
+            n = multiply_together(p, n, factors);
+        } else {
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) {
+                double const value = static_cast<double>(p[i]);
+                factors[i] = value - value == 0 ? value : 1;
+            }
+        }
+        while (n % lanes != 0) factors[n++] = 1;
+        if (std::is_same_v<T, double> || mapped)
+            products.multiply(factors, n);
+        else if (!std::is_integral_v<T>)
+            products.template multiply_moderate<149>(factors, n);
+        else
+            products.template multiply_moderate<64>(factors, n);
+        zero = products.zero();
+    });
+    return zero ? Product{0, 0} : products.product();
+}
+
+template <class T>
+void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
+              int threads) {
     View<T const> const in = slab.as<T>();
     Index3 const n = slab.dims(), lower = slab.box.lower;
     std::int64_t const rows = rows_in_band(n), per_slice = bands_in_slice(n);
@@ -312,13 +426,15 @@ template <class T> void bands_of(ConstView slab, MeanOrigin const& origin, BandS
             integer_band(band, origin.integer, bands[b]);
         else
             float_band(band, origin.value, bands[b]);
+        bands[b].product = product_map != nullptr ? product_of(band, *product_map) : Product{};
     }
 }
 
 } // namespace
 
-void band_statistics(ConstView slab, MeanOrigin const& origin, BandStatistics* bands, Execution const& execution) {
-    for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, bands, execution.threads); });
+void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
+                     Execution const& execution) {
+    for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, product_map, bands, execution.threads); });
 }
 
 } // namespace VKT_BACKEND
