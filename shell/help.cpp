@@ -92,6 +92,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"histogram", "distribution bins counts frequency"},
         {"info", "metadata header"},
         {"label", "connected components segmentation islands blobs largest"},
+        {"chart", "pareto tradeoff accuracy speed benchmark"},
         {"make", "generate create phantom"},
         {"merge", "join assemble stitch compose bricks"},
         {"pad", "extend enlarge border frame margin"},

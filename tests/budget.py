@@ -4,6 +4,7 @@ large, of three shapes, from a file and from a pipe, and compares the largest re
 
 A command that is new is run as `vkt COMMAND FILE`; where that is not enough, say in `arguments` what is."""
 import os
+import shlex
 import struct
 import subprocess
 import sys
@@ -25,6 +26,7 @@ arguments = {
     "affine": ["0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f}", "0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f} --method bspline3 --memory 64M"],
     "arith": ["add {f} {f}", "mul {f} 2"],
     "brick": ["{f} --size 64 --ghost 2", "{f} --size 64 --ghost 1 --boundary mirror", "{f} --size 5000"],
+    "chart": ["'filter gaussian --sigma 1' {f} --budget 1"],
     "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],
@@ -123,7 +125,7 @@ for shape, (x, y, z) in shapes.items():
                 runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
             for given, source in runs:
                 first = words.replace("{f}", given, 1)  # the other input of two is a file
-                line = [*name.split(), *first.format(f=file, bricks="bricks", x=x, y=y, z=z).split()]
+                line = [*name.split(), *shlex.split(first.format(f=file, bricks="bricks", x=x, y=y, z=z))]
                 own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
                 if "--memory" not in line:
                     line += ["--memory", f"{budget}M"]

@@ -100,6 +100,10 @@ void AffineTransform::sampling_parameters(Parameters& p) {
     p.option("background", background_, "VALUE", "value where the result lies outside the moved volume (0)");
 }
 
+std::vector<Knob> AffineTransform::knobs() const {
+    return {{"method", {"nearest", "linear", "cubic", "lanczos3", "bspline3", "bspline5"}, "bspline5", false}};
+}
+
 void AffineTransform::check() const {
     if (boundary_ && background_)
         throw Error(ErrorKind::usage, "--boundary continues the volume everywhere: --background does not apply");

@@ -5,6 +5,7 @@
 #include "libvkt/core/affine.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_onto.h"
@@ -28,10 +29,11 @@ template <> struct EnumNames<SamplingMethod> {
 /// Resamples a volume whose content is moved: onto its own grid, one that holds all of it, or another volume's; or
 /// inside a region, which is then treated as a volume of its own. The type stays, rounded half to even and saturated.
 /// Maps under which all voxels fall on voxels move bytes.
-class AffineTransform : public Operation {
+class AffineTransform : public Operation, public Tunable {
 public:
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;

@@ -142,6 +142,8 @@ void Arithmetic::parameters(Parameters& p) {
     p.option("dtype", dtype, "TYPE", "data type of the result");
 }
 
+std::vector<Knob> Arithmetic::knobs() const { return {type_knob()}; }
+
 void Arithmetic::check() const {
     auto const given = static_cast<int>(!a.empty()) + static_cast<int>(!b.empty()) + static_cast<int>(!c.empty());
     int const wanted = operand_count(op);

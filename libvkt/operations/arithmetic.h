@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 
 #include "libvkt/operations/number.h"
 #include "libvkt/operations/remarks.h"
@@ -58,7 +59,7 @@ int operand_count(ArithmeticOp op);
 /// ne, and NaN counts as true. pow, sqrt, exp and log give float32 or, of 32-bit and wider types, float64, within two
 /// units in the last place of float64 before that is stored. where takes the second operand where the first is not 0,
 /// the third elsewhere.
-class Arithmetic : public Operation {
+class Arithmetic : public Operation, public Tunable {
 public:
     ArithmeticOp op = ArithmeticOp::add;
     std::string a, b, c; ///< paths or numbers
@@ -71,6 +72,7 @@ public:
     /// Paths of the operands that are volumes, in order; "-" is standard input.
     std::vector<std::string> input_names() const override;
     void parameters(Parameters& p) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     bool uses_position() const override { return false; }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/bins.h"
 #include "libvkt/operations/kernels/clahe.h"
 #include "libvkt/operations/range_option.h"
@@ -42,12 +43,13 @@ std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRul
 ///
 /// Two passes, one more for the extremes and up to four more for percentiles of the window. Memory: 12 to 28 bytes a
 /// bin and brick. Counts are exact; curves and voxels are computed in float32, of 32- and 64-bit types in float64.
-class Clahe : public Operation {
+class Clahe : public Operation, public Tunable {
 public:
     std::string_view name() const override { return "clahe"; }
     Shape shape() const override { return Shape::neighbourhood; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box scanned(Box const&) const override { return field_.grid.box; }

@@ -19,6 +19,10 @@ void Convert::parameters(Parameters& p) {
     p.option("to", to, "LO:HI", "with --range: map to these stored values instead");
 }
 
+std::vector<Knob> Convert::knobs() const {
+    return {{"dtype", {"uint8", "int8", "uint16", "int16", "float16", "float32"}, "float64"}};
+}
+
 void Convert::check() const {
     if (to && !range) throw Error(ErrorKind::usage, "--to needs --range");
     if (to && (to->low.percentile || to->high.percentile))

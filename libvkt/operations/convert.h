@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/range_option.h"
 #include "libvkt/operations/remarks.h"
 
@@ -17,7 +18,7 @@ namespace vkt {
 /// cells whatever their size, and take passes of their own. The map is computed in double precision, of 64-bit integers
 /// from their exact distance to the range's first end: before the final rounding it is off by at most 5 * 2^-53 of the
 /// new range plus 2^-53 of its larger end.
-class Convert : public Operation {
+class Convert : public Operation, public Tunable {
 public:
     std::optional<DataType> dtype;
     std::optional<RangeOption> range;
@@ -26,6 +27,7 @@ public:
     std::string_view name() const override { return "convert"; }
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& p) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     void scan(ConstView slab, Execution const& execution) override;

@@ -72,6 +72,10 @@ void Gaussian::parameters(Parameters& parameters) {
                       "allowed error in percent of the value range (default: a quarter of the last bit, floats 0.01%)");
 }
 
+std::vector<Knob> Gaussian::knobs() const {
+    return {{"tolerance", {"10%", "3%", "1%", "0.1%", "0.01%", "0.001%", "0.0001%"}, "1e-10%"}};
+}
+
 void Gaussian::check() const {
     for (int axis = 0; axis < 3; ++axis)
         if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/kernels/gaussian.h"
 #include "libvkt/operations/remarks.h"
 
@@ -44,7 +45,7 @@ template <> struct EnumNames<LengthUnit> {
 /// range of the input, 64-bit integers in the 53 bits of float64; a NaN or infinity spreads over the kernel's box
 /// around it and no further. Only a border value outside the type makes results clip. Cost: 2 (rx + ry + rz) + 3
 /// multiply-adds per voxel, radius r about 3.5 to 5 sigma; one read and one write of memory.
-class Gaussian : public Operation {
+class Gaussian : public Operation, public Tunable {
 public:
     Gaussian() = default;
     explicit Gaussian(Vec3 sigma, Boundary boundary = Boundary::mirror) : sigma_(sigma), boundary_{boundary, 0} {}
@@ -53,6 +54,7 @@ public:
     Shape shape() const override { return Shape::neighbourhood; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Plan plan_level(Header const& level, Index3 cell_width) override;

@@ -146,6 +146,10 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     plan.error.limit(in.dtype, in.values.slope, std::nullopt);
 }
 
+std::vector<Knob> LinearFilter::knobs() const {
+    return keeps_type_ ? std::vector<Knob>() : std::vector<Knob>{type_knob()};
+}
+
 std::size_t LinearFilter::fit(Index3, Execution const& execution) {
     return sum_.terms.empty() ? 0 : sum_.bytes() * static_cast<std::size_t>(std::max(1, execution.threads));
 }

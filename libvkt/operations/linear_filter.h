@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/kernels/correlate.h"
 #include "libvkt/operations/local_filter.h"
 
@@ -12,10 +13,11 @@ namespace vkt {
 /// bits or is float32, else in float64, to which 64-bit integers are rounded. The error bound is that of rounding.
 /// A border value must be a voxel of the input's type. Filters that keep the type keep the value map too, and work on
 /// stored values.
-class LinearFilter : public LocalFilter {
+class LinearFilter : public LocalFilter, public Tunable {
 public:
     explicit LinearFilter(bool keeps_type = false) : keeps_type_(keeps_type) {}
     void parameters(Parameters& parameters) override;
+    std::vector<Knob> knobs() const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
 
 protected:

@@ -44,6 +44,17 @@ void Resample::parameters(Parameters& p) {
         .alias("vm");
 }
 
+std::vector<Knob> Resample::knobs() const {
+    // Where an axis shrinks a voxel stands for all that it covers; elsewhere the smoothest interpolant is the best
+    // guess.
+    bool const shrinks = to_.x < from_.x || to_.y < from_.y || to_.z < from_.z;
+    return {{"method",
+             {"nearest", "linear", "area", "cubic", "lanczos3", "bspline3", "bspline5"},
+             shrinks ? "area" : "bspline5",
+             false},
+            type_knob()};
+}
+
 void Resample::check() const {
     int const given =
         (scale ? 1 : 0) + (dims ? 1 : 0) + (spacing ? 1 : 0) + (like_.file.empty() ? 0 : 1) + (cells ? 1 : 0);

@@ -5,6 +5,7 @@
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/resample_method.h"
@@ -47,7 +48,7 @@ template <> struct ValueText<WantedDims> {
 /// pass: a row of output is the weighted sum of the input rows in its footprint, then of their voxels; about one
 /// multiply-add per input voxel when shrinking. --like puts the volume onto another's grid, see Onto. Hierarchical
 /// volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
-class Resample : public Operation {
+class Resample : public Operation, public Tunable {
 public:
     std::optional<Vec3> scale;
     std::optional<WantedDims> dims;
@@ -68,6 +69,7 @@ public:
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
     void parameters(Parameters& p) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;

@@ -97,6 +97,8 @@ void Transform::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "compute only the voxels of this region");
 }
 
+std::vector<Knob> Transform::knobs() const { return {type_knob()}; }
+
 void Transform::check() const {
     Expression const parsed = Expression::parse(expression);
     if (boundary_ && !has_neighbours(parsed))

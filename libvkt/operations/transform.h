@@ -4,6 +4,7 @@
 
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/program.h"
 
 #include <vector>
@@ -22,7 +23,7 @@ namespace vkt {
 /// promoted()); float32, or float64 for 32-bit and wider types, where a function that yields fractions is among them or
 /// their value maps differ; of positions, comparisons and numbers alone the smallest integer type that holds all that
 /// can come out, or float64.
-class Transform : public Operation {
+class Transform : public Operation, public Tunable {
 public:
     std::string expression;
     std::optional<DataType> dtype;
@@ -33,6 +34,7 @@ public:
     /// As many as the expression names; without one, as many as there may be.
     int inputs() const override;
     void parameters(Parameters& parameters) override;
+    std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     /// Throws Error{usage} if there is a region, or if the expression asks for extents: levels know neither.

@@ -1,0 +1,528 @@
+// Settings of knobs: listed, run on a part of the volume in memory, timed, and compared with a float64 reference.
+// SPDX-License-Identifier: MIT
+#include "shell/trade_off.h"
+
+#include "libvkt/core/collect.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/registry.h"
+#include "libvkt/engine/tunable.h"
+#include "libvkt/operations/crop.h"
+#include "libvkt/operations/difference.h"
+#include "shell/invocation.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <map>
+
+namespace vkt::shell {
+namespace {
+
+constexpr std::size_t most_combined = 64; ///< settings: of more only one knob at a time is turned
+
+/// A knob of a stage, or one of the machine ("threads", "device").
+struct Dial {
+    std::size_t stage = 0;
+    Knob knob;
+    std::string given; ///< empty: the operation's own choice
+    bool of_machine = false;
+};
+
+/// What each dial is set to, in their order; empty leaves it as it is given.
+using Setting = std::vector<std::string>;
+
+/// A pipeline with its operations, ready to run on volumes in memory.
+class Chain {
+public:
+    explicit Chain(std::string const& line) {
+        for (auto& words : shell_stages(line)) {
+            if (!words.empty() && words.front() == "vkt") words.erase(words.begin());
+            if (words.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", line, "'"));
+            Verb verb = find_verb(words);
+            if (!verb.command->operation)
+                throw Error(ErrorKind::usage, text("'", verb.name, "' is no operation on voxels"),
+                            "the pipeline names operations only: the volume is given beside it");
+            Invocation& stage = stages_.emplace_back(std::move(verb));
+            stage.parse();
+            if (stage.common().help || stage.common().examples)
+                throw Error(ErrorKind::usage, "--help has no meaning within a pipeline");
+            for (auto const& p : stage.common_parameters().all())
+                if (p.given)
+                    throw Error(ErrorKind::usage, text("--", p.name, " of '", stage.verb().name, "' decides no voxel"),
+                                "say beside the pipeline how it runs");
+            if (stage.inputs() != std::vector<std::string>{"-"} || !stage.yields_volumes())
+                throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not make one volume of one"),
+                            "only pipelines from one volume to another can be charted");
+        }
+    }
+
+    std::deque<Invocation>& stages() { return stages_; }
+
+    void set(Dial const& dial, std::string const& value) {
+        if (dial.of_machine || value.empty()) return;
+        Invocation& stage = stages_[dial.stage];
+        stage.own_parameters().set(dial.knob.option, {value});
+        stage.operation()->check();
+    }
+
+    std::vector<std::string> lines() {
+        std::vector<std::string> result;
+        for (auto& stage : stages_) {
+            std::vector<std::string> words{stage.verb().name};
+            for (auto const& word : stage.own_parameters().words()) words.push_back(shell_quoted(word));
+            result.push_back(join(words, " "));
+        }
+        return result;
+    }
+
+    /// The first `count` stages. Plans and headers of the inputs are kept.
+    Volume run(Volume const& input, Execution const& execution, std::size_t count) {
+        plans.assign(count, {});
+        headers.assign(count, {});
+        lossy = false;
+        auto source = volume_source({input});
+        for (std::size_t i = 0; i < count; ++i) {
+            StageInfo info;
+            info.name = stages_[i].verb().name;
+            info.listener = [this](std::string const&, std::string const&, bool loses) { lossy = lossy || loses; };
+            info.on_plan = [this, i](Plan const& plan, std::vector<Header> const& inputs) {
+                plans[i] = plan;
+                headers[i] = inputs.front();
+            };
+            std::vector<std::unique_ptr<Source>> inputs;
+            inputs.push_back(std::move(source));
+            source = attach(std::move(inputs), *stages_[i].operation(), execution, std::move(info));
+        }
+        source->next_volume();
+        return load(*source, execution);
+    }
+    Volume run(Volume const& input, Execution const& execution) { return run(input, execution, stages_.size()); }
+
+    double operations() const {
+        double sum = 0;
+        for (auto const& plan : plans) sum += plan.cost * static_cast<double>(plan.output.voxels());
+        return sum;
+    }
+
+    std::vector<Plan> plans;
+    std::vector<Header> headers;
+    bool lossy = false;
+
+private:
+    std::deque<Invocation> stages_;
+};
+
+Volume in_float64(Volume const& volume) { return vkt::apply({"convert", "--dtype", "float64"}, {volume}); }
+
+struct Extremes {
+    double low = std::numeric_limits<double>::infinity(), high = -low, magnitude = 0; ///< of the finite stored values
+};
+
+Extremes extremes_of(Volume const& volume) {
+    Volume const wide = in_float64(volume);
+    auto const* const values = reinterpret_cast<double const*>(wide.view().data);
+    Extremes found;
+    for (std::int64_t i = 0; i < wide.header().voxels(); ++i) {
+        double const v = values[i];
+        if (!std::isfinite(v)) continue;
+        found.low = std::min(found.low, v);
+        found.high = std::max(found.high, v);
+        found.magnitude = std::max(found.magnitude, std::abs(v));
+    }
+    if (!(found.low <= found.high)) found.low = found.high = 0;
+    return found;
+}
+
+bool moves_only(Invocation const& stage, Plan const& plan) {
+    return plan.error.exact() && (plan.shift || stage.operation()->shape() == Shape::geometric);
+}
+
+/// The bound of a chain that was just run: known where one stage computes and the others only move voxels.
+std::optional<double> bound_of(Chain& chain, Volume const& input, Execution const& execution) {
+    auto const plans = chain.plans;
+    auto const headers = chain.headers;
+    std::optional<std::size_t> computes;
+    for (std::size_t i = 0; i < plans.size(); ++i) {
+        if (moves_only(chain.stages()[i], plans[i])) continue;
+        if (computes) return std::nullopt;
+        computes = i;
+    }
+    if (!computes) return 0;
+    Plan const& plan = plans[*computes];
+    if (plan.error.kind == ErrorBound::Kind::unknown || plan.error.kind == ErrorBound::Kind::estimate)
+        return std::nullopt;
+    Header const& in = headers[*computes];
+    bool const lossy = chain.lossy;
+    Extremes values = extremes_of(*computes == 0 ? input : chain.run(input, execution, *computes));
+    chain.lossy = lossy;
+    if (plan.boundary == Boundary::border) {
+        values.low = std::min(values.low, plan.border_value);
+        values.high = std::max(values.high, plan.border_value);
+        values.magnitude = std::max(values.magnitude, std::abs(plan.border_value));
+    }
+    double const slope = std::abs(in.values.slope), step = std::abs(plan.output.values.slope);
+    double bound = plan.error.over(slope * (values.high - values.low), slope * values.magnitude);
+    if (is_integer(plan.output.dtype)) bound += 0.5 * step;
+    return bound;
+}
+
+/// What storing an exact result in a type of floats costs; bounds of what is not exact hold it already.
+double storing_cost(Chain const& chain, Extremes const& result) {
+    double cost = 0;
+    for (auto const& plan : chain.plans)
+        if (plan.error.exact() && !plan.shift)
+            cost += storing_error(plan.output.dtype) * std::abs(plan.output.values.slope) * result.magnitude +
+                    storing_floor(plan.output.dtype);
+    return cost;
+}
+
+DifferenceResult difference(Volume const& reference, Volume const& other, Execution const& execution) {
+    auto const a = volume_source({reference}), b = volume_source({other});
+    a->next_volume();
+    b->next_volume();
+    return compare(*a, *b, execution);
+}
+
+/// The middle of a box, with so many voxels and its proportions.
+Box middle_part(Box const& box, double voxels) {
+    double const share = std::cbrt(std::min(1.0, voxels / static_cast<double>(box.voxels())));
+    Box part = box;
+    for (int axis = 0; axis < 3; ++axis) {
+        std::int64_t const n = box.dims()[axis];
+        auto const wanted = static_cast<std::int64_t>(share * static_cast<double>(n));
+        std::int64_t const kept = std::clamp<std::int64_t>(wanted, std::min<std::int64_t>(n, 16), n);
+        part.lower[axis] += (n - kept) / 2;
+        part.upper[axis] = part.lower[axis] + kept;
+    }
+    return part;
+}
+
+Volume cut_out(std::unique_ptr<Source> source, Box const& box, Execution const& execution) {
+    Crop crop;
+    Parameters parameters;
+    crop.parameters(parameters);
+    parameters.set("roi", {to_text(box)});
+    std::vector<std::unique_ptr<Source>> inputs;
+    inputs.push_back(std::move(source));
+    auto const cropped = attach(std::move(inputs), crop, execution, {});
+    cropped->next_volume();
+    return load(*cropped, execution);
+}
+
+/// Lends a source whose current volume is known already.
+class Current : public Source {
+public:
+    explicit Current(Source& source) : source_(source) {}
+    bool next_volume() override { return std::exchange(fresh_, false); }
+    Header const& header() const override { return source_.header(); }
+    Access access() const override { return source_.access(); }
+    void read(AnyView out) override { source_.read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return source_.borrow(region); }
+    void expect(Box const& region) override { source_.expect(region); }
+    std::int64_t natural_slab() const override { return source_.natural_slab(); }
+    void finish() override { source_.finish(); }
+
+private:
+    Source& source_;
+    bool fresh_ = true;
+};
+
+double seconds_of(std::function<void()> const& work) {
+    auto const start = std::chrono::steady_clock::now();
+    work();
+    return std::max(1e-9, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+}
+
+double median(std::vector<double> values) {
+    std::sort(values.begin(), values.end());
+    std::size_t const n = values.size();
+    return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+}
+
+class Study {
+public:
+    Study(TradeOffRequest const& request, Source& source) : request_(request), execution_(request.execution) {
+        Header const& header = source.header();
+        if (header.kind != Kind::structured)
+            throw Error(ErrorKind::usage, "hierarchical volumes cannot be charted", "make a grid of it: vkt resample");
+        result_.whole = header.dims;
+        result_.units = header.units;
+        Box const allowed = request.roi.empty() ? box_of(header.dims) : request.roi.resolve(header.dims);
+        // A part, the reference, results and what stages hold on the way: some dozens of bytes a voxel.
+        Box const held = middle_part(allowed, std::min(16.8e6, static_cast<double>(execution_.memory) / 128));
+        if (!request.roi.empty() && !(held == allowed))
+            throw Error(ErrorKind::resources,
+                        text("--roi: ", allowed.voxels(), " voxels are more than --memory allows"),
+                        "name a smaller region, or leave the choice to vkt chart");
+        volume_ = cut_out(std::make_unique<Current>(source), held, execution_);
+        part_ = held;
+    }
+
+    TradeOff run() {
+        double const rate = probe();
+        list_dials();
+        list_settings();
+        choose_part(rate);
+        std::vector<Setting> order = settings_;
+        std::stable_sort(order.begin(), order.end(),
+                         [&](Setting const& a, Setting const& b) { return meaning(a) < meaning(b); });
+        reference_ = reference(best_of({}, true));
+        describe_reference();
+        Extremes const values = extremes_of(*reference_);
+        double const slope = reference_->header().values.slope, intercept = reference_->header().values.intercept;
+        result_.low = std::min(slope * values.low, slope * values.high) + intercept;
+        result_.high = std::max(slope * values.low, slope * values.high) + intercept;
+        for (auto const& setting : order) {
+            try {
+                measure(setting);
+            } catch (Error const& e) {
+                if (e.kind() != ErrorKind::usage || is_given(setting)) throw;
+                ++refused_; // the value does not go together with what else is given
+            }
+        }
+        finish();
+        return std::move(result_);
+    }
+
+private:
+    static bool is_given(Setting const& setting) {
+        return std::all_of(setting.begin(), setting.end(), [](auto const& v) { return v.empty(); });
+    }
+
+    /// Seconds a voxel of the pipeline as given, on a small part; leaves planned operations behind.
+    double probe() {
+        Chain& chain = chain_.emplace(request_.pipeline);
+        Volume const small =
+            cut_out(volume_source({volume_}), middle_part(box_of(volume_.header().dims), 110592), execution_);
+        chain.run(small, execution_);
+        double const seconds = seconds_of([&] { chain.run(small, execution_); });
+        return seconds / static_cast<double>(small.header().voxels());
+    }
+
+    bool kept(std::string const& option) const {
+        return std::find(request_.kept.begin(), request_.kept.end(), option) != request_.kept.end();
+    }
+
+    void list_dials() {
+        std::vector<std::string> known{"threads", "device"};
+        for (std::size_t i = 0; i < chain_->stages().size(); ++i) {
+            Invocation& stage = chain_->stages()[i];
+            auto const* const tunable = dynamic_cast<Tunable const*>(stage.operation());
+            if (tunable == nullptr) continue;
+            for (auto& knob : tunable->knobs()) {
+                Parameter const& p = *stage.own_parameters().find(knob.option);
+                known.push_back(knob.option);
+                if (kept(knob.option)) continue;
+                std::string const given = p.given ? join(p.get(), ",") : "";
+                dials_.push_back({i, knob, given, false});
+            }
+        }
+        for (auto const& option : request_.kept)
+            if (std::find(known.begin(), known.end(), option) == known.end())
+                throw Error(ErrorKind::usage, text("--keep ", option, ": the pipeline has no such knob"),
+                            text("its knobs are ", join(known, ", ")));
+        if (!kept("threads") && execution_.threads > 1) {
+            Knob threads{"threads", {"1"}, {}};
+            if (execution_.threads > 2) threads.values.push_back(to_text(execution_.threads / 2));
+            dials_.push_back({0, threads, to_text(execution_.threads), true});
+        }
+        bool const gpu = std::any_of(chain_->stages().begin(), chain_->stages().end(),
+                                     [](Invocation const& s) { return s.operation()->runs_on_gpu(); });
+        if (!kept("device") && gpu && execution_.device != Device::gpu && built_with_cuda() && gpu_count() > 0)
+            dials_.push_back({0, {"device", {"gpu"}, {}}, "cpu", true});
+        if (dials_.empty())
+            throw Error(ErrorKind::usage, "nothing in the pipeline trades error for time",
+                        "operations with a method, a tolerance or a result type do, see 'man vkt-chart'");
+    }
+
+    void list_settings() {
+        std::size_t all = 1;
+        for (auto const& dial : dials_) all *= choices(dial).size();
+        settings_.emplace_back(dials_.size());
+        if (all <= most_combined) {
+            for (std::size_t d = 0; d < dials_.size(); ++d) {
+                std::vector<Setting> more;
+                for (auto const& setting : settings_)
+                    for (auto const& value : choices(dials_[d])) {
+                        more.push_back(setting);
+                        more.back()[d] = value;
+                    }
+                settings_ = std::move(more);
+            }
+            result_.settings = text("all ", static_cast<std::uint64_t>(all), " settings of the knobs");
+            return;
+        }
+        for (std::size_t d = 0; d < dials_.size(); ++d)
+            for (auto const& value : choices(dials_[d]))
+                if (!value.empty()) {
+                    settings_.emplace_back(dials_.size());
+                    settings_.back()[d] = value;
+                }
+        result_.settings = text("one knob turned at a time: ", static_cast<std::uint64_t>(settings_.size()), " of ",
+                                static_cast<std::uint64_t>(all), " settings");
+    }
+
+    /// The values of a dial; an empty one is what is given.
+    static std::vector<std::string> choices(Dial const& dial) {
+        std::vector<std::string> result{""};
+        for (auto const& value : dial.knob.values)
+            if (value != dial.given) result.push_back(value);
+        return result;
+    }
+
+    /// As large a part as there is time for: a warm run, three repeats, some with one thread, and a slow reference.
+    void choose_part(double rate) {
+        if (!request_.roi.empty()) {
+            result_.part = part_;
+            return;
+        }
+        double const runs = 7.0 * static_cast<double>(settings_.size()) + 8;
+        Box const inner =
+            middle_part(box_of(volume_.header().dims), std::max(4096.0, request_.seconds / (rate * runs)));
+        result_.part = {part_.lower + inner.lower, part_.lower + inner.upper};
+        volume_ = cut_out(volume_source({volume_}), inner, execution_);
+    }
+
+    /// Only what makes another definition of the result.
+    Setting meaning(Setting setting) const {
+        for (std::size_t d = 0; d < dials_.size(); ++d)
+            if (dials_[d].of_machine || dials_[d].knob.bounded) setting[d].clear();
+        return setting;
+    }
+
+    /// The most exact setting of the same definition, or of the best one.
+    Setting best_of(Setting setting, bool of_all) const {
+        setting.resize(dials_.size());
+        for (std::size_t d = 0; d < dials_.size(); ++d) {
+            if (dials_[d].of_machine)
+                setting[d].clear();
+            else if (of_all || dials_[d].knob.bounded)
+                setting[d] = dials_[d].knob.best;
+        }
+        return setting;
+    }
+
+    Chain& chain_of(Setting const& setting) {
+        Chain& chain = chain_.emplace(request_.pipeline);
+        for (std::size_t d = 0; d < dials_.size(); ++d) chain.set(dials_[d], setting[d]);
+        return chain;
+    }
+
+    Volume reference(Setting const& setting) {
+        if (!wide_) wide_ = in_float64(volume_);
+        return chain_of(setting).run(*wide_, execution_);
+    }
+
+    void describe_reference() { result_.reference = text("float64 input, ", join(chain_->lines(), " | ")); }
+
+    void measure(Setting const& setting) {
+        Execution execution = execution_;
+        for (std::size_t d = 0; d < dials_.size(); ++d) {
+            if (!dials_[d].of_machine || setting[d].empty()) continue;
+            if (dials_[d].knob.option == "threads") execution.threads = static_cast<int>(parse_integer(setting[d]));
+            if (dials_[d].knob.option == "device") execution.device = Device::gpu;
+        }
+        Chain& chain = chain_of(setting);
+        TradeOffPoint point;
+        point.stages = chain.lines();
+        point.threads = execution.threads;
+        point.gpu = execution.device == Device::gpu;
+        point.given = is_given(setting);
+        point.label = label_of(setting);
+        {
+            Volume const out = chain.run(volume_, execution); // the warm run
+            point.operations = chain.operations();
+            point.lossy = chain.lossy;
+            auto const plans = chain.plans;
+            point.bound = bound_of(chain, volume_, execution);
+            chain.plans = plans;
+            if (point.bound) *point.bound += storing_cost(chain, extremes_of(out));
+            DifferenceResult const all = difference(*reference_, out, execution_);
+            if (!all.same_dims) throw Error(ErrorKind::usage, "the setting makes a volume of other extents");
+            point.max_error = all.max_abs;
+            point.rms_error = all.rmse;
+            point.own_error = difference_to_own(setting, out);
+        }
+        Chain& timed = chain_of(setting);
+        std::vector<double> times;
+        double spent = 0;
+        while (times.size() < 3 || (times.size() < 9 && spent < 0.1)) {
+            times.push_back(seconds_of([&] { timed.run(volume_, execution); }));
+            spent += times.back();
+        }
+        point.seconds = median(times);
+        point.repeats = static_cast<int>(times.size());
+        result_.points.push_back(std::move(point));
+    }
+
+    double difference_to_own(Setting const& setting, Volume const& out) {
+        Setting const exact = best_of(setting, false);
+        if (!own_ || own_setting_ != exact) {
+            own_.reset();
+            own_ = reference(exact);
+            own_setting_ = exact;
+        }
+        return difference(*own_, out, execution_).max_abs;
+    }
+
+    std::string label_of(Setting const& setting) const {
+        std::vector<std::string> parts;
+        for (std::size_t d = 0; d < dials_.size(); ++d) {
+            Dial const& dial = dials_[d];
+            if (dial.of_machine) {
+                if (dial.knob.option == "threads" && !setting[d].empty())
+                    parts.push_back(text(setting[d], setting[d] == "1" ? " thread" : " threads"));
+                else if (!setting[d].empty())
+                    parts.push_back(setting[d]);
+            } else if (!setting[d].empty()) {
+                bool const several = chain_->stages().size() > 1;
+                parts.push_back(text(several ? chain_->stages()[dial.stage].verb().name : "", several ? " " : "", "--",
+                                     dial.knob.option, " ", setting[d]));
+            }
+        }
+        return parts.empty() ? "as given" : join(parts, ", ");
+    }
+
+    void finish() {
+        auto& points = result_.points;
+        if (refused_ > 0)
+            result_.settings += text(", ", static_cast<std::uint64_t>(refused_), " of them refused by the operations");
+        std::stable_sort(points.begin(), points.end(),
+                         [](auto const& a, auto const& b) { return a.seconds < b.seconds; });
+        double least = std::numeric_limits<double>::infinity();
+        for (auto& point : points) {
+            point.front = point.max_error < least;
+            least = std::min(least, point.max_error);
+        }
+        auto const given = std::find_if(points.begin(), points.end(), [](auto const& p) { return p.given; });
+        for (auto& point : points)
+            if (point.operations > 0 && given->operations > 0 && !point.gpu && !given->gpu)
+                point.predicted = given->seconds * (point.operations / given->operations) *
+                                  (static_cast<double>(given->threads) / point.threads);
+    }
+
+    TradeOffRequest const& request_;
+    Execution execution_;
+    TradeOff result_;
+    Volume volume_;
+    Box part_;
+    std::optional<Volume> wide_, reference_, own_;
+    Setting own_setting_;
+    std::optional<Chain> chain_;
+    std::vector<Dial> dials_;
+    std::vector<Setting> settings_;
+    std::size_t refused_ = 0;
+};
+
+} // namespace
+
+double TradeOff::scale() const {
+    return static_cast<double>(whole.x * whole.y * whole.z) / static_cast<double>(part.voxels());
+}
+
+TradeOff measure_trade_off(TradeOffRequest const& request, Source& source) { return Study(request, source).run(); }
+
+} // namespace vkt::shell

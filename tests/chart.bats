@@ -1,0 +1,113 @@
+# vkt chart: knobs varied, errors that a calculation of SciPy's confirms, bounds that hold, files and exit codes.
+load helper
+
+setup_more() {
+    cp "$VKT_ROOT/examples/data/phantom.nrrd" .
+    vkt make noise --seed 1 --dims 24 22 20 --dtype float32 -o noise.nrrd
+}
+
+@test "every tolerance of a Gaussian is tried, and each keeps its bound" {
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.5 --threads 1 --check --json >chart.json
+    /usr/bin/python3 - <<'END'
+import json
+chart = json.load(open("chart.json"))
+points = chart["points"]
+assert chart["exceeded"] == 0
+assert len(points) == 8, len(points)
+assert sum(p["given"] for p in points) == 1
+for p in points:
+    assert p["bound"] >= p["own_error"] > 0, p
+    assert p["max_error"] >= p["rms_error"] > 0 and p["seconds"] > 0 and p["repeats"] >= 3, p
+by_tolerance = {p["pipeline"].split("--tolerance ")[-1]: p["max_error"] for p in points if "--tol" in p["pipeline"]}
+assert by_tolerance["10%"] > by_tolerance["1%"] > by_tolerance["0.01%"] > by_tolerance["0.0001%"]
+assert "--tolerance 1e-10%" in chart["reference"]
+# The front: faster ones are less exact, and nothing is both faster and more exact.
+front = [p for p in points if p["front"]]
+assert front
+for a in front:
+    assert not any(p["seconds"] < a["seconds"] and p["max_error"] < a["max_error"] for p in points)
+END
+}
+
+@test "errors are those that SciPy finds" {
+    python_with numpy scipy
+    vkt chart 'filter gaussian --sigma 2 --boundary clamp' noise.nrrd --roi :,:,: --threads 1 --csv >chart.csv
+    vkt convert noise.nrrd --dtype float64 -o - | vkt write - --format raw >noise.raw
+    for tolerance in 10% 1% 0.1%; do
+        vkt filter gaussian noise.nrrd --sigma 2 --boundary clamp --tolerance $tolerance | vkt write - --format raw >"$tolerance.raw"
+    done
+    /usr/bin/python3 - <<'END'
+import csv, numpy as np
+from scipy.ndimage import gaussian_filter
+exact = gaussian_filter(np.fromfile("noise.raw", "f8").reshape(20, 22, 24), 2, mode="nearest", truncate=12)
+rows = list(csv.DictReader(open("chart.csv")))
+for tolerance in ("10%", "1%", "0.1%"):
+    found = np.fromfile(tolerance + ".raw", "f4").reshape(exact.shape)
+    row, = [r for r in rows if r["pipeline"].endswith("--tolerance " + tolerance)]
+    worst, rms = np.abs(found - exact).max(), np.sqrt(np.mean((found - exact) ** 2))
+    assert abs(float(row["max_error"]) - worst) < 1e-9, (tolerance, row, worst)
+    assert abs(float(row["rms_error"]) - rms) < 1e-9, (tolerance, row, rms)
+END
+}
+
+@test "methods and types of a resampling are varied, those that do not fit are left out" {
+    vkt chart 'resample --scale 1.5' phantom.nrrd --budget 0.5 --keep threads --check --json >chart.json
+    /usr/bin/python3 - <<'END'
+import json
+points = json.load(open("chart.json"))["points"]
+text = "\n".join(p["pipeline"] for p in points)
+for word in ("--method nearest", "--method linear", "--method bspline5", "--dtype float32", "--dtype float16"):
+    assert word in text, word
+best = [p for p in points if "bspline5" in p["pipeline"] and "float32" in p["pipeline"]]
+nearest = [p for p in points if "nearest" in p["pipeline"]]
+assert max(p["max_error"] for p in best) < min(p["max_error"] for p in nearest)
+END
+}
+
+@test "knobs that are kept stay as they are given" {
+    vkt chart 'resample --scale 1.5 --method cubic' phantom.nrrd --budget 0.3 --keep threads,method --csv >chart.csv
+    [ "$(wc -l <chart.csv)" -ge 3 ]
+    [ "$(grep -c -- '--method cubic' chart.csv)" -eq $(($(wc -l <chart.csv) - 1)) ]
+    fails_with 2 "no such knob" vkt chart 'resample --scale 1.5' phantom.nrrd --keep sigma
+}
+
+@test "the command at the end does what was asked for" {
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.3 --within 0.5% >chart
+    tail -1 chart | sed 's/-o OUT/-o fast.nrrd/' >again.sh
+    sh again.sh
+    vkt filter gaussian noise.nrrd --sigma 2 --tolerance 0.00001% -o exact.nrrd
+    vkt diff fast.nrrd exact.nrrd --tolerance 0.005 >/dev/null
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.3 --in 1000 | tail -2 | grep -q 'most exact in 1000 s'
+    run --separate-stderr vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.3 --within 1e-300
+    [ "$status" -eq 1 ]
+    [[ "$stderr" == *"as exact"* ]]
+}
+
+@test "pictures and tables are written, whole or not at all" {
+    for suffix in svg png csv; do
+        vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.$suffix >table
+        [ -s chart.$suffix ]
+        grep -q 'reference: float64' table
+    done
+    /usr/bin/python3 -c 'import xml.dom.minidom as m; assert len(m.parse("chart.svg").getElementsByTagName("circle")) >= 16'
+    head -c 8 chart.png | cmp - <(printf '\211PNG\r\n\032\n')
+    head -1 chart.csv | grep -q '^seconds,'
+    fails_with 4 "exists" vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.svg
+    fails_with 2 "not written" vkt chart 'filter gaussian --sigma 1' noise.nrrd -o chart.jpg
+    [ ! -e chart.jpg ]
+}
+
+@test "a volume may come from a pipe, and a broken one is an error" {
+    vkt read noise.nrrd | vkt chart 'filter gaussian --sigma 1' --budget 0.2 | grep -q 'vkt pipe --threads [0-9]* .filter gaussian'
+    vkt read noise.nrrd | head -c 9000 >cut.vkt
+    fails_with 3 "ended early" vkt chart 'filter gaussian --sigma 1' cut.vkt --budget 0.2
+}
+
+@test "what cannot be charted is said" {
+    fails_with 2 "no operation on voxels" vkt chart 'stats' noise.nrrd
+    fails_with 2 "no operation on voxels" vkt chart 'read noise.nrrd' noise.nrrd
+    fails_with 2 "does not make one volume of one" vkt chart 'arith add - noise.nrrd' noise.nrrd
+    fails_with 2 "nothing in the pipeline" vkt chart 'flip x' noise.nrrd --threads 1
+    fails_with 2 "decides no voxel" vkt chart 'flip x --threads 2' noise.nrrd
+    fails_with 2 "" vkt chart 'filter gausian' noise.nrrd
+}
