@@ -151,7 +151,8 @@ std::vector<std::string> completions(std::vector<std::string> words) {
         return candidates;
     }
     try {
-        bool const pipeline = words.front() == "pipe" || (words.front() == "chart" && words.size() == 1);
+        bool const pipeline =
+            words.front() == "pipe" || ((words.front() == "chart" || words.front() == "stress") && words.size() == 1);
         if (pipeline && !prefix.starts_with('-')) return pipeline_completions(prefix);
         if (is_segment(prefix))
             for (auto const& name : segments()) offer(name);

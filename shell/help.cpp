@@ -107,6 +107,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"shm", "memory share publish segment ipc"},
         {"slice", "plane cut section png"},
         {"threshold", "binarize segment mask otsu"},
+        {"stress", "fuzz torture robustness test"},
         {"stats", "average mean statistics"},
         {"transform", "expression formula calc compute map math function"},
     };

@@ -76,7 +76,7 @@ arguments = {
     "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --percentiles 1,50,99 --memory 64M"],
     "write": ["{f} - --format raw"],
 }
-no_volumes = {"completion", "help", "pipe", "shm list", "shm remove"}  # pipe: its stages are the commands above
+no_volumes = {"completion", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
 held_whole = {"distance", "refine", "render"}  # may be refused, before anything is held
 held_plane = {"affine", "project", "rotate"}  # the same where a slice is as large as the budget
 
