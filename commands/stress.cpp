@@ -170,7 +170,7 @@ private:
                     auto const view = one.view();
                     all.append(reinterpret_cast<char const*>(view.data), h.bytes());
                 } else {
-                    all.append(reinterpret_cast<char const*>(one.buffer().data()), h.bytes());
+                    all.append(reinterpret_cast<char const*>(one.buffer().read(Space::host)), h.bytes());
                 }
                 volume = one;
             }

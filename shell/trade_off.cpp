@@ -468,7 +468,7 @@ private:
         return difference(*own_, out, execution_).max_abs;
     }
 
-    std::string label_of(Setting const& setting) const {
+    std::string label_of(Setting const& setting) {
         std::vector<std::string> parts;
         for (std::size_t d = 0; d < dials_.size(); ++d) {
             Dial const& dial = dials_[d];
