@@ -35,7 +35,7 @@ arguments = {
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
     "filter gaussian": ["{f} --sigma 1", "{f} --sigma 2 --boundary wrap", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0",
-                        "{f} --sigma 6 --method cascade", "{f} --sigma 5 --method cascade --boundary wrap --roi 10%:90%,:,:"],
+                        "{f} --sigma 4 --method cascade --tolerance 1%", "{f} --sigma 1 --roi 10%:90%,:,:"],
     "filter box": ["{f} --radius 3"],
     "filter dog": ["{f} --sigma 2"],
     "filter kernel": ["kernel.txt {f}"],
