@@ -32,6 +32,7 @@ operations=(
     "filter gaussian --sigma 1.3"
     "filter gaussian --sigma 4 --boundary wrap"
     "filter gaussian --sigma 2 --boundary border:3"
+    "filter gaussian --sigma 3 --method cascade --tolerance 1%"
     "filter box --radius 4,0,2"
     "filter gradient"
     "filter kernel kernel.txt"
