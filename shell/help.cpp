@@ -101,6 +101,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"resample", "downsample upsample resize shrink zoom"},
         {"rotate", "turn spin euler quaternion reorient"},
         {"scale", "magnify enlarge zoom"},
+        {"scan", "prefix cumulative cumsum integral summed area table sat"},
         {"shm", "memory share publish segment ipc"},
         {"slice", "plane cut section png"},
         {"threshold", "binarize segment mask otsu"},

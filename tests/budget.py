@@ -61,6 +61,7 @@ arguments = {
     "render": ["{f} -o picture.png --force"],
     "resample": ["{f} --dims 64 64 64", "{f} --scale 0.5", "{f} --dims {x} {y} {z} --dtype float64",
                  "{f} --scale 0.5,0.5,2 --method cubic"],
+    "scan": ["{f}", "{f} --exclusive"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],

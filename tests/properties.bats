@@ -71,6 +71,8 @@ operations=(
     "morphology close --radius 2"
     "morphology tophat --radius 1,3,2 --shape box"
     "clahe --bricks 3,4,2"
+    "scan"
+    "scan --exclusive"
 )
 
 raw_sum() { vkt write - --format raw | sha256sum; }
