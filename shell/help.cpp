@@ -105,6 +105,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"shm", "memory share publish segment ipc"},
         {"slice", "plane cut section png"},
         {"threshold", "binarize segment mask otsu"},
+        {"watershed", "basins flood split separate touching segment segmentation markers minima"},
         {"stats", "average mean statistics"},
     };
     return words;

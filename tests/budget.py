@@ -67,10 +67,12 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
+    "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe"}  # pipe: its stages are the commands above
-held_whole = {"distance", "refine", "render"}  # may be refused, before anything is held
+# May be refused, before anything is held; scan for a slice of sums.
+held_whole = {"distance", "refine", "render", "scan", "watershed"}
 
 
 def peak(command, source=None):
