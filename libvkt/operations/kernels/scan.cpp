@@ -94,7 +94,9 @@ public:
                     for (std::int64_t last = y; last < n_.y; ++last) add_rows<T, 1>(last);
             }
         });
-        constexpr std::int64_t across = 128;
+        // As wide as leaves every thread some.
+        std::int64_t const wanted = (threads + n_.z - 1) / n_.z;
+        std::int64_t const across = std::min(most_columns, ((n_.x + wanted - 1) / wanted + 63) / 64 * 64);
         std::int64_t const pieces = (n_.x + across - 1) / across;
         for_each_item(threads, pieces * n_.z, [&](std::int64_t begin, std::int64_t end) {
             Losses mine;
@@ -108,6 +110,8 @@ public:
     }
 
 private:
+    static constexpr std::int64_t most_columns = 512;
+
     /// Sums along z and x of rows from y on, in all slices.
     template <class T, int rows> void add_rows(std::int64_t y) {
         std::array<S, rows> z_sums = each_row<rows>(along_z_, columns_, (in_.box.lower.y + y) * n_.x, n_.x);
@@ -147,9 +151,8 @@ private:
 
     /// Sums along y of the columns [x, x + n) of a slice.
     Losses add_columns(std::int64_t x, std::int64_t n, std::int64_t z) {
-        constexpr std::int64_t most = 128;
-        alignas(64) A sum[most], rest[most];
-        alignas(64) std::uint64_t stored[most];
+        alignas(64) A sum[most_columns], rest[most_columns];
+        alignas(64) std::uint64_t stored[most_columns];
         S const kept = S(above_, n_.x, x);
         bool const first = in_.box.lower.y == 0;
         std::int64_t clipped = 0, undefined = 0;
@@ -157,19 +160,17 @@ private:
             sum[i] = first ? A(0) : kept.part[0][i];
             rest[i] = first || parts == 1 ? A(0) : kept.part[parts - 1][i];
         }
-        bool const stream = driver::is_large(out_);
         for (std::int64_t y = 0; y < n_.y; ++y) {
             S const row = S(rows_, voxels_, (z * n_.y + y) * n_.x + x);
             std::byte* const to = out_.at(out_.box.lower.x + x, out_.box.lower.y + y, out_.box.lower.z + z);
-            auto* const results = stream ? stored : reinterpret_cast<std::uint64_t*>(to);
-            if (state_.exclusive) clipped += store(n, sum, rest, results, undefined);
+            std::size_t const bytes = static_cast<std::size_t>(n) * 8;
+            if (state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
             for (std::int64_t i = 0; i < n; ++i) {
                 A const v = row.part[0][i], next = sum[i] + v;
                 if constexpr (parts == 2) rest[i] += lost(sum[i], v, next) + row.part[1][i];
                 sum[i] = next;
             }
-            if (!state_.exclusive) clipped += store(n, sum, rest, results, undefined);
-            if (stream) stream_bytes(to, reinterpret_cast<std::byte const*>(stored), static_cast<std::size_t>(n) * 8);
+            if (!state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
         }
         if (in_.box.upper.y < state_.dims.y) // the slice goes on
             for (std::int64_t i = 0; i < n; ++i) {
@@ -182,32 +183,31 @@ private:
         return losses;
     }
 
-    std::int64_t store(std::int64_t n, A const* sum, A const* rest, std::uint64_t* to, std::int64_t& undefined) const {
-        std::int64_t clipped = 0;
+    /// What is stored: the sums themselves, or `stored`.
+    std::byte const* results(std::int64_t n, A const* sum, A const* rest, std::uint64_t* stored, std::int64_t& clipped,
+                             std::int64_t& undefined) const {
         if constexpr (std::is_same_v<A, double>) {
-            auto* const results = reinterpret_cast<double*>(to);
+            auto* const to = reinterpret_cast<double*>(stored);
             std::int64_t nan = 0;
             for (std::int64_t i = 0; i < n; ++i) {
                 double const s = sum[i];
                 bool const finite = s - s == 0;
-                results[i] = parts == 2 && finite ? s + rest[i] : s;
+                to[i] = parts == 2 && finite ? s + rest[i] : s;
                 nan += finite ? 0 : 1;
             }
             undefined += nan;
+            return reinterpret_cast<std::byte const*>(stored);
         } else if constexpr (sizeof(A) == 8) {
-            std::copy_n(sum, n, to);
-        } else if (out_.type == DataType::int64) {
-            for (std::int64_t i = 0; i < n; ++i) {
-                to[i] = static_cast<std::uint64_t>(round_to<std::int64_t>(sum[i]));
-                clipped += is_clipped<std::int64_t>(sum[i]) ? 1 : 0;
-            }
+            return reinterpret_cast<std::byte const*>(sum);
         } else {
+            bool const is_signed = out_.type == DataType::int64;
             for (std::int64_t i = 0; i < n; ++i) {
-                to[i] = round_to<std::uint64_t>(sum[i]);
-                clipped += is_clipped<std::uint64_t>(sum[i]) ? 1 : 0;
+                stored[i] = is_signed ? static_cast<std::uint64_t>(round_to<std::int64_t>(sum[i]))
+                                      : round_to<std::uint64_t>(sum[i]);
+                clipped += (is_signed ? is_clipped<std::int64_t>(sum[i]) : is_clipped<std::uint64_t>(sum[i])) ? 1 : 0;
             }
+            return reinterpret_cast<std::byte const*>(stored);
         }
-        return clipped;
     }
 
     ScanState& state_;
