@@ -48,6 +48,7 @@ for type in uint8 uint16 int16 float32 float64; do
     case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
     same "$tolerance" "$vkt clahe in_$type.nrrd --bricks 5,3,4"
+    same "$tolerance" "$vkt filter bilateral in_$type.nrrd --sigma 1,0.5,1.2 --range-sigma 30"
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2 --boundary border:30.5"
     same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
