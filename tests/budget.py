@@ -75,14 +75,14 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
     "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe", "shm list", "shm remove"}  # pipe: its stages are the commands above
 # May be refused, before anything is held; scan for a slice of sums.
 held_whole = {"distance", "refine", "render", "scan", "watershed"}
-held_plane = {"affine", "project", "rotate"}  # the same where a slice is as large as the budget
+held_plane = {"affine", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 
 def peak(command, source=None):
