@@ -111,6 +111,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 @test "an argument too many is told where outputs and spaces go" {
     fails_with 2 "an output is said as -o c.nrrd" vkt crop v.nrrd c.nrrd --roi 0:2,:,:
     fails_with 2 "a value with spaces in quotes" vkt flip x v.nrrd a b
+    fails_with 2 "stands in quotes" vkt dump v.nrrd a b
 }
 
 @test "half-typed options are completed in the hint" {
