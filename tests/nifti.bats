@@ -121,7 +121,7 @@ assert a["intent_name"] == "effect", a'
         vkt write $name $name.nrrd
         vkt diff $name again.nii
         [ "$(about $name)" = "$(about again.nii)" ]
-        [ "$(about $name)" = "$(about $name.nrrd)" ]
+        vkt diff $name $name.nrrd
         compare again.nii
         /usr/bin/python3 - $name again.nii <<'END'
 import nibabel, sys
@@ -140,7 +140,7 @@ END
     fails_with 2 "NIfTI cannot hold float16" vkt make noise --dims 7 6 5 --dtype float16 -o half.nii
     [ ! -e half.nii ]
     vkt make noise --dims 7 6 5 --dtype int16 | vkt set --spacing 0.1,0.7,3 --attribute space=LPS -o a.nrrd
-    vkt rotate a.nrrd --angle 33 --axis 1,2,3 --geometry -o b.nrrd 2>/dev/null || vkt write a.nrrd b.nrrd
+    vkt permute zxy a.nrrd | vkt flip x -o b.nrrd
     for name in a b; do
         vkt write $name.nrrd $name.nii
         vkt write $name.nrrd $name.hdr
@@ -161,7 +161,9 @@ END
     /usr/bin/python3 - <<'END'
 import nibabel, numpy
 image = nibabel.load("a.nii")
-moved = nibabel.Nifti1Image(image.dataobj.get_unscaled(), image.affine + numpy.eye(4)[:, [3, 0, 1, 2]] * 4, image.header)
+affine = image.affine.copy()
+affine[:3, 3] += 4
+moved = nibabel.Nifti1Image(image.dataobj.get_unscaled(), affine, image.header)
 nibabel.save(moved, "moved.nii")
 END
     compare moved.nii
