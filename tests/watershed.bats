@@ -218,3 +218,29 @@ for options in ("--slab 1 --threads 2", "--slab 3 --threads 5", "--slab 7"):
     fails_with 5 'whole volumes' vkt watershed large.nrrd --memory 64M -o o.nrrd
     [ ! -e o.nrrd ] && [ ! -e o.vkt ]
 }
+
+@test "where nothing can be flooded all labels are 0" {
+    vkt make constant --dims 8 7 6 --value 0 -o zero.nrrd
+    vkt make noise --dims 8 7 6 -o noise.nrrd
+    vkt make constant --dims 1 1 1 --value 0 -o one.nrrd
+    for words in 'zero.nrrd --on distance' 'zero.nrrd --on distance --depth 1' 'noise.nrrd --mask zero.nrrd' \
+        'noise.nrrd --mask zero.nrrd --on gradient' 'one.nrrd --on distance'; do
+        # shellcheck disable=SC2086
+        vkt watershed $words -o labels.nrrd --force
+        vkt stats labels.nrrd --json | grep -q '"max": 0[,.]'
+    done
+}
+
+@test "the history names markers and mask where they were said" {
+    vkt make noise --dims 8 7 6 -o noise.nrrd
+    vkt threshold noise.nrrd --above 0.5 | vkt label -o labels.nrrd
+    vkt threshold noise.nrrd --above 0.1 -o mask.nrrd
+    vkt watershed noise.nrrd --markers labels.nrrd --mask mask.nrrd -o basins.nrrd
+    [ "$(vkt history basins.nrrd | grep -c -- '--markers')" -eq 1 ]
+    run -0 vkt history basins.nrrd
+    [[ "$output" != *"--mask mask.nrrd"* && "$output" == *"vkt watershed - --markers"*"--mask"* ]]
+    # A volume without a history is named.
+    vkt write mask.nrrd plain_8x7x6_uint8.raw
+    vkt watershed noise.nrrd --mask plain_8x7x6_uint8.raw -o basins.nrrd --force
+    vkt history basins.nrrd | grep -q -- 'vkt watershed - --mask plain_8x7x6_uint8.raw'
+}

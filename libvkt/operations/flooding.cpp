@@ -65,6 +65,7 @@ template <class Entry> void radix_sort(std::vector<Entry>& entries) {
 class NotEmpty {
 public:
     explicit NotEmpty(std::size_t queues) {
+        queues = std::max<std::size_t>(queues, 1); // a volume without a voxel to flood has none
         do {
             queues = (queues + 63) / 64;
             levels_.emplace_back(queues, 0);
