@@ -60,8 +60,8 @@ for type in $types; do
     for field in 'noise --seed 5' 'checkerboard --period 3' 'ramp --axis y' 'marschner-lobb' 'sphere'; do
         same 0 "$vkt make $field --dims 61 23 17 --dtype $type"
     done
-    "$vkt" make noise --dims 61 23 17 --dtype $type --seed 5 -o a_$type.vkt
-    "$vkt" make noise --dims 61 23 17 --dtype $type --seed 6 -o b_$type.vkt
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 5 -o "a_$type.vkt"
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 6 -o "b_$type.vkt"
     for other in $types; do
         same 0 "$vkt convert a_$type.vkt --dtype $other -q"
         same 0 "$vkt convert a_$type.vkt --dtype $other --range minmax -q"
