@@ -12,7 +12,6 @@ budget, factor = int(sys.argv[1]), int(sys.argv[2])
 mib = 1 << 20
 bytes_ = budget * factor * mib
 threads = 2
-code = 1  # MiB of the library that a command touches and those that give the base do not
 voxels = bytes_ // 4
 # Small slices, slices as large as the budget, and a single slice.
 shapes = {
@@ -134,7 +133,7 @@ for shape, (x, y, z) in shapes.items():
                 own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
                 if "--memory" not in line:
                     line += ["--memory", f"{budget}M"]
-                limit = base + own + code
+                limit = base + own
                 status, used, said = peak(["vkt", *line], source)
                 worst = max(worst, used)
                 wrong = []
