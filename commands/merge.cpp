@@ -36,7 +36,7 @@ public:
                                      context.stage_info());
         }
         auto const open = [&context](std::string const& path) { return context.open(path); };
-        return merged_files(std::move(files), open, context.stage_info());
+        return merged_files(std::move(files), open, context.execution(), context.stage_info());
     }
 
 private:

@@ -95,9 +95,9 @@ private:
 Command write_command() {
     return consumer_command<Write>(
         {"Write a volume to a file.",
-         "The extension tells the format: .nrrd .nhdr .mha .mhd .raw .raw.gz .vkt, and others that are built in. The "
-         "file\n"
-         "appears when it is complete; an existing one is replaced only with --force.",
+         "The extension tells the format: .nrrd .nhdr .mha .mhd .nii .nii.gz .hdr .npy .raw .raw.gz .vkt, and others "
+         "that "
+         "are built\nin. The file appears when it is complete; an existing one is replaced only with --force.",
          {{"NRRD, compressed", "vkt read volume.nrrd | vkt write small.nrrd --compress"},
           {"One file into another format", "vkt write volume.nrrd volume.mha"},
           {"MetaImage with the voxels in a file beside it", "vkt read volume.nrrd | vkt write volume.mhd"},

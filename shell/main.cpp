@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <fcntl.h>
 #include <string>
 #include <unistd.h>
 #include <vector>
@@ -27,6 +28,13 @@ extern "C" void clean_up_and_die(int signal) {
     vkt::remove_temporaries();
     std::signal(signal, SIG_DFL);
     std::raise(signal); // whoever waits for this process sees what ended it
+}
+
+/// A standard stream that is closed must not become the next file that is opened: what uses it fails as before.
+void occupy_standard_streams() {
+    for (int const descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+        if (::fcntl(descriptor, F_GETFD) < 0)
+            static_cast<void>(::open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY));
 }
 
 /// Temporary files that have names do not outlive the process, unless it is killed by force.
@@ -56,6 +64,7 @@ void watch_for_foreign_exits(bool& finished) {
 
 int main(int argc, char** argv) {
     static bool finished = false; // looked at after main() has returned
+    occupy_standard_streams();
     make_threads_sleep(argv);
     handle_signals();
     watch_for_foreign_exits(finished);
@@ -68,6 +77,10 @@ int main(int argc, char** argv) {
         std::puts("vkt " VKT_VERSION);
     } else {
         code = vkt::shell::guarded("vkt " + words.front(), [&] { return vkt::shell::run_words(words); });
+    }
+    if (code == 0 && std::fflush(stdout) != 0) {
+        std::perror("vkt: cannot write to standard output");
+        code = static_cast<int>(vkt::ErrorKind::io);
     }
     finished = true;
     return code;

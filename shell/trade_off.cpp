@@ -4,19 +4,16 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
-#include "libvkt/engine/pipeline.h"
-#include "libvkt/engine/registry.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/difference.h"
-#include "shell/invocation.h"
+#include "shell/chain.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <deque>
+#include <functional>
 #include <limits>
-#include <map>
 
 namespace vkt::shell {
 namespace {
@@ -33,151 +30,6 @@ struct Dial {
 
 /// What each dial is set to, in their order; empty leaves it as it is given.
 using Setting = std::vector<std::string>;
-
-/// A pipeline with its operations, ready to run on volumes in memory.
-class Chain {
-public:
-    explicit Chain(std::string const& line) {
-        for (auto& words : shell_stages(line)) {
-            if (!words.empty() && words.front() == "vkt") words.erase(words.begin());
-            if (words.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", line, "'"));
-            Verb verb = find_verb(words);
-            if (!verb.command->operation)
-                throw Error(ErrorKind::usage, text("'", verb.name, "' is no operation on voxels"),
-                            "the pipeline names operations only: the volume is given beside it");
-            Invocation& stage = stages_.emplace_back(std::move(verb));
-            stage.parse();
-            if (stage.common().help || stage.common().examples)
-                throw Error(ErrorKind::usage, "--help has no meaning within a pipeline");
-            for (auto const& p : stage.common_parameters().all())
-                if (p.given)
-                    throw Error(ErrorKind::usage, text("--", p.name, " of '", stage.verb().name, "' decides no voxel"),
-                                "say beside the pipeline how it runs");
-            if (stage.inputs() != std::vector<std::string>{"-"} || !stage.yields_volumes())
-                throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not make one volume of one"),
-                            "only pipelines from one volume to another can be charted");
-        }
-    }
-
-    std::deque<Invocation>& stages() { return stages_; }
-
-    void set(Dial const& dial, std::string const& value) {
-        if (dial.of_machine || value.empty()) return;
-        Invocation& stage = stages_[dial.stage];
-        stage.own_parameters().set(dial.knob.option, {value});
-        stage.operation()->check();
-    }
-
-    std::vector<std::string> lines() {
-        std::vector<std::string> result;
-        for (auto& stage : stages_) {
-            std::vector<std::string> words{stage.verb().name};
-            for (auto const& word : stage.own_parameters().words()) words.push_back(shell_quoted(word));
-            result.push_back(join(words, " "));
-        }
-        return result;
-    }
-
-    /// The first `count` stages. Plans and headers of the inputs are kept.
-    Volume run(Volume const& input, Execution const& execution, std::size_t count) {
-        plans.assign(count, {});
-        headers.assign(count, {});
-        lossy = false;
-        auto source = volume_source({input});
-        for (std::size_t i = 0; i < count; ++i) {
-            StageInfo info;
-            info.name = stages_[i].verb().name;
-            info.listener = [this](std::string const&, std::string const&, bool loses) { lossy = lossy || loses; };
-            info.on_plan = [this, i](Plan const& plan, std::vector<Header> const& inputs) {
-                plans[i] = plan;
-                headers[i] = inputs.front();
-            };
-            std::vector<std::unique_ptr<Source>> inputs;
-            inputs.push_back(std::move(source));
-            source = attach(std::move(inputs), *stages_[i].operation(), execution, std::move(info));
-        }
-        source->next_volume();
-        return load(*source, execution);
-    }
-    Volume run(Volume const& input, Execution const& execution) { return run(input, execution, stages_.size()); }
-
-    double operations() const {
-        double sum = 0;
-        for (auto const& plan : plans) sum += plan.cost * static_cast<double>(plan.output.voxels());
-        return sum;
-    }
-
-    std::vector<Plan> plans;
-    std::vector<Header> headers;
-    bool lossy = false;
-
-private:
-    std::deque<Invocation> stages_;
-};
-
-Volume in_float64(Volume const& volume) { return vkt::apply({"convert", "--dtype", "float64"}, {volume}); }
-
-struct Extremes {
-    double low = std::numeric_limits<double>::infinity(), high = -low, magnitude = 0; ///< of the finite stored values
-};
-
-Extremes extremes_of(Volume const& volume) {
-    Volume const wide = in_float64(volume);
-    auto const* const values = reinterpret_cast<double const*>(wide.view().data);
-    Extremes found;
-    for (std::int64_t i = 0; i < wide.header().voxels(); ++i) {
-        double const v = values[i];
-        if (!std::isfinite(v)) continue;
-        found.low = std::min(found.low, v);
-        found.high = std::max(found.high, v);
-        found.magnitude = std::max(found.magnitude, std::abs(v));
-    }
-    if (!(found.low <= found.high)) found.low = found.high = 0;
-    return found;
-}
-
-bool moves_only(Invocation const& stage, Plan const& plan) {
-    return plan.error.exact() && (plan.shift || stage.operation()->shape() == Shape::geometric);
-}
-
-/// The bound of a chain that was just run: known where one stage computes and the others only move voxels.
-std::optional<double> bound_of(Chain& chain, Volume const& input, Execution const& execution) {
-    auto const plans = chain.plans;
-    auto const headers = chain.headers;
-    std::optional<std::size_t> computes;
-    for (std::size_t i = 0; i < plans.size(); ++i) {
-        if (moves_only(chain.stages()[i], plans[i])) continue;
-        if (computes) return std::nullopt;
-        computes = i;
-    }
-    if (!computes) return 0;
-    Plan const& plan = plans[*computes];
-    if (plan.error.kind == ErrorBound::Kind::unknown || plan.error.kind == ErrorBound::Kind::estimate)
-        return std::nullopt;
-    Header const& in = headers[*computes];
-    bool const lossy = chain.lossy;
-    Extremes values = extremes_of(*computes == 0 ? input : chain.run(input, execution, *computes));
-    chain.lossy = lossy;
-    if (plan.boundary == Boundary::border) {
-        values.low = std::min(values.low, plan.border_value);
-        values.high = std::max(values.high, plan.border_value);
-        values.magnitude = std::max(values.magnitude, std::abs(plan.border_value));
-    }
-    double const slope = std::abs(in.values.slope), step = std::abs(plan.output.values.slope);
-    double bound = plan.error.over(slope * (values.high - values.low), slope * values.magnitude);
-    if (is_integer(plan.output.dtype)) bound += 0.5 * step;
-    return bound;
-}
-
-/// What storing an exact result in a type of floats costs; bounds of what is not exact hold it already.
-double storing_cost(Chain const& chain, Extremes const& result) {
-    double cost = 0;
-    for (auto const& plan : chain.plans)
-        if (plan.error.exact() && !plan.shift)
-            cost += storing_error(plan.output.dtype) * std::abs(plan.output.values.slope) * result.magnitude +
-                    storing_floor(plan.output.dtype);
-    return cost;
-}
 
 DifferenceResult difference(Volume const& reference, Volume const& other, Execution const& execution) {
     auto const a = volume_source({reference}), b = volume_source({other});
@@ -240,6 +92,10 @@ double median(std::vector<double> values) {
     std::sort(values.begin(), values.end());
     std::size_t const n = values.size();
     return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+}
+
+void set(Chain& chain, Dial const& dial, std::string const& value) {
+    if (!dial.of_machine && !value.empty()) chain.set(dial.stage, dial.knob.option, value);
 }
 
 class Study {
@@ -407,7 +263,7 @@ private:
 
     Chain& chain_of(Setting const& setting) {
         Chain& chain = chain_.emplace(request_.pipeline);
-        for (std::size_t d = 0; d < dials_.size(); ++d) chain.set(dials_[d], setting[d]);
+        for (std::size_t d = 0; d < dials_.size(); ++d) set(chain, dials_[d], setting[d]);
         return chain;
     }
 
@@ -434,12 +290,9 @@ private:
         point.label = label_of(setting);
         {
             Volume const out = chain.run(volume_, execution); // the warm run
-            point.operations = chain.operations();
-            point.lossy = chain.lossy;
-            auto const plans = chain.plans;
-            point.bound = bound_of(chain, volume_, execution);
-            chain.plans = plans;
-            if (point.bound) *point.bound += storing_cost(chain, extremes_of(out));
+            point.operations = chain.cost();
+            point.lossy = chain.lossy();
+            point.bound = chain.bound(volume_, out, execution);
             DifferenceResult const all = difference(*reference_, out, execution_);
             if (!all.same_dims) throw Error(ErrorKind::usage, "the setting makes a volume of other extents");
             point.max_error = all.max_abs;

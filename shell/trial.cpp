@@ -46,6 +46,8 @@ bool TrialResult::ok() const {
     return !hung && !codes.empty() && std::all_of(codes.begin(), codes.end(), [](int code) { return code == 0; });
 }
 
+bool TrialResult::says(int code) const { return std::find(codes.begin(), codes.end(), code) != codes.end(); }
+
 std::optional<int> TrialResult::crash() const {
     for (int const code : codes)
         if (code > 5 && code != closed_pipe) return code;

@@ -10,9 +10,9 @@
 namespace vkt::shell {
 
 struct TrialOptions {
-    std::string folder; ///< where the line runs; standard output and error go to "stdout" and "stderr" beside it
+    std::string folder; ///< where the line runs
     std::string stdout_file, stderr_file;
-    double seconds = 20;                    ///< after which it and all that it started are killed
+    double seconds = 60;                    ///< after which it and all that it started are killed
     std::optional<std::int64_t> file_limit; ///< bytes that a file may have
 };
 
@@ -20,6 +20,8 @@ struct TrialResult {
     std::vector<int> codes; ///< of the stages, as a shell tells them; above 128 for signals
     bool hung = false;
     bool ok() const;
+    /// True if a stage ended with this code.
+    bool says(int code) const;
     /// The first stage that was ended by a signal other than that of a closed pipe, or that no program was found for.
     std::optional<int> crash() const;
 };

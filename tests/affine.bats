@@ -125,3 +125,11 @@ assert (itk.GetArrayFromImage(out) == v).all() and np.allclose(out.GetOrigin(), 
     fails_with 3 'no transform' vkt affine t.tfm in.vkt -o x.vkt
     [ ! -e x.vkt ]
 }
+
+@test "a matrix with a mistake is a matrix" {
+    vkt make noise --dims 4 4 4 -o v.nrrd
+    for matrix in '1 0 0 0 0 1 0 0 0 0 1 x' '1 0 0 0 0 1 0 0 0 0 1 nan' '1,2' ''; do
+        run -2 vkt affine "$matrix" v.nrrd -o x.nrrd
+    done
+    run -4 vkt affine none.tfm v.nrrd -o x.nrrd
+}

@@ -300,3 +300,14 @@ assert raw("median.nrrd") == whole.tobytes()'
     vkt brick v.nrrd --size 40 -n 2>/dev/null | vkt merge -n 2>plan >/dev/null
     grep -q '64x60x50' plan
 }
+
+@test "a closed standard output is an error, whatever is opened first" {
+    vkt make noise --dims 8 8 8 -o v.nrrd
+    vkt brick v.nrrd --size 4 -o bricks
+    vkt stats v.nrrd --mergeable >part
+    run -4 bash -c 'vkt merge bricks >&-'
+    run -4 bash -c 'vkt merge bricks/*.nrrd >&-'
+    run -4 bash -c 'vkt stats --merge part >&-'
+    run -4 bash -c 'vkt --version >&-'
+    run -4 bash -c 'vkt --version >/dev/full'
+}

@@ -38,13 +38,16 @@ arguments = {
     "dump-range": ["{f} --first 0 0 0 --last 64 100 1"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 64 {y} {z}"],
-    "filter gaussian": ["{f} --sigma 1", "{f} --sigma 2 --boundary wrap", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0"],
+    "filter gaussian": ["{f} --sigma 1", "{f} --sigma 2 --boundary wrap", "{f} --sigma 0,0,40", "{f} --sigma 0,3,0",
+                        "{f} --sigma 4 --method cascade --tolerance 1%", "{f} --sigma 1 --roi 10%:90%,:,:"],
+    "filter bilateral": ["{f} --sigma 0.4 --range-sigma 1"],
     "filter box": ["{f} --radius 3"],
     "filter dog": ["{f} --sigma 0.5", "{f} --sigma 2 --memory 32M"],
     "filter kernel": ["kernel.txt {f}"],
     "filter log": ["{f} --sigma 0.5", "{f} --sigma 2 --memory 32M"],
     "filter median": ["{f} --radius 1", "{f} --radius 3"],
     "filter sharpen": ["{f} --sigma 0.5", "{f} --sigma 2 --memory 32M"],
+    "filter nlmeans": ["{f} --search 1 --patch 1 --strength 1", "{f} --search 1,1,0 --patch 0 --noise auto"],
     "flip": ["x {f}", "y {f}", "z {f}"],
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
     "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
@@ -68,17 +71,20 @@ arguments = {
                  "{f} --scale 0.5,0.5,2 --method cubic"],
     "rotate": ["{f} --axis z --angle 30", "{f} --axis z --angle 90"],
     "scale": ["{f} --factor 0.5", "{f} --factor 2,1,1 --method cubic"],
+    "scan": ["{f}", "{f} --exclusive"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
+    "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
 no_volumes = {"completion", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
-held_whole = {"distance", "refine", "render"}  # may be refused, before anything is held
-held_plane = {"affine", "project", "rotate"}  # the same where a slice is as large as the budget
+# May be refused, before anything is held; scan for a slice of sums.
+held_whole = {"distance", "refine", "render", "scan", "watershed"}
+held_plane = {"affine", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 
 def peak(command, source=None):

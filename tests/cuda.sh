@@ -27,7 +27,7 @@ mkdir -p build/cuda
 flags='-std=c++20 --extended-lambda --expt-relaxed-constexpr --fmad=false -O1 -arch=sm_90 --diag-suppress=554
     -DVKT_BACKEND=cuda -DVKT_BACKEND_cuda -DVKT_CUDA -I.'
 # Kernels that a header declares for CPUs only are no CUDA sources (libvkt/CMakeLists.txt).
-ls libvkt/*/kernels/*.cpp libvkt/*/kernels/*.cu libvkt/cuda/*.cu tests/gpu/*.cu | while read -r source; do
+for source in libvkt/*/kernels/*.cpp libvkt/*/kernels/*.cu libvkt/cuda/*.cu tests/gpu/*.cu; do
     header=${source%.*}.h
     case $source in *.cpp) [ ! -e "${source%.cpp}.cu" ] || continue ;; esac
     if [ -e "$header" ] && grep -q '^VKT_CPU_KERNEL' "$header" && ! grep -q '^VKT_KERNEL' "$header"; then continue; fi
@@ -35,13 +35,14 @@ ls libvkt/*/kernels/*.cpp libvkt/*/kernels/*.cu libvkt/cuda/*.cu tests/gpu/*.cu 
 done >build/cuda/sources
 # Sources and what they include are not looked at one by one: an object is as new as the newest header or none.
 newest=$(find libvkt tests/gpu -name '*.h' -newer build/cuda/stamp 2>/dev/null | head -n 1 || true)
-[ -e build/cuda/stamp ] && [ -z "$newest" ] || rm -f build/cuda/*.o
+if [ ! -e build/cuda/stamp ] || [ -n "$newest" ]; then rm -f build/cuda/*.o; fi
 touch build/cuda/stamp
+export nvcc flags
 # shellcheck disable=SC2016  # expanded by the inner shell
 xargs -P "$(nproc)" -n 1 sh -c '
     object=build/cuda/$(echo "$2" | tr / _).o
     [ "$object" -nt "$2" ] && { echo "pass $2" >>"$1"; exit 0; }
-    if '"\"$nvcc\" $(echo $flags)"' -x cu -c "$2" -o "$object" >"$object.log" 2>&1; then
+    if "$nvcc" $flags -x cu -c "$2" -o "$object" >"$object.log" 2>&1; then
         echo "pass $2" >>"$1"
     else
         grep -A5 error "$object.log" | head -n 40

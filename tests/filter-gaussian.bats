@@ -246,3 +246,189 @@ assert abs(got / m - want).max() <= 2e-4"
     vkt filter gaussian low.nrrd --sigma 0,12,1 --boundary wrap --memory 8M --format raw -o cut.raw --force
     cmp whole.raw cut.raw
 }
+
+# cascade_holds SHAPE RULE SIGMA TOLERANCE [OPTION…]: noise, an impulse and a checkerboard, off from SciPy by no more than
+# the plan says, by either method.
+cascade_holds() {
+    /usr/bin/python3 - "$@" <<'PY'
+import re, subprocess, sys
+import numpy as np
+from scipy.ndimage import gaussian_filter
+shape, rule, sigma, tolerance, *options = sys.argv[1:]
+modes = {'mirror': 'reflect', 'clamp': 'nearest', 'wrap': 'wrap', 'border:0.3': 'constant'}
+n = tuple(int(i) for i in shape.split('x'))[::-1]
+s = [float(i) for i in sigma.split(',')][::-1]
+u = np.random.default_rng(8).random(n)
+impulse = np.zeros(n)
+impulse[tuple(i // 2 for i in n)] = 1
+for name, v in {'noise': u, 'impulse': impulse, 'checkerboard': np.indices(n).sum(0) % 2 * 1.0}.items():
+    v = v.astype('f4')
+    v.tofile(f'in_{shape}_float32.raw')
+    done = subprocess.run(['vkt', 'filter', 'gaussian', f'in_{shape}_float32.raw', '--sigma', sigma, '--boundary', rule,
+                           '--tolerance', tolerance, '--explain', '--format', 'raw', '-o', 'out.raw', '--force', *options],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = re.search(r'error at most (?:(\S+) of the value range)?(?: \+ )?(?:(\S+) of the largest magnitude)?', done.stderr)
+    share, magnitude = (float(e or 0) for e in said.groups()) if said else (0, 0)
+    if 'cascade' in options: assert 'cascade, nodes' in done.stderr, done.stderr
+    want = gaussian_filter(v.astype(float), s, mode=modes[rule], cval=0.3, truncate=9)
+    got = np.fromfile('out.raw', 'f4').reshape(n)
+    values = np.append(v.ravel(), 0.3 if rule[0] == 'b' else [])
+    worst, allowed = abs(got - want).max(), share * np.ptp(values) + magnitude * abs(values).max()
+    assert worst <= allowed, f'{name} {sys.argv}: off by {worst}, {allowed} promised'
+    assert share <= float(tolerance[:-1]) / 100 * 1.001
+    assert got.min() >= values.min() and got.max() <= values.max()
+PY
+}
+
+@test "the cascade keeps its bound for all boundary rules, sigmas and shapes, and results stay in the range" {
+    for rule in mirror clamp wrap border:0.3; do
+        cascade_holds 53x41x37 $rule 4,5,6 0.1% --method cascade
+        cascade_holds 53x41x37 $rule 4,4,4 0.01% --method cascade
+        cascade_holds 31x67x19 $rule 9,0.8,4 0.01% --method cascade
+        cascade_holds 53x41x37 $rule 0,7,0 0.001% --method cascade
+    done
+    for rule in mirror clamp border:0.3; do
+        cascade_holds 53x41x37 $rule 32,40,24 0.01% --method cascade
+        cascade_holds 23x2x61 $rule 0,0,20 0.1% --method cascade
+        cascade_holds 97x1x1 $rule 16,5,5 0.0001% --method cascade
+    done
+    cascade_holds 127x7x5 mirror 100,0,0 0.01% --method cascade
+    cascade_holds 127x7x5 wrap 100,1,1 0.01% --method cascade
+}
+
+@test "whatever sigma is, the method chosen keeps the bound" {
+    for sigma in 0.3 0.7 1.3 2.6 5 11 23 64 200; do
+        cascade_holds 47x31x29 mirror $sigma,$sigma,$sigma 0.05%
+        cascade_holds 47x31x29 wrap $sigma,1,$sigma 1%
+    done
+}
+
+@test "the cascade: a blob of a blob, the sum, the variance, and constants" {
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.indices((61, 67, 71)) - np.array([30, 33, 35])[:, None, None, None]
+np.exp(-(x * x + y * y + z * z) / (2 * 3 ** 2)).astype('f8').tofile('blob_71x67x61_float64.raw')
+(x * x + y + 0.0).astype('f8').tofile('square_71x67x61_float64.raw')
+np.full((23, 29, 31), 0.1, 'f4').tofile('c_31x29x23_float32.raw')
+np.full((23, 29, 31), 65535, 'u2').tofile('c_31x29x23_uint16.raw')"
+    vkt filter gaussian blob_71x67x61_float64.raw --sigma 4 --tolerance 0.01% --method cascade --boundary border --format raw -o blob.raw
+    vkt filter gaussian square_71x67x61_float64.raw --sigma 4 --tolerance 0.01% --method cascade --format raw -o square.raw
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.indices((61, 67, 71)) - np.array([30, 33, 35])[:, None, None, None]
+r2 = x * x + y * y + z * z
+# sqrt(3^2 + 4^2) = 5: the amplitude falls by the volume.
+want = (3 / 5) ** 3 * np.exp(-r2 / 50)
+got = np.fromfile('blob.raw').reshape(want.shape)
+assert abs(got - want).max() <= 1e-4, abs(got - want).max()
+before = np.fromfile('blob_71x67x61_float64.raw').sum()
+inner = np.exp(-r2 / 18).sum()
+assert abs(got.sum() / inner - 1) <= 1e-3, got.sum() / inner
+q = np.fromfile('square.raw').reshape(want.shape)[28:32, 30:36, 33:38]
+assert abs(q - (x * x + y + 16.0)[28:32, 30:36, 33:38]).max() <= 1e-4 * (35 * 35 + 66)"
+    vkt filter gaussian c_31x29x23_float32.raw --sigma 7 --method cascade --tolerance 0.1% --format raw -o c.raw
+    cmp c.raw c_31x29x23_float32.raw
+    vkt filter gaussian c_31x29x23_uint16.raw --sigma 20,6,0 --method cascade --tolerance 0.1% --format raw -o c.raw --force
+    cmp c.raw c_31x29x23_uint16.raw
+}
+
+@test "the cascade is the same bit for bit however it is cut: slabs, threads, pieces of slices, and regions" {
+    for options in '5 --boundary mirror' '5 --boundary wrap' '5 --boundary border:7' '3,0,5 --boundary clamp'; do
+        # shellcheck disable=SC2086 # several words
+        set -- --sigma $options --method cascade --tolerance 0.1% --format raw --force
+        vkt filter gaussian f_45x31x20_float32.raw "$@" --slab 20 --threads 1 -o a.raw
+        for slab in 1 3 7; do
+            for threads in 1 2 5; do
+                vkt read f_45x31x20_float32.raw --slab 2 | vkt filter gaussian "$@" --slab $slab --threads $threads -o b.raw -q
+                cmp a.raw b.raw
+            done
+        done
+        vkt filter gaussian f_45x31x20_float32.raw "$@" --roi 7:31,5:24,3:17 --slab 2 -o roi.raw
+        /usr/bin/python3 -c "
+import numpy as np
+v, a, r = (np.fromfile(f, 'f4').reshape(20, 31, 45) for f in ('f_45x31x20_float32.raw', 'a.raw', 'roi.raw'))
+v[3:17, 5:24, 7:31] = a[3:17, 5:24, 7:31]
+assert (v.view('u4') == r.view('u4')).all()"
+    done
+    vkt make noise --dims 512 256 12 --dtype float32 --seed 3 -o in.nrrd
+    for rule in wrap mirror border:0.3; do
+        vkt filter gaussian in.nrrd --sigma 6,7,2 --tolerance 0.1% --method cascade --boundary $rule --memory 1G --format raw -o whole.raw --force
+        vkt filter gaussian in.nrrd --sigma 6,7,2 --tolerance 0.1% --method cascade --boundary $rule --memory 8M --format raw -o cut.raw --force
+        cmp whole.raw cut.raw
+    done
+}
+
+@test "a region of the direct method is that of the whole, and the rest stays as it is" {
+    vkt filter gaussian b_45x31x20_uint8.raw --sigma 1.5 --format raw -o a.raw
+    vkt filter gaussian b_45x31x20_uint8.raw --sigma 1.5 --roi 7:31,5:24,3:17 --slab 3 --format raw -o roi.raw
+    /usr/bin/python3 -c "
+import numpy as np
+v, a, r = (np.fromfile(f, 'u1').reshape(20, 31, 45) for f in ('b_45x31x20_uint8.raw', 'a.raw', 'roi.raw'))
+v[3:17, 5:24, 7:31] = a[3:17, 5:24, 7:31]
+assert (v == r).all()"
+    vkt make amr --blocks 8 --levels 2 -o t.vkt
+    refused 'structured' vkt filter gaussian t.vkt --roi 0:4,:,: -o out.vkt
+}
+
+@test "the cascade takes all types, and agrees with the direct method within both bounds" {
+    for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 37 29 31 --dtype float64 --low 0 --high 100 --seed 2 | vkt convert --dtype $type -o in.vkt --force
+        vkt filter gaussian in.vkt --sigma 5,6,4 --tolerance 0.1% --method cascade --format raw -o cascade.raw --force
+        vkt filter gaussian in.vkt --sigma 5,6,4 --tolerance 0.1% --method fir --format raw -o fir.raw --force
+        /usr/bin/python3 -c "
+import numpy as np
+a, b = (np.fromfile(f, '$type').astype(float) for f in ('cascade.raw', 'fir.raw'))
+assert a.size == 37 * 29 * 31 and abs(a - b).max() <= 2 * 0.1 + (0 if '$type'[0] == 'f' else 1), abs(a - b).max()
+assert a.std() > 0 or '$type'[0] != 'f'"
+    done
+}
+
+@test "a NaN spoils no more than the cascade reaches" {
+    /usr/bin/python3 -c "
+import numpy as np
+v = np.random.default_rng(9).random((90, 40, 40), 'f4')
+v[45, 20, 20] = np.nan
+v.tofile('n_40x40x90_float32.raw')"
+    vkt filter gaussian n_40x40x90_float32.raw --sigma 0,0,4 --method cascade --tolerance 0.1% --format raw -o n.raw
+    /usr/bin/python3 -c "
+import numpy as np
+bad = np.isnan(np.fromfile('n.raw', 'f4').reshape(90, 40, 40))
+assert bad[45, 20, 20] and bad.sum() == bad[:, 20, 20].sum() <= 2 * 6 * 4"
+}
+
+@test "the cascade is taken where it is cheaper, and can be forced or kept out" {
+    vkt filter gaussian f_45x31x20_float32.raw --sigma 1.5 --explain -o a.nrrd 2>plan
+    grep -q 'direct FIR, radius' plan
+    vkt make noise --dims 128 128 128 --dtype uint8 -o big.nrrd
+    vkt filter gaussian big.nrrd --sigma 8 -n -o x.vkt 2>plan
+    grep -q 'B-spline cascade, nodes every' plan
+    vkt filter gaussian big.nrrd --sigma 8 --method fir -n -o x.vkt 2>plan
+    grep -q 'direct FIR, radius' plan
+    # The cost does not grow with sigma.
+    /usr/bin/python3 - <<'PY'
+import re, subprocess
+def cost(sigma):
+    plan = subprocess.run(['vkt', 'make', 'noise', '--dims', '2000', '2000', '2000', '-n'], capture_output=True)
+    done = subprocess.run(['vkt', 'filter', 'gaussian', '-', '--sigma', str(sigma), '-n'], input=plan.stdout, capture_output=True)
+    return float(re.search(rb'([0-9.e+]+) multiply-adds', done.stderr).group(1))
+costs = [cost(s) for s in (8, 16, 32, 64)]
+assert max(costs) <= 1.2 * costs[0] <= 30, costs
+PY
+    refused 'no cascade' vkt filter gaussian f_45x31x20_float32.raw --sigma 1 --method cascade -o out.nrrd
+    refused 'no cascade' vkt filter gaussian f_45x31x20_float32.raw --sigma 4 --tolerance 1e-8% --method cascade -o out.nrrd
+    refused 'method' vkt filter gaussian f_45x31x20_float32.raw --method iir -o out.nrrd
+}
+
+@test "trees take the cascade as they take the direct method" {
+    vkt make amr --blocks 30 --levels 3 -o t.vkt
+    vkt filter gaussian t.vkt --sigma 6 --tolerance 0.1% --method cascade -o cascade.vkt
+    vkt filter gaussian t.vkt --sigma 6 --tolerance 0.1% --method cascade --threads 1 -o again.vkt
+    cmp cascade.vkt again.vkt
+    vkt filter gaussian t.vkt --sigma 6 --tolerance 0.1% --method fir -o fir.vkt
+    for method in cascade fir; do vkt resample $method.vkt --cells 100k -o $method.nrrd; done
+    vkt resample t.vkt --cells 100k -o t.nrrd
+    range=$(vkt stats t.nrrd --json | /usr/bin/python3 -c "import json, sys; s = json.load(sys.stdin); print(0.002 * (s['max'] - s['min']))")
+    vkt diff cascade.nrrd fir.nrrd --tolerance "$range"
+    run ! vkt diff t.nrrd fir.nrrd --tolerance "$range"
+}

@@ -15,7 +15,12 @@ def text(name, k):
 text('dense.txt', r.normal(size=(5, 3, 7)))
 text('long.txt', r.normal(size=(1, 1, 9)))
 text('product.txt', np.einsum('i,j,k->ijk', r.normal(size=3), r.normal(size=7), r.normal(size=5)))
-text('large.txt', r.normal(size=(3, 13, 15)))"
+text('large.txt', r.normal(size=(3, 13, 15)))
+text('cube3.txt', r.normal(size=(3, 3, 3)))
+text('cube5.txt', r.normal(size=(5, 5, 5)))
+gaps = r.normal(size=(3, 5, 5))
+gaps[0, 0, 0] = gaps[1, 2, :] = gaps[2, 4, 3] = 0
+text('gaps.txt', gaps)"
 }
 
 # kernel KERNEL TYPE PAD [OPTION…]: runs it with --explain; are_correlations compares with SciPy to the bound it states.
@@ -48,14 +53,14 @@ PY
 
 @test "every type is what SciPy's correlate gives, to the stated bound" {
     for type in $all_types; do
-        for kernel in dense long product large; do kernel $kernel.txt $type reflect; done
+        for kernel in dense long product large cube3 cube5 gaps; do kernel $kernel.txt $type reflect; done
     done
     are_correlations
 }
 
 @test "boundaries are SciPy's" {
     for pair in mirror=reflect clamp=nearest wrap=wrap border=constant:0 border:-2=constant:-2; do
-        for kernel in dense product large; do kernel $kernel.txt float32 "${pair#*=}" --boundary "${pair%=*}"; done
+        for kernel in dense product large cube3 cube5 gaps; do kernel $kernel.txt float32 "${pair#*=}" --boundary "${pair%=*}"; done
     done
     are_correlations
 }
@@ -116,8 +121,36 @@ clean = correlate(np.where(np.isfinite(n), n, 0), read('dense.txt'), mode='refle
 assert abs(got - clean)[~spoilt].max() < 1e-12"
 }
 
+@test "a weight of 0 reads nothing, beside weights that do" {
+    # One voxel is infinite: it reaches as far as the weights that are not 0, whichever of the methods adds them up.
+    /usr/bin/python3 -c "
+import numpy as np
+v = np.ones((9, 9, 9), 'f4')
+v[4, 4, 4] = np.inf
+v.tofile('i_9x9x9_float32.raw')
+v[:, 4:5].copy().tofile('i_9x1x9_float32.raw')"
+    for kernel in gaps cube3 cube5; do
+        for size in 9x9x9 9x1x9; do
+            vkt filter kernel $kernel.txt i_${size}_float32.raw --boundary border:1 --format raw -o i_$kernel$size.raw
+        done
+    done
+    /usr/bin/python3 -c "
+import numpy as np
+for name in 'gaps', 'cube3', 'cube5':
+    words = [w for l in open(name + '.txt') for w in l.split('#')[0].split()]
+    k = np.array(words[3:], float).reshape([int(n) for n in words[2::-1]])
+    reach = np.zeros((9, 9, 9), bool)
+    r = [n // 2 for n in k.shape]
+    reach[tuple(slice(4 - n, 5 + n) for n in r)] = k[::-1, ::-1, ::-1] != 0
+    got = np.fromfile(f'i_{name}9x9x9.raw', 'f4').reshape(reach.shape)
+    assert (np.isinf(got) == reach).all() and not np.isnan(got).any(), name
+    assert abs(got[0, 0, 0] / k.sum() - 1) < 1e-4, name
+    flat = np.fromfile(f'i_{name}9x1x9.raw', 'f4').reshape(9, 9)
+    assert (np.isinf(flat) == reach[:, 4]).all(), name"
+}
+
 @test "slabs, threads, memory, pipes and regions make no difference" {
-    for kernel in dense product large; do same_however_run dtype=float32 vkt filter kernel $kernel.txt; done
+    for kernel in dense product large cube3 cube5; do same_however_run dtype=float32 vkt filter kernel $kernel.txt; done
     same_however_run dtype=uint8 vkt filter kernel dense.txt
     same_however_run dtype=uint32 vkt filter kernel product.txt
 }

@@ -110,7 +110,8 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 
 @test "an argument too many is told where outputs and spaces go" {
     fails_with 2 "an output is said as -o c.nrrd" vkt crop v.nrrd c.nrrd --roi 0:2,:,:
-    fails_with 2 "stands in quotes" vkt stats v.nrrd a b
+    fails_with 2 "a value with spaces in quotes" vkt flip x v.nrrd a b
+    fails_with 2 "stands in quotes" vkt dump v.nrrd a b
 }
 
 @test "half-typed options are completed in the hint" {
@@ -150,6 +151,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 }
 
 @test "an option means one thing in every command" {
+    # --size is how large what is made is: pictures in pixels, bricks in voxels.
     vkt help --list >verbs
     while read -r verb; do
         # shellcheck disable=SC2086
@@ -158,6 +160,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     diff - found <<'END'
 first X Y Z
 last X Y Z
+size N|X,Y,Z
 size WxH
 tolerance P%
 tolerance T

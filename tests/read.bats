@@ -239,8 +239,8 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     fails_with 3 "'a.bin' is a PNG picture, a format that vkt does not read" vkt read a.bin -o a.vkt
     printf 'II*\0aaaaaaaa' >b.bin
     fails_with 3 "is a TIFF file" vkt read b.bin -o a.vkt
-    { head -c 344 /dev/zero; printf 'n+1\0'; } >c.bin
-    fails_with 3 "is a NIfTI-1 file" vkt info c.bin
+    printf 'SIMPLE  =                    T' | gzip >c.bin
+    fails_with 3 "is a FITS file in gzip, a format" vkt info c.bin
     { head -c 128 /dev/zero; printf DICM; } >d.bin
     fails_with 3 "is a DICOM file" vkt info d.bin
     printf '<?xml version="1.0"?>\n<VTKFile type="ImageData">' >e.bin

@@ -341,3 +341,8 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     check 's = json.load(open("empty")); assert s["count"] == 0 and s["mean"] is None and s["product"] is None'
     vkt stats v_31x23x19_uint8.raw --mask zero.vkt --labels labels_31x23x19_uint16.raw --json | tr -d ' \n' | grep -q '"labels":\[\]'
 }
+
+@test "a product of 0 has no sign" {
+    vkt make ramp --dims 4 4 4 | vkt transform 'x == 0 ? 0 : x == 1 and y == 0 and z == 0 ? 0 - 3 : 2' --dtype int8 -o v.nrrd
+    vkt stats v.nrrd --json | tr -d ' ' | grep -q '"product":0[,.]'
+}

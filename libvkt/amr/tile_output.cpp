@@ -86,7 +86,7 @@ void mark(tile::Job const& job, tile::Source const& brick, Span (&span)(tile::Jo
 /// Marks the voxels that overlap bricks whose cells are at most half as wide, and if there are holes those whose
 /// centres lie in one; returns how many.
 int mark_averaged(tile::Job const& job, bool holes, TileMemory& work) {
-    auto const n = static_cast<std::size_t>(job.count[0] * job.count[1] * job.count[2]);
+    auto const n = std::size_t(1) * job.count[0] * job.count[1] * job.count[2];
     std::memset(work.averaged, 0, n);
     if (holes) std::memset(work.inside, 0, n);
     for (std::int64_t i = 0; i < job.id_count; ++i) {

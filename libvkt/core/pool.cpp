@@ -13,10 +13,12 @@ namespace vkt {
 namespace {
 
 constexpr std::size_t huge_page = std::size_t{2} << 20;
+constexpr std::size_t small_page = std::size_t{4} << 10;
 
-std::size_t rounded(std::size_t bytes) { return (bytes + huge_page - 1) / huge_page * huge_page; }
+/// The end of a block is in small pages: up to 2 MiB more than were asked for would be in no plan.
+std::size_t rounded(std::size_t bytes) { return (bytes + small_page - 1) / small_page * small_page; }
 
-/// Over-maps and trims so that the block starts on a huge page; otherwise up to 2 MiB at either end fall back to 4 KiB.
+/// Over-maps and trims so that the block starts on a huge page; otherwise up to 2 MiB there fall back to 4 KiB.
 std::byte* map_block(std::size_t size) {
     void* const mapping =
         mmap(nullptr, size + huge_page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);

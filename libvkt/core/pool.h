@@ -16,7 +16,8 @@ std::size_t release_blocks();
 /// Bytes of kept blocks.
 std::size_t kept_block_bytes();
 
-/// Memory that begins on a huge page, of a multiple of 2 MiB, its contents unspecified; null if there is none.
+/// Memory that begins on a huge page and takes no more than asked for, in whole pages of 4 KiB, its contents
+/// unspecified; null if there is none.
 std::byte* take_block(std::size_t bytes);
 void return_block(std::byte* data, std::size_t bytes);
 

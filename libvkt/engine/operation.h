@@ -39,6 +39,9 @@ struct Plan {
     /// run() is called once, for all of the output; footprints are whole inputs. Refused where these, the output and
     /// state_bytes exceed the budget.
     bool whole = false;
+    /// run() keeps what came before: it is called for all of the output, once, in order: slabs of whole slices, or
+    /// whole rows of one. What is then asked for out of order is spooled by who asks.
+    bool carries = false;
     Boundary boundary = Boundary::clamp; ///< how the engine fills footprints that reach outside the input
     /// Stored value for Boundary::border. The engine stores it as a voxel of the input's type; operations that compute
     /// with it keep their footprints inside the volume and use the value as it is.

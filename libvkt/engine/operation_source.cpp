@@ -176,6 +176,7 @@ void OperationSource::plan_volume() {
     inputs_used_up_ = false;
     work_ = {};
     result_.reset();
+    done_y_ = done_z_ = 0;
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
@@ -312,6 +313,7 @@ void OperationSource::scan() {
 
 Access OperationSource::access() const {
     if (inputs_used_up_ || work_.bands) return Access::random;
+    if (plan_.carries) return Access::forward;
     bool const random =
         std::all_of(inputs_.begin(), inputs_.end(), [](auto const& i) { return i->access() == Access::random; });
     return random ? Access::random : Access::forward;
@@ -329,7 +331,8 @@ void OperationSource::expect(Box const& region) {
     if (inputs_used_up_ || region.empty() || plan_.access == Access::random || work_.jumps)
         return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
-        Box const footprint = plan_.shift ? moved(region) : operation_.footprint(region, static_cast<int>(i));
+        Box const wanted = plan_.carries ? Box{{}, {plan_.output.dims.x, plan_.output.dims.y, region.upper.z}} : region;
+        Box const footprint = plan_.shift ? moved(wanted) : operation_.footprint(wanted, static_cast<int>(i));
         inputs_[i]->expect(intersect(footprint, box_of(inputs_[i]->header().dims)));
     }
 }
@@ -372,6 +375,7 @@ void OperationSource::read(AnyView out) {
     }
     if (work_.bands && !result_) compute_bands();
     if (result_) return result_->read(out);
+    if (plan_.carries) return run_in_order(out);
     // Large requests (a consumer that wants the whole volume) are still worked in pieces, so windows stay small.
     std::int64_t const height = work_.cut.slices;
     bool const down =
@@ -383,6 +387,33 @@ void OperationSource::read(AnyView out) {
         slab.lower.z = z;
         slab.upper.z = std::min(z + height, out.box.upper.z);
         for_each_piece(slab, {slab.upper.z, work_.cut.rows}, [&](Box const& box) { run_in_pieces(out.part(box)); });
+    }
+}
+
+/// Computes all rows from the next one to the last that is asked for.
+void OperationSource::run_in_order(AnyView out) {
+    Index3 const n = plan_.output.dims;
+    while (done_z_ < out.box.upper.z - 1 || (done_z_ == out.box.upper.z - 1 && done_y_ < out.box.upper.y)) {
+        Box box{{0, done_y_, done_z_}, {n.x, n.y, done_z_ + 1}};
+        bool const last = done_z_ == out.box.upper.z - 1;
+        box.upper.y = std::min(done_y_ + work_.cut.rows, last ? out.box.upper.y : n.y);
+        if (done_y_ == 0 && box.upper.y == n.y) {
+            std::int64_t const slices = out.box.upper.y == n.y ? out.box.upper.z : out.box.upper.z - 1;
+            box.upper.z = std::clamp(slices, done_z_ + 1, done_z_ + work_.cut.slices);
+            // Slices before the first that is asked for on their own: the others need no copy.
+            if (done_z_ < out.box.lower.z) box.upper.z = std::min(box.upper.z, out.box.lower.z);
+        }
+        if (out.box.contains(box)) {
+            run(out.part(box));
+        } else {
+            passed_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(out.type));
+            AnyView const passed = dense_view(passed_.write(out.space), out.type, box, out.space);
+            run(passed);
+            Box const wanted = intersect(box, out.box);
+            if (!wanted.empty()) copy_region(passed.part(wanted), out.part(wanted), execution_);
+        }
+        done_y_ = box.upper.y < n.y ? box.upper.y : 0;
+        done_z_ = box.upper.y < n.y ? box.lower.z : box.upper.z;
     }
 }
 

@@ -67,6 +67,7 @@ private:
     void make_tree();
     void scan();
     void run_in_pieces(AnyView out);
+    void run_in_order(AnyView out);
     void run(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
     double share_of_memory() const { return static_cast<double>(requested_.memory) / 4; }
@@ -82,9 +83,10 @@ private:
     std::vector<Remark> tree_remarks_;
     bool inputs_used_up_ = false; ///< they were read as a whole, and finished
     WorkPlan work_;
-    std::unique_ptr<Spool> result_; ///< if it is computed in bands
-    Buffer staging_;
-    bool generated_ = false; ///< a source operation yields exactly one volume
+    std::unique_ptr<Spool> result_;        ///< if it is computed in bands
+    Buffer staging_, passed_;              ///< …, and what nobody asked for but what follows needs
+    std::int64_t done_y_ = 0, done_z_ = 0; ///< if run() keeps what came before: the row that it computes next
+    bool generated_ = false;               ///< a source operation yields exactly one volume
 };
 
 } // namespace vkt

@@ -52,6 +52,10 @@ std::vector<std::string> history_words(std::string_view name, Parameters const& 
     options.erase(options.begin(), options.begin() + positionals);
     std::size_t left = inputs.size();
     if (inputs_are_parameters) {
+        // Inputs that have no place among the operands are named by options, in their order.
+        for (std::size_t i = options.size(); i-- > 1 && left > std::max<std::size_t>(operands.size(), 1);)
+            if (options[i] == inputs[left - 1] && options[i - 1].starts_with("--"))
+                options[i] = input_placeholder(--left, true);
         // From the last one back: the first operand may have been left unsaid.
         for (std::size_t i = operands.size(); i-- > 0;)
             if (left > 0 && operands[i] == inputs[left - 1]) operands[i] = input_placeholder(--left, true);

@@ -9,7 +9,9 @@ namespace vkt {
 Format amrex_format();
 Format flash_format();
 Format metaimage_format();
+Format nifti_format();
 Format nrrd_format();
+Format numpy_format();
 Format pgm_format();
 Format png_format();
 Format raw_format();

@@ -227,6 +227,36 @@ std::unique_ptr<ByteStream> decode(ByteSource& bytes, Encoding encoding, DataTyp
     return nullptr;
 }
 
+bool is_gzip(std::span<std::byte const> head) {
+    return head.size() >= 2 && head[0] == std::byte{0x1f} && head[1] == std::byte{0x8b};
+}
+
+std::vector<std::byte> decoded_head(std::span<std::byte const> head, std::size_t n) {
+    std::vector<std::byte> result(n);
+    z_stream state{};
+    if (inflateInit2(&state, MAX_WBITS + 16) != Z_OK) throw Error(ErrorKind::resources, "no memory for inflate");
+    state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(head.data()));
+    state.avail_in = static_cast<uInt>(head.size());
+    state.next_out = reinterpret_cast<Bytef*>(result.data());
+    state.avail_out = static_cast<uInt>(n);
+    while (state.avail_in > 0 && state.avail_out > 0) {
+        int const code = inflate(&state, Z_NO_FLUSH);
+        // Who compresses in parallel may begin with members of a few bytes.
+        if (code == Z_STREAM_END ? inflateReset(&state) != Z_OK : code != Z_OK) break;
+    }
+    result.resize(n - state.avail_out);
+    inflateEnd(&state);
+    return result;
+}
+
+std::unique_ptr<ByteSource> gunzip(std::unique_ptr<ByteSource> bytes) {
+    std::string name = bytes->name();
+    std::shared_ptr<ByteSource> const packed = std::move(bytes);
+    std::shared_ptr<ByteStream> const stream = decode(*packed, Encoding::deflate, DataType::uint8);
+    return std::make_unique<ByteSource>(std::move(name),
+                                        [packed, stream](std::byte* to, std::size_t n) { return stream->read(to, n); });
+}
+
 std::int64_t least_encoded_bytes(Encoding encoding, std::int64_t n, DataType type) {
     switch (encoding) {
     case Encoding::raw:

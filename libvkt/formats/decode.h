@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 namespace vkt {
 
@@ -26,6 +28,13 @@ public:
 /// this machine: blanks and commas separate; integers must be in the type's range. Throws Error{data} when bzip2 is not
 /// built in.
 std::unique_ptr<ByteStream> decode(ByteSource& bytes, Encoding encoding, DataType type);
+
+/// True if these are the first bytes of a gzip file.
+bool is_gzip(std::span<std::byte const> head);
+/// What the beginning of a gzip file stands for: up to n bytes, fewer where it ends or is damaged.
+std::vector<std::byte> decoded_head(std::span<std::byte const> head, std::size_t n);
+/// The content of a gzip file under the same name, to be read in order.
+std::unique_ptr<ByteSource> gunzip(std::unique_ptr<ByteSource> bytes);
 
 /// Least number of file bytes that can hold n decoded ones: what header sizes are checked against before anyone
 /// allocates.

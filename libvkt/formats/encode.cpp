@@ -15,8 +15,11 @@ namespace vkt {
 namespace {
 
 constexpr std::size_t block = std::size_t{256} << 10;
+constexpr std::size_t stored_block = 65535; // deflate's largest
 constexpr std::size_t window = std::size_t{32} << 10;
 constexpr std::size_t of_thread = std::size_t{1} << 20; ///< a block before and after, and zlib's own tables
+/// No name, no time, system unknown, so that equal volumes give equal files.
+constexpr std::array<unsigned char, 10> gzip_head{0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255};
 constexpr int level = 4; // on volumes within 3 % of the size that level 6 gives, in half the time
 
 int threads_within(WriteOptions const& options) {
@@ -56,8 +59,6 @@ DeflateWriter::DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions con
     : file_(file), wrapper_(wrapper), threads_(threads_within(options)),
       checksum_(wrapper == Wrapper::gzip ? crc32(0, nullptr, 0) : adler32(0, nullptr, 0)) {
     held_.reserve(window + block * static_cast<std::size_t>(threads_));
-    // gzip: no name, no time, system unknown, so that equal volumes give equal files.
-    constexpr std::array<unsigned char, 10> gzip_head{0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255};
     constexpr std::array<unsigned char, 2> zlib_head{0x78, 0x5e};
     if (wrapper_ == Wrapper::gzip)
         put(gzip_head.data(), gzip_head.size());
@@ -68,6 +69,27 @@ DeflateWriter::DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions con
 void DeflateWriter::put(void const* data, std::size_t n) {
     file_.write(data, n);
     written_ += static_cast<std::int64_t>(n);
+}
+
+void DeflateWriter::store(std::string_view head) {
+    for (std::size_t done = 0; done < head.size(); done += stored_block) {
+        std::size_t const n = std::min(stored_block, head.size() - done);
+        auto const low = static_cast<unsigned char>(n), high = static_cast<unsigned char>(n >> 8);
+        std::array<unsigned char, 5> const start{0, low, high, static_cast<unsigned char>(~low),
+                                                 static_cast<unsigned char>(~high)};
+        put(start.data(), start.size());
+        put(head.data() + done, n);
+    }
+    stored_ = head.size();
+    stored_checksum_ = crc32_z(0, reinterpret_cast<Bytef const*>(head.data()), stored_);
+}
+
+void DeflateWriter::restore(std::string_view head) {
+    if (head.size() != stored_) throw Error(ErrorKind::failure, "a header of another length");
+    for (std::size_t done = 0; done < stored_; done += stored_block)
+        file_.write_at(static_cast<std::int64_t>(gzip_head.size() + done / stored_block * 5 + 5 + done),
+                       head.data() + done, std::min(stored_block, stored_ - done));
+    stored_checksum_ = crc32_z(0, reinterpret_cast<Bytef const*>(head.data()), stored_);
 }
 
 void DeflateWriter::write(std::byte const* data, std::size_t n) {
@@ -116,10 +138,11 @@ void DeflateWriter::compress(bool last) {
 void DeflateWriter::finish() {
     compress(true);
     std::array<unsigned char, 8> tail{};
+    if (stored_ > 0) checksum_ = crc32_combine(stored_checksum_, checksum_, static_cast<z_off_t>(read_));
     if (wrapper_ == Wrapper::gzip) {
         for (unsigned i = 0; i < 4; ++i) {
             tail[i] = static_cast<unsigned char>(checksum_ >> (8 * i));
-            tail[4 + i] = static_cast<unsigned char>(read_ >> (8 * i)); // modulo 2^32, as the format has it
+            tail[4 + i] = static_cast<unsigned char>((read_ + stored_) >> (8 * i)); // modulo 2^32, as the format has it
         }
         put(tail.data(), 8);
     } else {

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 namespace vkt {
@@ -24,6 +25,10 @@ public:
     /// Uses as many threads as the options allow and an eighth of their budget has room for, but at least one.
     DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions const& options);
     void write(std::byte const* data, std::size_t n);
+    /// The first bytes of all (gzip, once, before write()), not compressed: restore() can still replace them.
+    void store(std::string_view head);
+    /// Other bytes of the same number in place of what store() was given, in a file that is not in place.
+    void restore(std::string_view head);
     void finish();                                          ///< writes what is held and the checksum
     std::int64_t bytes_written() const { return written_; } ///< compressed, wrapper included
 
@@ -37,6 +42,8 @@ private:
     std::vector<std::byte> held_; ///< dictionary_ bytes that are written already, then whole and partial blocks
     std::size_t dictionary_ = 0;
     unsigned long checksum_;
+    std::size_t stored_ = 0;
+    unsigned long stored_checksum_ = 0;
     std::uint64_t read_ = 0;
     std::int64_t written_ = 0;
 };

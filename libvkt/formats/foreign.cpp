@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/foreign.h"
 
-#include "libvkt/core/text.h"
-
 #include <algorithm>
 #include <cstring>
 
@@ -19,10 +17,6 @@ struct Signature {
 };
 
 constexpr Signature signatures[] = {
-    {344, "n+1\0"sv, "a NIfTI-1 file"},
-    {344, "ni1\0"sv, "the header of a NIfTI-1 pair"},
-    {4, "n+2\0"sv, "a NIfTI-2 file"},
-    {4, "ni2\0"sv, "the header of a NIfTI-2 pair"},
     {128, "DICM"sv, "a DICOM file"},
     {0, "II*\0"sv, "a TIFF file"},
     {0, "MM\0*"sv, "a TIFF file"},
@@ -33,7 +27,6 @@ constexpr Signature signatures[] = {
     {0, "\xff\xd8\xff"sv, "a JPEG picture"},
     {0, "GIF8"sv, "a GIF picture"},
     {0, "v/1\x01"sv, "an OpenEXR picture"},
-    {0, "\x93NUMPY"sv, "a NumPy array"},
     {0, "\x89HDF\r\n\x1a\n"sv, "an HDF5 file"},
     {0, "CDF\x01"sv, "a NetCDF file"},
     {0, "CDF\x02"sv, "a NetCDF file"},
@@ -59,11 +52,10 @@ bool is_at(std::span<std::byte const> head, std::size_t at, std::string_view byt
 
 } // namespace
 
-std::string foreign_format(std::span<std::byte const> head, std::string_view name) {
+std::string foreign_format(std::span<std::byte const> head) {
     for (auto const& [at, bytes, what] : signatures)
         if (is_at(head, at, bytes)) return std::string(what);
-    if (is_at(head, 0, "\x1f\x8b"sv))
-        return lower_case(std::string(name)).ends_with(".nii.gz") ? "a compressed NIfTI file" : "a gzip file";
+    if (is_at(head, 0, "\x1f\x8b"sv)) return "a gzip file";
     if (is_at(head, 0, "<?xml"sv) || is_at(head, 0, "<VTKFile"sv)) {
         std::string_view const all(reinterpret_cast<char const*>(head.data()), head.size());
         return all.find("<VTKFile") != std::string_view::npos ? "a VTK XML file" : "an XML document";

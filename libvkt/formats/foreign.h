@@ -9,7 +9,7 @@
 
 namespace vkt {
 
-/// "a NIfTI-1 file" and the like, from the first 4 KiB of a file and its name; empty if the bytes say nothing.
-std::string foreign_format(std::span<std::byte const> head, std::string_view name);
+/// "a TIFF file" and the like, from the first 4 KiB of a file; empty if the bytes say nothing.
+std::string foreign_format(std::span<std::byte const> head);
 
 } // namespace vkt

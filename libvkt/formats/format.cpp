@@ -6,8 +6,10 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/amrex.h"
+#include "libvkt/formats/decode.h"
 #include "libvkt/formats/foreign.h"
 #include "libvkt/formats/metaimage_header.h"
+#include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/io/shared_memory.h"
 
@@ -42,6 +44,9 @@ Format const* by_name(std::string const& name) {
                 best = &format;
                 longest = extension.size();
             }
+    if (best == nullptr && lower.ends_with(".gz"))
+        if (Format const* const inner = by_name(name.substr(0, name.size() - 3)); inner != nullptr && inner->in_gzip)
+            return inner;
     return best;
 }
 
@@ -75,13 +80,21 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     }
     if (describes_raw(options)) return by_format_name("raw");
     if (bytes.directory()) return by_format_name("amrex"); // there are no bytes to look at
-    auto const head = bytes.peek(head_bytes);
+    auto head = bytes.peek(head_bytes);
+    std::vector<std::byte> unpacked;
+    if (is_gzip(head)) {
+        unpacked = decoded_head(head, head_bytes);
+        for (auto const& candidate : formats())
+            if (candidate.in_gzip && candidate.recognise(unpacked)) return candidate;
+    }
     for (auto const& candidate : formats())
         if (candidate.open && candidate.recognise && candidate.recognise(head)) return candidate;
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
-    if (std::string const what = foreign_format(head, bytes.name()); !what.empty())
+    std::string what = foreign_format(unpacked);
+    what = what.empty() ? foreign_format(head) : what + " in gzip";
+    if (!what.empty())
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what, ", a format that vkt does not read"),
                     "other tools turn it into NRRD or MetaImage, which vkt reads");
     throw Error(ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
@@ -101,6 +114,10 @@ std::vector<std::string> detached_files(std::string const& path) {
             auto const bytes = open_bytes(path);
             return nrrd_layout(read_nrrd_header(*bytes), true).files;
         }
+        if (lower.ends_with(".hdr")) {
+            auto const bytes = open_bytes(path);
+            return nifti_layout(read_nifti_header(*bytes), true).files;
+        }
         if (lower.ends_with(".mhd") || lower.ends_with(".mha")) {
             auto const bytes = open_bytes(path);
             return metaimage_layout(read_metaimage_header(*bytes), true).files;
@@ -118,16 +135,15 @@ std::string format_of_name(std::string const& name) {
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(),
-                                          flash_format(),   vdb_format(),       amrex_format(),
+    static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(), nifti_format(),
+                                          numpy_format(),   flash_format(),     vdb_format(), amrex_format(),
                                           segment_format(), png_format(),       pgm_format()};
     return list;
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     Format const* const format = &format_of(*bytes, options);
-    bool const one_only =
-        format->name == "raw" || format->name == "nrrd" || format->name == "metaimage" || format->name == "shm";
+    bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
     if (!options.variable.empty() && one_only)
         throw Error(ErrorKind::usage,
                     text("'", bytes->name(), "': --variable: ", format->name, " files hold one unnamed variable"));
@@ -135,6 +151,7 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
         throw Error(ErrorKind::usage, text("'", bytes->name(), "' states its spacing"),
                     text("change it afterwards: vkt set --spacing ", options.spacing->x, ",", options.spacing->y, ",",
                          options.spacing->z));
+    if (format->in_gzip && is_gzip(bytes->peek(2))) bytes = gunzip(std::move(bytes));
     return format->open(std::move(bytes), options);
 }
 

@@ -54,6 +54,7 @@ struct Format {
     bool (*recognise)(std::span<std::byte const> head) = nullptr;
     std::unique_ptr<Source> (*open)(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) = nullptr;
     std::unique_ptr<Sink> (*create)(std::string const& path, WriteOptions const& options) = nullptr;
+    bool in_gzip = false; ///< files may be compressed as a whole: NAME.gz
 };
 
 std::vector<Format> const& formats();

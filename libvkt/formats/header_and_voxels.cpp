@@ -1,4 +1,4 @@
-// A text header and voxels, in one file or in two.
+// A header and voxels, in one file or in two.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/header_and_voxels.h"
 
@@ -27,7 +27,18 @@ std::optional<double> position_of(Header const& header) { return number_of(heade
 
 HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
     : format_(std::move(format)), options_(options) {
-    if (lower_case(path).ends_with(format_.detached)) {
+    std::string const name = lower_case(path);
+    bool const detached = !format_.detached.empty() && name.ends_with(format_.detached);
+    bool const packed = name.ends_with(".gz");
+    if (packed && !format_.detached.empty() && name.ends_with(format_.detached + ".gz"))
+        throw Error(ErrorKind::usage, text("a detached ", format_.name, " header is not compressed"),
+                    text("write one file: NAME", format_.attached, ".gz"));
+    if (options_.compress && format_.compressed_data.empty() && !packed && path != "-")
+        throw Error(ErrorKind::usage, text(format_.name, " files are compressed as a whole, and named so"),
+                    text("name it NAME", format_.attached, ".gz"));
+    whole_ = !detached && (packed || (options_.compress && format_.compressed_data.empty()));
+    if (whole_) options_.compress = false; // once is enough
+    if (detached) {
         header_file_.emplace(path, options_.force);
         // Beside the header: that is where readers look for it.
         std::string data = header_file_->target();
@@ -38,6 +49,7 @@ HeaderAndVoxelsWriter::HeaderAndVoxelsWriter(HeaderFormat format, std::string co
         return;
     }
     data_file_.emplace(path, options_.force);
+    if (whole_) deflate_.emplace(*data_file_, DeflateWriter::Wrapper::gzip, options_);
     if (options_.compress && format_.states_compressed_size && data_file_->in_place())
         throw Error(ErrorKind::usage,
                     text("compressed ", format_.name, " cannot go to a pipe, since its size comes first"),
@@ -86,20 +98,25 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
 
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
-    data_file_->expect(options_.compress ? least_deflated(header.bytes()) : header.bytes());
+    data_file_->expect(deflate_ || options_.compress ? least_deflated(header.bytes()) : header.bytes());
     if (volumes_++ > 0) return;
     first_ = in_utf8(header);
     if (!header_file_) {
         std::string const head = header_text(0);
         header_length_ = head.size();
-        data_file_->write(head.data(), head.size());
+        if (whole_)
+            deflate_->store(head);
+        else
+            data_file_->write(head.data(), head.size());
     }
     if (options_.compress) deflate_.emplace(*data_file_, format_.wrapper, options_);
 }
 
 void HeaderAndVoxelsWriter::close() {
     if (volumes_ == 0) throw Error(ErrorKind::data, "there is no volume to write");
+    if (whole_ && volumes_ > 1) deflate_->restore(header_text(header_length_));
     if (deflate_) deflate_->finish();
+    if (whole_) return data_file_->commit();
     if (header_file_) {
         std::string const head = header_text(0);
         header_file_->write(head.data(), head.size());

@@ -1,4 +1,4 @@
-// Writing formats that are a text header and voxels, in one file or in two (NRRD, MetaImage).
+// Writing formats that are a header and voxels, in one file or in two (NRRD, MetaImage, NIfTI, NumPy).
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -23,19 +23,22 @@ struct HeaderText {
 
 /// How one format differs from the others.
 struct HeaderFormat {
-    std::string name;                  ///< for messages
-    std::string attached, detached;    ///< extensions: one file, header with the voxels in another
-    std::string data, compressed_data; ///< extensions of that other file
+    std::string name;               ///< for messages
+    std::string attached, detached; ///< extensions: one file, header with the voxels in another (empty: never)
+    /// Extensions of that other file. Without the second the format knows no compression but that of the whole file.
+    std::string data, compressed_data;
     DeflateWriter::Wrapper wrapper;
     bool states_compressed_size;
     std::string (*type_name)(DataType); ///< empty for types that the format does not have
     std::string (*text)(HeaderText const&);
 };
 
-/// Volumes of one lattice become one file; the header is completed when their number is known.
+/// Volumes of one lattice become one file, of which NAME.gz is compressed as a whole, the header behind a block of
+/// deflate that is only stored; the header is completed when their number is known.
 class HeaderAndVoxelsWriter : public VolumeWriter {
 public:
-    /// Throws Error{usage} for compression to a pipe where the size comes first, Error{io}.
+    /// Throws Error{usage} for compression that the format does not have, or to a pipe where the size comes first,
+    /// Error{io}.
     HeaderAndVoxelsWriter(HeaderFormat format, std::string const& path, WriteOptions const& options);
 
     void begin(Header const& header) override;
@@ -50,6 +53,7 @@ private:
     WriteOptions options_;
     std::optional<OutputFile> header_file_, data_file_;
     std::string data_name_; ///< empty if attached
+    bool whole_ = false;    ///< compressed with its header
     std::optional<DeflateWriter> deflate_;
     Header first_;
     std::int64_t volumes_ = 0;

@@ -203,9 +203,13 @@ std::unique_ptr<Sink> create_metaimage(std::string const& path, WriteOptions con
 } // namespace
 
 Format metaimage_format() {
-    return {"metaimage",      "MetaImage, attached or detached (ITK, VTK)",
-            {".mha", ".mhd"}, is_metaimage,
-            open_metaimage,   create_metaimage};
+    return {"metaimage",
+            "MetaImage, attached or detached (ITK, VTK)",
+            {".mha", ".mhd"},
+            is_metaimage,
+            open_metaimage,
+            create_metaimage,
+            true};
 }
 
 } // namespace vkt

@@ -240,8 +240,13 @@ std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& o
 } // namespace
 
 Format nrrd_format() {
-    return {"nrrd",     "NRRD, attached or detached (teem, ITK, 3D Slicer)", {".nrrd", ".nhdr"}, is_nrrd, open_nrrd,
-            create_nrrd};
+    return {"nrrd",
+            "NRRD, attached or detached (teem, ITK, 3D Slicer)",
+            {".nrrd", ".nhdr"},
+            is_nrrd,
+            open_nrrd,
+            create_nrrd,
+            true};
 }
 
 } // namespace vkt

@@ -191,8 +191,11 @@ void RawSource::start_stream(std::size_t file) {
 
 /// Proves that the encoded file is whole: checksums stand behind the last voxel.
 void RawSource::end_stream() {
-    if (!stream_ || (layout_.encoding == Encoding::raw && !layout_.exact)) return;
+    bool const decoded = bytes_->decoded();
+    if (!stream_ || (layout_.encoding == Encoding::raw && !layout_.exact && !decoded)) return;
     std::vector<std::byte> rest(static_cast<std::size_t>(waste_block));
+    while (decoded && !layout_.exact && stream_->read(rest.data(), rest.size()) > 0) {
+    }
     std::size_t const surplus = stream_->read(rest.data(), rest.size());
     if (layout_.exact && surplus > 0)
         throw Error(ErrorKind::data,

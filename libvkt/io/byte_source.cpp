@@ -33,14 +33,6 @@ constexpr int most_readers = 4;
 constexpr std::int64_t large_file = std::int64_t{16} << 20;
 constexpr std::size_t least_share = std::size_t{256} << 10;
 
-std::size_t read_some(int descriptor, void* to, std::size_t n, std::string const& name) {
-    for (;;) {
-        ssize_t const got = ::read(descriptor, to, std::min(n, largest_read));
-        if (got >= 0) return static_cast<std::size_t>(got);
-        if (errno != EINTR) throw system_error(text("cannot read '", name, "'"));
-    }
-}
-
 } // namespace
 
 ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descriptor), name_(std::move(name)) {
@@ -63,6 +55,18 @@ ByteSource::ByteSource(int descriptor, std::string name) : descriptor_(descripto
     readers_ = std::min(share_of_threads(default_threads()), most_readers);
     // LLVM's runtime looks things up in the first thread that it met, which must not be one that reads ahead and ends.
     if (readers_ > 1) static_cast<void>(omp_get_max_threads());
+}
+
+ByteSource::ByteSource(std::string name, std::function<std::size_t(std::byte* to, std::size_t n)> next)
+    : descriptor_(-1), name_(std::move(name)), next_(std::move(next)) {}
+
+std::size_t ByteSource::read_some(std::byte* to, std::size_t n) {
+    if (next_) return next_(to, n);
+    for (;;) {
+        ssize_t const got = ::read(descriptor_, to, std::min(n, largest_read));
+        if (got >= 0) return static_cast<std::size_t>(got);
+        if (errno != EINTR) throw system_error(text("cannot read '", name_, "'"));
+    }
 }
 
 ByteSource::~ByteSource() {
@@ -89,7 +93,7 @@ std::span<std::byte const> ByteSource::peek(std::size_t n) {
         ahead_.resize(std::max(n, held + look_ahead));
         std::size_t got = 0;
         try {
-            got = read_some(descriptor_, ahead_.data() + held, ahead_.size() - held, name_);
+            got = read_some(ahead_.data() + held, ahead_.size() - held);
         } catch (...) {
             ahead_.resize(held);
             throw;
@@ -112,7 +116,7 @@ std::size_t ByteSource::read(void* to, std::size_t n) {
         }
     }
     while (done < n) {
-        std::size_t const got = read_some(descriptor_, static_cast<std::byte*>(to) + done, n - done, name_);
+        std::size_t const got = read_some(static_cast<std::byte*>(to) + done, n - done);
         if (got == 0) break;
         done += got;
     }

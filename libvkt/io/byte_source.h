@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -18,6 +19,8 @@ class ByteSource {
 public:
     /// Takes ownership of the descriptor. `name` is used in messages and to find detached data files.
     ByteSource(int descriptor, std::string name);
+    /// What other bytes stand for once decoded, in order: `next` gives up to n bytes, 0 at the end. Has no descriptor.
+    ByteSource(std::string name, std::function<std::size_t(std::byte* to, std::size_t n)> next);
     ~ByteSource();
     ByteSource(ByteSource const&) = delete;
     ByteSource& operator=(ByteSource const&) = delete;
@@ -27,6 +30,8 @@ public:
     std::int64_t size() const { return size_; } ///< -1 when not seekable
     std::int64_t position() const { return position_; }
     int descriptor() const { return descriptor_; }
+    /// The end of the bytes is proof that they were decoded without damage, and worth reaching.
+    bool decoded() const { return static_cast<bool>(next_); }
     /// A directory has no bytes: reading throws.
     bool directory() const { return directory_; }
 
@@ -49,6 +54,7 @@ public:
     std::vector<std::byte> take_lookahead();
 
 private:
+    std::size_t read_some(std::byte* to, std::size_t n);
     std::size_t read_together(std::int64_t position, std::byte* to, std::size_t n, int parts) const;
     std::size_t read_part(std::int64_t position, std::byte* to, std::size_t n) const;
 
@@ -60,6 +66,7 @@ private:
     int readers_ = 1; ///< threads that share a large read
     std::vector<std::byte> ahead_;
     std::size_t ahead_begin_ = 0;
+    std::function<std::size_t(std::byte*, std::size_t)> next_; ///< instead of a descriptor
 };
 
 /// Opens a path, a segment of shared memory ("shm:NAME"), or standard input for "-". Throws Error{io}.

@@ -17,17 +17,20 @@ std::string temporary_name(std::string const& path);
 int remember_temporary(std::string const& path);
 void forget_temporary(int slot);
 
-/// Removes every remembered file, and directory with its files. Async-signal-safe: a program calls it from its handler of fatal signals.
+/// Removes every remembered file, and directory with its files. Async-signal-safe: a program calls it from its handler
+/// of fatal signals.
 void remove_temporaries() noexcept;
 
 /// Removes a directory and the files in it; directories in it stay, and it with them.
 void remove_directory(std::string const& path) noexcept;
 
-/// Marks an open temporary file or directory as belonging to a living process; the kernel takes the mark away when that dies.
+/// Marks an open temporary file or directory as belonging to a living process; the kernel takes the mark away when that
+/// dies.
 void mark_alive(int descriptor);
 
-/// A process that removes a file, or a directory with its files, when this one dies, however it dies. It holds no descriptor of ours, so that no reader
-/// of a pipe waits for it, and leads a session of its own, so that signals to our group pass it by.
+/// A process that removes a file, or a directory with its files, when this one dies, however it dies. It holds no
+/// descriptor of ours, so that no reader of a pipe waits for it, and leads a session of its own, so that signals to our
+/// group pass it by.
 class Guard {
 public:
     /// Returns when the guard stands. Without one, where no process can be had, work goes on.
@@ -42,8 +45,8 @@ private:
     int process_ = -1;
 };
 
-/// Removes what killed processes left beside `path`: files and directories of this user whose name temporary_name(path) made, as the
-/// check in it proves, and that no living process has marked.
+/// Removes what killed processes left beside `path`: files and directories of this user whose name temporary_name(path)
+/// made, as the check in it proves, and that no living process has marked.
 void remove_leftovers(std::string const& path);
 
 } // namespace vkt

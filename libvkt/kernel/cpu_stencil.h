@@ -34,31 +34,37 @@ public:
     static constexpr std::int64_t tile_rows = 8, tile_columns = row_piece;
 
     NeighbourRows(ConstView in, Index3 radius) : in_(in), radius_(radius) {
-        pitch_ = tile_columns + 2 * radius.x + 2 * lane_count<C>; // the last register reaches beyond
+        // The column of the first output voxel begins a cache line; the last register reaches beyond the row.
+        constexpr std::int64_t aligned = 64 / sizeof(C);
+        lead_ = (radius.x + aligned - 1) / aligned * aligned;
+        pitch_ = (lead_ + tile_columns + radius.x + 2 * lane_count<C> + aligned - 1) / aligned * aligned;
         high_ = tile_rows + 2 * radius.y;
         deep_ = 2 * radius.z + 1;
-        values_.resize(static_cast<std::size_t>(pitch_ * high_ * deep_));
-        rows_.resize(static_cast<std::size_t>((2 * radius.y + 1) * deep_));
+        values_.resize(static_cast<std::size_t>(pitch_ * high_ * deep_ + aligned));
+        auto const skew = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(values_.data()) / sizeof(C));
+        first_ = values_.data() + (aligned - skew % aligned) % aligned;
+        rows_.resize(static_cast<std::size_t>((2 * radius.y + tile_rows) * deep_));
     }
+    NeighbourRows(NeighbourRows const&) = delete;
+    NeighbourRows& operator=(NeighbourRows const&) = delete;
     void begin(Box const& tile) {
         tile_ = tile;
         loaded_ = tile.lower.z - radius_.z;
     }
-    /// Neighbours of the output row (y, z); z ascends.
-    C const* const* around(std::int64_t y, std::int64_t z) {
+    /// Neighbours of as many output rows from (y, z) on, of which some may lie beyond the tile; z ascends.
+    C const* const* around(std::int64_t y, std::int64_t z, int together) {
         for (; loaded_ <= z + radius_.z; ++loaded_) load(loaded_);
-        std::int64_t const lines = 2 * radius_.y + 1;
+        std::int64_t const lines = 2 * radius_.y + together;
         for (std::int64_t k = 0; k < deep_; ++k)
             for (std::int64_t j = 0; j < lines; ++j)
-                rows_[static_cast<std::size_t>(k * lines + j)] =
-                    line(z - radius_.z + k, y - tile_.lower.y + j) + radius_.x;
+                rows_[static_cast<std::size_t>(k * lines + j)] = line(z - radius_.z + k, y - tile_.lower.y + j) + lead_;
         return rows_.data();
     }
 
 private:
     C* line(std::int64_t z, std::int64_t j) {
         std::int64_t const slot = (z - tile_.lower.z + radius_.z) % deep_;
-        return values_.data() + (slot * high_ + j) * pitch_;
+        return first_ + (slot * high_ + j) * pitch_;
     }
     void load(std::int64_t z) {
         std::int64_t const n = tile_.dims().x + 2 * radius_.x, x = tile_.lower.x - radius_.x;
@@ -66,18 +72,20 @@ private:
             for (std::int64_t i = 0; i < n; i += row_piece) {
                 std::byte const* const from = in_.at(x + i, tile_.lower.y - radius_.y + j, z);
                 std::int64_t const m = std::min(row_piece, n - i);
+                C* const to = line(z, j) + lead_ - radius_.x + i;
                 if constexpr (std::is_floating_point_v<C>)
-                    load_row(in_.type, from, line(z, j) + i, m);
+                    load_row(in_.type, from, to, m);
                 else
-                    load_keys(in_.type, from, line(z, j) + i, m);
+                    load_keys(in_.type, from, to, m);
             }
     }
 
     ConstView in_;
     Index3 radius_;
     Box tile_;
-    std::int64_t pitch_, high_, deep_, loaded_ = 0;
+    std::int64_t lead_, pitch_, high_, deep_, loaded_ = 0;
     std::vector<C> values_;
+    C* first_;
     std::vector<C const*> rows_;
 };
 
@@ -90,10 +98,15 @@ template <class C> Losses store_results(AnyView out, std::byte* to, C const* val
     return {};
 }
 
-/// Calls make()(rows, n, results) for every row of at most tile_columns voxels of the output; make() once a thread,
-/// for its scratch. rows[(dz + rz) * (2 ry + 1) + dy + ry][x + dx] is a neighbour of voxel x of the row; results have
-/// room for a register more than n.
-template <class C, class Make>
+/// Voxels from one row of results to the next.
+template <class C>
+inline constexpr std::int64_t results_pitch = NeighbourRows<C>::tile_columns + 64 / static_cast<int>(sizeof(C));
+
+/// Calls make()(rows, n, results) for every row of at most tile_columns voxels of the output, or for `together` rows,
+/// the last of which may be for nothing; make() once a thread, for its scratch.
+/// rows[(dz + rz) * (2 ry + together) + dy + ry + r][x + dx] is a neighbour of voxel x of row r; results, those of row
+/// r from r * results_pitch on, have room for a register more than n.
+template <class C, int together = 1, class Make>
 void for_each_row_of_neighbours(Execution const& execution, AnyView out, Losses& losses, Index3 radius, ConstView in,
                                 Make const& make) {
     if (out.box.empty()) return;
@@ -111,7 +124,8 @@ void for_each_row_of_neighbours(Execution const& execution, AnyView out, Losses&
         static_cast<int>(std::min<std::int64_t>(threads_for(execution, work), tiles)), tiles,
         [&](std::int64_t first, std::int64_t last) {
             NeighbourRows<C> rows(in, radius);
-            alignas(64) C results[columns + lane_count<C>];
+            static_assert(lines % together == 0);
+            alignas(64) C results[together * results_pitch<C>];
             auto compute = make();
             Losses mine;
             for (std::int64_t tile = first; tile < last; ++tile) {
@@ -122,10 +136,11 @@ void for_each_row_of_neighbours(Execution const& execution, AnyView out, Losses&
                                out.box.lower.z + (k + 1) * n.z / layers}};
                 rows.begin(box);
                 for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
-                    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
-                        compute(rows.around(y, z), box.dims().x, static_cast<C*>(results));
-                        mine +=
-                            store_results(out, out.at(box.lower.x, y, z), static_cast<C const*>(results), box.dims().x);
+                    for (std::int64_t y = box.lower.y; y < box.upper.y; y += together) {
+                        compute(rows.around(y, z, together), box.dims().x, static_cast<C*>(results));
+                        for (std::int64_t r = 0; r < std::min<std::int64_t>(together, box.upper.y - y); ++r)
+                            mine += store_results(out, out.at(box.lower.x, y + r, z),
+                                                  static_cast<C const*>(results + r * results_pitch<C>), box.dims().x);
                     }
             }
             add(losses, mine);

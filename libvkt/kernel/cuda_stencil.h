@@ -11,12 +11,15 @@ namespace driver {
 
 /// A voxel as C, or its key where C is an integer.
 template <class C> __device__ __forceinline__ C load_neighbour(DataType type, std::byte const* from) {
-    if constexpr (std::is_floating_point_v<C>) return load_value<C>(type, from);
-    C key{};
-    with_type(type, [&]<class T>(T) {
-        if constexpr (sizeof(T) == sizeof(C)) key = to_key<T>(*reinterpret_cast<C const*>(from));
-    });
-    return key;
+    if constexpr (std::is_floating_point_v<C>) {
+        return load_value<C>(type, from);
+    } else {
+        C key{};
+        with_type(type, [&]<class T>(T) {
+            if constexpr (sizeof(T) == sizeof(C)) key = to_key<T>(*reinterpret_cast<C const*>(from));
+        });
+        return key;
+    }
 }
 template <class C>
 __device__ __forceinline__ void store_result(DataType type, std::byte* to, C value, LossCounts& counts) {

@@ -14,10 +14,10 @@ namespace {
 
 constexpr std::size_t largest_file = std::size_t{1} << 20;
 
-/// True for what can only be a matrix: a list of numbers.
+/// True for what is meant as a matrix: something that begins with a number and goes on, or nothing.
 bool is_list(std::string const& word) {
-    return word.find_first_of(" ,;\n\t") != std::string::npos &&
-           word.find_first_not_of("0123456789+-.eE ,;\n\t\r") == std::string::npos;
+    std::size_t const end = word.find_first_of(" ,;\n\t");
+    return word.empty() || (end != std::string::npos && is_number(word.substr(0, end)));
 }
 
 std::string contents_of(std::string const& file) {

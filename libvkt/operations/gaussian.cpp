@@ -1,4 +1,4 @@
-// Gaussian, host side: radius, bound and cost from the tolerance; footprints.
+// Gaussian, host side: method, radius, bound and cost from the tolerance; footprints.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/gaussian.h"
 
@@ -10,6 +10,9 @@
 namespace vkt {
 
 namespace {
+
+/// Multiply-adds that the passes of a cascade through memory are worth (measured).
+constexpr double cascade_overhead = 15;
 
 /// A quarter of the last bit for integers, 1e-4 of the range for floats. A border value outside an integer type widens
 /// the range that the tolerance is a share of.
@@ -44,12 +47,15 @@ double sigma_of_variance(double variance) {
 VKT_OPERATION(Gaussian, "filter gaussian")
 
 Texts Gaussian::texts() const {
-    return {"Smooth with a Gaussian.",
-            "A separable convolution whose radius follows from --tolerance: the error against the infinite kernel is "
-            "bounded before it runs (--explain prints the bound). The data type is kept; integers round half to even.",
-            {{"A standard deviation of two voxels", "vkt filter gaussian volume.nrrd --sigma 2 -o smooth.nrrd"},
-             {"Millimetres instead of voxels, and the plan",
-              "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
+    return {
+        "Smooth with a Gaussian.",
+        "A separable convolution whose radius follows from --tolerance: the error against the infinite kernel is "
+        "bounded before it runs (--explain prints the bound). Where that is cheaper, and within the tolerance, it is "
+        "done on a coarser lattice, at a cost that does not grow with sigma. The data type is kept; integers round "
+        "half to even.",
+        {{"A standard deviation of two voxels", "vkt filter gaussian volume.nrrd --sigma 2 -o smooth.nrrd"},
+         {"Millimetres instead of voxels, and the plan",
+          "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
 }
 
 ShareOfRange ValueText<ShareOfRange>::read(std::vector<std::string> const& w, std::string_view name) {
@@ -70,10 +76,14 @@ void Gaussian::parameters(Parameters& parameters) {
                       "how the volume continues outside: mirror, clamp, wrap, border[:VALUE]");
     parameters.option("tolerance", tolerance_, "P%",
                       "allowed error in percent of the value range (default: a quarter of the last bit, floats 0.01%)");
+    parameters.option("method", method_, "M",
+                      "fir: direct convolution; cascade: by way of a coarser lattice; auto: the cheaper one");
+    parameters.option("roi", region_, "REGION", "smooth only the voxels of this region");
 }
 
 std::vector<Knob> Gaussian::knobs() const {
-    return {{"tolerance", {"10%", "3%", "1%", "0.1%", "0.01%", "0.001%", "0.0001%"}, "1e-10%"}};
+    return {{"tolerance", {"10%", "1%", "0.1%", "0.01%", "0.001%", "0.0001%"}, "1e-10%"},
+            {"method", {"fir", "cascade"}, "fir"}};
 }
 
 void Gaussian::check() const {
@@ -88,6 +98,7 @@ void Gaussian::check() const {
 
 Plan Gaussian::plan(std::span<Header const> inputs) {
     check();
+    box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
     Vec3 sigma = sigma_;
     for (int axis = 0; axis < 3 && unit_ == LengthUnit::world; ++axis) sigma[axis] /= inputs[0].geometry.spacing[axis];
     return plan_for(inputs[0], sigma);
@@ -95,6 +106,10 @@ Plan Gaussian::plan(std::span<Header const> inputs) {
 
 Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
     check();
+    if (!region_.empty())
+        throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
+                    "crop the hierarchical volume first: vkt crop --roi");
+    box_ = box_of(level.dims);
     Vec3 sigma;
     for (int axis = 0; axis < 3; ++axis) {
         auto const width = static_cast<double>(cell_width[axis]);
@@ -141,24 +156,66 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
         choose(0x1p-53);
     }
     planes_.forget();
+    double direct = 0;
+    for (auto const& taps : passes_.taps) direct += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
+
+    // The cascade in the same precision, if it is cheaper.
+    cascade_.reset();
+    nodes_.held = on_gpu_ = false;
+    GaussianRounding cascade_rounding;
+    if (method_ != GaussianMethod::fir && direct > cascade_overhead) {
+        double const unit = passes_.wide ? 0x1p-53 : 0x1p-24;
+        double left = tolerance;
+        for (int attempt = 0; attempt < 2; ++attempt) {
+            cascade_ = gaussian_cascade(sigma, in.dims, boundary_.boundary, left / std::max(1, active), passes_.taps);
+            if (!cascade_) break;
+            cascade_rounding = {};
+            for (auto const& axis : cascade_->axes) cascade_rounding += axis.rounding(unit);
+            left = std::max(tolerance - cascade_rounding.sum(), tolerance / 2);
+        }
+        if (cascade_ && cascade_rounding.sum() > tolerance / 2) cascade_.reset();
+    }
+    std::string why;
+    if (method_ == GaussianMethod::automatic && direct > 2 * cascade_overhead && !cascade_)
+        why = "; no cascade keeps to the tolerance";
+    if (method_ == GaussianMethod::automatic && cascade_ && cascade_->cost + cascade_overhead >= direct) {
+        why = text("; a cascade costs ", std::round(cascade_->cost));
+        cascade_.reset();
+    }
+    if (method_ == GaussianMethod::cascade && direct > 0 && !cascade_)
+        throw Error(ErrorKind::usage,
+                    text("--method cascade: no cascade for a sigma of ", sigma[0], ",", sigma[1], ",", sigma[2],
+                         " voxels keeps to a tolerance of ", 100 * tolerance, "%",
+                         boundary_.boundary == Boundary::wrap ? " and reaches no further than the slices" : ""),
+                    "leave the choice to vkt (--method auto), or allow a larger --tolerance");
 
     Plan plan;
     plan.output = planned_ = in;
     plan.boundary = boundary_.boundary;
     plan.border_value = passes_.border_value;
-    plan.cost = 0;
-    double truncation = 0, steps = 0;
-    std::string radii;
-    for (auto const& taps : passes_.taps) {
+    plan.cost = cascade_ ? cascade_->cost : direct;
+    double truncation = 0, reduced = 0, steps = 0;
+    std::string radii, lattice;
+    for (std::size_t i = 0; i < 3; ++i) {
+        auto const& taps = passes_.taps[i];
         truncation += taps.truncation;
         steps += taps.radius > 0 ? static_cast<double>(taps.radius + 3) : 0;
-        plan.cost += taps.radius > 0 ? static_cast<double>(2 * taps.radius + 1) : 0;
         radii = text(radii, radii.empty() ? "" : ",", taps.radius);
+        if (!cascade_) continue;
+        CascadeAxis const& axis = cascade_->axes[i];
+        reduced += axis.truncation;
+        steps += static_cast<double>(axis.before.radius + axis.coarse.radius + axis.taps + 9);
+        lattice = text(lattice, lattice.empty() ? "" : ",", axis.step);
     }
-    copies_ = plan.cost == 0;
+    copies_ = direct == 0;
     if (!copies_ || truncation > 0) {
         plan.error.kind = ErrorBound::Kind::bound;
         plan.error.range = truncation + rounding.range;
+    }
+    if (cascade_) {
+        // A GPU convolves directly.
+        plan.error.range = std::max(reduced + cascade_rounding.range, runs_on_gpu() ? plan.error.range : 0);
+        rounding.magnitude = std::max(cascade_rounding.magnitude, runs_on_gpu() ? rounding.magnitude : 0);
     }
     if (!copies_) {
         // What goes in is rounded if the compute type does not hold it, and what comes out if the output is narrower.
@@ -178,7 +235,9 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
         plan.method = "copy";
         return plan;
     }
-    plan.method = text("direct FIR, radius ", radii, passes_.wide ? ", float64" : ", float32");
+    char const* const precision = passes_.wide ? ", float64" : ", float32";
+    plan.method = cascade_ ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
+                           : text("direct FIR, radius ", radii, precision, why);
     // Some slices are filtered along z together; slabs of more than 16 MiB would only take memory.
     std::int64_t const rz = passes_.taps[2].radius, slice = in.dims.x * in.dims.y;
     auto const size = static_cast<std::int64_t>(size_of(in.dtype));
@@ -193,6 +252,13 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     if (copies_) return 0;
     planes_.forget();
     passes_.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
+    on_gpu_ = execution.device == Device::gpu;
+    if (on_nodes()) {
+        nodes_.held = false;
+        CascadeLayout const layout(cascade(), largest);
+        std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
+        return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) * (passes_.wide ? 8 : 4);
+    }
     passes_.plane_bytes = std::clamp<std::int64_t>(static_cast<std::int64_t>(execution.memory / 8), 1, 32 << 20);
     Box const input = gaussian_input(passes_, box_of(largest));
     constexpr std::int64_t padding = 64; // of rows, to whole registers and cache lines
@@ -208,13 +274,12 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     return static_cast<std::size_t>(slots * rows * width * stored + planes + threads * 12 * width * computed);
 }
 
-Box gaussian_input(GaussianPasses const& passes, Box const& output) {
-    Box box = grow(output, {passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius});
+Box inside_volume(Box box, Index3 dims, Boundary boundary) {
     for (int axis = 0; axis < 3; ++axis) {
-        std::int64_t const n = passes.dims[axis];
+        std::int64_t const n = dims[axis];
         bool const outside = box.lower[axis] < 0 || box.upper[axis] > n;
         if (!outside) continue;
-        if (passes.boundary == Boundary::wrap) {
+        if (boundary == Boundary::wrap) {
             // The engine fetches slices of the other end, and rows where that is not all of them.
             if (axis == 2 || (axis == 1 && box.dims().y < n)) continue;
             box.lower[axis] = 0;
@@ -226,17 +291,29 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
     return box;
 }
 
+Box gaussian_input(GaussianPasses const& passes, Box const& output) {
+    return inside_volume(grow(output, {passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius}),
+                         passes.dims, passes.boundary);
+}
+
 Box Gaussian::footprint(Box const& output, int) const {
-    Box box = gaussian_input(passes_, output);
+    Box box = on_nodes() ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
+    if (!region_.empty()) return box;
     // What the ring holds need not come again.
-    if (planes_.continues(output)) box.lower.z = std::clamp(planes_.input_end, box.lower.z, box.upper.z);
+    bool const held = on_nodes() ? nodes_.continues(output) : planes_.continues(output);
+    if (held) box.lower.z = std::clamp(on_nodes() ? nodes_.thin_end : planes_.input_end, box.lower.z, box.upper.z);
     return box;
 }
 
 void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    if (copies_) return copy_region(inputs[0].part(out.box), out, execution);
+    Box const inside = copies_ ? Box{} : intersect(out.box, box_);
+    if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
+    if (inside.empty()) return;
     Losses losses;
-    gaussian_run(passes_, planes_, inputs[0], out, losses, execution);
+    if (on_nodes())
+        gaussian_cascade_run(cascade(), nodes_, inputs[0], out.part(inside), losses, execution);
+    else
+        gaussian_run(passes_, planes_, inputs[0], out.part(inside), losses, execution);
     counts_.clipped += losses.clipped;
 }
 

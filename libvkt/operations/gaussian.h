@@ -1,11 +1,11 @@
-// Gaussian: smoothing by direct convolution, separable, with a radius chosen from the error allowed.
+// Gaussian: smoothing by direct convolution or by way of a coarser lattice, chosen from the error allowed and the cost.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
-#include "libvkt/operations/kernels/gaussian.h"
+#include "libvkt/operations/kernels/gaussian_cascade.h"
 #include "libvkt/operations/remarks.h"
 
 namespace vkt {
@@ -30,6 +30,15 @@ template <> struct EnumNames<LengthUnit> {
     }
 };
 
+enum class GaussianMethod : std::uint8_t { automatic, fir, cascade };
+
+template <> struct EnumNames<GaussianMethod> {
+    static std::vector<std::pair<GaussianMethod, char const*>> all() {
+        return {
+            {GaussianMethod::automatic, "auto"}, {GaussianMethod::fir, "fir"}, {GaussianMethod::cascade, "cascade"}};
+    }
+};
+
 /// Convolves with the sampled Gaussian exp(-k^2 / 2 sigma^2), cut off and renormalised, along each axis.
 ///
 /// sigma: standard deviation per axis, finite and >= 0, in voxels (hierarchical volumes: finest cells) or world units;
@@ -40,11 +49,15 @@ template <> struct EnumNames<LengthUnit> {
 /// the L1 distance of the kernels, summed over the axes, as a share of the value range, plus rounding (see
 /// GaussianTaps), some of it as a share of the largest magnitude. A constant border is one of the values.
 ///
+/// Two methods share this contract, the cheaper one is taken. Direct: 2 (rx + ry + rz) + 3 multiply-adds per voxel,
+/// radius r about 3.5 to 5 sigma. Cascade (see CascadeAxis): 10 to 30 whatever sigma is, as long as it is small beside
+/// the volume; its lattice begins at voxel 0, so that results depend, within the bound, on where the volume begins.
+///
 /// The type is kept, integers round half to even. Intermediates are float32, float64 for 32- and 64-bit integers,
 /// float64, and tolerances that float32 cannot meet. Constants are reproduced bit for bit and results stay within the
 /// range of the input, 64-bit integers in the 53 bits of float64; a NaN or infinity spreads over the kernel's box
-/// around it and no further. Only a border value outside the type makes results clip. Cost: 2 (rx + ry + rz) + 3
-/// multiply-adds per voxel, radius r about 3.5 to 5 sigma; one read and one write of memory.
+/// around it and no further. Only a border value outside the type makes results clip. One read and one write of
+/// memory.
 class Gaussian : public Operation, public Tunable {
 public:
     Gaussian() = default;
@@ -58,30 +71,41 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Plan plan_level(Header const& level, Index3 cell_width) override;
-    /// Grown by the radius and cut to the volume, because the kernel knows the boundary rule; of a region that follows
-    /// the last one only the slices that run() has not seen yet.
+    /// Grown by what the kernel sees and cut to the volume, because the kernel knows the boundary rule; of a region
+    /// that follows the last one only the slices that run() has not seen yet, unless what lies outside of --roi is
+    /// copied.
     Box footprint(Box const& output, int input) const override;
-    /// The ring of input slices, and the slices that are filtered along z together.
+    /// The ring of input slices, and the slices that are filtered along z together; or the rings of the cascade.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return !passes_.clips; }
+    /// There it is always direct: the plan's bound is that of the method which is off by more.
+    bool runs_on_gpu() const override { return !passes_.clips && method_ != GaussianMethod::cascade; }
     std::vector<Remark> remarks() const override;
 
     void set_tolerance(double share) { tolerance_ = ShareOfRange{100 * share}; }
+    void set_method(GaussianMethod method) { method_ = method; }
 
 private:
     Plan plan_for(Header const& in, Vec3 const& sigma);
+    bool on_nodes() const { return cascade_ && !on_gpu_; }
+    CascadePasses cascade() const { return {&passes_, &*cascade_}; }
 
     Vec3 sigma_{1, 1, 1};
     LengthUnit unit_ = LengthUnit::voxel;
     BoundaryRule boundary_{Boundary::mirror, 0};
     std::optional<ShareOfRange> tolerance_;
+    GaussianMethod method_ = GaussianMethod::automatic;
+    Roi region_;
 
     DataType type_ = DataType::uint8;
     std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
     bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
+    std::optional<GaussianCascade> cascade_; ///< how a CPU computes it, if that is cheaper
+    CascadePlanes nodes_;
+    bool on_gpu_ = false;
+    Box box_; ///< the region
     Losses counts_;
     Header planned_; ///< output
 };

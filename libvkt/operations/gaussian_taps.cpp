@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -18,14 +19,6 @@ constexpr double most_taps = 1 << 24;
 using Real = long double;
 
 Real sample(Real k, double sigma) { return std::exp(-0.5L * (k / sigma) * (k / sigma)); }
-
-/// Sum over all integers; the integral, to which it converges faster than exponentially, once sigma is large.
-Real total_mass(double sigma) {
-    if (sigma > 8) return sigma * std::sqrt(2 * std::numbers::pi_v<Real>);
-    Real sum = 0;
-    for (int k = 80; k >= 1; --k) sum += 2 * sample(k, sigma);
-    return sum + 1;
-}
 
 /// Mass of the taps that are congruent to k modulo the period.
 Real periodic(Real k, Real period, double sigma, Real mass) {
@@ -71,37 +64,30 @@ std::int64_t radius_for(double sigma, Real mass, double truncation, std::int64_t
 
 } // namespace
 
+long double gaussian_mass(double sigma) {
+    // The integral, to which the sum converges faster than exponentially, once sigma is large.
+    if (sigma > 8) return sigma * std::sqrt(2 * std::numbers::pi_v<Real>);
+    Real sum = 0;
+    for (int k = 80; k >= 1; --k) sum += 2 * sample(k, sigma);
+    return sum + 1;
+}
+
+GaussianRounding nested_step(GaussianRounding const& a, double share, double unit) {
+    // The difference, its product with the share, and the share: also where that is 1 and stays just below. Then the
+    // average and the pair.
+    return {(1 - share) * a.range + unit * 3 * share, (1 - share) * a.magnitude + unit * (1 + share)};
+}
+
 GaussianRounding GaussianTaps::rounding(double unit) const {
     GaussianRounding error;
     if (radius == 0) return error;
     unit *= 1 + 4 * unit; // roundings of what was rounded
-    for (std::size_t k = shares.size(); k-- > 0;) {
-        // The difference, its product with the share, and the share: also where that is 1 and stays just below.
-        error.range = (1 - shares[k]) * error.range + unit * 3 * shares[k];
-        error.magnitude = (1 - shares[k]) * error.magnitude + unit * (1 + shares[k]); // the average and the pair
-    }
+    for (std::size_t k = shares.size(); k-- > 0;) error = nested_step(error, shares[k], unit);
     return error;
 }
 
-GaussianTaps gaussian_taps(double sigma, std::int64_t n, Boundary boundary, double truncation) {
+GaussianTaps nested_taps(std::vector<Real> weights) {
     GaussianTaps taps;
-    std::vector<Real> weights{1};                              // of taps 0…radius, not yet of unit sum
-    bool const alone = n == 1 && boundary != Boundary::border; // a line of one voxel is constant
-    Real mass = 1;
-    if (sigma > 0 && !alone) {
-        mass = total_mass(sigma);
-        std::int64_t const limit = boundary == Boundary::wrap ? n / 2 : n;
-        taps.radius = radius_for(sigma, mass, truncation, limit);
-        taps.folded = taps.radius > limit;
-        if (static_cast<double>(taps.folded ? limit : taps.radius) > most_taps)
-            throw Error(ErrorKind::resources, text("a Gaussian of sigma ", sigma, " voxels has too many taps"),
-                        "make the volume smaller first ('vkt resample'), or use a smaller --sigma");
-        if (taps.folded) {
-            weights = folded_weights(sigma, n, boundary, mass);
-        } else {
-            for (std::int64_t k = 1; k <= taps.radius; ++k) weights.push_back(sample(static_cast<Real>(k), sigma));
-        }
-    }
     while (weights.size() > 1 && !(weights.back() > 0)) weights.pop_back();
     taps.radius = static_cast<std::int64_t>(weights.size()) - 1;
 
@@ -118,6 +104,31 @@ GaussianTaps gaussian_taps(double sigma, std::int64_t n, Boundary boundary, doub
         taps.single_shares.push_back(std::min(static_cast<float>(s), 1 - 0x1p-24F));
         s = std::min(s, 1 - 0x1p-53);
     }
+    return taps;
+}
+
+GaussianTaps gaussian_taps(double sigma, std::int64_t n, Boundary boundary, double truncation) {
+    GaussianTaps taps;
+    std::vector<Real> weights{1};                              // of taps 0…radius, not yet of unit sum
+    bool const alone = n == 1 && boundary != Boundary::border; // a line of one voxel is constant
+    Real mass = 1;
+    if (sigma > 0 && !alone) {
+        mass = gaussian_mass(sigma);
+        std::int64_t const limit = boundary == Boundary::wrap ? n / 2 : n;
+        taps.radius = radius_for(sigma, mass, truncation, limit);
+        taps.folded = taps.radius > limit;
+        if (static_cast<double>(taps.folded ? limit : taps.radius) > most_taps)
+            throw Error(ErrorKind::resources, text("a Gaussian of sigma ", sigma, " voxels has too many taps"),
+                        "make the volume smaller first ('vkt resample'), or use a smaller --sigma");
+        if (taps.folded) {
+            weights = folded_weights(sigma, n, boundary, mass);
+        } else {
+            for (std::int64_t k = 1; k <= taps.radius; ++k) weights.push_back(sample(static_cast<Real>(k), sigma));
+        }
+    }
+    bool const folded = taps.folded;
+    taps = nested_taps(std::move(weights));
+    taps.folded = folded;
     if (sigma > 0 && !alone && !taps.folded) {
         // Added up and not subtracted from 1, where little is left.
         Real beyond = 0;

@@ -34,6 +34,15 @@ struct GaussianTaps {
     GaussianRounding rounding(double unit) const;
 };
 
+/// Taps of these weights of 0…radius, scaled to unit sum; their truncation is not known here.
+GaussianTaps nested_taps(std::vector<long double> weights);
+
+/// Bound of the rounding error after one more step of a nested average, a += share * (b - a), of which both are off.
+GaussianRounding nested_step(GaussianRounding const& a, double share, double unit);
+
+/// Sum of exp(-k^2 / 2 sigma^2) over all integers k.
+long double gaussian_mass(double sigma);
+
 /// Taps for a standard deviation in voxels on a line of n voxels. The radius is the smallest that cuts off at most
 /// `truncation` of the infinite kernel's mass (half its L1 distance, research: Getreuer 2013 section 3). Where it would
 /// exceed the line, the boundary rule is folded into the weights and nothing is cut off. sigma 0 gives the identity.

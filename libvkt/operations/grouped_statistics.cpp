@@ -232,6 +232,16 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
     std::int64_t const rows = block_rows(region_.dims()), per_slice = (box.dims().y - 1) / rows + 1;
     std::int64_t const blocks = per_slice * box.dims().z, together = 2 * std::max(1, execution.threads);
+    auto const check_room = [&](std::int64_t held) {
+        constexpr std::size_t each = sizeof(PartialStatistics) + 64, least = std::size_t{4} << 20;
+        if (static_cast<std::size_t>(held) * each > std::max(execution.memory, least) / 2)
+            throw Error(ErrorKind::resources,
+                        text(std::max(std::ssize(result_.groups), by == GroupedBy::x ? region_.dims().x : 0),
+                             by == GroupedBy::label ? " labels" : " rows of statistics",
+                             " are more than --memory has room for"),
+                        "raise --memory");
+    };
+    if (by == GroupedBy::x) check_room(region_.dims().x * (std::min(blocks, together) + 1)); // every block has all
     std::vector<std::map<std::int64_t, PartialStatistics>> found(static_cast<std::size_t>(together));
     for (std::int64_t first = 0; first < blocks; first += together) {
         std::int64_t const n = std::min(together, blocks - first);
@@ -254,11 +264,9 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
         if (failure) std::rethrow_exception(failure);
         for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i)
             for (auto const& [key, part] : found[i]) result_.groups[key].append(part, input_.dtype);
-        constexpr std::size_t each = sizeof(PartialStatistics) + 64, least = std::size_t{4} << 20;
-        if (result_.groups.size() * each > std::max(execution.memory, least) / 2)
-            throw Error(ErrorKind::resources,
-                        text(std::ssize(result_.groups), " labels are more than --memory has room for"),
-                        "raise --memory");
+        std::int64_t held = std::ssize(result_.groups);
+        for (auto const& block : found) held += std::ssize(block);
+        check_room(held);
     }
 }
 

@@ -163,7 +163,7 @@ void refuse_tree(Header const& header, std::string const& name) {
 
 class MergedFiles : public Source {
 public:
-    MergedFiles(std::vector<BrickFile> files, OpenBrick open, StageInfo const& info);
+    MergedFiles(std::vector<BrickFile> files, OpenBrick open, Execution const& execution, StageInfo const& info);
 
     bool next_volume() override { return !std::exchange(begun_, true); }
     Header const& header() const override { return header_; }
@@ -176,7 +176,6 @@ private:
         std::unique_ptr<Source> source;
         std::int64_t used = 0;
     };
-    static constexpr std::size_t most_open = 256;
 
     Source& opened(std::size_t brick);
     void close_all() {
@@ -186,6 +185,7 @@ private:
 
     std::vector<PlacedBrick> bricks_; ///< in order
     OpenBrick open_;
+    std::size_t most_open_; ///< each has buffers of its own
     Header header_;
     Access access_ = Access::random;
     std::map<std::size_t, Opened> open_files_;
@@ -193,7 +193,9 @@ private:
     bool begun_ = false;
 };
 
-MergedFiles::MergedFiles(std::vector<BrickFile> files, OpenBrick open, StageInfo const& info) : open_(std::move(open)) {
+MergedFiles::MergedFiles(std::vector<BrickFile> files, OpenBrick open, Execution const& execution,
+                         StageInfo const& info)
+    : open_(std::move(open)), most_open_(std::clamp<std::size_t>(execution.memory >> 18, 8, 256)) {
     Common common;
     for (std::size_t i = 0; i < files.size(); ++i) {
         std::string const& path = files[i].path;
@@ -217,7 +219,7 @@ MergedFiles::MergedFiles(std::vector<BrickFile> files, OpenBrick open, StageInfo
 Source& MergedFiles::opened(std::size_t brick) {
     auto found = open_files_.find(brick);
     if (found == open_files_.end()) {
-        if (open_files_.size() >= most_open) {
+        if (open_files_.size() >= most_open_) {
             auto const oldest =
                 std::min_element(open_files_.begin(), open_files_.end(),
                                  [](auto const& a, auto const& b) { return a.second.used < b.second.used; });
@@ -402,8 +404,9 @@ std::vector<BrickFile> bricks_of(std::string const& path) {
     return files;
 }
 
-std::unique_ptr<Source> merged_files(std::vector<BrickFile> files, OpenBrick open, StageInfo const& info) {
-    return std::make_unique<MergedFiles>(std::move(files), std::move(open), info);
+std::unique_ptr<Source> merged_files(std::vector<BrickFile> files, OpenBrick open, Execution const& execution,
+                                     StageInfo const& info) {
+    return std::make_unique<MergedFiles>(std::move(files), std::move(open), execution, info);
 }
 
 std::unique_ptr<Source> merged_stream(std::unique_ptr<Source> source, std::string name, Execution const& execution,

@@ -53,7 +53,8 @@ using OpenBrick = std::function<std::unique_ptr<Source>(std::string const& path)
 /// The volume whose bricks lie in these files, each opened when it is read. All headers are read first: bricks must
 /// have one type, value map, frame and lattice, and hold each voxel once, ghosts apart; Error{data} names the first
 /// that does not. Forward access if that is what files offer (compressed ones).
-std::unique_ptr<Source> merged_files(std::vector<BrickFile> files, OpenBrick open, StageInfo const& info);
+std::unique_ptr<Source> merged_files(std::vector<BrickFile> files, OpenBrick open, Execution const& execution,
+                                     StageInfo const& info);
 
 /// The volumes whose bricks follow each other in a source, in the order of brick_source(). Holds a layer of bricks.
 std::unique_ptr<Source> merged_stream(std::unique_ptr<Source> source, std::string name, Execution const& execution,

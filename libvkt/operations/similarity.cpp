@@ -16,7 +16,7 @@ namespace vkt {
 namespace {
 
 constexpr std::int64_t window_radius = 5;
-constexpr Index3 block{64, 64, 32}; // on the volume's own lattice, so that the order of sums depends on nothing else
+constexpr Index3 block{32, 32, 32}; // on the volume's own lattice, so that the order of sums depends on nothing else
 
 ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
     if (auto const lent = source.borrow(box)) return *lent;

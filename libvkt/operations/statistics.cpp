@@ -385,7 +385,7 @@ StatisticsResult result_of(PartialStatistics const& all, DataType type, ValueMap
     r.mean = static_cast<double>(slope * mean + intercept);
     r.variance = static_cast<double>(slope * slope * variance);
     r.stddev = static_cast<double>(std::abs(slope) * std::sqrt(variance));
-    r.product = all.product.value();
+    r.product = all.product.sign() == 0 ? 0 : all.product.value(); // not -0
     r.product_log = all.product.logarithm();
     r.product_sign = all.product.sign();
     if (infinite > 0) {

@@ -48,6 +48,7 @@ for type in uint8 uint16 int16 float32 float64; do
     case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
     same "$tolerance" "$vkt clahe in_$type.nrrd --bricks 5,3,4"
+    same "$tolerance" "$vkt filter bilateral in_$type.nrrd --sigma 1,0.5,1.2 --range-sigma 30"
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2 --boundary border:30.5"
     same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
@@ -59,8 +60,8 @@ for type in $types; do
     for field in 'noise --seed 5' 'checkerboard --period 3' 'ramp --axis y' 'marschner-lobb' 'sphere'; do
         same 0 "$vkt make $field --dims 61 23 17 --dtype $type"
     done
-    "$vkt" make noise --dims 61 23 17 --dtype $type --seed 5 -o a_$type.vkt
-    "$vkt" make noise --dims 61 23 17 --dtype $type --seed 6 -o b_$type.vkt
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 5 -o "a_$type.vkt"
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 6 -o "b_$type.vkt"
     for other in $types; do
         same 0 "$vkt convert a_$type.vkt --dtype $other -q"
         same 0 "$vkt convert a_$type.vkt --dtype $other --range minmax -q"

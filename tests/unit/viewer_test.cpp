@@ -265,9 +265,9 @@ public:
     std::atomic<bool> fails{false};
 };
 
-/// The last frame that comes within some seconds, once `done` says so.
+/// The last frame that comes within a minute, which sanitizers on a busy machine may need, once `done` says so.
 template <class Done> Frame wait_for(Painter& painter, Done done) {
-    for (int i = 0; i < 20000; ++i) {
+    for (int i = 0; i < 60000; ++i) {
         if (auto frame = painter.take(); frame && done(*frame)) return *frame;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }

@@ -16,7 +16,8 @@ constexpr int together = 4; ///< registers that a weighted sum is made of at a t
 static_assert(driver::NeighbourRows<float>::tile_columns % (together * lane_count<float>) == 0,
               "the last block of a row may not reach beyond what there is room for");
 
-template <class C> Lanes<C> all_lanes(C value) { return Lanes<C>{} + value; }
+/// value - 0 is value for the compiler too, value + 0 is not if it is -0.
+template <class C> Lanes<C> all_lanes(C value) { return value - Lanes<C>{}; }
 
 /// Calls f(x) for the first voxels of blocks of `together` registers that cover n voxels.
 template <class C, class F> void for_blocks(std::int64_t n, F const& f) {
@@ -219,15 +220,81 @@ void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses&
                   });
 }
 
+/// Output rows that a kernel without gaps computes together, so that a register of the input serves several of them,
+/// and registers of each.
+constexpr int rows_together = 4, registers_together = register_bytes == 64 ? 4 : 2;
+
+/// R rows of the correlation with a kernel of width * height * depth weights, none of them 0; height >= R - 1, and the
+/// width is `fixed` unless that is 0. Additions are in the order of the weights, whatever R is.
+template <class C, int R, int fixed> class Block {
+public:
+    Block(C const* const* rows, std::int64_t x, C const* weights, Index3 dims)
+        : rows_(rows), x_(x - dims.x / 2), weight_(weights), dims_(dims) {}
+
+    void store(C offset, C* to) {
+        for (std::int64_t k = 0; k < dims_.z; ++k, weight_ += dims_.y * dims_.x) {
+            first_rows(std::make_integer_sequence<int, R - 1>{});
+            for (std::int64_t j = R - 1; j < dims_.y; ++j) add<0, R>(j);
+            last_rows(std::make_integer_sequence<int, R - 1>{});
+            rows_ += dims_.y + R - 1;
+        }
+        for (int r = 0; r < R; ++r)
+            for (int j = 0; j < registers_together; ++j)
+                store_lanes(to + r * driver::results_pitch<C> + j * lane_count<C>, sum_[r][j] + all_lanes(offset));
+    }
+
+private:
+    template <int... i> void first_rows(std::integer_sequence<int, i...>) { (add<0, i + 1>(i), ...); }
+    template <int... i> void last_rows(std::integer_sequence<int, i...>) { (add<i + 1, R>(dims_.y + i), ...); }
+
+    /// What row j of a slice of the input adds to output rows first <= r < last.
+    template <int first, int last> void add(std::int64_t j) {
+        std::int64_t const width = fixed > 0 ? fixed : dims_.x;
+        C const* const from = rows_[j] + x_;
+        C const* const weight = weight_ + j * width;
+        for (std::int64_t i = 0; i < width; ++i) {
+            Lanes<C> v[registers_together];
+            for (int n = 0; n < registers_together; ++n) v[n] = load_lanes(from + i + n * lane_count<C>);
+            for (int r = first; r < last; ++r) {
+                Lanes<C> const w = all_lanes(weight[i - r * width]);
+                for (int n = 0; n < registers_together; ++n) sum_[r][n] = madd(w, v[n], sum_[r][n]);
+            }
+        }
+    }
+
+    C const* const* rows_; ///< those of the slice
+    std::int64_t x_;
+    C const* weight_; ///< those of the slice
+    Index3 dims_;
+    Lanes<C> sum_[R][registers_together] = {};
+};
+
+template <class C> std::vector<C> weights_of(DenseKernel const& kernel) {
+    std::vector<C> weights;
+    for (Tap const& tap : kernel.taps) weights.push_back(static_cast<C>(tap.weight));
+    return weights;
+}
+
+template <class C, int R, int fixed>
+void correlate_box(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
+    Index3 const r = kernel.radius, dims{2 * r.x + 1, 2 * r.y + 1, 2 * r.z + 1};
+    driver::for_each_row_of_neighbours<C, R>(execution, out, losses, r, in, [&] {
+        return [dims, weights = weights_of<C>(kernel),
+                offset = static_cast<C>(kernel.offset)](C const* const* rows, std::int64_t n, C* results) {
+            for (std::int64_t x = 0; x < n; x += registers_together * lane_count<C>)
+                Block<C, R, fixed>(rows, x, weights.data(), dims).store(offset, results + x);
+        };
+    });
+}
+
 template <class C>
 void correlate_taps(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
     std::int64_t const lines = 2 * kernel.radius.y + 1;
     auto const count = static_cast<std::int64_t>(kernel.taps.size());
     driver::for_each_row_of_neighbours<C>(execution, out, losses, kernel.radius, in, [&] {
-        std::vector<C> weights;
-        for (Tap const& tap : kernel.taps) weights.push_back(static_cast<C>(tap.weight));
-        return [&kernel, lines, count, weights, from = std::vector<C const*>(kernel.taps.size())](
-                   C const* const* rows, std::int64_t n, C* results) mutable {
+        return [&kernel, lines, count, weights = weights_of<C>(kernel),
+                from = std::vector<C const*>(kernel.taps.size())](C const* const* rows, std::int64_t n,
+                                                                  C* results) mutable {
             for (std::size_t k = 0; k < from.size(); ++k) {
                 Index3 const at = kernel.taps[k].at;
                 from[k] = rows[(at.z + kernel.radius.z) * lines + at.y + kernel.radius.y] + at.x;
@@ -241,6 +308,23 @@ void correlate_taps(ConstView in, AnyView out, DenseKernel const& kernel, Losses
     });
 }
 
+/// Kernels without gaps take blocks of rows. A weight of 0 is one: it would make NaN of what is not finite.
+template <class C>
+void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
+    Index3 const r = kernel.radius;
+    bool const gaps = static_cast<std::int64_t>(kernel.taps.size()) != (2 * r.x + 1) * (2 * r.y + 1) * (2 * r.z + 1);
+    if (gaps || r.y == 0 || out.dims().y < rows_together) return correlate_taps<C>(in, out, kernel, losses, execution);
+    constexpr int R = rows_together;
+    switch (r.x) {
+    case 1:
+        return correlate_box<C, R, 3>(in, out, kernel, losses, execution);
+    case 2:
+        return correlate_box<C, R, 5>(in, out, kernel, losses, execution);
+    default:
+        return correlate_box<C, R, 0>(in, out, kernel, losses, execution);
+    }
+}
+
 } // namespace
 
 void correlate(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses, Execution const& execution) {
@@ -252,9 +336,9 @@ void correlate(ConstView in, AnyView out, SeparableSum const& sum, Losses& losse
 
 void correlate_dense(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
     if (kernel.wide)
-        correlate_taps<double>(in, out, kernel, losses, execution);
+        correlate_any<double>(in, out, kernel, losses, execution);
     else
-        correlate_taps<float>(in, out, kernel, losses, execution);
+        correlate_any<float>(in, out, kernel, losses, execution);
 }
 
 } // namespace VKT_BACKEND

@@ -2,76 +2,16 @@
 // SPDX-License-Identifier: MIT
 
 #include "libvkt/operations/kernels/gaussian.h"
-#include "libvkt/kernel/kernel.h"
-
-#include "libvkt/kernel/lanes.h"
+#include "libvkt/operations/kernels/nested_average.h"
 
 namespace vkt::VKT_BACKEND {
 
 namespace {
 
-constexpr std::int64_t block_bytes = 256;       ///< rows are worked in blocks of this many bytes, whole registers
 constexpr std::int64_t strips_bytes = 24 << 10; ///< pieces of rows that are summed together fit into L1 …
 constexpr std::int64_t strip_bytes = 1024;      ///< … and are not longer than this, a multiple of blocks
 constexpr std::int64_t most_slices = 8;         ///< filtered along z together, while their sources are in L1
 constexpr std::int64_t row_group = 8;           ///< rows filtered along y before the first of them is filtered along x
-template <class C> constexpr std::int64_t block = block_bytes / static_cast<std::int64_t>(sizeof(C));
-
-constexpr std::int64_t round_up(std::int64_t n, std::int64_t unit) { return (n + unit - 1) / unit * unit; }
-
-template <class C> struct TapView {
-    std::int64_t radius;
-    C const* shares;
-};
-
-/// `registers` registers from i on of: out = factor * nested average of rows[0…2r] (see GaussianTaps).
-template <std::int64_t registers, class C>
-VKT_HD void average_at(C const* const* rows, TapView<C> taps, Lanes<C> factor, C* out, std::int64_t i) {
-    std::int64_t const r = taps.radius;
-    Lanes<C> sum[static_cast<std::size_t>(registers)];
-    C const* low = rows[0] + i;
-    C const* high = rows[2 * r] + i;
-    for (std::int64_t j = 0; j < registers; ++j)
-        sum[j] = load_lanes(low + j * lane_count<C>) + load_lanes(high + j * lane_count<C>);
-    for (std::int64_t k = r - 1; k >= 0; --k) {
-        low = rows[r - k] + i;
-        high = rows[r + k] + i;
-        Lanes<C> const share = Lanes<C>{} + taps.shares[k];
-#pragma GCC unroll 16
-        for (std::int64_t j = 0; j < registers; ++j) {
-            Lanes<C> const pair = load_lanes(low + j * lane_count<C>) + load_lanes(high + j * lane_count<C>);
-            sum[j] = madd(share, pair - sum[j], sum[j]);
-        }
-    }
-    for (std::int64_t j = 0; j < registers; ++j) store_lanes(out + i + j * lane_count<C>, factor * sum[j]);
-}
-
-/// out[i] = factor * nested average of rows[0…2r][i] for begin <= i < end, up to whole registers.
-template <class C>
-void average(C const* const* rows, TapView<C> taps, C factor, C* out, std::int64_t begin, std::int64_t end) {
-    Lanes<C> const scale = Lanes<C>{} + factor;
-    std::int64_t i = begin;
-    for (; i + block<C> <= end; i += block<C>) average_at<block<C> / lane_count<C>>(rows, taps, scale, out, i);
-    for (; i < end; i += lane_count<C>) average_at<1>(rows, taps, scale, out, i);
-}
-
-template <class T, class C> void load_scaled(T const* from, C* to, std::int64_t n) {
-#pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) to[i] = C(gaussian_scale) * static_cast<C>(from[i]);
-}
-
-template <class T, class C> void store_row(C const* from, T* to, std::int64_t n, bool stream) {
-    if constexpr (std::is_same_v<T, C>) {
-        std::size_t const bytes = static_cast<std::size_t>(n) * sizeof(T);
-        if (stream)
-            stream_bytes(reinterpret_cast<std::byte*>(to), reinterpret_cast<std::byte const*>(from), bytes);
-        else
-            std::memcpy(to, from, bytes);
-    } else {
-#pragma omp simd
-        for (std::int64_t i = 0; i < n; ++i) to[i] = round_to<T>(from[i]);
-    }
-}
 
 /// What the ring holds: input voxels as they are where that is smaller, else scaled in the compute type.
 template <class T, class C> using Stored = std::conditional_t<(sizeof(T) < sizeof(C)), T, C>;
@@ -165,14 +105,8 @@ private:
 template <class T, class R, class C> class Worker {
 public:
     Worker(GaussianPasses const& passes, Layout<R, C> const& layout, Ring<T, R, C> const& ring, C* planes, C* scratch)
-        : passes_(passes), layout_(layout), ring_(ring), planes_(planes), taken_(scratch) {
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            GaussianTaps const& t = passes.taps[axis];
-            if constexpr (std::is_same_v<C, float>)
-                taps_[axis] = {t.radius, t.single_shares.data()};
-            else
-                taps_[axis] = {t.radius, t.shares.data()};
-        }
+        : passes_(passes), layout_(layout), ring_(ring), planes_(planes),
+          taken_(scratch), taps_{TapView<C>(passes.taps[0]), TapView<C>(passes.taps[1]), TapView<C>(passes.taps[2])} {
         along_y_ = taken_ + layout.taken;
         result_ = along_y_ + row_group * layout.pitch;
         border_ = result_ + layout.pitch;
@@ -229,7 +163,7 @@ public:
             if (passes_.clips)
                 tally_ += driver::round_segment(n, to, [from = result_](std::int32_t x) { return from[x]; });
             else
-                store_row(result_, to, n, stream);
+                store_values(result_, to, n, stream);
         }
     }
 

@@ -128,7 +128,7 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
     if (most > 0) g = g * (1.0F / most);
     float const along =
         dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Shading const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
+    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
     IsoView const& iso = scene.isos[surface];
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }

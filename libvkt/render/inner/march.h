@@ -24,7 +24,7 @@ struct Radiance {
 };
 
 /// Brightness of a surface element seen with a light at the eye.
-struct Shading {
+struct Reflection {
     float diffuse, glint;
 };
 
@@ -37,7 +37,7 @@ VKT_HD float in_references(ShadeView const& shade, float g) {
 
 /// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
 /// `reference` is shaded half.
-VKT_HD Shading headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float reference) {
+VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float reference) {
     float const* m = shade.metric;
     float const squared =
         m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
@@ -140,7 +140,7 @@ template <class S, class Comb> struct March {
             for (int j = 0; j < chunk; ++j) {
                 Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
                                in_references(scene.shade, gz[j])};
-                Shading const s = headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, 1.0F);
+                Reflection const s = headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, 1.0F);
                 diffuse[j] = s.diffuse;
                 glint[j] = s.glint;
             }

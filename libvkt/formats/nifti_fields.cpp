@@ -1,0 +1,451 @@
+// Volumes as fields of NIfTI headers, and back.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/nifti_fields.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/nrrd_header.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+namespace vkt {
+
+namespace {
+
+constexpr std::string_view ras_frame = "right-anterior-superior";
+/// Codes of coordinate systems.
+constexpr std::int64_t scanner = 1, aligned = 2, last_code = 5;
+constexpr std::int64_t space_bits = 7, time_bits = 0x38;
+
+struct TypeCode {
+    std::int64_t code;
+    DataType type;
+};
+
+constexpr TypeCode type_codes[] = {
+    {2, DataType::uint8},    {256, DataType::int8},   {512, DataType::uint16},  {4, DataType::int16},
+    {768, DataType::uint32}, {8, DataType::int32},    {1280, DataType::uint64}, {1024, DataType::int64},
+    {16, DataType::float32}, {64, DataType::float64},
+};
+
+struct ForeignType {
+    std::int64_t code;
+    char const* what;
+};
+
+constexpr ForeignType foreign_types[] = {
+    {1, "single bits"},        {32, "complex numbers"},   {128, "colours (RGB)"},   {1536, "float128"},
+    {1792, "complex numbers"}, {2048, "complex numbers"}, {2304, "colours (RGBA)"},
+};
+
+struct UnitCode {
+    std::int64_t code;
+    char const* name;
+};
+
+constexpr UnitCode unit_codes[] = {{1, "m"},   {2, "mm"},  {3, "um"},   {8, "s"},     {16, "ms"},
+                                   {24, "us"}, {32, "Hz"}, {40, "ppm"}, {48, "rad/s"}};
+
+/// Attributes that are fields of numbers. Codes of coordinate systems are apart, since the geometry decides on them.
+struct NumberField {
+    char const* name;
+    double (*get)(NiftiFields const&);
+    void (*set)(NiftiFields&, double);
+};
+
+constexpr NumberField number_fields[] = {
+    {"cal_min", [](NiftiFields const& f) { return f.cal_min; }, [](NiftiFields& f, double v) { f.cal_min = v; }},
+    {"cal_max", [](NiftiFields const& f) { return f.cal_max; }, [](NiftiFields& f, double v) { f.cal_max = v; }},
+    {"intent_p1", [](NiftiFields const& f) { return f.intent_p[0]; },
+     [](NiftiFields& f, double v) { f.intent_p[0] = v; }},
+    {"intent_p2", [](NiftiFields const& f) { return f.intent_p[1]; },
+     [](NiftiFields& f, double v) { f.intent_p[1] = v; }},
+    {"intent_p3", [](NiftiFields const& f) { return f.intent_p[2]; },
+     [](NiftiFields& f, double v) { f.intent_p[2] = v; }},
+    {"intent_code", [](NiftiFields const& f) { return static_cast<double>(f.intent_code); },
+     [](NiftiFields& f, double v) {
+         if (v >= 0 && v <= 32767) f.intent_code = static_cast<std::int64_t>(v);
+     }},
+};
+
+struct WordField {
+    char const* name;
+    std::string NiftiFields::*field;
+};
+
+constexpr WordField word_fields[] = {{"descrip", &NiftiFields::descrip},
+                                     {"aux_file", &NiftiFields::aux_file},
+                                     {"intent_name", &NiftiFields::intent_name}};
+
+double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+
+bool is_orthonormal(Geometry const& g) {
+    auto const& d = g.direction;
+    return std::abs(dot(d[0], d[1])) < 1e-5 && std::abs(dot(d[1], d[2])) < 1e-5 && std::abs(dot(d[2], d[0])) < 1e-5;
+}
+
+// --- Fields to a volume ---------------------------------------------------------------------------------------------
+
+/// Where an affine map puts voxels; nullopt if it is none that puts them apart.
+std::optional<Geometry> sform_geometry(NiftiFields const& f) {
+    Geometry g;
+    try {
+        for (int axis = 0; axis < 3; ++axis) {
+            auto const a = static_cast<std::size_t>(axis);
+            set_axis(g, axis, {f.srow[a], f.srow[4 + a], f.srow[8 + a]}, "");
+        }
+        g.origin = {f.srow[3], f.srow[7], f.srow[11]};
+        check(g);
+    } catch (Error const&) {
+        return std::nullopt;
+    }
+    return g;
+}
+
+Vec3 spacing_of(NiftiFields const& f) {
+    Vec3 result;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const s = std::abs(f.pixdim[static_cast<std::size_t>(axis) + 1]);
+        result[axis] = s > 0 && std::isfinite(s) ? s : 1;
+    }
+    return result;
+}
+
+/// A unit quaternion of which three components are given, and a third axis that may be reversed.
+std::optional<Geometry> qform_geometry(NiftiFields const& f) {
+    double b = f.quatern[0], c = f.quatern[1], d = f.quatern[2];
+    double const rest = 1 - (b * b + c * c + d * d);
+    if (!std::isfinite(rest) || rest < -1e-3) return std::nullopt;
+    double a = 0;
+    if (rest > 3 * static_cast<double>(std::numeric_limits<float>::epsilon())) a = std::sqrt(rest);
+    double const length = std::sqrt(a * a + b * b + c * c + d * d);
+    a /= length, b /= length, c /= length, d /= length;
+    double const qfac = f.pixdim[0] < 0 ? -1 : 1;
+    Geometry g;
+    g.spacing = spacing_of(f);
+    g.direction[0] = {1 - 2 * (c * c + d * d), 2 * (b * c + a * d), 2 * (b * d - a * c)};
+    g.direction[1] = {2 * (b * c - a * d), 1 - 2 * (b * b + d * d), 2 * (c * d + a * b)};
+    g.direction[2] = Vec3{2 * (b * d + a * c), 2 * (c * d - a * b), 1 - 2 * (b * b + c * c)} * qfac;
+    for (auto& direction : g.direction) direction = direction + Vec3{}; // no negative zeros
+    g.origin = {f.qoffset[0], f.qoffset[1], f.qoffset[2]};
+    return g;
+}
+
+/// Of files that do not say where they lie.
+Geometry base_geometry(Index3 dims, Vec3 spacing) {
+    Geometry g;
+    g.spacing = spacing;
+    g.direction[0] = {-1, 0, 0};
+    auto const middle = [&](int axis) { return static_cast<double>(dims[axis] - 1) / 2 * spacing[axis]; };
+    g.origin = {middle(0), 0.0 - middle(1), 0.0 - middle(2)};
+    return g;
+}
+
+/// What qform and sform agree on, but for their rounding.
+bool agree(Geometry const& a, Geometry const& b) {
+    for (int axis = 0; axis < 3; ++axis) {
+        double const s = std::min(a.spacing[axis], b.spacing[axis]);
+        if (std::abs(a.spacing[axis] - b.spacing[axis]) > 1e-3 * s) return false;
+        if (std::abs(a.origin[axis] - b.origin[axis]) > 1e-2 * s) return false;
+        for (int i = 0; i < 3; ++i)
+            if (std::abs(a.direction[static_cast<std::size_t>(axis)][i] -
+                         b.direction[static_cast<std::size_t>(axis)][i]) > 1e-3)
+                return false;
+    }
+    return true;
+}
+
+class Reader {
+public:
+    Reader(NiftiHeader const& header, bool trust_paths)
+        : header_(header), f_(header.fields), trust_paths_(trust_paths) {}
+    RawLayout layout() const;
+
+private:
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = "") const {
+        throw Error(ErrorKind::data, text("'", header_.name, "': ", what), hint);
+    }
+    void read_dims(RawLayout& layout) const;
+    DataType type() const;
+    void read_geometry(Header& volume) const;
+    void read_values(Header& volume) const;
+    void read_attributes(RawLayout& layout) const;
+    void find_voxels(RawLayout& layout) const;
+    void use_ours(RawLayout& layout) const;
+
+    NiftiHeader const& header_;
+    NiftiFields const& f_;
+    bool trust_paths_;
+};
+
+void Reader::read_dims(RawLayout& layout) const {
+    if (f_.dim[0] < 1 || f_.dim[0] > 7) fail(text("its number of dimensions, ", f_.dim[0], ", is not between 1 and 7"));
+    for (std::size_t i = 1; i <= static_cast<std::size_t>(f_.dim[0]); ++i) {
+        if (f_.dim[i] < 1 || f_.dim[i] > max_extent)
+            fail(text("dim[", static_cast<std::int64_t>(i), "] = ", f_.dim[i], " is not between 1 and 2^40"));
+        if (i <= 3)
+            layout.header.dims[static_cast<int>(i) - 1] = f_.dim[i];
+        else if (i == 4)
+            layout.volumes = f_.dim[i];
+        else if (f_.dim[i] > 1)
+            fail(text("dimension ", static_cast<std::int64_t>(i), " has ", f_.dim[i],
+                      " samples; a file is one volume or a series of volumes"),
+                 "take one with nibabel: nibabel.save(image.slicer[..., 0], \"one.nii\")");
+    }
+}
+
+DataType Reader::type() const {
+    for (auto const& entry : type_codes)
+        if (entry.code == f_.datatype) return entry.type;
+    for (auto const& entry : foreign_types)
+        if (entry.code == f_.datatype)
+            fail(text("its voxels are ", entry.what, "; a volume has one number in each"),
+                 "take a part of them with nibabel");
+    fail(text("data type ", f_.datatype, " is none of NIfTI's"));
+}
+
+void Reader::read_geometry(Header& volume) const {
+    std::optional<Geometry> const s = f_.sform_code > 0 ? sform_geometry(f_) : std::nullopt;
+    std::optional<Geometry> const q = f_.qform_code > 0 ? qform_geometry(f_) : std::nullopt;
+    if ((f_.sform_code > 0 || f_.qform_code > 0) && !s && !q)
+        fail("neither its sform nor its qform is a map to the world");
+    volume.geometry = s ? *s : q ? *q : base_geometry(volume.dims, spacing_of(f_));
+    volume.attributes["space"] = std::string(ras_frame);
+    volume.attributes["sform_code"] = to_text(s ? f_.sform_code : std::int64_t{0});
+    // A qform that says something else is not kept, and its code is about nothing then.
+    bool const kept = q && (!s || agree(*s, *q));
+    volume.attributes["qform_code"] = to_text(kept ? f_.qform_code : std::int64_t{0});
+}
+
+void Reader::read_values(Header& volume) const {
+    if (f_.scl_slope == 0 || !std::isfinite(f_.scl_slope)) return; // says that there is no map
+    volume.values = {f_.scl_slope, f_.scl_inter};
+    if (!std::isfinite(f_.scl_inter)) fail("scl_inter is not finite");
+}
+
+void Reader::read_attributes(RawLayout& layout) const {
+    auto& attributes = layout.header.attributes;
+    for (auto const& field : number_fields)
+        if (double const value = field.get(f_); value != 0 && std::isfinite(value))
+            attributes[field.name] = to_text(value);
+    for (auto const& field : word_fields)
+        if (std::string const value(trimmed(f_.*field.field)); !value.empty()) attributes[field.name] = value;
+    auto const unit = [&](std::int64_t bits) -> std::string {
+        for (auto const& entry : unit_codes)
+            if (entry.code == (f_.xyzt_units & bits)) return text("\"", entry.name, "\"");
+        return {};
+    };
+    if (std::string const u = unit(space_bits); !u.empty()) attributes["space units"] = text(u, " ", u, " ", u);
+    if (layout.volumes < 2) return;
+    if (double const step = f_.pixdim[4]; step != 0 && std::isfinite(step) && std::isfinite(f_.toffset))
+        layout.sequence = SequenceAxis{f_.toffset, step};
+    if (std::string const u = unit(time_bits); !u.empty()) {
+        attributes[sequence_units] = u;
+        if ((f_.xyzt_units & time_bits) <= 24) attributes[sequence_kind] = "time";
+    }
+}
+
+/// Of a pair the voxels lie beside the header.
+void Reader::find_voxels(RawLayout& layout) const {
+    layout.big_endian = header_.big_endian;
+    layout.byte_skip = f_.vox_offset;
+    if (header_.single) {
+        layout.byte_skip -= header_.position;
+        return;
+    }
+    std::string base =
+        lower_case(header_.name).ends_with(".gz") ? header_.name.substr(0, header_.name.size() - 3) : header_.name;
+    if (!lower_case(base).ends_with(".hdr"))
+        fail("the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr", "read the pair by that name");
+    base.resize(base.size() - 4);
+    base.erase(0, base.rfind('/') + 1); // npos + 1 is 0
+    std::string const plain = beside(header_.name, base + ".img", trust_paths_);
+    std::error_code error;
+    if (!std::filesystem::exists(plain, error)) {
+        std::string const packed = beside(header_.name, base + ".img.gz", trust_paths_);
+        if (std::filesystem::exists(packed, error)) {
+            layout.encoding = Encoding::deflate;
+            layout.files = {packed};
+            return;
+        }
+    }
+    layout.files = {plain};
+}
+
+/// What vkt wrote has all digits, and what NIfTI has no place for. If others have changed the fields since, these
+/// count.
+void Reader::use_ours(RawLayout& layout) const {
+    if (!header_.ours) return;
+    Header const& ours = *header_.ours;
+    bool unchanged = ours.kind == Kind::structured && ours.dims == layout.header.dims;
+    try {
+        NiftiFields made = as_stored(nifti_fields(ours, layout.volumes), header_.version);
+        made.vox_offset = f_.vox_offset;
+        unchanged = unchanged && made == f_;
+    } catch (Error const&) {
+        unchanged = false;
+    }
+    if (!unchanged) {
+        for (auto const& [key, value] : ours.attributes)
+            if (!key.starts_with("space") && !key.starts_with("sequence")) layout.header.attributes.emplace(key, value);
+        layout.header.units = ours.units;
+        layout.header.history = ours.history;
+        return;
+    }
+    layout.header = ours;
+    layout.header.dry_run = layout.header.timing = false;
+    layout.sequence.reset();
+    if (layout.volumes < 2) return;
+    auto const number = [&](char const* key) {
+        auto const found = ours.attributes.find(key);
+        return found == ours.attributes.end() ? std::nullopt : number_in(found->second);
+    };
+    if (auto const step = number("sequence step"))
+        layout.sequence = SequenceAxis{number("sequence position").value_or(0), *step};
+}
+
+RawLayout Reader::layout() const {
+    RawLayout layout;
+    read_dims(layout);
+    layout.header.dtype = type();
+    read_geometry(layout.header);
+    read_values(layout.header);
+    read_attributes(layout);
+    find_voxels(layout);
+    use_ours(layout);
+    layout.header = in_utf8(std::move(layout.header));
+    return layout;
+}
+
+// --- A volume to fields ---------------------------------------------------------------------------------------------
+
+std::optional<double> number_of(Header const& header, std::string const& attribute) {
+    auto const found = header.attributes.find(attribute);
+    return found == header.attributes.end() ? std::nullopt : number_in(found->second);
+}
+
+std::optional<std::int64_t> code_of(Header const& header, std::string const& attribute) {
+    auto const code = number_of(header, attribute);
+    if (!code || *code != std::floor(*code) || *code < 0 || *code > static_cast<double>(last_code)) return std::nullopt;
+    return static_cast<std::int64_t>(*code);
+}
+
+std::array<double, 3> quaternion(Geometry const& g) {
+    auto const& d = g.direction;
+    double const hand = dot(d[0], cross(d[1], d[2])) < 0 ? -1 : 1;
+    auto const r = [&](int row, std::size_t column) { return d[column][row] * (column == 2 ? hand : 1); };
+    // Of the four squares the largest has the most digits.
+    std::array<double, 4> const squares{1 + r(0, 0) + r(1, 1) + r(2, 2), 1 + r(0, 0) - r(1, 1) - r(2, 2),
+                                        1 - r(0, 0) + r(1, 1) - r(2, 2), 1 - r(0, 0) - r(1, 1) + r(2, 2)};
+    auto const largest = std::max_element(squares.begin(), squares.end()) - squares.begin();
+    double const twice = std::sqrt(squares[static_cast<std::size_t>(largest)]), over = 0.5 / twice;
+    double const ab = r(2, 1) - r(1, 2), ac = r(0, 2) - r(2, 0), ad = r(1, 0) - r(0, 1);
+    double const bc = r(0, 1) + r(1, 0), bd = r(0, 2) + r(2, 0), cd = r(1, 2) + r(2, 1);
+    double a = 0;
+    std::array<double, 3> q{};
+    switch (largest) {
+    case 0:
+        a = twice / 2, q = {ab * over, ac * over, ad * over};
+        break;
+    case 1:
+        a = ab * over, q = {twice / 2, bc * over, bd * over};
+        break;
+    case 2:
+        a = ac * over, q = {bc * over, twice / 2, cd * over};
+        break;
+    default:
+        a = ad * over, q = {bd * over, cd * over, twice / 2};
+    }
+    for (double& x : q) x = (a < 0 ? -x : x) + 0.0; // the first component, which is not stored, is not negative
+    return q;
+}
+
+void put_codes(NiftiFields& f, Header const& header, Geometry const& g) {
+    auto const s = code_of(header, "sform_code"), q = code_of(header, "qform_code");
+    std::int64_t const usual = is_anatomical(frame_of(header)) ? scanner : aligned;
+    f.sform_code = s.value_or(q.value_or(0) > 0 ? 0 : usual);
+    f.qform_code = q.value_or(s ? 0 : usual);
+    // Without a code the place must be the one that readers assume.
+    if (f.sform_code == 0 && f.qform_code == 0 && !same_geometry(g, base_geometry(header.dims, g.spacing)))
+        f.sform_code = f.qform_code = usual;
+    if (f.qform_code == 0 || is_orthonormal(g)) return;
+    if (f.sform_code == 0) f.sform_code = f.qform_code;
+    f.qform_code = 0; // a quaternion has no shear
+}
+
+std::int64_t unit_code(Header const& header, std::string const& attribute, std::int64_t bits) {
+    auto const found = header.attributes.find(attribute);
+    auto const entries = found == header.attributes.end() ? std::nullopt : quoted_entries(found->second);
+    if (!entries || entries->empty()) return 0;
+    for (auto const& unit : unit_codes)
+        if ((unit.code & bits) != 0 && std::all_of(entries->begin(), entries->end(), [&](auto const& entry) {
+                return entry == text("\"", unit.name, "\"");
+            }))
+            return unit.code;
+    return 0;
+}
+
+void put_place(NiftiFields& f, Header const& header) {
+    Geometry const g = geometry_in(ras_frame, header);
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const a = static_cast<std::size_t>(axis);
+        for (int row = 0; row < 3; ++row)
+            f.srow[static_cast<std::size_t>(row) * 4 + a] = g.direction[a][row] * g.spacing[axis];
+        f.srow[a * 4 + 3] = g.origin[axis];
+        f.qoffset[a] = g.origin[axis];
+        f.pixdim[a + 1] = g.spacing[axis];
+    }
+    put_codes(f, header, g);
+    bool const left_handed = dot(g.direction[0], cross(g.direction[1], g.direction[2])) < 0;
+    f.pixdim[0] = left_handed ? -1 : 1;
+    if (is_orthonormal(g)) f.quatern = quaternion(g);
+}
+
+} // namespace
+
+RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }
+
+NiftiFields nifti_fields(Header const& header, std::int64_t volumes) {
+    NiftiFields f;
+    bool const series = volumes > 1;
+    f.dim = {series ? 4 : 3, header.dims.x, header.dims.y, header.dims.z, volumes, 1, 1, 1};
+    for (auto const& entry : type_codes)
+        if (entry.type == header.dtype) f.datatype = entry.code;
+    f.bitpix = static_cast<std::int64_t>(8 * size_of(header.dtype));
+    put_place(f, header);
+    f.pixdim[4] = f.pixdim[5] = f.pixdim[6] = f.pixdim[7] = 1;
+    if (series) {
+        double const step = number_of(header, "sequence step").value_or(0);
+        f.pixdim[4] = std::isfinite(step) ? std::abs(step) : 0; // 0: nobody said it
+        double const position = number_of(header, "sequence position").value_or(0);
+        f.toffset = std::isfinite(position) ? position : 0;
+    }
+    f.scl_slope = header.values.slope;
+    f.scl_inter = header.values.intercept;
+    if (static_cast<float>(f.scl_slope) == 0)
+        throw Error(ErrorKind::usage, text("NIfTI cannot hold the slope ", f.scl_slope),
+                    "store physical values: vkt convert --dtype float32");
+    f.xyzt_units = unit_code(header, "space units", space_bits);
+    if (series) f.xyzt_units |= unit_code(header, sequence_units, time_bits);
+    for (auto const& field : number_fields)
+        if (auto const value = number_of(header, field.name); value && std::isfinite(*value)) field.set(f, *value);
+    for (auto const& field : word_fields)
+        if (auto const found = header.attributes.find(field.name); found != header.attributes.end())
+            f.*field.field = found->second;
+    return f;
+}
+
+std::string nifti_type_name(DataType type) {
+    bool const known = std::any_of(std::begin(type_codes), std::end(type_codes),
+                                   [&](auto const& entry) { return entry.type == type; });
+    return known ? std::string(name_of(type)) : std::string();
+}
+
+} // namespace vkt

@@ -1,0 +1,93 @@
+// Bilateral filter, host side: window, units and cost.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/bilateral.h"
+
+#include <cmath>
+
+namespace vkt {
+
+VKT_OPERATION(BilateralFilter, "filter bilateral")
+
+std::size_t stencil_bytes(DataType type, Index3 radius) {
+    std::size_t const value = size_of(type) <= 2 || type == DataType::float32 ? 4 : 8;
+    std::int64_t const columns = 1024 + 2 * radius.x + 2 * 16, lines = 8 + 2 * radius.y, slices = 2 * radius.z + 1;
+    return static_cast<std::size_t>(columns * lines * slices) * value;
+}
+
+Texts BilateralFilter::texts() const {
+    return {"Smooth what is alike, and keep edges.",
+            "The mean of the voxels around, weighted by a Gaussian of their distance (--sigma) and one of how far "
+            "their values are from the voxel's (--range-sigma). Every weight is computed; the cost grows with the "
+            "third power of --sigma. The data type is kept.",
+            {{"Noise of about 10 away, edges of 50 kept",
+              "vkt filter bilateral volume.nrrd --sigma 1 --range-sigma 20 -o calm.nrrd"},
+             {"In world units, in a region only",
+              "vkt filter bilateral volume.nrrd --sigma 1.2 --unit world --range-sigma 20 --roi 25%:75%,:,: | vkt "
+              "stats"}}};
+}
+
+void BilateralFilter::parameters(Parameters& parameters) {
+    parameters.option("sigma", sigma_, "S", "standard deviation in space, one number or X,Y,Z");
+    parameters.option("range-sigma", range_sigma_, "V", "standard deviation in values").needed();
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
+    parameters.option("radius", radius_, "R",
+                      "the box reaches R voxels to either side: one number or X,Y,Z, 0 to 32 (default: 2.5 sigma)");
+    LocalFilter::parameters(parameters);
+}
+
+void BilateralFilter::check() const {
+    LocalFilter::check();
+    for (int axis = 0; axis < 3; ++axis)
+        if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)
+            throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
+    if (!std::isfinite(range_sigma_) || range_sigma_ <= 0)
+        throw Error(ErrorKind::usage, text("--range-sigma ", range_sigma_, " is not a finite number above 0"),
+                    "say how far values may be apart: a few times the noise");
+    if (radius_) radius_->check(most_bilateral_radius);
+}
+
+void BilateralFilter::prepare(Header const& in, Plan& plan) {
+    require_border_voxel(in);
+    type_ = in.dtype;
+    rule_ = {};
+    rule_.range_sigma = range_sigma_ / std::abs(in.values.slope);
+    double count = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const sigma = sigma_[axis] / (unit_ == LengthUnit::world ? in.geometry.spacing[axis] : 1);
+        double const reach = sigma > 0 ? std::ceil(2.5 * sigma) : 0;
+        if (!radius_ && !(reach <= most_bilateral_radius))
+            throw Error(ErrorKind::usage,
+                        text("--sigma of ", sigma, " voxels reaches further than ", most_bilateral_radius, " voxels"),
+                        "say --radius to cut it off, or halve the resolution first: vkt resample --scale 0.5");
+        rule_.sigma[axis] = sigma;
+        rule_.radius[axis] = sigma > 0 ? radius_ ? radius_->voxels[axis] : static_cast<std::int64_t>(reach) : 0;
+        count *= static_cast<double>(2 * rule_.radius[axis] + 1);
+    }
+    reach_ = rule_.radius;
+    if (reach_ == Index3{}) {
+        plan.shift = Index3{};
+        plan.method = "copy";
+        plan.cost = 0;
+        return;
+    }
+    Index3 const edges = reach_ + reach_ + Index3{1, 1, 1};
+    plan.method = text("bilateral, every weight of ", edges.x, "x", edges.y, "x", edges.z);
+    plan.cost = 14 * count;
+    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    bool const narrow = size_of(type_) <= 2 || type_ == DataType::float32;
+    plan.error.kind = ErrorBound::Kind::estimate;
+    plan.error.range = static_cast<double>(edges.x + edges.y + edges.z + 16) * (narrow ? 0x1p-24 : 0x1p-53);
+    plan.error.magnitude = storing_error(type_) + (narrow ? 0x1p-24 : 0x1p-53);
+    plan.error.absolute = std::abs(in.values.slope) * storing_floor(type_);
+}
+
+std::size_t BilateralFilter::fit(Index3, Execution const& execution) {
+    if (reach_ == Index3{}) return 0;
+    return stencil_bytes(type_, reach_) * static_cast<std::size_t>(std::max(1, execution.threads));
+}
+
+void BilateralFilter::filter(ConstView in, AnyView out, Execution const& execution) {
+    bilateral_box(in, out, rule_, losses_, execution);
+}
+
+} // namespace vkt

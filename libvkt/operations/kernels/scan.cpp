@@ -1,0 +1,237 @@
+// Prefix sums: along z and x row by row, then along y column by column, both in the same order for any slab and thread.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/scan.h"
+
+#include "libvkt/kernel/rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// The parts of n sums, each its own array: the sum, and for pairs what its additions lost.
+template <class A, int parts> struct Sums {
+    std::array<A*, parts> part;
+    Sums(std::byte* memory, std::int64_t n, std::int64_t at) {
+        for (std::size_t p = 0; p < parts; ++p) part[p] = reinterpret_cast<A*>(memory) + p * n + at;
+    }
+    Sums at(std::int64_t i) const {
+        Sums result = *this;
+        for (std::size_t p = 0; p < parts; ++p) result.part[p] += i;
+        return result;
+    }
+};
+
+/// What a + b loses, without looking which is larger (Knuth).
+VKT_HD double lost(double a, double b, double sum) {
+    double const of_b = sum - a;
+    return (a - (sum - of_b)) + (b - of_b);
+}
+
+/// to += from for n sums; `from` has no second part where it is voxels.
+template <class A, int parts, class V> void add_values(std::int64_t n, A* to, A* rest, V const* from) {
+    for (std::int64_t i = 0; i < n; ++i) {
+        A const v = static_cast<A>(from[i]);
+        if constexpr (parts == 2) {
+            A const sum = to[i] + v;
+            rest[i] += lost(to[i], v, sum);
+            to[i] = sum;
+        } else {
+            to[i] += v;
+        }
+    }
+}
+
+/// Sums along x of rows next to one another: chains of additions that do not wait for each other.
+template <class A, int parts, int rows>
+void add_along(std::int64_t n, bool exclusive, std::array<Sums<A, parts>, rows> const& from,
+               std::array<Sums<A, parts>, rows> const& to) {
+    A sum[rows] = {}, rest[rows] = {};
+    std::int64_t const shift = exclusive ? 1 : 0;
+    if (exclusive)
+        for (int r = 0; r < rows; ++r)
+            for (int p = 0; p < parts; ++p) to[r].part[p][0] = A(0);
+    for (std::int64_t i = 0; i < n - shift; ++i)
+        for (int r = 0; r < rows; ++r) {
+            A const v = from[r].part[0][i], next = sum[r] + v;
+            if constexpr (parts == 2) {
+                rest[r] += lost(sum[r], v, next) + from[r].part[1][i];
+                to[r].part[1][i + shift] = rest[r];
+            }
+            to[r].part[0][i + shift] = sum[r] = next;
+        }
+}
+
+template <class A, int parts> class Scanner {
+public:
+    using S = Sums<A, parts>;
+
+    Scanner(ScanState& state, ConstView in, AnyView out) : state_(state), in_(in), out_(out), n_(in.dims()) {
+        std::size_t const each = sizeof(A) * parts;
+        columns_ = state.dims.x * state.dims.y;
+        voxels_ = in.box.voxels();
+        bool const first = in.box.lower == Index3{};
+        state.along_z.reserve(static_cast<std::size_t>(columns_) * each);
+        state.above.reserve(static_cast<std::size_t>(state.dims.x) * each);
+        state.rows.reserve(static_cast<std::size_t>(voxels_) * each);
+        along_z_ = state.along_z.update(Space::host);
+        above_ = state.above.update(Space::host);
+        rows_ = state.rows.write(Space::host);
+        if (first) std::fill_n(reinterpret_cast<A*>(along_z_), columns_ * parts, A(0));
+    }
+
+    template <class T> void run(Losses& losses, Execution const& execution) {
+        int const threads = threads_for(execution, voxels_);
+        for_each_item(threads, (n_.y + 3) / 4, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t y = 4 * begin; y < std::min(4 * end, n_.y); y += 4) {
+                if (y + 4 <= n_.y)
+                    add_rows<T, 4>(y);
+                else
+                    for (std::int64_t last = y; last < n_.y; ++last) add_rows<T, 1>(last);
+            }
+        });
+        // As wide as leaves every thread some.
+        std::int64_t const wanted = (threads + n_.z - 1) / n_.z;
+        std::int64_t const across = std::min(most_columns, ((n_.x + wanted - 1) / wanted + 63) / 64 * 64);
+        std::int64_t const pieces = (n_.x + across - 1) / across;
+        for_each_item(threads, pieces * n_.z, [&](std::int64_t begin, std::int64_t end) {
+            Losses mine;
+            for (std::int64_t item = begin; item < end; ++item) {
+                std::int64_t const x = item % pieces * across;
+                mine += add_columns(x, std::min(across, n_.x - x), item / pieces);
+            }
+            driver::add(losses, mine);
+            stream_fence();
+        });
+    }
+
+private:
+    static constexpr std::int64_t most_columns = 512;
+
+    /// Sums along z and x of rows from y on, in all slices.
+    template <class T, int rows> void add_rows(std::int64_t y) {
+        std::array<S, rows> z_sums = each_row<rows>(along_z_, columns_, (in_.box.lower.y + y) * n_.x, n_.x);
+        for (std::int64_t z = 0; z < n_.z; ++z) {
+            auto const x_sums = each_row<rows>(rows_, voxels_, (z * n_.y + y) * n_.x, n_.x);
+            if (state_.exclusive) add_along<A, parts, rows>(n_.x, true, z_sums, x_sums);
+            for (int r = 0; r < rows; ++r)
+                add_voxels<T>(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
+            if (!state_.exclusive) add_along<A, parts, rows>(n_.x, false, z_sums, x_sums);
+        }
+    }
+    template <int rows>
+    static std::array<S, rows> each_row(std::byte* memory, std::int64_t n, std::int64_t at, std::int64_t step) {
+        return [&]<std::size_t... r>(std::index_sequence<r...>) {
+            return std::array<S, rows>{S(memory, n, at + static_cast<std::int64_t>(r) * step)...};
+        }
+        (std::make_index_sequence<rows>{});
+    }
+
+    template <class T> void add_voxels(std::byte const* from, S const& sums) {
+        A* const rest = sums.part[parts - 1];
+        if constexpr (std::is_integral_v<T> && !std::is_same_v<A, double>) {
+            add_values<A, parts>(n_.x, sums.part[0], rest, reinterpret_cast<T const*>(from));
+        } else {
+            for (std::int64_t x = 0; x < n_.x; x += row_piece) {
+                alignas(64) double values[row_piece];
+                std::int64_t const m = std::min(row_piece, n_.x - x);
+                load_row(in_.type, from + static_cast<std::size_t>(x) * sizeof(T), values, m);
+                if (!(state_.map == ValueMap{})) {
+                    double const slope = state_.map.slope, intercept = state_.map.intercept;
+                    for (std::int64_t i = 0; i < m; ++i) values[i] = slope * values[i] + intercept;
+                }
+                add_values<A, parts>(m, sums.part[0] + x, rest + x, static_cast<double const*>(values));
+            }
+        }
+    }
+
+    /// Sums along y of the columns [x, x + n) of a slice.
+    Losses add_columns(std::int64_t x, std::int64_t n, std::int64_t z) {
+        alignas(64) A sum[most_columns], rest[most_columns];
+        alignas(64) std::uint64_t stored[most_columns];
+        S const kept = S(above_, n_.x, x);
+        bool const first = in_.box.lower.y == 0;
+        std::int64_t clipped = 0, undefined = 0;
+        for (std::int64_t i = 0; i < n; ++i) {
+            sum[i] = first ? A(0) : kept.part[0][i];
+            rest[i] = first || parts == 1 ? A(0) : kept.part[parts - 1][i];
+        }
+        for (std::int64_t y = 0; y < n_.y; ++y) {
+            S const row = S(rows_, voxels_, (z * n_.y + y) * n_.x + x);
+            std::byte* const to = out_.at(out_.box.lower.x + x, out_.box.lower.y + y, out_.box.lower.z + z);
+            std::size_t const bytes = static_cast<std::size_t>(n) * 8;
+            if (state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
+            for (std::int64_t i = 0; i < n; ++i) {
+                A const v = row.part[0][i], next = sum[i] + v;
+                if constexpr (parts == 2) rest[i] += lost(sum[i], v, next) + row.part[1][i];
+                sum[i] = next;
+            }
+            if (!state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
+        }
+        if (in_.box.upper.y < state_.dims.y) // the slice goes on
+            for (std::int64_t i = 0; i < n; ++i) {
+                kept.part[0][i] = sum[i];
+                if (parts == 2) kept.part[parts - 1][i] = rest[i];
+            }
+        Losses losses;
+        losses.clipped = clipped;
+        losses.undefined = undefined;
+        return losses;
+    }
+
+    /// What is stored: the sums themselves, or `stored`.
+    std::byte const* results(std::int64_t n, A const* sum, A const* rest, std::uint64_t* stored, std::int64_t& clipped,
+                             std::int64_t& undefined) const {
+        if constexpr (std::is_same_v<A, double>) {
+            auto* const to = reinterpret_cast<double*>(stored);
+            std::int64_t nan = 0;
+            for (std::int64_t i = 0; i < n; ++i) {
+                double const s = sum[i];
+                bool const finite = s - s == 0;
+                to[i] = parts == 2 && finite ? s + rest[i] : s;
+                nan += finite ? 0 : 1;
+            }
+            undefined += nan;
+            return reinterpret_cast<std::byte const*>(stored);
+        } else if constexpr (sizeof(A) == 8) {
+            return reinterpret_cast<std::byte const*>(sum);
+        } else {
+            bool const is_signed = out_.type == DataType::int64;
+            for (std::int64_t i = 0; i < n; ++i) {
+                stored[i] = is_signed ? static_cast<std::uint64_t>(round_to<std::int64_t>(sum[i]))
+                                      : round_to<std::uint64_t>(sum[i]);
+                clipped += (is_signed ? is_clipped<std::int64_t>(sum[i]) : is_clipped<std::uint64_t>(sum[i])) ? 1 : 0;
+            }
+            return reinterpret_cast<std::byte const*>(stored);
+        }
+    }
+
+    ScanState& state_;
+    ConstView in_;
+    AnyView out_;
+    Index3 n_;
+    std::int64_t columns_ = 0, voxels_ = 0;
+    std::byte *along_z_ = nullptr, *above_ = nullptr, *rows_ = nullptr;
+};
+
+} // namespace
+
+void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const& execution) {
+    for_each_type(in.type, [&]<class T>(T) {
+        if constexpr (std::is_integral_v<T>) {
+            if (state.sums == ScanSums::whole)
+                return Scanner<std::uint64_t, 1>(state, in, out).template run<T>(losses, execution);
+            if (state.sums == ScanSums::wide)
+                return Scanner<Int128, 1>(state, in, out).template run<T>(losses, execution);
+        }
+        if (state.sums == ScanSums::real) return Scanner<double, 1>(state, in, out).template run<T>(losses, execution);
+        Scanner<double, 2>(state, in, out).template run<T>(losses, execution);
+    });
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt

@@ -1,0 +1,87 @@
+// Scan, host side: which type holds the sums.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/scan.h"
+
+#include "libvkt/operations/remarks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt {
+
+VKT_OPERATION(Scan, "scan")
+
+Texts Scan::texts() const {
+    return {"Sum up everything before each voxel (summed-volume table).",
+            "Each voxel becomes the sum of the box from the first voxel to itself: of integers exact, in 64 bits, of "
+            "floats in float64. With it the sum of any box takes eight voxels, whatever its size.",
+            {{"A table of sums", "vkt scan volume.nrrd -o table.nrrd"},
+             {"Of what lies strictly before, along each axis", "vkt scan volume.nrrd --exclusive | vkt stats"}}};
+}
+
+void Scan::parameters(Parameters& parameters) {
+    parameters.flag("exclusive", exclusive,
+                    "sum what lies before the voxel along each axis: 0 in the first row, column and slice");
+}
+
+Plan Scan::plan(std::span<Header const> inputs) {
+    Header const& in = inputs[0];
+    losses_ = {};
+    state_ = {};
+    state_.exclusive = exclusive;
+    state_.dims = in.dims;
+    Plan plan;
+    plan.output = in;
+    plan.output.attributes.erase("background");
+    plan.carries = true;
+    plan.cost = 4;
+    Index3 const n = in.dims;
+    double const voxels = static_cast<double>(n.x) * static_cast<double>(n.y) * static_cast<double>(n.z);
+    if (is_integer(in.dtype) && in.values.intercept == 0) {
+        bool const all_fit = size_of(in.dtype) < 8 && voxels * std::max(highest_of(in.dtype), -lowest_of(in.dtype)) <
+                                                          (is_signed(in.dtype) ? 0x1p63 : 0x1p64);
+        state_.sums = all_fit ? ScanSums::whole : ScanSums::wide;
+        plan.output.dtype = is_signed(in.dtype) ? DataType::int64 : DataType::uint64;
+        plan.method = all_fit ? "sums in 64 bits" : "sums in 128 bits, saturated to 64";
+    } else {
+        bool const pairs = in.dtype == DataType::float64 || !(in.values == ValueMap{});
+        state_.sums = pairs ? ScanSums::pairs : ScanSums::real;
+        state_.map = in.values;
+        plan.output.dtype = DataType::float64;
+        plan.output.values = {};
+        plan.method = pairs ? "sums in float64, compensated" : "sums in float64";
+        auto const steps = static_cast<double>(n.x + n.y + n.z);
+        // Each of so many additions is off by 2^-53 of a sum that is at most that of all magnitudes; what compensated
+        // ones lose is known to as much of itself, and the result rounds once. Mapping a value rounds twice.
+        double const mapping = in.values == ValueMap{} ? 0 : 0x1p-52, each = steps * 0x1.01p-53;
+        plan.error.kind = ErrorBound::Kind::bound;
+        plan.error.magnitude = voxels * (pairs ? 0x1p-53 + each * each + mapping : each);
+        plan.error.absolute = voxels * mapping * std::abs(in.values.intercept);
+        plan.error.limit(in.dtype, in.values.slope, std::nullopt);
+    }
+    plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state_.bytes_each();
+    return plan;
+}
+
+std::size_t Scan::fit(Index3 largest, Execution const&) {
+    return static_cast<std::size_t>(largest.x * largest.y * largest.z) * state_.bytes_each();
+}
+
+void Scan::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
+    scan_slab(state_, inputs[0], out, losses_, execution);
+}
+
+std::vector<Remark> Scan::remarks() const {
+    std::vector<Remark> result;
+    std::int64_t const voxels = state_.dims.x * state_.dims.y * state_.dims.z;
+    if (losses_.clipped > 0)
+        result.push_back(
+            {text(share_text(losses_.clipped, voxels), ": sums beyond 64 bits, stored as their nearest end"), true});
+    if (losses_.undefined > 0)
+        result.push_back({text(share_text(losses_.undefined, voxels),
+                               ": sums that are not finite, from the first value on that is not"),
+                          false});
+    return result;
+}
+
+} // namespace vkt

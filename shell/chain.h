@@ -1,0 +1,56 @@
+// A pipeline of operations on volumes in memory: run under settings of its knobs, with what its plans promise.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/volume.h"
+#include "shell/invocation.h"
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+/// Of the finite stored values; zeros if there are none.
+struct Extremes {
+    double low = 0, high = 0, magnitude = 0;
+};
+Extremes extremes_of(Volume const& volume);
+
+Volume in_float64(Volume const& volume);
+
+class Chain {
+public:
+    /// Throws Error{usage} unless every stage is an operation that makes one volume of the one before.
+    explicit Chain(std::string const& line);
+
+    std::deque<Invocation>& stages() { return stages_; }
+    /// Gives a stage's option another value. Throws Error{usage} where it does not go together with the others.
+    void set(std::size_t stage, std::string const& option, std::string const& value);
+    /// The knobs whose values the bounds are about, at their most exact. After run(), which plans.
+    void set_exact();
+    /// The stages as words for a shell.
+    std::vector<std::string> lines();
+
+    /// Throws what the stages throw, and Error{usage} if the result is hierarchical.
+    Volume run(Volume const& input, Execution const& execution) { return run(input, execution, stages_.size()); }
+
+    /// Multiply-adds of the last run, as planned.
+    double cost() const;
+    /// True if the last run clipped values, or met some that are no numbers.
+    bool lossy() const { return lossy_; }
+    /// How far the last run's output may be from the exact result, as physical values: known where one stage computes
+    /// and the others only move voxels, and that stage knows it from the input's extremes alone.
+    std::optional<double> bound(Volume const& input, Volume const& output, Execution const& execution);
+
+private:
+    Volume run(Volume const& input, Execution const& execution, std::size_t count);
+
+    std::deque<Invocation> stages_;
+    std::vector<Plan> plans_;
+    std::vector<Header> headers_; ///< of the stages' inputs
+    bool lossy_ = false;
+};
+
+} // namespace vkt::shell

@@ -1,0 +1,339 @@
+// Trials: the plain run first, then the same with other slabs, threads, transports and budgets, damage and full disks.
+// SPDX-License-Identifier: MIT
+#include "shell/stress.h"
+
+#include "ipc/stream.h"
+#include "libvkt/core/collect.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/pipeline.h"
+#include "shell/chain.h"
+#include "shell/hard_volumes.h"
+#include "shell/trial.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+
+namespace vkt::shell {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder that goes away with its contents.
+class ScratchFolder {
+public:
+    explicit ScratchFolder(std::string const& parent) : path_(parent + "/vkt-stress-XXXXXX") {
+        if (::mkdtemp(path_.data()) == nullptr)
+            throw Error(ErrorKind::io, text("cannot make a folder in '", parent, "'"));
+    }
+    ~ScratchFolder() {
+        std::error_code ignored;
+        fs::remove_all(path_, ignored);
+    }
+    ScratchFolder(ScratchFolder const&) = delete;
+    ScratchFolder& operator=(ScratchFolder const&) = delete;
+    std::string const& path() const { return path_; }
+
+private:
+    std::string path_;
+};
+
+std::string bytes_of(std::string const& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+bool is_stream(std::string const& bytes) {
+    return ipc::is_stream({reinterpret_cast<std::byte const*>(bytes.data()), bytes.size()});
+}
+
+/// A way of running that must not change the result: what feeds the pipeline, options of every stage, what follows.
+struct Variation {
+    char const* options;
+    char const* feeder = "cat";
+    bool reads_again = false; ///< a last stage takes the stream in, so that its transport has two ends
+    bool may_refuse = false;  ///< exit code 5 is in order
+
+    std::string told() const { return *options != '\0' ? options : "a stream that comes byte by byte"; }
+};
+
+constexpr std::array<Variation, 6> variations{{{"--slab 1"},
+                                               {"--threads 1"},
+                                               {"--threads 5"},
+                                               {"--transport shm", "cat", true},
+                                               {"--memory 1MiB", "cat", false, true},
+                                               {"", "dd bs=1 status=none"}}};
+
+class Trials {
+public:
+    Trials(StressRequest const& request, Context& context)
+        : request_(request), context_(context), scratch_(context.execution().temporary_directory),
+          here_(fs::current_path().string()), in_(scratch_.path() + "/in.vkt"), out_(scratch_.path() + "/stdout") {
+        for (auto& words : shell_stages(request.pipeline)) {
+            if (!words.empty() && words.front() == "vkt") words.erase(words.begin());
+            if (words.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", request.pipeline, "'"));
+            find_verb(words);
+            std::vector<std::string> quoted;
+            for (auto const& word : words) quoted.push_back(shell_quoted(word));
+            stages_.push_back(join(quoted, " "));
+        }
+        fs::create_directory(scratch_.path() + "/out");
+        fs::create_directory(scratch_.path() + "/tmp");
+        program_ = shell_quoted(request.program.empty() ? fs::read_symlink("/proc/self/exe").string()
+                                                        : fs::absolute(request.program).string());
+        told_program_ = request.program.empty() ? "vkt" : shell_quoted(request.program);
+        try {
+            chain_.emplace(request.pipeline);
+        } catch (Error const&) {
+            // No operations alone, or of several volumes: what runs beside it in float64 is not known.
+        }
+    }
+
+    StressReport run() {
+        for (auto const& name : request_.volumes) try_volume(name);
+        try_damaged(request_.volumes.front());
+        try_full(request_.volumes.front());
+        return std::move(report_);
+    }
+
+private:
+    std::string stages(std::string const& program, std::string const& options, std::string const& last) const {
+        std::vector<std::string> parts;
+        for (auto const& stage : stages_)
+            parts.push_back(text(program, " ", stage, options.empty() ? "" : " ", options));
+        return join(parts, " | ") + last;
+    }
+
+    std::string line_for(std::string const& volume, std::string const& between, std::string const& options,
+                         std::string const& last) const {
+        return text("vkt stress --volume ", volume, " | ", between, stages(told_program_, options, last));
+    }
+
+    TrialResult run(std::string const& feeder, std::string const& options, std::string const& last,
+                    std::optional<std::int64_t> limit = std::nullopt) {
+        ++report_.trials;
+        TrialOptions trial;
+        trial.folder = here_; // files that the pipeline names are found
+        trial.stdout_file = out_;
+        trial.stderr_file = scratch_.path() + "/stderr";
+        trial.seconds = request_.seconds;
+        trial.file_limit = limit;
+        return try_line(text("export TMPDIR=", shell_quoted(scratch_.path() + "/tmp"), "; ", feeder, " <",
+                             shell_quoted(in_), " | ", stages(program_, options, last)),
+                        trial);
+    }
+
+    /// One of a kind and cause is told: the first volume that shows it.
+    void find(std::string kind, std::string const& cause, std::string what, std::string line,
+              std::string const& volume) {
+        for (std::size_t i = 0; i < report_.findings.size(); ++i) {
+            Finding& known = report_.findings[i];
+            if (known.kind != kind || causes_[i] != cause) continue;
+            if (known.volume != volume) ++known.more;
+            return;
+        }
+        causes_.push_back(cause);
+        report_.findings.push_back({std::move(kind), std::move(what), std::move(line), volume});
+    }
+
+    void write(Volume const& volume, std::string const& path) {
+        auto const source = volume_source({volume});
+        auto const sink = ipc::create_stream_file(path, true, true);
+        drain(*source, *sink, context_.execution());
+    }
+
+    /// What came out: headers without their histories and voxels, or the text; nothing if it is not whole.
+    std::optional<std::string> result(std::optional<Volume>& volume) const {
+        volume.reset();
+        std::string const bytes = bytes_of(out_);
+        if (!is_stream(bytes)) return bytes;
+        try {
+            auto const source = context_.open(out_);
+            std::string all;
+            while (source->next_volume()) {
+                Volume const one = load(*source, context_.execution());
+                Header header = one.header();
+                header.history.reset();
+                all += to_json(header);
+                all.append(reinterpret_cast<char const*>(one.buffer().read(Space::host)), header.bytes());
+                volume = one;
+            }
+            return all;
+        } catch (Error const&) {
+            return std::nullopt;
+        }
+    }
+
+    /// False if there is nothing to compare.
+    bool ended_well(std::string const& volume, TrialResult const& result, std::string const& cause,
+                    std::string const& line) {
+        if (result.hung) {
+            find("hangs", cause, text("no end after ", request_.seconds, " s"), line, volume);
+            return false;
+        }
+        if (auto const code = result.crash()) {
+            find("crashes", text(cause, *code),
+                 *code > 128 ? text("killed by signal ", *code - 128) : text("exit code ", *code), line, volume);
+            return false;
+        }
+        return true;
+    }
+
+    void look_for_remains(std::string const& volume, std::string const& line, std::string const& after) {
+        for (char const* const name : {"/out", "/tmp"}) {
+            std::vector<std::string> left;
+            for (auto const& entry : fs::directory_iterator(scratch_.path() + name))
+                left.push_back(entry.path().filename().string());
+            if (left.empty()) continue;
+            find("leaves files", text(name, after), text(after, ": '", printable(join(left, "', '")), "'"), line,
+                 volume);
+            for (auto const& one : left) fs::remove_all(scratch_.path() + name + "/" + one);
+        }
+    }
+
+    void try_volume(std::string const& name) {
+        Volume const volume = hard_volume(name);
+        write(volume, in_);
+        std::string const line = line_for(name, "", "", " >out.vkt");
+        TrialResult const plain = run("cat", "", "");
+        if (!ended_well(name, plain, "", line)) return;
+        std::optional<Volume> made, other;
+        std::optional<std::string> const expected = result(made);
+        if (plain.ok() && !expected)
+            find("not whole", "", "exit code 0, but the output is cut", line_for(name, "", "", " | vkt info"), name);
+        look_for_remains(name, line, "temporary files after the end");
+        if (plain.ok() && made) compare_with_promise(name, volume, *made);
+        for (Variation const& variation : variations) {
+            if (variation.reads_again && !made) continue;
+            std::string const last = variation.reads_again ? text(" | ", program_, " read -") : "";
+            TrialResult const varied = run(variation.feeder, variation.options, last);
+            if (varied.says(2) && !plain.says(2)) continue; // a stage has no such option
+            bool const bytewise = *variation.options == '\0';
+            std::string const again = line_for(name, bytewise ? text(variation.feeder, " | ") : "", variation.options,
+                                               variation.reads_again ? " | vkt read - >out.vkt" : " >out.vkt");
+            if (!ended_well(name, varied, variation.options, again)) continue;
+            if (variation.may_refuse && varied.says(5)) continue;
+            if (varied.ok() != plain.ok())
+                find("changes", variation.told(),
+                     text(varied.ok() ? "fails, but not with " : "fails with ", variation.told()), again, name);
+            else if (varied.ok() && result(other) != expected)
+                find("changes", variation.told(), text("another result with ", variation.told()), again, name);
+            look_for_remains(name, again, "temporary files after the end");
+        }
+    }
+
+    /// What came out beside the same operations on the same voxels as float64, saturated: no further away than the
+    /// plan says.
+    void compare_with_promise(std::string const& name, Volume const& input, Volume const& made) {
+        Header const& h = made.header();
+        if (!chain_ || h.kind != Kind::structured) return;
+        if (!is_integer(input.header().dtype)) {
+            Volume const wide = in_float64(input);
+            auto const* const values = reinterpret_cast<double const*>(wide.view().data);
+            if (!std::all_of(values, values + wide.header().voxels(), [](double v) { return std::isfinite(v); }))
+                return; // bounds are about numbers
+        }
+        std::optional<double> bound;
+        std::optional<Volume> exact;
+        try {
+            Chain& chain = chain_.emplace(request_.pipeline);
+            Volume const out = chain.run(input, context_.execution());
+            bound = chain.bound(input, out, context_.execution());
+            if (!bound) return;
+            chain.set_exact();
+            exact = chain.run(in_float64(input), context_.execution());
+        } catch (Error const&) {
+            return; // refused beside, or no such definition in float64
+        }
+        Header const& e = exact->header();
+        if (!(e.dims == h.dims)) return;
+        Volume const a = in_float64(made), b = in_float64(*exact);
+        auto const* const found = reinterpret_cast<double const*>(a.view().data);
+        auto const* const wanted = reinterpret_cast<double const*>(b.view().data);
+        // Both were rounded to float64 on the way, once as they came and once as they went.
+        double const slope = std::abs(input.header().values.slope);
+        double const limit = *bound * (1 + 1e-9) + 0x1p-50 * (slope * extremes_of(input).magnitude +
+                                                              std::abs(h.values.slope) * extremes_of(a).magnitude);
+        double const low = lowest_of(h.dtype), high = highest_of(h.dtype);
+        double worst = 0;
+        std::int64_t where = -1;
+        for (std::int64_t i = 0; i < h.voxels(); ++i) {
+            double const stored = h.values.stored(e.values.physical(wanted[i]));
+            if (!std::isfinite(stored) || (!is_integer(h.dtype) && !(stored >= low && stored <= high))) continue;
+            double const error = std::abs(h.values.slope * (found[i] - std::clamp(stored, low, high)));
+            if (error <= limit || error <= worst) continue;
+            worst = std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
+            where = i;
+        }
+        if (where < 0) return;
+        double const stored = std::clamp(h.values.stored(e.values.physical(wanted[where])), low, high);
+        find("loses accuracy", "",
+             text("voxel ", where, " is ", found[where], " in ", h.dtype, ", but ", stored,
+                  " by way of float64: ", worst, " off, at most ", *bound, " was promised"),
+             text(line_for(name, "", "", " | vkt dump"), "  # beside: vkt convert --dtype float64 before"), name);
+    }
+
+    void try_damaged(std::string const& name) {
+        write(hard_volume(name), in_);
+        if (!run("cat", "", "").ok()) return;
+        bool const streams = is_stream(bytes_of(out_));
+        std::string const bytes = bytes_of(in_);
+        std::string const last = streams ? " -o " + shell_quoted(scratch_.path() + "/out/out.vkt") : "";
+        auto const attempt = [&](std::string const& damaged, std::string const& how, std::string const& between) {
+            std::ofstream(in_, std::ios::binary) << damaged;
+            TrialResult const result = run("cat", "", last);
+            std::string const line = line_for(name, between, "", streams ? " -o out.vkt" : "");
+            if (ended_well(name, result, how, line) && result.codes.back() == 0)
+                find("takes damaged input", how, text("exit code 0 for ", how), line, name);
+            look_for_remains(name, line, text("after ", how));
+        };
+        for (double const share : {0.0, 0.1, 0.5, 0.9, 0.999}) {
+            auto const n = static_cast<std::size_t>(share * static_cast<double>(bytes.size()));
+            attempt(bytes.substr(0, n), text("a stream cut at byte ", static_cast<std::uint64_t>(n)),
+                    text("head -c ", static_cast<std::uint64_t>(n), " | "));
+        }
+        std::string flipped = bytes;
+        std::size_t const middle = bytes.size() / 2;
+        flipped[middle] = static_cast<char>(flipped[middle] ^ 16);
+        attempt(flipped, text("a stream with a flipped bit in byte ", static_cast<std::uint64_t>(middle)),
+                text("perl -0777 -pe 'substr($_, ", static_cast<std::uint64_t>(middle), ", 1) ^= chr 16' | "));
+    }
+
+    void try_full(std::string const& name) {
+        write(hard_volume(name), in_);
+        if (!run("cat", "", "").ok()) return;
+        std::optional<Volume> made;
+        result(made);
+        auto const attempt = [&](std::string const& last, std::string const& told, std::string const& how,
+                                 std::optional<std::int64_t> limit) {
+            TrialResult const result = run("cat", "", last, limit);
+            std::string const line = text(limit ? "ulimit -f 1; " : "", line_for(name, "", "", told));
+            if (ended_well(name, result, how, line) && result.codes.back() == 0)
+                find("ignores a full disk", how, text("exit code 0 where ", how), line, name);
+            look_for_remains(name, line, text("where ", how));
+        };
+        attempt(" >/dev/full", " >/dev/full", "standard output is full", std::nullopt);
+        if (made && made->header().bytes() > 1024)
+            attempt(" -o " + shell_quoted(scratch_.path() + "/out/out.vkt"), " -o out.vkt", "files have 1 KiB at most",
+                    1024);
+    }
+
+    StressRequest const& request_;
+    Context& context_;
+    ScratchFolder scratch_;
+    std::string here_, in_, out_, program_, told_program_;
+    std::vector<std::string> stages_;
+    std::optional<Chain> chain_; ///< none: the pipeline is not of operations alone
+    StressReport report_;
+    std::vector<std::string> causes_; ///< of the findings
+};
+
+} // namespace
+
+StressReport stress(StressRequest const& request, Context& context) { return Trials(request, context).run(); }
+
+} // namespace vkt::shell

@@ -1,0 +1,181 @@
+# vkt scan: prefix sums against numpy.cumsum, exact integers, and slabs.
+load helper
+
+# with_numpy CODE: Python with scan(values, options) and expected(values).
+with_numpy() {
+    python_with numpy
+    /usr/bin/python3 - <<PY
+import subprocess
+import numpy as np
+
+rng = np.random.default_rng(7)
+TYPES = "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split()
+
+def run(command):
+    return subprocess.run(command, shell=True, check=True, capture_output=True, text=True)
+
+def scan(values, options="", pipe=""):
+    name = "v_%dx%dx%d_%s.raw" % (*values.shape[::-1], values.dtype)
+    values.tofile(name)
+    done = run(f"vkt read {name} {pipe} | vkt scan {options} -o out.nrrd --force; vkt write out.nrrd - --format raw > out.raw;"
+               " vkt info --json out.nrrd")
+    dtype = next(t for t in ("uint64", "int64", "float64") if f'"{t}"' in done.stdout)
+    return np.fromfile("out.raw", dtype).reshape(values.shape), done.stderr
+
+def whole(values):
+    """Exact sums, as Python's integers."""
+    return np.cumsum(np.cumsum(np.cumsum(values.astype(object), 2), 1), 0)
+
+def before(sums):
+    result = np.zeros_like(sums)
+    result[1:, 1:, 1:] = sums[:-1, :-1, :-1]
+    return result
+$1
+PY
+}
+
+@test "integers of all types are exact, inclusive and exclusive; signed ones stay signed" {
+    with_numpy '
+for dtype in TYPES[:8]:
+    info = np.iinfo(dtype)
+    low, high = (info.min, info.max) if info.bits < 64 else (info.min // 2**14, info.max // 2**14)
+    for shape in ((7, 11, 13), (1, 1, 1), (1, 37, 1), (5, 1, 131), (3, 130, 2)):
+        a = rng.integers(low, high, shape, dtype, endpoint=True)
+        got, said = scan(a)
+        assert got.dtype == (np.int64 if info.min < 0 else np.uint64) and said == ""
+        assert (got.astype(object) == whole(a)).all(), (dtype, shape)
+        got, _ = scan(a, "--exclusive")
+        assert (got.astype(object) == before(whole(a))).all(), (dtype, shape)
+'
+}
+
+@test "sums beyond 64 bits are the nearest end, counted" {
+    with_numpy '
+for dtype, value in (("uint64", 2**63 - 3), ("int64", 2**62), ("int64", -2**62 - 1)):
+    a = np.full((3, 4, 5), value, dtype)
+    info = np.iinfo(dtype)
+    want = whole(a)
+    got, said = scan(a)
+    assert (got.astype(object) == np.clip(want, info.min, info.max)).all()
+    count = ((want < info.min) | (want > info.max)).sum()
+    assert f"{count} of 60 voxels" in said and "beyond 64 bits" in said, said
+    # What exceeds 64 bits on the way does not spoil what comes back.
+    a[1:] *= -1 if dtype == "int64" else 1
+    a[2:] = 0
+    got, _ = scan(a)
+    assert (got.astype(object) == np.clip(whole(a), info.min, info.max)).all()
+a = np.zeros((2, 2, 2), np.uint64)
+assert run("vkt make constant --dims 2 2 2 --dtype uint64 --value 0 | vkt scan | vkt stats").stderr == ""
+'
+}
+
+@test "floats are within the stated bound of exact sums" {
+    with_numpy '
+for dtype in TYPES[8:]:
+    a = (rng.normal(size=(19, 23, 61)) * 10.0 ** rng.integers(-3, 3, (19, 23, 61))).astype(dtype)
+    # Integers of a common unit are exact.
+    unit = 2.0 ** -24 if dtype == "float16" else 2.0 ** -40 if dtype == "float32" else 2.0 ** -70
+    parts = np.rint(a.astype(np.float64) / unit)
+    a = (parts * unit).astype(dtype)
+    exact = whole(np.vectorize(int, [object])(a.astype(np.float64) / unit))
+    sizes = whole(np.vectorize(int, [object])(np.abs(a.astype(np.float64)) / unit))
+    for options, map_ in (("", lambda s: s), ("--exclusive", before)):
+        got, said = scan(a, options)
+        assert got.dtype == np.float64 and said == ""
+        steps = 19 + 23 + 61
+        for g, e, s in zip(got.ravel(), map_(exact).ravel(), map_(sizes).ravel()):
+            off = abs(int(g * 2 ** 100) - int(e * int(unit * 2 ** 100))) / 2 ** 100
+            size, total = float(s) * unit, abs(float(e)) * unit
+            assert off <= (total * 2 ** -53 + steps ** 2 * 2 ** -106 * size if dtype == "float64" else steps * 2 ** -53 * size)
+'
+}
+
+@test "large and small in turn: float64 keeps what plain sums lose" {
+    with_numpy '
+a = np.ones((40, 30, 20)) * 1e-3
+a[0, 0, 0] = 1e16
+got, _ = scan(a)
+k, j, i = np.indices(a.shape)
+from fractions import Fraction
+exact = [Fraction(1e16) + Fraction(1e-3) * (n - 1) for n in ((i + 1) * (j + 1) * (k + 1)).ravel().tolist()]
+off = lambda sums: max(abs(Fraction(s) - e) / e for s, e in zip(sums.ravel().tolist(), exact))
+assert off(got) <= Fraction(1.0001 * 2 ** -53)
+assert off(np.cumsum(np.cumsum(np.cumsum(a, 2), 1), 0)) > 5 * 2 ** -53  # or the test shows nothing
+'
+}
+
+@test "box sums of 3^3 from float32 noise are right to 1e-9" {
+    with_numpy '
+a = rng.random((64, 64, 64)).astype(np.float32)
+t = np.zeros((65, 65, 65))
+t[1:, 1:, 1:], _ = scan(a)
+box = sum(s * t[3 * x:65 - 3 + 3 * x, 3 * y:65 - 3 + 3 * y, 3 * z:65 - 3 + 3 * z]
+          for x, sx in ((1, 1), (0, -1)) for y, sy in ((1, 1), (0, -1)) for z, sz in ((1, 1), (0, -1)) for s in (sx * sy * sz,))
+want = np.lib.stride_tricks.sliding_window_view(a.astype(np.float64), (3, 3, 3)).sum((3, 4, 5))
+assert (np.abs(box - want) <= 1e-9 * want).all()
+'
+}
+
+@test "NaN and infinities reach what has them in its box, and that is told" {
+    with_numpy '
+for dtype in TYPES[8:]:
+    a = np.ones((6, 7, 9), dtype)
+    a[2, 3, 4] = np.nan
+    a[4, 0, 7] = np.inf
+    a[5, 6, 7] = -np.inf
+    want = np.cumsum(np.cumsum(np.cumsum(a.astype(np.float64), 0), 2), 1)
+    got, said = scan(a)
+    assert np.array_equal(got, want, equal_nan=True)
+    assert f"{(~np.isfinite(want)).sum()} of 378 voxels" in said and "not finite" in said, said
+'
+}
+
+@test "a slope is kept, an intercept is summed" {
+    with_numpy '
+a = rng.integers(-500, 500, (5, 6, 7), np.int16)
+name = "v_7x6x5_int16.raw"
+a.tofile(name)
+run(f"vkt set {name} --slope 0.5 | vkt scan -o out.nrrd --force; vkt write out.nrrd - --format raw > out.raw")
+assert (np.fromfile("out.raw", np.int64) == whole(a).ravel()).all()
+assert "0.5" in run("vkt info out.nrrd").stdout
+run(f"vkt set {name} --slope 0.5 --intercept -1024 | vkt scan | vkt write - --format raw > out.raw")
+want = np.cumsum(np.cumsum(np.cumsum(a * 0.5 - 1024, 0), 1), 2)
+assert (np.fromfile("out.raw", np.float64) == want.ravel()).all()  # halves: exact
+'
+}
+
+@test "slabs, rows, threads, pipes and who asks for parts make no difference" {
+    with_numpy '
+for dtype in ("uint8", "float32", "float64", "int64"):
+    a = (rng.normal(size=(53, 61, 70)) * 50).astype(dtype)
+    want, _ = scan(a, "--threads 1 --slab 53")
+    for options in ("--slab 1 --threads 2", "--slab 3 --threads 5", "--slab 7", "--memory 1M", ""):
+        got, _ = scan(a, options, "--slab 5")
+        assert got.tobytes() == want.tobytes(), (dtype, options)
+    name = f"v_70x61x53_{dtype}.raw"
+    # Out of order, from the middle, in parts of rows; and rows of slices that are too large.
+    for then, part in (("flip z", want[::-1]), ("crop --roi 3:-7,2:50,9:40", want[9:40, 2:50, 3:-7]),
+                       ("crop --roi 60:,50:,52:", want[52:, 50:, 60:]), ("slice --y 7", want[:, 7, :])):
+        run(f"vkt pipe \"read {name} | scan | {then} | write - --format raw\" > part.raw")
+        assert np.fromfile("part.raw", want.dtype).tobytes() == part.tobytes(), (dtype, then)
+large = rng.integers(0, 65535, (3, 640, 1200), np.uint16)
+want, _ = scan(large)
+assert (want == np.cumsum(np.cumsum(np.cumsum(large.astype(np.uint64), 0), 1), 2)).all()
+got, _ = scan(large, "--memory 12M", "--memory 4M")
+assert (got == want).all()
+run("vkt pipe \"read v_1200x640x3_uint16.raw | scan | crop --roi 5:1100,100:300,1:3 | write - --format raw\" --memory 12M > part.raw")
+assert (np.fromfile("part.raw", np.uint64).reshape(2, 200, 1095) == want[1:, 100:300, 5:1100]).all()
+'
+}
+
+@test "the plan tells type, error and memory; trees are refused" {
+    vkt make ramp --dims 9 8 7 --dtype float32 -o v.nrrd
+    vkt scan v.nrrd --explain -o o.nrrd 2>plan
+    grep -q 'sums in float64' plan
+    grep -q 'error at most' plan
+    vkt convert v.nrrd --dtype uint8 --range minmax | vkt scan --explain 2>plan | vkt info | grep -q uint64
+    grep -qi exact plan
+    vkt make amr --blocks 20 --levels 2 -o t.vkt
+    fails_with 2 'hierarchical volume' vkt scan t.vkt -o o.vkt
+    [ ! -e o.vkt ]
+}
