@@ -15,8 +15,11 @@
 namespace vkt::shell {
 namespace {
 
+/// Geometric operations with knobs interpolate: they may be exact, but for one rounding.
 bool moves_only(Invocation const& stage, Plan const& plan) {
-    return plan.error.exact() && !plan.scans && (plan.shift || stage.operation()->shape() == Shape::geometric);
+    if (!plan.error.exact() || plan.scans) return false;
+    return plan.shift || (stage.operation()->shape() == Shape::geometric &&
+                          dynamic_cast<Tunable const*>(stage.operation()) == nullptr);
 }
 
 } // namespace
@@ -81,7 +84,7 @@ std::vector<std::string> Chain::lines() {
     return result;
 }
 
-Volume Chain::run(Volume const& input, Execution const& execution, std::size_t count) {
+std::unique_ptr<Source> Chain::attached(Volume const& input, Execution const& execution, std::size_t count) {
     plans_.assign(count, {});
     headers_.assign(count, {});
     lossy_ = false;
@@ -101,7 +104,20 @@ Volume Chain::run(Volume const& input, Execution const& execution, std::size_t c
     source->next_volume();
     if (source->header().kind != Kind::structured)
         throw Error(ErrorKind::usage, "the pipeline makes a hierarchical volume", "end it with vkt resample");
-    return load(*source, execution);
+    return source;
+}
+
+Volume Chain::run(Volume const& input, Execution const& execution, std::size_t count) {
+    return load(*attached(input, execution, count), execution);
+}
+
+std::string Chain::plan(Volume const& input, Execution const& execution) {
+    attached(input, execution, stages_.size());
+    std::string all;
+    for (auto const& plan : plans_)
+        all += text(plan.method.substr(0, plan.method.find(';')), " ", plan.output.dtype, " ", plan.cost, " ",
+                    plan.error.range, " ", plan.error.magnitude, " ", plan.error.absolute, "\n");
+    return all;
 }
 
 double Chain::cost() const {
@@ -117,7 +133,7 @@ std::optional<double> Chain::bound(Volume const& input, Volume const& output, Ex
         if (computes) return std::nullopt;
         computes = i;
     }
-    if (!computes) return 0;
+    if (!computes) return 0x1p-52 * std::abs(plans_.back().output.values.slope) * extremes_of(output).magnitude;
     Plan const plan = plans_[*computes];
     // What a pass before finds out may depend on the type that it looks at: bins, percentiles.
     if (plan.scans || plan.error.kind == ErrorBound::Kind::unknown || plan.error.kind == ErrorBound::Kind::estimate)
@@ -143,10 +159,12 @@ std::optional<double> Chain::bound(Volume const& input, Volume const& output, Ex
     double const slope = std::abs(in.values.slope), step = std::abs(plan.output.values.slope);
     double bound = plan.error.over(slope * (values.high - values.low), slope * values.magnitude);
     if (is_integer(plan.output.dtype)) bound += 0.5 * step;
+    double const largest = step * extremes_of(output).magnitude;
     // What is exact is still stored in a type of floats; a bound of what is not holds that already.
     if (plan.error.exact() && !plan.shift)
-        bound += storing_error(plan.output.dtype) * step * extremes_of(output).magnitude +
-                 storing_floor(plan.output.dtype) * step;
+        bound += storing_error(plan.output.dtype) * largest + storing_floor(plan.output.dtype) * step;
+    // What it is compared with went through float64, once as it came and once as it went.
+    bound += 0x1p-52 * (slope * values.magnitude + largest);
     return bound;
 }
 

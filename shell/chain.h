@@ -6,6 +6,7 @@
 #include "shell/invocation.h"
 
 #include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,15 +37,20 @@ public:
     /// Throws what the stages throw, and Error{usage} if the result is hierarchical.
     Volume run(Volume const& input, Execution const& execution) { return run(input, execution, stages_.size()); }
 
+    /// What would be computed, without computing it: methods, types, costs and bounds as one text. Reasons for a
+    /// method, which plans tell after a semicolon, are left out.
+    std::string plan(Volume const& input, Execution const& execution);
+
     /// Multiply-adds of the last run, as planned.
     double cost() const;
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }
-    /// How far the last run's output may be from the exact result, as physical values: known where one stage computes
-    /// and the others only move voxels, and that stage knows it from the input's extremes alone.
+    /// How far the last run's output may be from the exact result computed in float64, as physical values: known where
+    /// one stage computes and the others only move voxels, and that stage knows it from the input's extremes alone.
     std::optional<double> bound(Volume const& input, Volume const& output, Execution const& execution);
 
 private:
+    std::unique_ptr<Source> attached(Volume const& input, Execution const& execution, std::size_t count);
     Volume run(Volume const& input, Execution const& execution, std::size_t count);
 
     std::deque<Invocation> stages_;

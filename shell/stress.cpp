@@ -254,10 +254,6 @@ private:
         Volume const a = in_float64(made), b = in_float64(*exact);
         auto const* const found = reinterpret_cast<double const*>(a.view().data);
         auto const* const wanted = reinterpret_cast<double const*>(b.view().data);
-        // Both were rounded to float64 on the way, once as they came and once as they went.
-        double const slope = std::abs(input.header().values.slope);
-        double const limit = *bound * (1 + 1e-9) + 0x1p-50 * (slope * extremes_of(input).magnitude +
-                                                              std::abs(h.values.slope) * extremes_of(a).magnitude);
         double const low = lowest_of(h.dtype), high = highest_of(h.dtype);
         double worst = 0;
         std::int64_t where = -1;
@@ -265,7 +261,7 @@ private:
             double const stored = h.values.stored(e.values.physical(wanted[i]));
             if (!std::isfinite(stored) || (!is_integer(h.dtype) && !(stored >= low && stored <= high))) continue;
             double const error = std::abs(h.values.slope * (found[i] - std::clamp(stored, low, high)));
-            if (error <= limit || error <= worst) continue;
+            if (error <= *bound || error <= worst) continue;
             worst = std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
             where = i;
         }

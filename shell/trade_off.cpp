@@ -14,6 +14,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <set>
 
 namespace vkt::shell {
 namespace {
@@ -118,10 +119,11 @@ public:
     }
 
     TradeOff run() {
-        double const rate = probe();
+        plan_given();
         list_dials();
         list_settings();
-        choose_part(rate);
+        drop_equals();
+        choose_part();
         std::vector<Setting> order = settings_;
         std::stable_sort(order.begin(), order.end(),
                          [&](Setting const& a, Setting const& b) { return meaning(a) < meaning(b); });
@@ -131,14 +133,7 @@ public:
         double const slope = reference_->header().values.slope, intercept = reference_->header().values.intercept;
         result_.low = std::min(slope * values.low, slope * values.high) + intercept;
         result_.high = std::max(slope * values.low, slope * values.high) + intercept;
-        for (auto const& setting : order) {
-            try {
-                measure(setting);
-            } catch (Error const& e) {
-                if (e.kind() != ErrorKind::usage || is_given(setting)) throw;
-                ++refused_; // the value does not go together with what else is given
-            }
-        }
+        for (auto const& setting : order) measure(setting);
         finish();
         return std::move(result_);
     }
@@ -148,15 +143,8 @@ private:
         return std::all_of(setting.begin(), setting.end(), [](auto const& v) { return v.empty(); });
     }
 
-    /// Seconds a voxel of the pipeline as given, on a small part; leaves planned operations behind.
-    double probe() {
-        Chain& chain = chain_.emplace(request_.pipeline);
-        Volume const small =
-            cut_out(volume_source({volume_}), middle_part(box_of(volume_.header().dims), 110592), execution_);
-        chain.run(small, execution_);
-        double const seconds = seconds_of([&] { chain.run(small, execution_); });
-        return seconds / static_cast<double>(small.header().voxels());
-    }
+    /// Plans the pipeline as given, for what its operations then tell of their knobs.
+    void plan_given() { chain_.emplace(request_.pipeline).plan(volume_, execution_); }
 
     bool kept(std::string const& option) const {
         return std::find(request_.kept.begin(), request_.kept.end(), option) != request_.kept.end();
@@ -221,6 +209,30 @@ private:
                                 static_cast<std::uint64_t>(all), " settings");
     }
 
+    /// Settings that are refused, or plan the computation of one before, are not worth the time.
+    void drop_equals() {
+        std::set<std::pair<Setting, std::string>> seen;
+        std::size_t refused = 0;
+        std::size_t const all = settings_.size();
+        std::erase_if(settings_, [&](Setting const& setting) {
+            try {
+                Setting definition = meaning(setting);
+                for (std::size_t d = 0; d < dials_.size(); ++d)
+                    if (dials_[d].of_machine) definition[d] = setting[d];
+                return !seen.emplace(definition, chain_of(setting).plan(volume_, execution_)).second;
+            } catch (Error const& e) {
+                if (e.kind() != ErrorKind::usage || is_given(setting)) throw;
+                ++refused; // the value does not go together with what else is given
+                return true;
+            }
+        });
+        if (refused > 0)
+            result_.settings += text(", ", static_cast<std::uint64_t>(refused), " of them refused by the operations");
+        if (all - refused > settings_.size())
+            result_.settings += text(", ", static_cast<std::uint64_t>(all - refused - settings_.size()),
+                                     " that plan the same as another");
+    }
+
     /// The values of a dial; an empty one is what is given.
     static std::vector<std::string> choices(Dial const& dial) {
         std::vector<std::string> result{""};
@@ -229,15 +241,29 @@ private:
         return result;
     }
 
-    /// As large a part as there is time for: a warm run, three repeats, some with one thread, and a slow reference.
-    void choose_part(double rate) {
+    /// As large a part as there is time for, by what each setting takes for a small one: a warm run, three repeats,
+    /// what compares the results, and a reference of each definition.
+    void choose_part() {
         if (!request_.roi.empty()) {
             result_.part = part_;
             return;
         }
-        double const runs = 7.0 * static_cast<double>(settings_.size()) + 8;
-        Box const inner =
-            middle_part(box_of(volume_.header().dims), std::max(4096.0, request_.seconds / (rate * runs)));
+        constexpr double compares = 60e-9; // seconds a voxel
+        Box const whole = box_of(volume_.header().dims), probed = middle_part(whole, 32768);
+        Volume const small = cut_out(volume_source({volume_}), probed, execution_);
+        chain_of(Setting(dials_.size())).run(small, execution_); // pages, threads and tables that later runs find
+        auto const once = [&](Setting const& setting) {
+            Execution const execution = execution_of(setting);
+            Chain& chain = chain_of(setting);
+            return seconds_of([&] { chain.run(small, execution); }) / static_cast<double>(probed.voxels());
+        };
+        double rate = 2 * once(best_of({}, true)); // in float64
+        std::set<Setting> definitions;
+        for (auto const& setting : settings_) {
+            rate += 4 * once(setting) + compares;
+            if (definitions.insert(meaning(setting)).second) rate += 2 * once(best_of(setting, false));
+        }
+        Box const inner = middle_part(whole, std::max(4096.0, request_.seconds / rate));
         result_.part = {part_.lower + inner.lower, part_.lower + inner.upper};
         volume_ = cut_out(volume_source({volume_}), inner, execution_);
     }
@@ -267,6 +293,16 @@ private:
         return chain;
     }
 
+    Execution execution_of(Setting const& setting) const {
+        Execution execution = execution_;
+        for (std::size_t d = 0; d < dials_.size(); ++d) {
+            if (!dials_[d].of_machine || setting[d].empty()) continue;
+            if (dials_[d].knob.option == "threads") execution.threads = static_cast<int>(parse_integer(setting[d]));
+            if (dials_[d].knob.option == "device") execution.device = Device::gpu;
+        }
+        return execution;
+    }
+
     Volume reference(Setting const& setting) {
         if (!wide_) wide_ = in_float64(volume_);
         return chain_of(setting).run(*wide_, execution_);
@@ -275,12 +311,7 @@ private:
     void describe_reference() { result_.reference = text("float64 input, ", join(chain_->lines(), " | ")); }
 
     void measure(Setting const& setting) {
-        Execution execution = execution_;
-        for (std::size_t d = 0; d < dials_.size(); ++d) {
-            if (!dials_[d].of_machine || setting[d].empty()) continue;
-            if (dials_[d].knob.option == "threads") execution.threads = static_cast<int>(parse_integer(setting[d]));
-            if (dials_[d].knob.option == "device") execution.device = Device::gpu;
-        }
+        Execution const execution = execution_of(setting);
         Chain& chain = chain_of(setting);
         TradeOffPoint point;
         point.stages = chain.lines();
@@ -294,7 +325,6 @@ private:
             point.lossy = chain.lossy();
             point.bound = chain.bound(volume_, out, execution);
             DifferenceResult const all = difference(*reference_, out, execution_);
-            if (!all.same_dims) throw Error(ErrorKind::usage, "the setting makes a volume of other extents");
             point.max_error = all.max_abs;
             point.rms_error = all.rmse;
             point.own_error = difference_to_own(setting, out);
@@ -341,8 +371,6 @@ private:
 
     void finish() {
         auto& points = result_.points;
-        if (refused_ > 0)
-            result_.settings += text(", ", static_cast<std::uint64_t>(refused_), " of them refused by the operations");
         std::stable_sort(points.begin(), points.end(),
                          [](auto const& a, auto const& b) { return a.seconds < b.seconds; });
         double least = std::numeric_limits<double>::infinity();
@@ -367,7 +395,6 @@ private:
     std::optional<Chain> chain_;
     std::vector<Dial> dials_;
     std::vector<Setting> settings_;
-    std::size_t refused_ = 0;
 };
 
 } // namespace

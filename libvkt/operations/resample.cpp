@@ -247,13 +247,11 @@ Plan Resample::plan(std::span<Header const> inputs) {
     plan.boundary = rule.boundary;
     plan.border_value = border_ = rule.boundary == Boundary::border ? input.values.stored(rule.value) : 0;
     Index3 halving{};
-    double taps = 1;
     bool all_nearest = true;
     for (int axis = 0; axis < 3; ++axis) {
         WeightTable& table = tables_[static_cast<std::size_t>(axis)];
         table = WeightTable(from_[axis], to_[axis], kernel_of(from_[axis], to_[axis]), rule.boundary);
         halving[axis] = table.halving();
-        taps *= static_cast<double>(table.most_taps());
         all_nearest = all_nearest && (table.kernel() == Kernel::nearest || table.kernel() == Kernel::identity);
         plan.state_bytes += table.bytes();
     }
@@ -274,7 +272,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     plan.error = error_of(input, plan.output);
     plan.cost = algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest
                     ? 0
-                    : taps;
+                    : multiply_adds(tables_, static_cast<double>(from_.x) / static_cast<double>(to_.x));
     return plan;
 }
 

@@ -237,7 +237,8 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
     } else if (!placement_.aligned && sampling_.single) { // three roundings a step, and those of the fractions
         error.range += 3 * 0x1p-24;
         error.magnitude += 9 * 0x1p-24;
-        error.absolute += std::abs(output.values.slope) * storing_floor(DataType::float32);
+        // Among the denormals the differences and sums are exact, and each of three products is rounded.
+        error.absolute += std::abs(output.values.slope) * 3 * storing_floor(DataType::float32);
     } else if (placement_.aligned && has_lobes(method_)) {
         error.range += 1e-11;
     }
@@ -275,7 +276,8 @@ void Onto::describe(Plan& plan) const {
     if (algorithm_ == Algorithm::copy) plan.method = "copy";
     if (algorithm_ == Algorithm::convert) plan.method = "rounded half to even, saturated";
     if (!exact) plan.error = error_of(plan.output, 12 + 2 * taps);
-    plan.cost = exact ? 0 : taps;
+    auto const wide = static_cast<double>(footprint(inner_).dims()[placement_.axis[0]]);
+    plan.cost = exact || inner_.empty() ? 0 : multiply_adds(tables_, wide / static_cast<double>(inner_.dims().x));
     bool const forward = placement_.axis[2] == 2 && tables_[2].ascends();
     plan.access = forward ? Access::forward : Access::random;
     if (boundary_) plan.boundary = boundary_->boundary;

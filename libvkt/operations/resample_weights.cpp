@@ -328,4 +328,9 @@ bool WeightTable::ascends() const {
     return std::is_sorted(t.first, t.first + n_out_);
 }
 
+double multiply_adds(std::array<WeightTable, 3> const& tables, double columns) {
+    auto const taps = [&](std::size_t axis) { return static_cast<double>(tables[axis].most_taps()); };
+    return taps(1) * taps(2) * columns + taps(0);
+}
+
 } // namespace vkt

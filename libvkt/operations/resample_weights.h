@@ -5,6 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/types.h"
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 #include <utility>
@@ -78,5 +79,8 @@ private:
     bool leaves_out_ = false; ///< taps beyond the ends
     mutable Buffer memory_;   ///< first, start, weight, inside, one after the other; reading may copy it to the device
 };
+
+/// Per output voxel: a weighted sum of rows, of so many input columns per output column, and then of its columns.
+double multiply_adds(std::array<WeightTable, 3> const& tables, double columns);
 
 } // namespace vkt
