@@ -1,17 +1,15 @@
 // vkt stress: a pipeline on volumes that are made to break it.
 // SPDX-License-Identifier: MIT
 #include "shell/stress.h"
-#include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/report.h"
-#include "libvkt/engine/pipeline.h"
+#include "libvkt/io/output_file.h"
 #include "shell/command.h"
+#include "shell/damage.h"
 #include "shell/hard_volumes.h"
 #include "shell/terminal.h"
 
 #include "libvkt/core/text.h"
-
-#include <unistd.h>
 
 namespace vkt::shell {
 namespace {
@@ -23,7 +21,8 @@ public:
             .optional();
         p.option("volume", volumes_, "NAME,...",
                  "try these volumes only; without a pipeline, write one to standard output, as a stream");
-        p.flag("list", list_, "list the volumes");
+        p.option("damage", damage_, "NAME", "without a pipeline, damage the stream that is written");
+        p.flag("list", list_, "list the volumes and kinds of damage");
         p.option("vkt", request_.program, "PROGRAM", "run this instead of the vkt that is running");
         p.option("timeout", request_.seconds, "SECONDS", "what takes longer hangs (60)");
     }
@@ -31,6 +30,8 @@ public:
         if (list_ ? !request_.pipeline.empty() || !volumes_.empty() : request_.pipeline.empty() && volumes_.empty())
             throw Error(ErrorKind::usage, "one of a pipeline, --volume and --list is needed",
                         "e.g. vkt stress 'filter gaussian --sigma 2'");
+        if (!damage_.empty() && (!request_.pipeline.empty() || volumes_.empty()))
+            throw Error(ErrorKind::usage, "--damage is for a volume that is written: name it with --volume");
         if (!(request_.seconds > 0)) throw Error(ErrorKind::usage, text("--timeout ", request_.seconds, " is no time"));
     }
     int inputs() const override { return 0; }
@@ -38,46 +39,48 @@ public:
 
     int consume(std::vector<std::unique_ptr<Source>>&, Context& context) override {
         if (list_) {
-            for (auto const& name : hard_volume_names()) context.print(name + "\n");
+            std::string all;
+            for (auto const& name : hard_volume_names()) all += text("volume  ", name, "\n");
+            for (auto const& name : damage_names()) all += text("damage  ", name, "\n");
+            context.print(all);
             return 0;
         }
-        if (request_.pipeline.empty()) return write_volume(context);
+        if (request_.pipeline.empty()) return write_volume();
         request_.volumes = volumes_.empty() ? hard_volume_names() : split(volumes_, ',');
         for (auto const& name : request_.volumes) hard_volume(name);
         return tell(stress(request_, context), context);
     }
 
 private:
-    int write_volume(Context& context) const {
+    int write_volume() const {
         Volume const volume = hard_volume(volumes_);
         if (output_is_terminal()) throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal");
-        ipc::StreamSink sink(STDOUT_FILENO, {});
-        auto const source = volume_source({volume});
-        drain(*source, sink, context.execution());
+        std::string stream = stream_of(volume);
+        if (!damage_.empty()) {
+            auto const wrong = damaged(stream, damage_);
+            if (!wrong) throw Error(ErrorKind::usage, text("'", volumes_, "' cannot have the damage '", damage_, "'"));
+            stream = *wrong;
+        }
+        OutputFile file("-", false);
+        file.write(stream.data(), stream.size());
+        file.commit();
         return 0;
     }
 
     int tell(StressReport const& found, Context& context) const {
         auto const volumes = static_cast<std::int64_t>(request_.volumes.size());
         if (context.json()) {
-            std::vector<Report> rows;
-            for (auto const& f : found.findings)
-                rows.push_back(Report()
-                                   .add("kind", f.kind)
-                                   .add("what", f.what)
-                                   .add("volume", f.volume)
-                                   .add("more", f.more)
-                                   .add("repeat", f.repeat));
             Report report;
             report.add("pipeline", request_.pipeline).add("volumes", volumes);
-            report.add("trials", found.trials).add("findings", std::move(rows));
+            report.add("trials", found.trials);
+            report.add("findings", rows(found.findings)).add("refusals", rows(found.refusals));
             context.print(report.json() + "\n");
         } else {
             std::string all;
-            for (auto const& f : found.findings)
-                all +=
-                    text(f.kind, ": ", f.what, f.more > 0 ? text(" (and of ", f.more, " more volumes)") : std::string(),
-                         "\n  ", f.repeat, "\n");
+            for (auto const* const list : {&found.refusals, &found.findings})
+                for (auto const& f : *list)
+                    all += text(f.kind, f.more > 0 ? text(" ", f.volume, " and ", f.more, " more") : " " + f.volume,
+                                ": ", f.what, "\n  ", f.repeat, "\n");
             all += text(found.trials, " runs on ", volumes, volumes == 1 ? " volume: " : " volumes: ",
                         found.findings.empty() ? std::string("nothing found")
                                                : text(static_cast<std::int64_t>(found.findings.size()), " found"),
@@ -87,8 +90,20 @@ private:
         return found.findings.empty() ? 0 : 1;
     }
 
+    static std::vector<Report> rows(std::vector<Finding> const& list) {
+        std::vector<Report> result;
+        for (auto const& f : list)
+            result.push_back(Report()
+                                 .add("kind", f.kind)
+                                 .add("what", f.what)
+                                 .add("volume", f.volume)
+                                 .add("more", f.more)
+                                 .add("repeat", f.repeat));
+        return result;
+    }
+
     StressRequest request_;
-    std::string volumes_;
+    std::string volumes_, damage_;
     bool list_ = false;
 };
 
@@ -99,9 +114,9 @@ Command stress_command() {
         {"Run a pipeline on volumes made to break it.",
          "Constants, single voxels, NaN, infinities, offsets, denormals, extremes of every type, mirrored and oblique "
          "frames; slabs of one slice, one and five threads, both transports, little memory, streams that come byte by "
-         "byte; cut and damaged streams, a full disk. What changes, crashes, hangs, is further from exact than "
-         "promised, takes damage for data or leaves files is told with the command that repeats it, and makes exit "
-         "code 1.",
+         "byte; cut and damaged streams, wrong headers, a full disk. What changes, crashes, hangs, is further from "
+         "exact than promised, takes damage for data or leaves files is told with the command that repeats it, and "
+         "makes exit code 1. Volumes that are refused are told, too.",
          {{"A filter", "vkt stress 'filter gaussian --sigma 1'"},
           {"A pipeline of one's own", "vkt stress 'flip x | resample --scale 0.5' --json"},
           {"One of its volumes", "vkt stress --volume nan-float32 | vkt stats"}}});

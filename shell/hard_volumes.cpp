@@ -34,36 +34,44 @@ double most_of(DataType type) {
 }
 double least_of(DataType type) { return is_integer(type) ? lowest_of(type) : -most_of(type); }
 
+bool any(DataType) { return true; }
+bool floats(DataType type) { return !is_integer(type); }
+bool wide(DataType type) { return size_of(type) >= 4 || !is_integer(type); }
+/// The plain ones need not be of every type.
+bool two(DataType type) { return type == DataType::uint8 || type == DataType::float32; }
+
 struct Named {
     char const* name;
-    bool floats_only;
+    bool (*of)(DataType);
     Content content;
 };
 
 std::vector<Named> const& contents() {
     static std::vector<Named> const list{
-        {"noise", false, [](Index3, std::int64_t i, DataType) { return std::floor(100 * share(i)); }},
-        {"constant", false, [](Index3, std::int64_t, DataType) { return 42.0; }},
-        {"extremes", false,
+        {"noise", any, [](Index3, std::int64_t i, DataType) { return std::floor(100 * share(i)); }},
+        {"constant", two, [](Index3, std::int64_t, DataType) { return 42.0; }},
+        {"extremes", any,
          [](Index3, std::int64_t i, DataType t) { return mixed(i) % 2 == 0 ? least_of(t) : most_of(t); }},
-        {"checkerboard", false,
+        {"checkerboard", any,
          [](Index3 p, std::int64_t, DataType t) {
              return (p.x + p.y + p.z) % 2 == 0 ? 0.0 : is_integer(t) ? highest_of(t) : 1.0;
          }},
-        {"impulse", false,
+        {"impulse", two,
          [](Index3 p, std::int64_t, DataType) {
              return p == Index3{4, 3, 5} ? 100.0 : 0.0;
          }},
-        {"nan", true, [](Index3, std::int64_t i, DataType) { return mixed(i) % 9 == 0 ? std::nan("") : share(i); }},
-        {"all-nan", true, [](Index3, std::int64_t, DataType) { return std::nan(""); }},
-        {"infinite", true,
+        {"nan", floats, [](Index3, std::int64_t i, DataType) { return mixed(i) % 9 == 0 ? std::nan("") : share(i); }},
+        {"all-nan", floats, [](Index3, std::int64_t, DataType) { return std::nan(""); }},
+        {"infinite", floats,
          [](Index3, std::int64_t i, DataType) {
              double const infinity = std::numeric_limits<double>::infinity();
              return mixed(i) % 9 == 0 ? infinity : mixed(i) % 9 == 1 ? -infinity : share(i);
          }},
-        {"offset", true,
-         [](Index3, std::int64_t i, DataType t) { return (t == DataType::float16 ? 2e4 : 1e8) + share(i); }},
-        {"denormal", true, [](Index3, std::int64_t i, DataType t) {
+        {"offset", wide,
+         [](Index3, std::int64_t i, DataType t) {
+             return is_integer(t) ? 1e8 + std::floor(100 * share(i)) : (t == DataType::float16 ? 2e4 : 1e8) + share(i);
+         }},
+        {"denormal", floats, [](Index3, std::int64_t i, DataType t) {
              double const tiny = t == DataType::float16 ? 6e-8 : t == DataType::float32 ? 1e-45 : 5e-324;
              return tiny * std::floor(50 * share(i));
          }}};
@@ -109,7 +117,8 @@ struct Odd {
     void (*change)(Header&);
 };
 
-/// Of noise in uint16: single voxels along axes, and frames that are mirrored, turned and of tiny voxels.
+/// Of noise in uint16: single voxels along axes; frames that are mirrored, turned, sheared, of tiny voxels and far
+/// away; and a volume that a small budget does not hold.
 std::vector<Odd> const& oddities() {
     static std::vector<Odd> const list{{"single", {1, 1, 1}, [](Header&) {}},
                                        {"flat-x", {1, 7, 5}, [](Header&) {}},
@@ -127,6 +136,17 @@ std::vector<Odd> const& oddities() {
                                             h.geometry.direction[0] = {0.96, 0.28, 0};
                                             h.geometry.direction[1] = {-0.28, 0.96, 0};
                                         }},
+                                       {"sheared",
+                                        {9, 8, 11},
+                                        [](Header& h) {
+                                            h.geometry.direction[2] = {0, 0.28, 0.96};
+                                        }},
+                                       {"far",
+                                        {9, 8, 11},
+                                        [](Header& h) {
+                                            h.geometry.origin = {1e12, -1e9, 1e-9};
+                                        }},
+                                       {"large", {96, 80, 64}, [](Header&) {}},
                                        {"tiny",
                                         {9, 8, 11},
                                         [](Header& h) {
@@ -155,20 +175,13 @@ std::vector<DataType> types() {
     return list;
 }
 
-bool tried(Named const& named, DataType type) {
-    if (named.floats_only) return !is_integer(type);
-    // The plain ones need not be of every type.
-    bool const plain = std::string_view(named.name) == "constant" || std::string_view(named.name) == "impulse";
-    return !plain || type == DataType::uint8 || type == DataType::float32;
-}
-
 } // namespace
 
 std::vector<std::string> hard_volume_names() {
     std::vector<std::string> names;
     for (auto const& named : contents())
         for (DataType const type : types())
-            if (tried(named, type)) names.push_back(text(named.name, "-", type));
+            if (named.of(type)) names.push_back(text(named.name, "-", type));
     for (auto const& odd : oddities()) names.emplace_back(odd.name);
     return names;
 }
@@ -185,7 +198,7 @@ Volume hard_volume(std::string const& name) {
     header.dims = {9, 8, 11};
     for (auto const& named : contents())
         for (DataType const type : types()) {
-            if (name != text(named.name, "-", type) || !tried(named, type)) continue;
+            if (name != text(named.name, "-", type) || !named.of(type)) continue;
             header.dtype = type;
             return filled(header, named.content);
         }

@@ -26,7 +26,8 @@ struct Finding {
 
 struct StressReport {
     std::int64_t trials = 0;
-    std::vector<Finding> findings;
+    std::vector<Finding> findings; ///< faults
+    std::vector<Finding> refusals; ///< volumes that it ends at with an exit code that says so
 };
 
 /// Opens what the trials write through the context, and works below its temporary directory. Throws Error{usage} for
