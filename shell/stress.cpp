@@ -320,7 +320,7 @@ private:
             auto const same = [&] { return run("cat", "", "").ok() && this->result(made) == expected; };
             if (ended_well(name, result, damage, line) && result.codes.back() == 0 && !(only_voxels(damage) && same()))
                 find("takes damaged input", damage, text("exit code 0 for ", damage), line, name);
-            if (result.codes.back() == 0) fs::remove(scratch_.path() + "/out/out.vkt");
+            if (!result.codes.empty() && result.codes.back() == 0) fs::remove(scratch_.path() + "/out/out.vkt");
             look_for_remains(name, line, text("after ", damage));
         };
         for (auto const& damage : damage_names())
