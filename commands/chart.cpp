@@ -3,9 +3,9 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/report.h"
 #include "libvkt/io/output_file.h"
-#include "libvkt/render/bar_chart.h"
-#include "libvkt/render/scatter_chart.h"
 #include "shell/command.h"
+#include "shell/plot.h"
+#include "shell/terminal.h"
 #include "shell/trade_off.h"
 
 #include <algorithm>
@@ -51,6 +51,9 @@ public:
             if (!ends_in(".svg") && !ends_in(".png") && !ends_in(".csv"))
                 throw Error(ErrorKind::usage, text("'", output_, "': files of that kind are not written"),
                             "end the name in .svg, .png or .csv");
+            if (!ends_in(".csv") && !can_plot())
+                throw Error(ErrorKind::resources, "gnuplot, which draws charts, is not installed",
+                            "install it (on Debian: gnuplot-nox), or write a table: -o chart.csv");
             check_output(output_, force_);
         }
     }
@@ -157,6 +160,7 @@ private:
             rows.push_back(std::move(row));
         }
         result += Report::table(rows);
+        if (output_is_terminal() && can_plot()) result += "\n" + drawn(plot(found), PlotFormat::terminal);
         result +=
             text("\n* no other setting is faster and more exact. Errors: to the reference; own_error: to the same "
                  "method without\nrounding and truncation, which is what the bound is about. Seconds: medians of "
@@ -214,22 +218,19 @@ private:
         return report.json();
     }
 
-    render::ScatterChart picture(TradeOff const& found) const {
-        render::ScatterChart chart;
-        chart.title = text(pipeline_, ", ", found.part.dims().x, "x", found.part.dims().y, "x", found.part.dims().z);
-        chart.x_label = "seconds (hollow: predicted)";
-        chart.y_label = text("largest error", found.units.empty() ? "" : " in ", found.units, " (hollow: bound)");
+    Plot plot(TradeOff const& found) const {
+        Plot plot;
+        plot.title = text(pipeline_, ", ", found.part.dims().x, "x", found.part.dims().y, "x", found.part.dims().z);
+        plot.x_label = "time of the part that was measured";
+        plot.x_unit = "s";
+        plot.y_label = text("largest error", found.units.empty() ? "" : " in ", found.units);
         for (auto const& p : found.points)
-            chart.points.push_back({p.seconds, p.max_error, p.predicted, p.bound, p.front, p.exceeded(), p.label});
-        return chart;
+            plot.points.push_back({p.seconds, p.max_error, p.predicted, p.bound, p.front, p.exceeded(), p.label});
+        return plot;
     }
 
     void write(TradeOff const& found) const {
-        if (ends_in(".csv")) return write(csv(found));
-        if (ends_in(".svg")) return write(render::to_svg(picture(found)));
-        auto const png = render::to_png(render::draw(picture(found), 860, 520), render::chart_background(),
-                                        {{"Software", "vkt " VKT_VERSION}, {"Pipeline", pipeline_}});
-        write({reinterpret_cast<char const*>(png.data()), png.size()});
+        write(ends_in(".csv") ? csv(found) : drawn(plot(found), ends_in(".svg") ? PlotFormat::svg : PlotFormat::png));
     }
 
     void write(std::string_view content) const {

@@ -98,18 +98,65 @@ END
     [[ "$stderr" == *"as exact"* ]]
 }
 
+# with_path_of PROGRAM…: a folder `only`, for a PATH that leads to nothing but vkt and these.
+with_path_of() {
+    mkdir -p only
+    local program
+    for program in vkt "$@"; do ln -sf "$(command -v "$program")" only/; done
+}
+
 @test "pictures and tables are written, whole or not at all" {
+    command -v gnuplot >/dev/null || skip "gnuplot is not installed"
     for suffix in svg png csv; do
         vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.$suffix >table
         [ -s chart.$suffix ]
         grep -q 'reference: float64' table
     done
-    /usr/bin/python3 -c 'import xml.dom.minidom as m; assert len(m.parse("chart.svg").getElementsByTagName("circle")) >= 16'
+    # One mark for each setting and each prediction, and the words that a reader needs.
+    /usr/bin/python3 - <<'END'
+import csv, re, xml.dom.minidom as m
+text = open("chart.svg").read()
+m.parseString(text)
+assert len(re.findall("<use xlink:href='#gpPt", text)) >= 16, text
+for words in ("filter gaussian --sigma 1, 24x22x20", "front", "predicted", "largest error", "as given"):
+    assert words in text, words
+END
     head -c 8 chart.png | cmp - <(printf '\211PNG\r\n\032\n')
+    tail -c 12 chart.png | cmp - <(printf '\0\0\0\0IEND\256B`\202')
     head -1 chart.csv | grep -q '^seconds,'
     fails_with 4 "exists" vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.svg
     fails_with 2 "not written" vkt chart 'filter gaussian --sigma 1' noise.nrrd -o chart.jpg
     [ ! -e chart.jpg ]
+}
+
+@test "words of the pipeline and of the volume are no words for gnuplot" {
+    command -v gnuplot >/dev/null || skip "gnuplot is not installed"
+    vkt chart "transform 'v*2 - (v > 1)' --dtype float64 | fill --value 1 --roi '0:1,:,:'" noise.nrrd --budget 0.2 -o chart.svg >table
+    # shellcheck disable=SC2016
+    vkt set noise.nrrd --units "'; system \"touch here\" #\`touch here\`" -o odd.nrrd
+    vkt chart 'filter gaussian --sigma 1' odd.nrrd --budget 0.2 -o odd.svg >table
+    [ ! -e here ]
+    grep -q "largest error in '; system" odd.svg
+}
+
+@test "on a terminal the front is drawn in letters" {
+    command -v gnuplot >/dev/null || skip "gnuplot is not installed"
+    command -v script >/dev/null || skip "script (bsdutils) is not installed"
+    script -qec "vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2" seen </dev/null >/dev/null
+    grep -q 'front  \*' seen
+    vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 >table
+    run ! grep -q 'front  \*' table
+}
+
+@test "without gnuplot tables are written, and pictures refused before anything is measured" {
+    with_path_of bash
+    PATH=$PWD/only vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.csv >table
+    fails_with 5 "gnuplot, which draws charts, is not installed" env PATH="$PWD/only" vkt chart 'filter gaussian --sigma 1' none.nrrd -o chart.svg
+    [ ! -e chart.svg ]
+    printf '#!%s\necho "line 1: no memory" >&2; exit 3\n' "$(command -v bash)" >only/gnuplot
+    chmod +x only/gnuplot
+    fails_with 5 "gnuplot failed: line 1: no memory" env PATH="$PWD/only" vkt chart 'filter gaussian --sigma 1' noise.nrrd --budget 0.2 -o chart.svg
+    [ ! -e chart.svg ]
 }
 
 @test "a volume may come from a pipe, and a broken one is an error" {
