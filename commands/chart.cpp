@@ -25,7 +25,7 @@ std::string short_number(double value) {
 class Chart : public Consumer {
 public:
     void parameters(Parameters& p) override {
-        p.positional("pipeline", pipeline_, "operations on one volume, quoted as one word");
+        p.positional("pipeline", pipeline_, "operations on one volume, or up to a picture, quoted as one word");
         p.positional("volume", volume_, "a file of any known format, a stream, or '-' (default)").optional();
         p.option("within", within_, "E|P%",
                  "end with the fastest setting whose error is at most E, or P% of the range");
@@ -114,7 +114,7 @@ private:
         }
         for (auto const& p : found.points) { // the fastest first
             if (in_) {
-                if (p.seconds * found.scale() <= *in_ && (best == nullptr || p.max_error < best->max_error)) best = &p;
+                if (p.whole_seconds <= *in_ && (best == nullptr || p.max_error < best->max_error)) best = &p;
             } else if (best == nullptr && p.max_error <= limit) {
                 best = &p;
             }
@@ -130,46 +130,60 @@ private:
                     " -o OUT");
     }
 
+    /// Where it was measured, and what share of the whole that is.
+    static std::string place(TradeOff const& found) {
+        bool const draws = found.picture.x > 0;
+        std::string const share =
+            found.scale() > 1 ? text(", 1/", short_number(found.scale()), draws ? " of the pixels" : " of the voxels")
+                              : "";
+        if (draws) return text("pictures of ", found.picture.x, "x", found.picture.y, share);
+        return text(to_text(found.part), " of ", to_text(found.whole), share);
+    }
+
     static std::string share_of(double value, double range) {
         return range > 0 ? short_number(100 * value / range) + "%" : value == 0 ? "0%" : "-";
     }
 
     std::string table(TradeOff const& found, TradeOffPoint const* choice) const {
         double const scale = found.scale();
+        bool const draws = found.picture.x > 0; // of which no bounds are known
         std::string const unit = found.units.empty() ? "" : " " + printable(found.units);
-        std::string result =
-            text("measured on ", to_text(found.part), " of ", to_text(found.whole),
-                 scale > 1 ? text(", 1/", short_number(scale), " of the voxels") : std::string(), ": ", found.settings,
-                 "\nreference: ", found.reference, "; its values span ", short_number(found.range()), unit, "\n\n");
+        std::string result = text("measured on ", place(found), ": ", found.settings, "\nreference: ", found.reference,
+                                  "; its values span ", short_number(found.range()), unit, "\n\n");
         std::vector<Report> rows;
         for (auto const& p : found.points) {
             Report row;
             row.add("front", p.front ? "*" : "");
             row.add("seconds", short_number(p.seconds));
-            if (scale > 1) row.add("whole", short_number(p.seconds * scale));
+            if (scale > 1) row.add("whole", short_number(p.whole_seconds));
             row.add("predicted", p.predicted ? short_number(*p.predicted) : std::string("-"));
             row.add("max_error", short_number(p.max_error));
             row.add("share", share_of(p.max_error, found.range()));
             row.add("rms_error", short_number(p.rms_error));
-            row.add("own_error", short_number(p.own_error));
-            row.add("bound", p.bound ? text(short_number(*p.bound), p.exceeded() ? " EXCEEDED"
-                                                                    : p.lossy    ? " (clipped)"
-                                                                                 : "")
-                                     : std::string("-"));
+            if (!draws) row.add("own_error", short_number(p.own_error));
+            if (!draws)
+                row.add("bound", p.bound ? text(short_number(*p.bound), p.exceeded() ? " EXCEEDED"
+                                                                        : p.lossy    ? " (clipped)"
+                                                                                     : "")
+                                         : std::string("-"));
             row.add("setting", p.label);
             rows.push_back(std::move(row));
         }
         result += Report::table(rows);
         if (output_is_terminal() && can_plot()) result += "\n" + drawn(plot(found), PlotFormat::terminal);
-        result +=
-            text("\n* no other setting is faster and more exact. Errors: to the reference; own_error: to the same "
-                 "method without\nrounding and truncation, which is what the bound is about. Seconds: medians of "
-                 "warm repeats in memory; predicted:\nthe plan's operations at the speed of what was given, shared "
-                 "evenly by the threads.\n");
+        result += text(
+            "\n* no other setting is faster and more exact. Errors: to the reference",
+            draws
+                ? ""
+                : "; own_error: to the same method without\nrounding and truncation, which is what the bound is about",
+            ". Seconds: medians of ", draws ? "warm\nrepeats in memory; " : "warm repeats in memory; ",
+            draws ? "predicted: the plan's steps or paths" : "predicted:\nthe plan's operations",
+            " at the speed of what was given, shared ",
+            draws ? "evenly by the\nthreads.\n" : "evenly by the threads.\n");
         if (std::int64_t const n = exceeded(found); n > 0)
             result += text("\n", n, n == 1 ? " error is" : " errors are", " LARGER THAN PREDICTED\n");
         if (choice != nullptr)
-            result += text("\n", purpose(found), " (", short_number(choice->seconds * scale), " s, error ",
+            result += text("\n", purpose(found), " (", short_number(choice->whole_seconds), " s, error ",
                            short_number(choice->max_error), unit, ", ", choice->label, "):\n", command(*choice), "\n");
         return result;
     }
@@ -188,10 +202,10 @@ private:
         for (auto const& p : found.points) {
             std::string line = join(p.stages, " | "), quoted;
             for (char const c : line) quoted += c == '"' ? "\"\"" : std::string(1, c);
-            result += text(p.seconds, ",", p.seconds * found.scale(), ",", or_nothing(p.predicted), ",", p.max_error,
-                           ",", p.rms_error, ",", p.own_error, ",", or_nothing(p.bound), ",", p.operations, ",",
-                           p.threads, ",", p.gpu ? "gpu" : "cpu", ",", p.front ? 1 : 0, ",", p.given ? 1 : 0, ",",
-                           p.lossy ? 1 : 0, ",", p.repeats, ",\"", quoted, "\"\n");
+            result += text(p.seconds, ",", p.whole_seconds, ",", or_nothing(p.predicted), ",", p.max_error, ",",
+                           p.rms_error, ",", p.own_error, ",", or_nothing(p.bound), ",", p.operations, ",", p.threads,
+                           ",", p.gpu ? "gpu" : "cpu", ",", p.front ? 1 : 0, ",", p.given ? 1 : 0, ",", p.lossy ? 1 : 0,
+                           ",", p.repeats, ",\"", quoted, "\"\n");
         }
         return result;
     }
@@ -203,7 +217,7 @@ private:
             Report row;
             row.add("pipeline", join(p.stages, " | ")).add("threads", std::int64_t{p.threads});
             row.add("device", p.gpu ? "gpu" : "cpu").add("label", p.label);
-            row.add("seconds", p.seconds).add("whole_seconds", p.seconds * found.scale());
+            row.add("seconds", p.seconds).add("whole_seconds", p.whole_seconds);
             row.add("predicted_seconds", p.predicted.value_or(unknown)).add("operations", p.operations);
             row.add("max_error", p.max_error).add("rms_error", p.rms_error).add("own_error", p.own_error);
             row.add("bound", p.bound.value_or(unknown)).add("exceeded", p.exceeded()).add("clipped", p.lossy);
@@ -220,8 +234,10 @@ private:
 
     Plot plot(TradeOff const& found) const {
         Plot plot;
-        plot.title = text(pipeline_, ", ", found.part.dims().x, "x", found.part.dims().y, "x", found.part.dims().z);
-        plot.x_label = "time of the part that was measured";
+        Index3 const dims = found.part.dims();
+        plot.title = text(pipeline_, ", ", dims.x, "x", dims.y, "x", dims.z);
+        plot.x_label = found.picture.x > 0 ? text("time of a picture of ", found.picture.x, "x", found.picture.y)
+                                           : "time of the part that was measured";
         plot.x_unit = "s";
         plot.y_label = text("largest error", found.units.empty() ? "" : " in ", found.units);
         for (auto const& p : found.points)
@@ -258,15 +274,16 @@ private:
 Command chart_command() {
     return consumer_command<Chart>(
         {"Error against time of a pipeline, on your own data.",
-         "Every knob of its operations that trades error for time (method, tolerance, result type), the threads and a "
-         "GPU "
-         "if there is one are varied on a part of the volume that lies in memory. Errors are measured against a "
+         "Every knob that trades error for time (method, tolerance, result type, bins, step, paths), the threads and a "
+         "GPU if there is one are varied on a part of the volume that lies in memory. Errors are measured against a "
          "float64 "
          "reference and stand beside what the plan predicts; the last line is the command to use.",
          {{"What a wide Gaussian costs, as a picture",
            "vkt chart 'filter gaussian --sigma 4' volume.nrrd -o chart.svg"},
-          {"The fastest way to halve a volume within 1 % of its range",
-           "vkt chart 'resample --scale 0.5' volume.nrrd --within 1%"},
+          {"The fastest way to halve a volume within 1 % of its range, in two seconds",
+           "vkt chart 'resample --scale 0.5' volume.nrrd --within 1% --budget 2"},
+          {"Pictures: how short do the steps have to be?",
+           "vkt chart 'render --domain 0:500 --opacity 0,0.2' volume.nrrd --within 2 --budget 2"},
           {"Are the promises kept?", "vkt chart 'filter gaussian --sigma 2' volume.nrrd --budget 2 --check"}}});
 }
 

@@ -117,8 +117,9 @@ Command stress_command() {
          "byte; cut and damaged streams, wrong headers, a full disk. What changes, crashes, hangs, is further from "
          "exact than promised, takes damage for data or leaves files is told with the command that repeats it, and "
          "makes exit code 1. Volumes that are refused are told, too.",
-         {{"A filter", "vkt stress 'filter gaussian --sigma 1'"},
-          {"A pipeline of one's own", "vkt stress 'flip x | resample --scale 0.5' --json"},
+         {{"A filter on volumes of one's choice; on all of them it takes half a minute",
+           "vkt stress 'filter gaussian --sigma 1' --volume extremes-uint8,nan-float32,large"},
+          {"A pipeline of one's own", "vkt stress 'flip x | resample --scale 0.5' --volume noise-int16 --json"},
           {"One of its volumes", "vkt stress --volume nan-float32 | vkt stats"}}});
 }
 

@@ -6,7 +6,6 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
-#include "libvkt/engine/tunable.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,11 +43,15 @@ Chain::Chain(std::string const& line) {
     for (auto& words : shell_stages(line)) {
         if (!words.empty() && words.front() == "vkt") words.erase(words.begin());
         if (words.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", line, "'"));
+        if (picturing() != nullptr)
+            throw Error(ErrorKind::usage,
+                        text("nothing comes after '", stages_.back().verb().name, "', which makes a picture"));
         Verb verb = find_verb(words);
-        if (!verb.command->operation)
-            throw Error(ErrorKind::usage, text("'", verb.name, "' is no operation on voxels"),
-                        "the pipeline names operations only: the volume is given beside it");
+        Error const misfit(ErrorKind::usage, text("'", verb.name, "' is no operation on voxels, and makes no picture"),
+                           "the pipeline names what is done to the volume, which is given beside it");
+        if (!verb.command->operation && !verb.command->consumer) throw misfit;
         Invocation& stage = stages_.emplace_back(std::move(verb));
+        if (stage.operation() == nullptr && picturing() == nullptr) throw misfit;
         stage.parse();
         if (stage.common().help || stage.common().examples)
             throw Error(ErrorKind::usage, "--help has no meaning within a pipeline");
@@ -56,7 +59,7 @@ Chain::Chain(std::string const& line) {
             if (p.given)
                 throw Error(ErrorKind::usage, text("--", p.name, " of '", stage.verb().name, "' decides no voxel"),
                             "say beside the pipeline how it runs");
-        if (stage.inputs() != std::vector<std::string>{"-"} || !stage.yields_volumes())
+        if (stage.inputs() != std::vector<std::string>{"-"} || !(stage.yields_volumes() || picturing() != nullptr))
             throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not make one volume of one"),
                         "only pipelines from one volume to another can be charted");
     }
@@ -64,12 +67,25 @@ Chain::Chain(std::string const& line) {
 
 void Chain::set(std::size_t stage, std::string const& option, std::string const& value) {
     stages_[stage].own_parameters().set(option, {value});
-    stages_[stage].operation()->check();
+    if (stages_[stage].operation() != nullptr)
+        stages_[stage].operation()->check();
+    else
+        stages_[stage].consumer()->check();
+}
+
+Tunable const* Chain::tunable(std::size_t stage) const {
+    Operation const* const operation = stages_[stage].operation();
+    return operation != nullptr ? dynamic_cast<Tunable const*>(operation)
+                                : dynamic_cast<Tunable const*>(stages_[stage].consumer());
+}
+
+Picturing const* Chain::picturing() const {
+    return stages_.empty() ? nullptr : dynamic_cast<Picturing const*>(stages_.back().consumer());
 }
 
 void Chain::set_exact() {
     for (std::size_t i = 0; i < stages_.size(); ++i)
-        if (auto const* const tunable = dynamic_cast<Tunable const*>(stages_[i].operation()))
+        if (auto const* const tunable = this->tunable(i))
             for (auto const& knob : tunable->knobs())
                 if (knob.bounded) set(i, knob.option, knob.best);
 }
@@ -102,18 +118,27 @@ std::unique_ptr<Source> Chain::attached(Volume const& input, Execution const& ex
         source = attach(std::move(inputs), *stages_[i].operation(), execution, std::move(info));
     }
     source->next_volume();
-    if (source->header().kind != Kind::structured)
+    if (source->header().kind != Kind::structured && picturing() == nullptr)
         throw Error(ErrorKind::usage, "the pipeline makes a hierarchical volume", "end it with vkt resample");
     return source;
 }
 
-Volume Chain::run(Volume const& input, Execution const& execution, std::size_t count) {
+Volume Chain::run_first(Volume const& input, Execution const& execution, std::size_t count) {
     return load(*attached(input, execution, count), execution);
 }
 
+Volume Chain::run(Volume const& input, Execution const& execution, PictureRequest const& request) {
+    if (picturing() == nullptr) return run_first(input, execution, stages_.size());
+    Volume const volume = operations() == 0 ? input : run_first(input, execution, operations());
+    drawn_ = volume.header();
+    DrawnPicture drawn = picturing()->picture(volume, request, execution);
+    drawing_ = drawn.seconds_per_picture;
+    return std::move(drawn.levels);
+}
+
 std::string Chain::plan(Volume const& input, Execution const& execution) {
-    attached(input, execution, stages_.size());
-    std::string all;
+    Header const last = attached(input, execution, operations())->header();
+    std::string all = picturing() != nullptr ? join(stages_.back().consumer()->explain(last), ", ") : "";
     for (auto const& plan : plans_)
         all += text(plan.method.substr(0, plan.method.find(';')), " ", plan.output.dtype, " ", plan.cost, " ",
                     plan.error.range, " ", plan.error.magnitude, " ", plan.error.absolute, "\n");
@@ -121,12 +146,13 @@ std::string Chain::plan(Volume const& input, Execution const& execution) {
 }
 
 double Chain::cost() const {
-    double sum = 0;
+    double sum = picturing() != nullptr ? picturing()->picture_cost(drawn_) : 0;
     for (auto const& plan : plans_) sum += plan.cost * static_cast<double>(plan.output.voxels());
     return sum;
 }
 
 std::optional<double> Chain::bound(Volume const& input, Volume const& output, Execution const& execution) {
+    if (picturing() != nullptr) return std::nullopt;
     std::optional<std::size_t> computes;
     for (std::size_t i = 0; i < plans_.size(); ++i) {
         if (moves_only(stages_[i], plans_[i])) continue;
@@ -146,7 +172,7 @@ std::optional<double> Chain::bound(Volume const& input, Volume const& output, Ex
         auto const plans = plans_;
         auto const headers = headers_;
         bool const lossy = lossy_;
-        values = extremes_of(run(input, execution, *computes));
+        values = extremes_of(run_first(input, execution, *computes));
         plans_ = plans;
         headers_ = headers;
         lossy_ = lossy;

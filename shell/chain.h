@@ -1,9 +1,11 @@
-// A pipeline of operations on volumes in memory: run under settings of its knobs, with what its plans promise.
-// SPDX-License-Identifier: MIT
+// A pipeline of operations on volumes in memory, or of one that ends with a picture: run under settings of its knobs,
+// with what its plans promise. SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/volume.h"
+#include "libvkt/engine/tunable.h"
 #include "shell/invocation.h"
+#include "shell/picturing.h"
 
 #include <deque>
 #include <memory>
@@ -23,10 +25,15 @@ Volume in_float64(Volume const& volume);
 
 class Chain {
 public:
-    /// Throws Error{usage} unless every stage is an operation that makes one volume of the one before.
+    /// Throws Error{usage} unless every stage is an operation that makes one volume of the one before, but for the
+    /// last, which may make a picture of it.
     explicit Chain(std::string const& line);
 
     std::deque<Invocation>& stages() { return stages_; }
+    /// Null if the stage has no knobs.
+    Tunable const* tunable(std::size_t stage) const;
+    /// What makes a picture at the end; null if a volume comes out.
+    Picturing const* picturing() const;
     /// Gives a stage's option another value. Throws Error{usage} where it does not go together with the others.
     void set(std::size_t stage, std::string const& option, std::string const& value);
     /// The knobs whose values the bounds are about, at their most exact. After run(), which plans.
@@ -35,7 +42,7 @@ public:
     std::vector<std::string> lines();
 
     /// Throws what the stages throw, and Error{usage} if the result is hierarchical.
-    Volume run(Volume const& input, Execution const& execution) { return run(input, execution, stages_.size()); }
+    Volume run(Volume const& input, Execution const& execution, PictureRequest const& request = {});
 
     /// What would be computed, without computing it: methods, types, costs and bounds as one text. Reasons for a
     /// method, which plans tell after a semicolon, are left out.
@@ -43,6 +50,8 @@ public:
 
     /// Multiply-adds of the last run, as planned.
     double cost() const;
+    /// Seconds that the last run drew a picture.
+    double drawing() const { return drawing_; }
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }
     /// How far the last run's output may be from the exact result computed in float64, as physical values: known where
@@ -50,12 +59,16 @@ public:
     std::optional<double> bound(Volume const& input, Volume const& output, Execution const& execution);
 
 private:
+    /// Of operations, which come first.
+    std::size_t operations() const { return stages_.size() - (picturing() != nullptr ? 1 : 0); }
     std::unique_ptr<Source> attached(Volume const& input, Execution const& execution, std::size_t count);
-    Volume run(Volume const& input, Execution const& execution, std::size_t count);
+    Volume run_first(Volume const& input, Execution const& execution, std::size_t count);
 
     std::deque<Invocation> stages_;
     std::vector<Plan> plans_;
     std::vector<Header> headers_; ///< of the stages' inputs
+    Header drawn_;                ///< of what the picture is made of
+    double drawing_ = 0;
     bool lossy_ = false;
 };
 

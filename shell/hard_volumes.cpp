@@ -146,7 +146,7 @@ std::vector<Odd> const& oddities() {
                                         [](Header& h) {
                                             h.geometry.origin = {1e12, -1e9, 1e-9};
                                         }},
-                                       {"large", {96, 80, 64}, [](Header&) {}},
+                                       {"large", {128, 96, 96}, [](Header&) {}},
                                        {"tiny",
                                         {9, 8, 11},
                                         [](Header& h) {

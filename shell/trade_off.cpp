@@ -77,6 +77,7 @@ public:
     void expect(Box const& region) override { source_.expect(region); }
     std::int64_t natural_slab() const override { return source_.natural_slab(); }
     void finish() override { source_.finish(); }
+    BrickSequence take_bricks() override { return source_.take_bricks(); }
 
 private:
     Source& source_;
@@ -103,10 +104,14 @@ class Study {
 public:
     Study(TradeOffRequest const& request, Source& source) : request_(request), execution_(request.execution) {
         Header const& header = source.header();
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, "hierarchical volumes cannot be charted", "make a grid of it: vkt resample");
         result_.whole = header.dims;
-        result_.units = header.units;
+        chain_.emplace(request_.pipeline);
+        draws_ = chain_->picturing() != nullptr;
+        result_.units = draws_ ? "display levels" : header.units;
+        if (header.kind != Kind::structured || draws_) {
+            take_whole(source);
+            return;
+        }
         Box const allowed = request.roi.empty() ? box_of(header.dims) : request.roi.resolve(header.dims);
         // A part, the reference, results and what stages hold on the way: some dozens of bytes a voxel.
         Box const held = middle_part(allowed, std::min(16.8e6, static_cast<double>(execution_.memory) / 128));
@@ -119,7 +124,7 @@ public:
     }
 
     TradeOff run() {
-        plan_given();
+        chain_->plan(volume_, execution_); // for what its operations then tell of their knobs
         list_dials();
         list_settings();
         drop_equals();
@@ -143,8 +148,30 @@ private:
         return std::all_of(setting.begin(), setting.end(), [](auto const& v) { return v.empty(); });
     }
 
-    /// Plans the pipeline as given, for what its operations then tell of their knobs.
-    void plan_given() { chain_.emplace(request_.pipeline).plan(volume_, execution_); }
+    /// Of pictures and hierarchical volumes no part stands for the whole.
+    void take_whole(Source& source) {
+        auto current = std::make_unique<Current>(source);
+        bool const tree = source.header().kind != Kind::structured;
+        if (tree && !request_.roi.empty())
+            throw Error(ErrorKind::usage, "--roi: a region of a hierarchical volume cannot be charted",
+                        "cut it out before: vkt crop");
+        part_ = request_.roi.empty() ? box_of(result_.whole) : request_.roi.resolve(result_.whole);
+        // The volume, what is drawn of it, and the same for a reference.
+        double const bytes =
+            tree ? static_cast<double>(source.header().bytes())
+                 : static_cast<double>(part_.voxels()) * static_cast<double>(size_of(source.header().dtype));
+        if (6 * bytes > static_cast<double>(execution_.memory))
+            throw Error(
+                ErrorKind::resources,
+                text("the whole volume has to be measured, ", bytes_text(bytes), ", and a sixth of --memory is less"),
+                "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+        if (tree) {
+            current->next_volume();
+            volume_ = load(*current, execution_);
+        } else {
+            volume_ = cut_out(std::move(current), part_, execution_);
+        }
+    }
 
     bool kept(std::string const& option) const {
         return std::find(request_.kept.begin(), request_.kept.end(), option) != request_.kept.end();
@@ -154,7 +181,7 @@ private:
         std::vector<std::string> known{"threads", "device"};
         for (std::size_t i = 0; i < chain_->stages().size(); ++i) {
             Invocation& stage = chain_->stages()[i];
-            auto const* const tunable = dynamic_cast<Tunable const*>(stage.operation());
+            auto const* const tunable = chain_->tunable(i);
             if (tunable == nullptr) continue;
             for (auto& knob : tunable->knobs()) {
                 Parameter const& p = *stage.own_parameters().find(knob.option);
@@ -173,8 +200,9 @@ private:
             if (execution_.threads > 2) threads.values.push_back(to_text(execution_.threads / 2));
             dials_.push_back({0, threads, to_text(execution_.threads), true});
         }
-        bool const gpu = std::any_of(chain_->stages().begin(), chain_->stages().end(),
-                                     [](Invocation const& s) { return s.operation()->runs_on_gpu(); });
+        bool const gpu = std::any_of(chain_->stages().begin(), chain_->stages().end(), [](Invocation const& s) {
+            return s.operation() != nullptr ? s.operation()->runs_on_gpu() : s.consumer()->runs_on_gpu();
+        });
         if (!kept("device") && gpu && execution_.device != Device::gpu && built_with_cuda() && gpu_count() > 0)
             dials_.push_back({0, {"device", {"gpu"}, {}}, "cpu", true});
         if (dials_.empty())
@@ -244,10 +272,9 @@ private:
     /// As large a part as there is time for, by what each setting takes for a small one: a warm run, three repeats,
     /// what compares the results, and a reference of each definition.
     void choose_part() {
-        if (!request_.roi.empty()) {
-            result_.part = part_;
-            return;
-        }
+        result_.part = part_;
+        if (draws_) return choose_picture();
+        if (!request_.roi.empty() || volume_.header().kind != Kind::structured) return;
         constexpr double compares = 60e-9; // seconds a voxel
         Box const whole = box_of(volume_.header().dims), probed = middle_part(whole, 32768);
         Volume const small = cut_out(volume_source({volume_}), probed, execution_);
@@ -266,6 +293,27 @@ private:
         Box const inner = middle_part(whole, std::max(4096.0, request_.seconds / rate));
         result_.part = {part_.lower + inner.lower, part_.lower + inner.upper};
         volume_ = cut_out(volume_source({volume_}), inner, execution_);
+    }
+
+    /// As large a picture as there is time for, by what small ones take.
+    void choose_picture() {
+        Index3 const whole = chain_of(Setting(dials_.size())).picturing()->picture_dims();
+        auto const pixels = static_cast<double>(whole.x * whole.y);
+        share_ = std::min(1.0, 32 / std::sqrt(pixels));
+        chain_->run(volume_, execution_, {false, share_}); // pages, threads and tables that later runs find
+        double fixed = 0, drawn = 0;
+        auto const once = [&](Setting const& setting, int times, bool reference) {
+            Execution const execution = execution_of(setting);
+            Chain& chain = chain_of(setting);
+            double const all = seconds_of([&] { chain.run(volume_, execution, {reference, share_}); });
+            drawn += times * chain.drawing();
+            fixed += times * (all - chain.drawing());
+        };
+        once(best_of({}, true), 1, true);
+        for (auto const& setting : settings_) once(setting, 4, false);
+        double const affordable = std::max(0.0, request_.seconds - fixed) / (drawn / (share_ * share_));
+        share_ = std::clamp(std::sqrt(affordable), share_, 1.0);
+        result_.whole_picture = whole;
     }
 
     /// Only what makes another definition of the result.
@@ -304,11 +352,18 @@ private:
     }
 
     Volume reference(Setting const& setting) {
+        // What a picture chooses by itself from the values is to be the same.
+        if (draws_) return chain_of(setting).run(volume_, execution_, {true, share_});
         if (!wide_) wide_ = in_float64(volume_);
         return chain_of(setting).run(*wide_, execution_);
     }
 
-    void describe_reference() { result_.reference = text("float64 input, ", join(chain_->lines(), " | ")); }
+    void describe_reference() {
+        std::string const stages = join(chain_->lines(), " | ");
+        result_.reference = draws_ ? text(stages, ", drawn with ", chain_->picturing()->reference_method())
+                                   : text("float64 input, ", stages);
+        if (draws_) result_.picture = reference_->header().dims;
+    }
 
     void measure(Setting const& setting) {
         Execution const execution = execution_of(setting);
@@ -320,7 +375,7 @@ private:
         point.given = is_given(setting);
         point.label = label_of(setting);
         {
-            Volume const out = chain.run(volume_, execution); // the warm run
+            Volume const out = chain.run(volume_, execution, {false, share_}); // the warm run
             point.operations = chain.cost();
             point.lossy = chain.lossy();
             point.bound = chain.bound(volume_, out, execution);
@@ -330,18 +385,22 @@ private:
             point.own_error = difference_to_own(setting, out);
         }
         Chain& timed = chain_of(setting);
-        std::vector<double> times;
+        std::vector<double> times, drawing;
         double spent = 0;
         while (times.size() < 3 || (times.size() < 9 && spent < 0.1)) {
-            times.push_back(seconds_of([&] { timed.run(volume_, execution); }));
+            times.push_back(seconds_of([&] { timed.run(volume_, execution, {false, share_}); }));
+            drawing.push_back(timed.drawing());
             spent += times.back();
         }
         point.seconds = median(times);
+        point.whole_seconds =
+            draws_ ? point.seconds + (result_.scale() - 1) * median(drawing) : point.seconds * result_.scale();
         point.repeats = static_cast<int>(times.size());
         result_.points.push_back(std::move(point));
     }
 
     double difference_to_own(Setting const& setting, Volume const& out) {
+        if (draws_) return difference(*reference_, out, execution_).max_abs;
         Setting const exact = best_of(setting, false);
         if (!own_ || own_setting_ != exact) {
             own_.reset();
@@ -387,6 +446,8 @@ private:
 
     TradeOffRequest const& request_;
     Execution execution_;
+    bool draws_ = false;
+    double share_ = 1; ///< of the width and height of pictures
     TradeOff result_;
     Volume volume_;
     Box part_;
@@ -400,6 +461,8 @@ private:
 } // namespace
 
 double TradeOff::scale() const {
+    if (picture.x > 0)
+        return static_cast<double>(whole_picture.x * whole_picture.y) / static_cast<double>(picture.x * picture.y);
     return static_cast<double>(whole.x * whole.y * whole.z) / static_cast<double>(part.voxels());
 }
 

@@ -27,7 +27,8 @@ struct TradeOffPoint {
     std::string label;               ///< what differs from what was given: "--tolerance 1%, 1 thread"
     int threads = 1;
     bool gpu = false;
-    double seconds = 0; ///< median of the repeats
+    double seconds = 0;       ///< median of the repeats
+    double whole_seconds = 0; ///< of the whole volume, or of a picture of the size asked for: time grows with these
     int repeats = 0;
     double max_error = 0, rms_error = 0;
     /// Difference to the same definition (interpolant, …) without rounding and truncation: what the bound is about.
@@ -43,12 +44,14 @@ struct TradeOffPoint {
 struct TradeOff {
     Index3 whole;             ///< dims of the volume
     Box part;                 ///< where it was measured
+    Index3 picture;           ///< dims of the pictures that were compared; zeros: volumes were
+    Index3 whole_picture;     ///< of those asked for
     double low = 0, high = 0; ///< physical values of the result, in the reference
     std::string reference;    ///< how it was computed
     std::string settings;     ///< "all 14 settings"
     std::string units;
     std::vector<TradeOffPoint> points; ///< the fastest first
-    double scale() const;              ///< voxels of the volume per voxel measured
+    double scale() const;              ///< voxels of the volume per voxel measured, or pixels
     double range() const { return high - low; }
 };
 

@@ -15,6 +15,14 @@ load helper
     diff <(vkt help) <(vkt --help)
 }
 
+@test "the usage names each input once" {
+    for verb in stats write chart; do
+        vkt help $verb | grep '^Usage: ' >usage
+        run ! grep -E '(\[IN\].*\[IN\]|\[VOLUME\].*\[IN\])' usage
+    done
+    vkt help diff | grep -q '^Usage: vkt diff \[IN\] \[IN\] \[options\]$'
+}
+
 @test "help reads no input and leaves none" {
     vkt crop --help </dev/null >/dev/null
     run vkt stats --help

@@ -4,11 +4,11 @@ load helper
 @test "the pipelines of the README run" {
     cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
     sed -n '/^## Pipelines/,/^## Examples/p' "$VKT_ROOT/README.md" | grep '^vkt ' >lines
-    [ "$(wc -l <lines)" -eq 9 ]
+    [ "$(wc -l <lines)" -eq 10 ]
     while IFS= read -r line; do
         bash -c "$line" >out 2>err </dev/null || { echo "$line: $(cat err)" >&2; false; }
     done <lines
-    for file in volume.png small.mha half.nrrd tree.png grid.nrrd; do [ -s "$file" ]; done
+    for file in volume.png small.mha half.nrrd tree.png grid.nrrd chart.svg; do [ -s "$file" ]; done
     [ ! -e out.nrrd ] # only planned
 }
 

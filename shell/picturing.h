@@ -1,0 +1,36 @@
+// What a consumer is besides, if it makes pictures that can be compared.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/core/volume.h"
+
+#include <string>
+
+namespace vkt::shell {
+
+struct PictureRequest {
+    bool reference = false; ///< as exact as can be, with nothing random in common with other pictures
+    double share = 1;       ///< width and height, of those asked for
+};
+
+struct DrawnPicture {
+    /// Red, green and blue as three slices: display levels, 0 to 255, not rounded; the background lies behind.
+    Volume levels;
+    double seconds_per_picture = 0; ///< of drawing, which grows with the pixels; the rest readies the volume
+};
+
+class Picturing {
+public:
+    virtual ~Picturing() = default;
+    virtual DrawnPicture picture(Volume const& volume, PictureRequest const& request,
+                                 Execution const& execution) const = 0;
+    /// Of pictures in the size asked for.
+    virtual Index3 picture_dims() const = 0;
+    /// Steps or paths of a whole picture of such a volume; 0 if not known beforehand.
+    virtual double picture_cost(Header const& header) const = 0;
+    /// How the reference is drawn.
+    virtual std::string reference_method() const = 0;
+};
+
+} // namespace vkt::shell
