@@ -182,6 +182,9 @@ std::optional<double> Chain::bound(Volume const& input, Volume const& output, Ex
         values.high = std::max(values.high, plan.border_value);
         values.magnitude = std::max(values.magnitude, std::abs(plan.border_value));
     }
+    // Sums and differences of what is nearly the largest of a type need not be numbers in it.
+    if (!is_integer(in.dtype) && in.dtype != DataType::float16 && values.magnitude > highest_of(in.dtype) * 0x1p-20)
+        return std::nullopt;
     double const slope = std::abs(in.values.slope), step = std::abs(plan.output.values.slope);
     double bound = plan.error.over(slope * (values.high - values.low), slope * values.magnitude);
     if (is_integer(plan.output.dtype)) bound += 0.5 * step;

@@ -55,7 +55,8 @@ public:
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }
     /// How far the last run's output may be from the exact result computed in float64, as physical values: known where
-    /// one stage computes and the others only move voxels, and that stage knows it from the input's extremes alone.
+    /// one stage computes and the others only move voxels, and that stage knows it from the input's extremes alone,
+    /// none of which is within a factor of a million of its type's largest.
     std::optional<double> bound(Volume const& input, Volume const& output, Execution const& execution);
 
 private:

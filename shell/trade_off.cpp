@@ -10,6 +10,7 @@
 #include "shell/chain.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -39,16 +40,34 @@ DifferenceResult difference(Volume const& reference, Volume const& other, Execut
     return compare(*a, *b, execution);
 }
 
-/// The middle of a box, with so many voxels and its proportions.
+/// The middle of a box, with so many voxels at most and its proportions, but no axis below 16 voxels if it has them.
 Box middle_part(Box const& box, double voxels) {
-    double const share = std::cbrt(std::min(1.0, voxels / static_cast<double>(box.voxels())));
+    constexpr std::int64_t least = 16;
+    Index3 const dims = box.dims();
+    Index3 kept = dims;
+    std::array<bool, 3> fixed{};
+    // An axis that stays longer than its share leaves less to the others.
+    for (bool again = true; again;) {
+        double open = 1, count = 0, held = 1;
+        for (int axis = 0; axis < 3; ++axis) {
+            bool const is_fixed = fixed[static_cast<std::size_t>(axis)];
+            (is_fixed ? held : open) *= static_cast<double>(is_fixed ? kept[axis] : dims[axis]);
+            count += is_fixed ? 0 : 1;
+        }
+        double const share = std::min(1.0, std::pow(voxels / (held * open), 1 / std::max(1.0, count)));
+        again = false;
+        for (int axis = 0; axis < 3; ++axis) {
+            if (fixed[static_cast<std::size_t>(axis)]) continue;
+            kept[axis] = static_cast<std::int64_t>(share * static_cast<double>(dims[axis]));
+            if (kept[axis] >= std::min(dims[axis], least)) continue;
+            kept[axis] = std::min(dims[axis], least);
+            again = fixed[static_cast<std::size_t>(axis)] = true;
+        }
+    }
     Box part = box;
     for (int axis = 0; axis < 3; ++axis) {
-        std::int64_t const n = box.dims()[axis];
-        auto const wanted = static_cast<std::int64_t>(share * static_cast<double>(n));
-        std::int64_t const kept = std::clamp<std::int64_t>(wanted, std::min<std::int64_t>(n, 16), n);
-        part.lower[axis] += (n - kept) / 2;
-        part.upper[axis] = part.lower[axis] + kept;
+        part.lower[axis] += (dims[axis] - kept[axis]) / 2;
+        part.upper[axis] = part.lower[axis] + kept[axis];
     }
     return part;
 }

@@ -26,7 +26,7 @@ arguments = {
     "affine": ["0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f}", "0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0 {f} --method bspline3 --memory 64M"],
     "arith": ["add {f} {f}", "mul {f} 2"],
     "brick": ["{f} --size 64 --ghost 2", "{f} --size 64 --ghost 1 --boundary mirror", "{f} --size 5000"],
-    "chart": ["'filter gaussian --sigma 1' {f} --budget 1"],
+    "chart": ["'filter gaussian --sigma 1' {f} --budget 1", "'render --size 32' {f} --roi 0:64,0:64,0:1 --budget 0.1"],
     "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],

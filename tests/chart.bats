@@ -32,7 +32,7 @@ END
 }
 
 @test "where a cascade is cheaper, it and direct convolution are both tried, and the reference is the other path" {
-    vkt chart 'filter gaussian --sigma 6' phantom.nrrd --roi :,:,16:80 --keep threads --check --json >chart.json
+    vkt chart 'filter gaussian --sigma 6' phantom.nrrd --roi :,:,24:72 --keep threads --check --json >chart.json
     /usr/bin/python3 - <<'END'
 import json
 chart = json.load(open("chart.json"))
@@ -42,6 +42,42 @@ direct = [p for p in chart["points"] if "--method fir" in p["pipeline"]]
 assert cascades and len(direct) > 2, (cascades, direct)
 assert all(0 < p["own_error"] <= p["bound"] and p["predicted_seconds"] > 0 for p in cascades + direct)
 END
+}
+
+# The volumes of vkt stress: what a bound says of data that suit it says little.
+@test "no error is above its bound, whatever the operation and the volume" {
+    for volume in noise-uint8 extremes-int16 checkerboard-float16 offset-float32 denormal-float32 mapped flat-z; do
+        vkt stress --volume $volume >$volume.vkt
+    done
+    while read -r volume pipeline; do
+        vkt chart "$pipeline" $volume.vkt --roi :,:,: --keep threads --check --json >chart.json 2>error ||
+            { echo "$pipeline on $volume: $(cat error)" >&2; cat chart.json >&2; return 1; }
+        /usr/bin/python3 -c '
+import json
+points = json.load(open("chart.json"))["points"]
+assert any(p["bound"] is not None and not p["clipped"] for p in points), points'
+    done <<'END'
+offset-float32 filter gaussian --sigma 1.3
+denormal-float32 filter gaussian --sigma 1.3
+extremes-int16 filter gradient
+offset-float32 filter sobel
+extremes-int16 filter log --sigma 1
+checkerboard-float16 filter laplacian
+denormal-float32 affine 0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0
+mapped affine 0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0
+extremes-int16 resample --scale 1.5
+flat-z resample --scale 0.6
+offset-float32 rotate --angle 30
+noise-uint8 arith mul - 2.5
+noise-uint8 convert --dtype float32
+mapped flip x | filter gaussian --sigma 1
+END
+}
+
+# What is as large as its type can be has sums that are no numbers in it: nothing is promised there, and said so.
+@test "of sums beyond their type no bound is told" {
+    vkt stress --volume extremes-float32 | vkt chart 'filter sobel' --roi :,:,: --keep threads --check --csv >chart.csv
+    [ "$(cut -d, -f7 chart.csv | sort -u | tr '\n' ' ')" = " bound " ]
 }
 
 @test "errors are those that SciPy finds" {
@@ -82,7 +118,7 @@ END
 @test "shorter steps make truer pictures, by as much as the pictures that vkt render writes" {
     python_with vtk numpy
     local look="--domain 0:200 --opacity 0,0.3 --shade none --no-skip --size 40x32"
-    vkt chart "render $look" phantom.nrrd --keep threads --budget 4 --json >chart.json
+    vkt chart "render $look" phantom.nrrd --keep threads --budget 1 --json >chart.json
     for step in 0.25 1 4; do
         # shellcheck disable=SC2086
         vkt render phantom.nrrd $look --step $step -o $step.png

@@ -473,7 +473,7 @@ void Resample::take_tree(Volume input) {
     reconstructor_.emplace(std::move(input), grid_, reconstruction(), stored_background_);
 }
 
-void Resample::run_tree(AnyView out, Execution const& execution) {
+void Resample::reconstruct_tree(AnyView out, Execution const& execution) {
     if (!mask && !values_) return reconstructor_->run(out, execution);
     DataType const type = reconstructor_->header().dtype;
     samples_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(type));
@@ -518,7 +518,7 @@ std::size_t Resample::fit(Index3 largest, Execution const& execution) {
 
 void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     if (out.box.empty()) return;
-    if (from_tree_) return run_tree(out, execution);
+    if (from_tree_) return reconstruct_tree(out, execution);
     ConstView const in = inputs.front();
     if (onto_) {
         Losses losses;

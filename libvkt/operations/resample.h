@@ -90,7 +90,7 @@ private:
     SampleGrid grid_like(Header const& input) const;
     void take_grid(Header const& input, Header& output) const;
     double background_in(Header const& volume) const;
-    void run_tree(AnyView out, Execution const& execution);
+    void reconstruct_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     Kernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, bool moves, Header& output);
