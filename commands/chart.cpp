@@ -33,7 +33,7 @@ public:
                  "end with the most exact setting that takes at most so long for all of the volume");
         p.option("keep", kept_, "KNOB,...", "knobs to leave as they are given, by their names: threads, method, …");
         p.option("roi", roi_, "REGION", "measure here (default: in the middle, as much as --budget allows)");
-        p.option("budget", budget_, "SECONDS", "time that measuring may take, about (12)");
+        p.option("budget", budget_, "SECONDS", "time that measuring may take, about");
         p.flag("check", check_, "exit code 1 if an error is larger than was predicted");
         p.flag("csv", csv_, "print all settings as CSV");
         p.option("output", output_, "OUT", "output file: .svg and .png are pictures, .csv a table")
@@ -99,7 +99,8 @@ private:
     }
 
     static std::int64_t exceeded(TradeOff const& found) {
-        return std::count_if(found.points.begin(), found.points.end(), [](auto const& p) { return p.exceeded(); });
+        return std::count_if(found.points.begin(), found.points.end(), [](auto const& p) { return p.exceeded(); }) +
+               (found.check && found.check->error > found.check->bound ? 1 : 0);
     }
 
     /// The setting that was asked for; by default the fastest one that is as exact as what was given promises to be.
@@ -149,7 +150,11 @@ private:
         bool const draws = found.picture.x > 0; // of which no bounds are known
         std::string const unit = found.units.empty() ? "" : " " + printable(found.units);
         std::string result = text("measured on ", place(found), ": ", found.settings, "\nreference: ", found.reference,
-                                  "; its values span ", short_number(found.range()), unit, "\n\n");
+                                  "; its values span ", short_number(found.range()), unit,
+                                  found.check ? text(", at ", found.check->voxels, " voxels within ",
+                                                     short_number(found.check->error), " of sums by definition")
+                                              : std::string(),
+                                  "\n\n");
         std::vector<Report> rows;
         for (auto const& p : found.points) {
             Report row;
@@ -226,6 +231,8 @@ private:
         }
         Report report;
         report.add("dims", found.whole).add("part", to_text(found.part)).add("reference", found.reference);
+        report.add("checked_voxels", found.check ? found.check->voxels : std::int64_t{0});
+        report.add("check_error", found.check ? found.check->error : unknown);
         report.add("settings", found.settings).add("range", found.range()).add("units", found.units);
         report.add("points", std::move(rows)).add("exceeded", exceeded(found));
         report.add("command", choice != nullptr ? command(*choice) : std::string());

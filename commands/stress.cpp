@@ -20,11 +20,13 @@ public:
         p.positional("pipeline", request_.pipeline, "stages from a volume on standard input on, quoted as one word")
             .optional();
         p.option("volume", volumes_, "NAME,...",
-                 "try these volumes only; without a pipeline, write one to standard output, as a stream");
-        p.option("damage", damage_, "NAME", "without a pipeline, damage the stream that is written");
+                 "try these volumes only; without a pipeline, write one to standard output, as a stream")
+            .choices = hard_volume_names();
+        p.option("damage", damage_, "NAME", "without a pipeline, damage the stream that is written").choices =
+            damage_names();
         p.flag("list", list_, "list the volumes and kinds of damage");
         p.option("vkt", request_.program, "PROGRAM", "run this instead of the vkt that is running");
-        p.option("timeout", request_.seconds, "SECONDS", "what takes longer hangs (60)");
+        p.option("timeout", request_.seconds, "SECONDS", "what takes longer hangs");
     }
     void check() const override {
         if (list_ ? !request_.pipeline.empty() || !volumes_.empty() : request_.pipeline.empty() && volumes_.empty())

@@ -153,6 +153,7 @@ public:
                          [&](Setting const& a, Setting const& b) { return meaning(a) < meaning(b); });
         reference_ = reference(best_of({}, true));
         describe_reference();
+        check_reference();
         Extremes const values = extremes_of(*reference_);
         double const slope = reference_->header().values.slope, intercept = reference_->header().values.intercept;
         result_.low = std::min(slope * values.low, slope * values.high) + intercept;
@@ -382,6 +383,30 @@ private:
         result_.reference = draws_ ? text(stages, ", drawn with ", chain_->picturing()->reference_method())
                                    : text("float64 input, ", stages);
         if (draws_) result_.picture = reference_->header().dims;
+    }
+
+    /// At the corners, on the edges and faces, and in the middle.
+    void check_reference() {
+        if (draws_ || chain_->stages().size() != 1 || !wide_ || wide_->header().kind != Kind::structured) return;
+        Tunable const* const tunable = chain_->tunable(0);
+        Index3 const dims = wide_->header().dims;
+        if (tunable == nullptr || !(dims == reference_->header().dims)) return;
+        auto const bound = chain_->bound(*wide_, *reference_, execution_);
+        if (!bound) return;
+        ConstView const in = wide_->view(), out = reference_->view();
+        auto const found = out.as<double>();
+        TradeOff::Check check{0, 0, *bound};
+        auto const places = [](std::int64_t n) { return std::set<std::int64_t>{0, n / 2, n - 1}; };
+        for (std::int64_t const z : places(dims.z))
+            for (std::int64_t const y : places(dims.y))
+                for (std::int64_t const x : places(dims.x)) {
+                    auto const wanted = tunable->by_definition(in, {x, y, z});
+                    if (!wanted) return;
+                    double const error = std::abs(reference_->header().values.slope * (found(x, y, z) - *wanted));
+                    ++check.voxels;
+                    if (!std::isnan(error)) check.error = std::max(check.error, error);
+                }
+        result_.check = check;
     }
 
     void measure(Setting const& setting) {

@@ -48,7 +48,12 @@ struct TradeOff {
     Index3 whole_picture;     ///< of those asked for
     double low = 0, high = 0; ///< physical values of the result, in the reference
     std::string reference;    ///< how it was computed
-    std::string settings;     ///< "all 14 settings"
+    struct Check {
+        std::int64_t voxels = 0;
+        double error = 0, bound = 0; ///< largest difference, and what is promised of the reference
+    };
+    std::optional<Check> check; ///< of the reference, against sums by definition
+    std::string settings;       ///< "all 14 settings"
     std::string units;
     std::vector<TradeOffPoint> points; ///< the fastest first
     double scale() const;              ///< voxels of the volume per voxel measured, or pixels

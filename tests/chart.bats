@@ -31,6 +31,17 @@ for a in front:
 END
 }
 
+@test "the reference of a Gaussian is what its definition says, for every boundary rule" {
+    for boundary in mirror clamp wrap border:0.3; do
+        vkt chart "filter gaussian --sigma 3,1,0 --boundary $boundary" noise.nrrd --keep threads,method --budget 0.1 --check --json >chart.json
+        /usr/bin/python3 -c '
+import json
+chart = json.load(open("chart.json"))
+assert chart["checked_voxels"] == 27 and 0 < chart["check_error"] < 2e-12 * chart["range"], chart["check_error"]'
+    done
+    vkt chart 'filter gaussian --sigma 1' noise.nrrd --keep threads --budget 0.1 | grep -q ', at 27 voxels within .* of sums by definition$'
+}
+
 @test "where a cascade is cheaper, it and direct convolution are both tried, and the reference is the other path" {
     vkt chart 'filter gaussian --sigma 6' phantom.nrrd --roi :,:,24:72 --keep threads --check --json >chart.json
     /usr/bin/python3 - <<'END'

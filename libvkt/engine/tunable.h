@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/view.h"
+
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +25,10 @@ public:
     virtual ~Tunable() = default;
     /// Of the volume last planned; values that do not go together with the other options are refused when tried.
     virtual std::vector<Knob> knobs() const = 0;
+    /// The stored value of one voxel as the operation is defined, summed directly in more than double precision: a
+    /// second opinion on its most exact setting, which shares no code with it. Of the volume last planned, as float64;
+    /// none if the operation has no such form. Its values are taken as finite.
+    virtual std::optional<double> by_definition(ConstView /*input*/, Index3 /*voxel*/) const { return std::nullopt; }
 };
 
 /// A type for the result as a knob: values are stored in it, rounded.

@@ -86,6 +86,54 @@ std::vector<Knob> Gaussian::knobs() const {
             {"method", {"fir", "cascade"}, "fir"}};
 }
 
+std::optional<double> Gaussian::by_definition(ConstView input, Index3 voxel) const {
+    if (!region_.empty()) return std::nullopt;
+    struct Share {
+        std::int64_t index;
+        long double weight;
+    };
+    std::array<std::vector<Share>, 3> shares; // of the voxels inside, along each axis
+    Index3 const dims = input.box.dims();
+    for (int axis = 0; axis < 3; ++axis) {
+        auto& list = shares[static_cast<std::size_t>(axis)];
+        std::int64_t const n = dims[axis], period = 2 * n;
+        auto const sigma = static_cast<long double>(planned_sigma_[axis]);
+        if (!(sigma > 0) || (n == 1 && boundary_.boundary != Boundary::border)) {
+            list.push_back({voxel[axis], 1});
+            continue;
+        }
+        auto const reach = static_cast<std::int64_t>(std::ceil(10 * sigma)) + 1;
+        long double mass = 0;
+        for (std::int64_t k = -reach; k <= reach; ++k) {
+            auto const distance = static_cast<long double>(k) / sigma;
+            long double const weight = std::exp(-0.5L * distance * distance);
+            mass += weight;
+            std::int64_t i = voxel[axis] + k;
+            if (boundary_.boundary == Boundary::clamp) i = std::clamp<std::int64_t>(i, 0, n - 1);
+            if (boundary_.boundary == Boundary::wrap) i = (i % n + n) % n;
+            if (boundary_.boundary == Boundary::mirror) {
+                i = (i % period + period) % period;
+                if (i >= n) i = period - 1 - i;
+            }
+            if (i >= 0 && i < n) list.push_back({i, weight});
+        }
+        for (auto& share : list) share.weight /= mass;
+    }
+    auto const values = input.as<double>();
+    Index3 const lower = input.box.lower;
+    long double sum = 0, inside = 0;
+    for (auto const& z : shares[2])
+        for (auto const& y : shares[1])
+            for (auto const& x : shares[0]) {
+                long double const weight = x.weight * y.weight * z.weight;
+                sum +=
+                    weight * static_cast<long double>(values(lower.x + x.index, lower.y + y.index, lower.z + z.index));
+                inside += weight;
+            }
+    if (boundary_.boundary == Boundary::border) sum += (1 - inside) * static_cast<long double>(passes_.border_value);
+    return static_cast<double>(sum);
+}
+
 void Gaussian::check() const {
     for (int axis = 0; axis < 3; ++axis)
         if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)
@@ -120,6 +168,7 @@ Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
 }
 
 Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
+    planned_sigma_ = sigma;
     int active = 0;
     for (int axis = 0; axis < 3; ++axis) active += sigma[axis] > 0 ? 1 : 0;
     passes_ = {};

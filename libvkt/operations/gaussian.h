@@ -68,6 +68,7 @@ public:
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
     std::vector<Knob> knobs() const override;
+    std::optional<double> by_definition(ConstView input, Index3 voxel) const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Plan plan_level(Header const& level, Index3 cell_width) override;
@@ -98,6 +99,7 @@ private:
     Roi region_;
 
     DataType type_ = DataType::uint8;
+    Vec3 planned_sigma_;        ///< in voxels
     std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
     bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
