@@ -526,12 +526,25 @@ __device__ __forceinline__ void add_counts(LossCounts const& counts, unsigned lo
 
 template <int inputs> struct Inputs { DeviceRows rows[inputs > 0 ? inputs : 1]; };
 
+/// A functor whose code is long, by its own word: `static constexpr bool is_long = true`.
+template <class F>
+concept IsLong = requires {
+    requires F::is_long;
+};
+
+/// There is one copy of a long functor in a kernel, not one for each of the thread's voxels.
+template <class F, class... V> __device__ __noinline__ auto called(F const& f, V... v) { return f(v...); }
+
 /// What a functor makes of one voxel at (x, y, z), whose values are v.
 template <class C, bool At, class F, std::size_t... k>
 __device__ __forceinline__ auto evaluate(F const& f, double x, double y, double z, C const* v, LossCounts& counts,
                                          std::index_sequence<k...>) {
     if constexpr (CountsUndefined<F, decltype(v[k])...>) counts.undefined += f.undefined(v[k]...) ? 1 : 0;
-    if constexpr (At)
+    if constexpr (IsLong<F> && At)
+        return called(f, x, y, z, v[k]...);
+    else if constexpr (IsLong<F>)
+        return called(f, v[k]...);
+    else if constexpr (At)
         return f(x, y, z, v[k]...);
     else
         return f(v[k]...);
@@ -568,8 +581,8 @@ template <int N> inline constexpr int most_rounds = N == 16 ? 1 : 4;
 /// `aligned` are the inputs if their packs are where those of the output are.
 template <class C, int N, int inputs, bool At, class F>
 __global__ void __launch_bounds__(block_threads, sizeof(C) == 4 ? 4 : 3)
-    map_packs(Rows rows, int rounds, bool aligned, Index3 lower, DeviceRows out, Inputs<inputs> in, F f,
-              unsigned long long* totals) {
+    map_packs(Rows rows, int rounds, bool aligned, Index3 lower, DeviceRows out, Inputs<inputs> in,
+              __grid_constant__ F const f, unsigned long long* totals) {
     using Result = ResultOf<C, At, inputs, F>;
     constexpr int K = packs_at_once<C, N, inputs>();
     constexpr auto all = std::make_index_sequence<inputs>{};
@@ -623,7 +636,8 @@ __global__ void __launch_bounds__(block_threads, sizeof(C) == 4 ? 4 : 3)
 /// The voxels of rows before and after their whole packs, one a thread: 2 * N threads a row.
 template <class C, int inputs, bool At, class F>
 __global__ void __launch_bounds__(block_threads)
-    map_edges(Rows rows, int N, Index3 lower, DeviceRows out, Inputs<inputs> in, F f, unsigned long long* totals) {
+    map_edges(Rows rows, int N, Index3 lower, DeviceRows out, Inputs<inputs> in, __grid_constant__ F const f,
+              unsigned long long* totals) {
     std::int64_t const item = static_cast<std::int64_t>(blockIdx.x) * block_threads + threadIdx.x;
     std::int64_t const row = item / (2 * N);
     LossCounts counts;
