@@ -49,10 +49,10 @@ std::string usage_line(Invocation& invocation) {
     for (auto const& p : invocation.own_parameters().all())
         if (p.positional) line += p.required ? text(" ", p.value_name) : text(" [", p.value_name, "]");
     if (!invocation.command().verbs.empty()) line += " METHOD";
-    int const inputs = invocation.operation()
-                           ? (invocation.operation()->input_names().empty() ? invocation.operation()->inputs() : 0)
-                       : invocation.consumer() ? invocation.consumer()->inputs()
-                                               : 0;
+    int const inputs =
+        invocation.operation() ? (invocation.operation()->input_names().empty() ? invocation.operation()->inputs() : 0)
+        : invocation.consumer() && invocation.consumer()->input_names().empty() ? invocation.consumer()->inputs()
+                                                                                : 0;
     for (int i = 0; i < inputs; ++i) line += " [IN]";
     if (invocation.command().takes_output) return line + " [OUT | -o OUT] [options]";
     if (invocation.yields_volumes()) line += " [-o OUT]";

@@ -105,7 +105,8 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
         line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
                      plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
     std::optional<WorkPlan> const work = reduction ? std::nullopt : work_of(operation, plan, inputs, execution);
-    if (is_tree(plan.output) && !inputs.empty() && !is_tree(inputs.front())) check_budget(plan.state_bytes, execution);
+    if (is_tree(plan.output) && (inputs.empty() || !is_tree(inputs.front())))
+        check_budget(std::max(plan.state_bytes, plan.output.bytes()), execution);
     if (operation != nullptr || reduction)
         line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;

@@ -326,12 +326,14 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
 std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
     std::vector<std::unique_ptr<Source>> sources;
     for (auto const& path : stage.inputs()) {
-        if (path == "-" && previous)
+        if (path == "-" && previous) {
             sources.push_back(std::move(previous));
-        else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error))
+            format_ = "vkt"; // what is computed has the format of a stream
+        } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
             sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
-        else
+        } else {
             sources.push_back(open(stage, path));
+        }
     }
     if (previous)
         throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),

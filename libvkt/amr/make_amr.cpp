@@ -230,7 +230,7 @@ AmrRecipe silcc_like() {
     return recipe;
 }
 
-Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
+AmrTree amr_tree(AmrRecipe const& recipe) {
     check(recipe);
     Header header;
     header.kind = Kind::hierarchical;
@@ -244,7 +244,13 @@ Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
     for (Brick const& brick : bricks)
         bytes += static_cast<double>(brick.cells()) * static_cast<double>(size_of(recipe.dtype));
     if (bytes > 0x1p40) throw Error(ErrorKind::resources, text("a tree of ", bytes_text(bytes), " is too large"));
-    Volume volume(header, std::move(bricks));
+    header = with_counts(std::move(header), bricks);
+    return {std::move(header), std::move(bricks)};
+}
+
+Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
+    AmrTree tree = amr_tree(recipe);
+    Volume volume(std::move(tree.header), std::move(tree.bricks));
     if (recipe.dtype == DataType::float32)
         fill<float>(volume, recipe.field, execution);
     else

@@ -6,6 +6,8 @@
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/volume.h"
 
+#include <vector>
+
 namespace vkt {
 
 /// constant: 1. linear: x + 2 y + 3 z with x, y, z in 0…1 over the domain. disk: a stratified, rippled disk with dense
@@ -34,8 +36,16 @@ struct AmrRecipe {
 /// 4096 x 4096 x 81920 and 142,190 leaf blocks: leaves come in steps of seven, 142,188 is not one of their counts.
 AmrRecipe silcc_like();
 
+/// A tree without its cells; the header counts the bricks.
+struct AmrTree {
+    Header header;
+    std::vector<Brick> bricks;
+};
+
 /// Builds the tree: refines towards shells around the clouds and the mid-plane, neighbours differ by one level at
 /// most. Deterministic. Throws Error{usage} for recipes that make no sense, Error{resources} for more than 2^26 blocks.
+AmrTree amr_tree(AmrRecipe const& recipe);
+/// The same with the field's averages in its cells.
 Volume make_amr(AmrRecipe const& recipe, Execution const& execution);
 
 /// The field at a position in finest cells, and its mean over a box of them.

@@ -189,7 +189,10 @@ void OperationSource::plan_volume() {
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     if (plan_.output.dry_run) return;
-    if (plan_.output.kind == Kind::hierarchical) return make_tree();
+    if (plan_.output.kind == Kind::hierarchical) {
+        if (!inputs_.empty()) make_tree(); // others wait until they are asked for
+        return;
+    }
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu) device_select(execution_.gpu);
@@ -275,13 +278,13 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
     if (info_.on_plan) info_.on_plan(plan_, headers);
 }
 
-/// The plan's output is hierarchical, its input is not.
+/// The plan's output is hierarchical, its input is not, or there is none.
 void OperationSource::make_tree() {
     execution_ = requested_;
     if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
     execution_.device = Device::cpu;
-    check_budget(plan_.state_bytes, requested_);
-    Volume const whole = load(*inputs_.front(), requested_);
+    check_budget(std::max(plan_.state_bytes, plan_.output.bytes()), requested_);
+    Volume const whole = inputs_.empty() ? Volume() : load(*inputs_.front(), requested_);
     inputs_used_up_ = true;
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     Volume result;
@@ -299,6 +302,7 @@ void OperationSource::make_tree() {
 }
 
 BrickSequence OperationSource::take_bricks() {
+    if (!tree_ && inputs_.empty() && plan_.output.kind == Kind::hierarchical) make_tree();
     if (!tree_) return Source::take_bricks();
     return std::move(*tree_);
 }

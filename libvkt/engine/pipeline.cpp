@@ -51,6 +51,24 @@ void tell_remarks(Operation const& operation, StageInfo const& info) {
 
 } // namespace
 
+void Operation::measure(Measurement& to) {
+    Source& source = *to.inputs.front();
+    while (source.next_volume()) {
+        reduce(source, *this, to.execution, to.info);
+        if (!source.header().dry_run) to.report(report());
+    }
+}
+
+bool only_planned(Operation& reduction, Measurement& of) {
+    auto const headers = collect(of.inputs, [](auto const& input) { return input->header(); });
+    Plan plan = reduction.plan(headers);
+    plan.output.dry_run = std::ranges::any_of(headers, [](Header const& header) { return header.dry_run; });
+    if (of.info.on_plan) of.info.on_plan(plan, headers);
+    if (!plan.output.dry_run) return false;
+    for (auto const& input : of.inputs) input->finish();
+    return true;
+}
+
 BrickSequence Source::take_bricks() { throw Error(ErrorKind::failure, "the source yields no hierarchical volumes"); }
 
 void Sink::put_bricks(BrickSequence) {

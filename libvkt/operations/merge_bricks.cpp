@@ -5,6 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/io/whole_text.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -378,15 +379,8 @@ std::vector<BrickFile> bricks_of(std::string const& path) {
             throw data_error(text("'", path, "' holds no bricks: neither ", manifest_name, " nor volumes"));
         return collect(names, [&](std::string const& name) { return BrickFile{in_folder(name), {}}; });
     }
-    auto const bytes = open_bytes(manifest_path.string());
-    std::string json;
-    constexpr std::size_t most = std::size_t{1} << 30, piece = std::size_t{1} << 16;
-    for (std::size_t n = 1; n > 0 && json.size() < most;) {
-        std::size_t const before = json.size();
-        json.resize(before + piece);
-        n = bytes->read(json.data() + before, piece);
-        json.resize(before + n);
-    }
+    constexpr std::size_t most = std::size_t{1} << 30;
+    std::string const json = whole_text(manifest_path.string(), most);
     BrickManifest const manifest = manifest_from_json(json, manifest_path.string());
     std::vector<BrickFile> files;
     std::vector<std::string> listed;
