@@ -128,8 +128,8 @@ public:
     /// brick by brick.
     virtual bool uses_position() const { return true; }
     /// Geometric operations that yield hierarchical volumes (of such, or of structured ones if the plan says so)
-    /// compute them here, after plan(), and say true. So do sources of hierarchical volumes, whose plan tells the counts
-    /// of bricks, and which are given an empty input.
+    /// compute them here, after plan(), and say true. So do sources of hierarchical volumes, whose plan tells the
+    /// counts of bricks, and which are given an empty input.
     virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
     /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
     /// run() then computes region by region from it: the footprint of such an input is empty.

@@ -45,7 +45,7 @@ struct Measurement {
     std::vector<std::unique_ptr<Source>>& inputs;
     Execution execution;
     StageInfo info;
-    ReportForm form; ///< in which the reports will be printed
+    ReportForm form;                    ///< in which the reports will be printed
     std::function<void(Report)> report; ///< takes the report of one volume after the other
     /// Takes text as it comes, which is what the command prints instead of reports.
     std::function<void(std::string_view)> print;
