@@ -52,7 +52,7 @@ public:
     void parameters(Parameters& p) override {
         p.positional("in", files_, "inputs: files of any known format, a stream, or '-' (the default)").optional();
         statistics_.parameters(p);
-        p.option("mask", mask_, "FILE", "only voxels where this volume, of the same dims, is not 0");
+        p.option("mask", mask_, "FILE", "only voxels where this volume, of the same dims and place, is not 0");
         p.option("labels", labels_, "FILE", "a row for each label in this volume of integers, 0 among them");
         p.option("per", axis_, "AXIS", "a row for each slice across this axis: x, y or z");
         p.flag("csv", csv_, "print CSV: names, then a line for each volume or row").not_in_history();
