@@ -181,6 +181,32 @@ assert abs(a - b).max() < 0.02 * (a.max() - a.min()), abs(a - b).max() / (a.max(
     grep -q 'error at most' plan
 }
 
+@test "every sigma is a length: filters made of Gaussians answer a wave alike on all levels" {
+    python_with numpy
+    check "
+wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
+np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
+    for levels in 3 4; do
+        vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
+        vkt resample wave.vkt --method nearest | raw >before
+        for filter in log dog sharpen bilateral; do
+            range=
+            [ $filter != bilateral ] || range='--range-sigma 1e6'
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 4 $range --boundary wrap | vkt resample --method nearest | raw >after
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 2 --unit world $range --boundary wrap | vkt resample --method nearest | raw | cmp - after
+            check "
+a, b = (np.fft.rfft(np.fromfile(f).reshape(64, 64, 64)[0, 0])[1] for f in ('after', 'before'))
+k = 2 * np.pi / 64
+def gauss(sigma): return np.exp(-0.5 * (k * sigma) ** 2)
+want = {'log': -(k / 0.5) ** 2 * gauss(4), 'dog': gauss(4) - gauss(6.4), 'sharpen': 2 - gauss(4), 'bilateral': gauss(4)}['$filter']
+# On the coarsest level eight cells make a wave.
+assert abs(a / b / want - 1) < 0.03, ('$filter', $levels, a / b, want)"
+        done
+    done
+}
+
 @test "no reconstruction leaves the range of the cells" {
     python_with numpy
     check "
