@@ -231,7 +231,7 @@ private:
                 }
                 if (!one.name.empty()) {
                     names.insert(0, "name,");
-                    values.insert(0, csv_word(one.name) + ",");
+                    values.insert(0, csv_word(printable(one.name)) + ",");
                 }
                 if (names != last_names) lines += names + "\n";
                 last_names = names;
