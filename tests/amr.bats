@@ -333,6 +333,22 @@ while at < len(b):
     at += 12 + n
 print(zlib.decompress(data).hex())" "$1"; }
 
+@test "AMReX: pipes and devices among the files are refused, not waited for" {
+    needs_data amr/plt_eb_3d
+    cp -r "$VKT_DATA/amr/plt_eb_3d" plt
+    chmod -R u+w plt
+    for part in Level_0/Cell_D_00000 Level_1/Cell_H; do
+        mv plt/$part kept
+        mkfifo plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        ln -s /dev/zero plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        mv kept plt/$part
+    done
+}
+
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree
     look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"
