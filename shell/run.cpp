@@ -131,6 +131,7 @@ public:
     bool verbose() const override { return invocation_.common().verbose; }
     std::string const& output() const override { return invocation_.common().output; }
     bool force() const override { return invocation_.common().force; }
+    bool trust_paths() const override { return invocation_.common().trust_paths; }
     bool window() const override;
     void print(std::string const& report) override;
     void note(std::string const& message) override;

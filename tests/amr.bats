@@ -181,6 +181,32 @@ assert abs(a - b).max() < 0.02 * (a.max() - a.min()), abs(a - b).max() / (a.max(
     grep -q 'error at most' plan
 }
 
+@test "every sigma is a length: filters made of Gaussians answer a wave alike on all levels" {
+    python_with numpy
+    check "
+wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
+np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
+    for levels in 3 4; do
+        vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
+        vkt resample wave.vkt --method nearest | raw >before
+        for filter in log dog sharpen bilateral; do
+            range=
+            [ $filter != bilateral ] || range='--range-sigma 1e6'
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 4 $range --boundary wrap | vkt resample --method nearest | raw >after
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 2 --unit world $range --boundary wrap | vkt resample --method nearest | raw | cmp - after
+            check "
+a, b = (np.fft.rfft(np.fromfile(f).reshape(64, 64, 64)[0, 0])[1] for f in ('after', 'before'))
+k = 2 * np.pi / 64
+def gauss(sigma): return np.exp(-0.5 * (k * sigma) ** 2)
+want = {'log': -(k / 0.5) ** 2 * gauss(4), 'dog': gauss(4) - gauss(6.4), 'sharpen': 2 - gauss(4), 'bilateral': gauss(4)}['$filter']
+# On the coarsest level eight cells make a wave.
+assert abs(a / b / want - 1) < 0.03, ('$filter', $levels, a / b, want)"
+        done
+    done
+}
+
 @test "no reconstruction leaves the range of the cells" {
     python_with numpy
     check "
@@ -306,6 +332,22 @@ while at < len(b):
     if kind == b'IDAT': data += b[at + 8:at + 8 + n]
     at += 12 + n
 print(zlib.decompress(data).hex())" "$1"; }
+
+@test "AMReX: pipes and devices among the files are refused, not waited for" {
+    needs_data amr/plt_eb_3d
+    cp -r "$VKT_DATA/amr/plt_eb_3d" plt
+    chmod -R u+w plt
+    for part in Level_0/Cell_D_00000 Level_1/Cell_H; do
+        mv plt/$part kept
+        mkfifo plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        ln -s /dev/zero plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        mv kept plt/$part
+    done
+}
 
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree

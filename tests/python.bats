@@ -268,6 +268,22 @@ except vkt.Error as e: assert e.exit_code == 3
 else: assert False'
 }
 
+@test "what files and arguments say comes as one line that terminals show" {
+    python <<'EOF'
+import unicodedata
+open("evil.nrrd", "wb").write(b"NRRD0004\ntype: \x1b[31m\xff\xc2\x9b\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\na")
+volume = vkt.apply("make noise", dims=(4, 4, 4))
+for attempt in (lambda: vkt.read("no\033[31m\nsuch"), lambda: vkt.read("evil.nrrd"), lambda: volume.apply("flip \033[2J"),
+                lambda: volume.apply("filter gaussian", sigma="\u202e\n"), lambda: volume.write("no\033/x.nrrd")):
+    try:
+        attempt()
+        raise AssertionError("no error")
+    except vkt.Error as e:
+        said = str(e) + e.hint
+        assert not any(unicodedata.category(c) in ("Cc", "Cf", "Cs") for c in said), repr(said)
+EOF
+}
+
 @test "a copy of a volume is the volume, and pickling is refused" {
     python <<'EOF'
 import copy, gc, pickle

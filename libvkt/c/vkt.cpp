@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
 #include "libvkt/core/pool.h"
+#include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/io/system_error.h"
@@ -44,8 +45,8 @@ LastError failed(vkt_status status, char const* message, char const* hint = "") 
     LastError error;
     error.status = status;
     try {
-        error.message = message;
-        error.hint = hint;
+        error.message = printable(message); // what files and arguments say is in it
+        error.hint = printable(hint);
     } catch (std::exception const&) { // no memory for the text; the status remains
         error.message.clear();
         error.hint.clear();
@@ -174,7 +175,7 @@ std::vector<Volume> volumes_of(vkt_volume const* const* inputs, size_t count) {
 /// Takes what was lost, one remark a line.
 Listener into(std::string& remarks) {
     return [&remarks](std::string const&, std::string const& message, bool lossy) {
-        if (lossy) remarks += (remarks.empty() ? "" : "\n") + message;
+        if (lossy) remarks += (remarks.empty() ? "" : "\n") + printable(message);
     };
 }
 

@@ -47,7 +47,8 @@ typedef struct vkt_description {
 
 VKT_API char const* vkt_version(void);
 
-/* About the last call of this thread that failed; valid until it makes another call. */
+/* About the last call of this thread that failed; valid until it makes another call. One line of UTF-8 that a terminal
+   shows and does not act on, whatever files and arguments say. */
 VKT_API char const* vkt_error(void);
 VKT_API char const* vkt_error_hint(void); /* what to do instead; may be "" */
 VKT_API vkt_status vkt_error_status(void);

@@ -62,7 +62,7 @@ Texts Stats::texts() const {
 void Stats::parameters(Parameters& p) {
     p.positional("in", files, "inputs: files of any known format, a stream, or '-' (the default)").optional();
     statistics_.parameters(p);
-    p.option("mask", mask, "FILE", "only voxels where this volume, of the same dims, is not 0");
+    p.option("mask", mask, "FILE", "only voxels where this volume, of the same dims and place, is not 0");
     p.option("labels", labels, "FILE", "a row for each label in this volume of integers, 0 among them");
     p.option("per", axis, "AXIS", "a row for each slice across this axis: x, y or z");
     p.flag("mergeable", mergeable, "print JSON that --merge takes").not_in_history();

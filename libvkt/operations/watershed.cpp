@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/watershed.h"
 
-#include "libvkt/core/frame.h"
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/operations/distance.h"
 #include "libvkt/operations/remarks.h"
+#include "libvkt/operations/same_grid.h"
 #include "libvkt/operations/zero.h"
 
 #include <algorithm>
@@ -115,20 +115,8 @@ Plan Watershed::plan(std::span<Header const> inputs) {
                        : depth > 0 ? "deep minima"
                                    : "all minima",
                        ", ", connectivity, "-connected, one thread");
-    for (std::size_t i = 1; i < inputs.size(); ++i) {
-        Header const& other = inputs[i];
-        char const* const what = i == 1 && markers ? "markers" : "mask";
-        if (first.kind != other.kind)
-            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt resample --cells 50M");
-        std::string const hint = text("put it onto the grid of the volume first: vkt resample --method nearest --like");
-        if (!(first.dims == other.dims))
-            throw Error(ErrorKind::usage,
-                        text("the ", what, " differ in size: ", other.dims, " voxels, not ", first.dims), hint);
-        if (!same_geometry(first.geometry, geometry_beside(first, other)))
-            throw Error(ErrorKind::usage,
-                        text("the ", what, " lie at another place in the world (origin, spacing or direction)"), hint);
-    }
+    for (std::size_t i = 1; i < inputs.size(); ++i)
+        require_same_grid(first, inputs[i], i == 1 && markers ? "--markers" : "--mask");
     if (first.kind == Kind::hierarchical) return plan; // refused by the engine
     if (markers && !is_integer(inputs[1].dtype))
         throw Error(ErrorKind::usage, text("markers are labels, and cannot be ", inputs[1].dtype),
