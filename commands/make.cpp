@@ -9,7 +9,7 @@ namespace vkt::shell {
 
 namespace {
 
-/// A hierarchical volume: it is made as a whole, so this opens it as if it were a file.
+/// A hierarchical volume, opened as if it were a file.
 class MakeAmr : public Opener {
 public:
     void parameters(Parameters& p) override {
@@ -44,7 +44,7 @@ public:
         }
         recipe.field = field_;
         recipe.dtype = dtype_;
-        return volume_source({make_amr(recipe, context.execution())});
+        return brick_source(amr_bricks(recipe, context.execution()));
     }
 
 private:

@@ -380,3 +380,48 @@ d = json.load(open('info.json'))['dims']
 assert abs(d[0] * d[1] * d[2] - 20000) < 2000, d"
     done
 }
+
+@test "a tree that was cut off or damaged, or whose upstream failed, never passes for a whole one" {
+    tree
+    vkt read t.vkt --memory 4M >whole.vkt # several frames of cells
+    local size offset operation
+    size=$(stat -c %s whole.vkt)
+    "$VKT_ROOT/tests/frames.py" whole.vkt | awk '$2 == "cut" { print $1 }' >offsets
+    [ "$(wc -l <offsets)" -ge 5 ]
+    for operation in 'convert --dtype float64' 'filter gaussian --sigma 1' 'filter gaussian --sigma 1 --memory 4M' \
+        'stats' 'stats --percentiles 50' 'histogram' 'crop --roi 0:8,:,:' 'flip x' 'set --units K' 'info' 'read'; do
+        for offset in $(cat offsets) $((size / 3)) $((size - 1)); do
+            head -c "$offset" whole.vkt >cut.vkt
+            # shellcheck disable=SC2086
+            run --separate-stderr vkt $operation cut.vkt -o out.vkt
+            [ "$status" -eq 3 ] && [ ! -e out.vkt ] || { echo "$operation, $offset bytes: $status" >&2; false; }
+        done
+        # A cell, the table, and what another stage says.
+        for offset in $((size / 2)) 1500; do
+            cp whole.vkt bad.vkt
+            printf '\x5a\xa5' | dd of=bad.vkt bs=1 seek="$offset" conv=notrunc status=none
+            # shellcheck disable=SC2086
+            run --separate-stderr vkt $operation bad.vkt -o out.vkt
+            [ "$status" -eq 3 ] && [ ! -e out.vkt ] || { echo "$operation, byte $offset changed: $status" >&2; false; }
+        done
+        # shellcheck disable=SC2086
+        run --separate-stderr bash -c "vkt arith add cut.vkt 1 2>/dev/null | vkt $operation - -o out.vkt"
+        [ "$status" -ne 0 ] && [ ! -e out.vkt ] || { echo "$operation after a failure: $status" >&2; false; }
+    done
+}
+
+@test "kill -9 of a stage that spools a tree leaves nothing" {
+    tree --block-size 16
+    mkdir spool pipes
+    export TMPDIR=$PWD/spool
+    mkfifo pipes/in
+    vkt filter gaussian pipes/in --sigma 1 --memory 4M -o out.vkt 3>&- &
+    local stage=$!
+    exec 9>pipes/in
+    head -c 3000000 t.vkt >&9 # it waits for more
+    kill -KILL $stage
+    exec 9>&-
+    run wait $stage
+    [ ! -e out.vkt ] && [ -z "$(ls -A spool)" ]
+    [ "$(ls)" = "$(printf 'pipes\nspool\nt.vkt')" ]
+}

@@ -156,6 +156,56 @@ EOF
     done
 }
 
+@test "a tree eight times the budget goes through pointwise, neighbourhood and reduction operations, from file and pipe" {
+    export TMPDIR=$PWD/spool
+    mkdir spool
+    vkt make amr --blocks 8 --levels 2 -o tiny.vkt
+    vkt make amr --blocks 2048 --levels 6 --block-size 16 -o big.vkt # 32 MiB
+    local base most command from
+    while read -r command; do
+        # shellcheck disable=SC2086
+        base=$(peak vkt ${command/@/tiny.vkt} -o out.vkt --force)
+        # shellcheck disable=SC2086
+        vkt ${command/@/big.vkt} -o expected.vkt --force
+        for from in big.vkt -; do
+            # shellcheck disable=SC2086
+            most=$(vkt read big.vkt --memory 4M | peak vkt ${command/@/$from} --memory 4M -o out.vkt --force)
+            [ "$most" -le $((base + 4)) ] || { echo "$command from $from: $most MiB beside $base" >&2; false; }
+            case $command in
+            stats* | histogram*) cmp out.vkt expected.vkt ;;
+            *)
+                vkt arith sub out.vkt expected.vkt --dtype float64 | vkt stats --json >difference
+                grep -q '"min": 0,' difference && grep -q '"max": 0,' difference
+                ;;
+            esac
+        done
+    done <<'EOF'
+arith mul @ big.vkt
+convert @ --dtype uint8 --range minmax
+filter gaussian @ --sigma 1
+flip x @
+histogram @ --bins 8 --range 0:1
+stats @ --percentiles 50
+EOF
+    [ -z "$(ls -A spool)" ]
+    # What it will be is said before.
+    vkt convert big.vkt --dtype uint8 --memory 4M -n -o x.vkt 2>&1 | grep -q 'convert: .*, streaming$'
+    vkt convert big.vkt --dtype uint8 --range minmax --memory 4M -n -o x.vkt 2>&1 | grep -q 're-reads a file, spools a pipe'
+    vkt filter gaussian big.vkt --memory 4M -n -o x.vkt 2>&1 | grep -q 'a window of bricks .* spools its result$'
+    vkt filter gaussian big.vkt -n -o x.vkt 2>&1 | grep -q 'holds the whole volume'
+    vkt stats big.vkt --memory 4M --explain 2>&1 >report | grep -q 'stats: .*, streaming$'
+}
+
+@test "a brick beyond the budget, or one with neighbours that are, is refused before anything is written" {
+    vkt make amr --blocks 1 --levels 1 --block-size 120 -o one.vkt # 6.6 MiB
+    fails_with 5 'the budget is 4' vkt convert one.vkt --dtype uint8 --range 0:1 --memory 4M -o x.vkt
+    fails_with 5 'the budget is 4' vkt stats one.vkt --memory 4M
+    vkt make amr --blocks 8 --levels 2 --block-size 60 -o eight.vkt # 0.8 MiB each
+    fails_with 5 'a brick with its neighbours' vkt filter gaussian eight.vkt --sigma 1 --memory 6M -o x.vkt
+    [ ! -e x.vkt ]
+    vkt convert eight.vkt --dtype uint8 --range 0:1 --memory 6M -o x.vkt
+}
+
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
 @test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
     export TMPDIR=$PWD
