@@ -78,9 +78,9 @@ private:
     void write_frame(FrameHeader frame, std::span<iovec> parts);
     void write_voxels(FrameHeader const& frame, std::span<std::byte const> head, Slab& slab);
     void meet_consumer();
-    bool take_slot();
+    bool take_slot(std::size_t bytes);
     void write_table(std::span<Brick const> bricks);
-    void write_bricks(BricksHeader const& head, std::span<std::byte const> cells);
+    void write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most);
     void count(FrameHeader const& frame, std::size_t bytes);
     bool may_splice(Slab const& slab);
     void recycle(Slab slab);
@@ -165,12 +165,12 @@ void StreamSink::Writer::meet_consumer() {
     options_.notice("the next stage does not share memory: voxels go through the pipe");
 }
 
-/// Puts the current slab into a slot of shared memory; false if there is none to be had.
-bool StreamSink::Writer::take_slot() {
+/// Puts the current slab into a slot of shared memory that has so many bytes; false if there is none to be had.
+bool StreamSink::Writer::take_slot(std::size_t bytes) {
     try {
         if (channel_->ring() == nullptr || channel_->ring()->slots() < shared_slots ||
-            channel_->ring()->slot_bytes() < current_.bytes)
-            channel_->share_ring(shared_slots, current_.bytes);
+            channel_->ring()->slot_bytes() < bytes)
+            channel_->share_ring(shared_slots, bytes);
     } catch (Error const& e) {
         shares_ = false;
         if (!std::exchange(told_, true) && options_.notice)
@@ -195,7 +195,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
                                   static_cast<std::size_t>(box.lower.y) * row,
                               header_.dtype, box);
         }
-        if (take_slot()) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
+        if (take_slot(current_.bytes)) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
     }
     {
         std::unique_lock lock(mutex_);
@@ -358,23 +358,34 @@ void StreamSink::Writer::write_table(std::span<Brick const> bricks) {
 }
 
 void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
-    std::size_t const all = sequence.bricks().size(), limit = std::min(brick_frame_bytes, sequence.group_bytes());
-    write_table(sequence.bricks());
-    for (std::size_t first = 0, n = 0; first < all; first += n) {
-        n = std::min(sequence.group(first, limit), bricks_per_frame);
+    auto const& bricks = sequence.bricks();
+    std::size_t const limit = std::min(brick_frame_bytes, sequence.group_bytes()),
+                      size = size_of(sequence.header().dtype);
+    auto const frame_of = [&](std::size_t first) { return std::min(sequence.group(first, limit), bricks_per_frame); };
+    auto const bytes_of = [&](std::size_t first, std::size_t n) {
         std::size_t cells = 0;
-        for (std::size_t i = first; i < first + n; ++i) cells += static_cast<std::size_t>(sequence.bricks()[i].cells());
-        write_bricks({first, n}, {sequence.cells(first, n), cells * size_of(sequence.header().dtype)});
+        for (std::size_t i = first; i < first + n; ++i) cells += static_cast<std::size_t>(bricks[i].cells());
+        return cells * size;
+    };
+    write_table(bricks);
+    std::size_t most = 0; // of all frames, so that one ring of slots does for them
+    for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
+        n = frame_of(first);
+        most = std::max(most, bytes_of(first, n));
+    }
+    for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
+        n = frame_of(first);
+        write_bricks({first, n}, {sequence.cells(first, n), bytes_of(first, n)}, most);
     }
 }
 
-void StreamSink::Writer::write_bricks(BricksHeader const& head, std::span<std::byte const> cells) {
+void StreamSink::Writer::write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most) {
     current_ = {};
     current_.bytes = cells.size();
     FrameHeader frame{FrameType::bricks, flag_required, sizeof head, 0, 0};
     SharedCells shared;
     std::array<iovec, 2> parts{part(&head, sizeof head), part(cells.data(), cells.size())};
-    if (shares_ && take_slot()) {
+    if (shares_ && take_slot(most)) {
         std::memcpy(channel_->slot(*current_.slot), cells.data(), cells.size());
         shared.slot = *current_.slot;
         parts[1] = part(&shared, sizeof shared);

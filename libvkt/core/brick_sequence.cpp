@@ -47,6 +47,7 @@ std::size_t BrickSequence::bytes_of(std::size_t first, std::size_t count) const 
 }
 
 std::byte const* BrickSequence::cells(std::size_t first, std::size_t count) {
+    if (count == 0) return nullptr;
     if (whole_)
         return whole_->buffer().read(Space::host) +
                static_cast<std::size_t>(whole_->brick_offset(first)) * size_of(header().dtype);
@@ -58,6 +59,7 @@ std::byte const* BrickSequence::cells(std::size_t first, std::size_t count) {
 }
 
 void BrickSequence::read(std::size_t first, std::size_t count, std::byte* to) {
+    if (count == 0) return;
     if (whole_)
         std::memcpy(to, cells(first, count), bytes_of(first, count));
     else
@@ -66,9 +68,14 @@ void BrickSequence::read(std::size_t first, std::size_t count, std::byte* to) {
 
 Volume BrickSequence::whole() && {
     if (whole_) return std::move(*whole_);
-    std::size_t const count = bricks_->size();
-    Volume volume(std::move(header_), *bricks_);
-    read_(0, count, volume.buffer().write(Space::host));
+    Volume volume(header_, *bricks_);
+    std::byte* to = volume.buffer().write(Space::host);
+    // In groups: a reader that makes the bricks of others holds as many of those.
+    for (std::size_t first = 0, n = 0; first < bricks_->size(); first += n) {
+        n = group(first, group_bytes_);
+        read_(first, n, to);
+        to += bytes_of(first, n);
+    }
     return volume;
 }
 

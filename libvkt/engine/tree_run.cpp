@@ -364,7 +364,8 @@ public:
         : operation_(operation), input_(std::move(input)), execution_(execution), info_(info), options_(options) {
         Header const& header = input_.header();
         for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels_[input_.bricks()[b].level].push_back(b);
-        plan = levels_.empty() ? operation_.plan({&header, 1}) : plan_level(levels_.begin()->first);
+        plan = levels_.empty() ? operation_.plan({&header, 1})
+                               : plan_level(levels_.begin()->first, lattice(levels_.begin()->first));
         output_ = plan.output;
         output_.kind = Kind::hierarchical;
         output_.dims = header.dims;
@@ -376,6 +377,7 @@ public:
         std::size_t const largest = input_.largest_brick();
         whole_ =
             tree_work(Shape::neighbourhood, plan, {&header, 1}, {&largest, 1}, execution_).access == TreeAccess::whole;
+        if (!whole_) require_room();
     }
 
     BrickSequence bricks(Header header, std::shared_ptr<Work> const& self) override {
@@ -402,13 +404,22 @@ private:
         return within(region_of(input_.header()), lattice_of(input_.header().dims, any));
     }
 
-    Plan plan_level(int level) {
-        LevelLattice const at = lattice(level);
-        Plan result = operation_.plan_level(level_header(input_.header(), at), at.width);
-        if (result.scans) refuse(operation_, "it looks at all values first, and levels would differ");
-        if (result.access == Access::random || !(result.output.dims == at.dims))
+    /// The operation works on one level at a time, for which it was planned last.
+    Plan const& plan_level(int level, LevelLattice const& at) {
+        if (std::exchange(planned_, level) == level) return level_plan_;
+        level_plan_ = operation_.plan_level(level_header(input_.header(), at), at.width);
+        if (level_plan_.scans) refuse(operation_, "it looks at all values first, and levels would differ");
+        if (level_plan_.access == Access::random || !(level_plan_.output.dims == at.dims))
             refuse(operation_, "it needs more than a neighbourhood");
-        return result;
+        return level_plan_;
+    }
+
+    /// Prepares the operation for a level.
+    LevelLattice enter(int level) {
+        LevelLattice const at = lattice(level);
+        plan_level(level, at);
+        operation_.enter_level(at.width, at.lower);
+        return at;
     }
 
     /// Throws Error{resources} if a brick with its neighbours needs more than there is for them.
@@ -418,9 +429,7 @@ private:
         auto const size = static_cast<double>(size_of(input_.header().dtype));
         std::vector<std::int32_t> near;
         for (auto const& [level, bricks] : levels_) {
-            LevelLattice const at = lattice(level);
-            plan_level(level);
-            operation_.enter_level(at.width, at.lower);
+            LevelLattice const at = enter(level);
             for (std::size_t const b : bricks) {
                 Box const box = intersect(lattice_box(at, input_.bricks()[b]), box_of(at.dims));
                 if (box.empty()) continue;
@@ -464,10 +473,8 @@ private:
             file_ = std::make_unique<BrickSpool>(output_, input_.table(), execution_, info_);
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
         for (auto const& [level, bricks] : levels_) {
-            LevelLattice const at = lattice(level);
-            Plan const own = plan_level(level);
-            operation_.enter_level(at.width, at.lower);
-            for (std::size_t const b : bricks) run_brick(at, own, b, cells, filler);
+            LevelLattice const at = enter(level);
+            for (std::size_t const b : bricks) run_brick(at, b, cells, filler);
             for (Remark const& remark : operation_.remarks()) remarks_.push_back(remark);
         }
         if (info_.times) info_.times->voxels += input_.header().voxels();
@@ -489,8 +496,7 @@ private:
         return survey;
     }
 
-    void run_brick(LevelLattice const& lattice, Plan const& own, std::size_t b, BrickCells& cells,
-                   GhostFiller& filler) {
+    void run_brick(LevelLattice const& lattice, std::size_t b, BrickCells& cells, GhostFiller& filler) {
         Box const whole = lattice_box(lattice, input_.bricks()[b]), box = intersect(whole, box_of(lattice.dims));
         DataType const type = input_.header().dtype;
         std::byte* at = nullptr;
@@ -508,18 +514,18 @@ private:
             cells.want({&id, 1});
             copy(dense_view(cells.of(id), type, whole), to);
         }
-        if (!box.empty()) run_inside(lattice, own, to.part(box), filler);
+        if (!box.empty()) run_inside(lattice, to.part(box), filler);
         if (!whole_) file_->store(b, 1, at);
     }
 
-    void run_inside(LevelLattice const& lattice, Plan const& own, AnyView out, GhostFiller& filler) {
+    void run_inside(LevelLattice const& lattice, AnyView out, GhostFiller& filler) {
         Box const needed = operation_.footprint(out.box, 0);
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
         if (bytes > static_cast<double>(execution_.memory)) refuse_neighbourhood(bytes);
         grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
         AnyView const grown = dense_view(grown_.data(), type, needed);
-        if (!needed.empty()) filler.fill(lattice, grown, own.boundary, own.border_value);
+        if (!needed.empty()) filler.fill(lattice, grown, level_plan_.boundary, level_plan_.border_value);
         ConstView const view = grown;
         operation_.run({&view, 1}, out, execution_for(out.box, execution_));
     }
@@ -531,8 +537,10 @@ private:
     TreeOptions options_;
     Header output_;
     std::map<int, std::vector<std::size_t>> levels_; ///< and their bricks
+    int planned_ = -1;                               ///< level that the operation was planned for last,
+    Plan level_plan_;                                ///< and how
     std::optional<BrickIndex> index_;
-    bool whole_ = true;                              ///< all is done in memory
+    bool whole_ = true; ///< all is done in memory
     bool computed_ = false;
     std::optional<Volume> memory_;     ///< the result, there
     std::unique_ptr<BrickSpool> file_; ///< or there
