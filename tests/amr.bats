@@ -388,25 +388,30 @@ assert abs(d[0] * d[1] * d[2] - 20000) < 2000, d"
     size=$(stat -c %s whole.vkt)
     "$VKT_ROOT/tests/frames.py" whole.vkt | awk '$2 == "cut" { print $1 }' >offsets
     [ "$(wc -l <offsets)" -ge 5 ]
-    for operation in 'convert --dtype float64' 'filter gaussian --sigma 1' 'filter gaussian --sigma 1 --memory 4M' \
-        'stats' 'stats --percentiles 50' 'histogram' 'crop --roi 0:8,:,:' 'flip x' 'set --units K' 'info' 'read'; do
+    # fails STATUS FILE: with it, and says nothing else; the operation is $operation.
+    fails() {
+        # shellcheck disable=SC2086
+        run --separate-stderr vkt ${operation/@/$2}
+        [ "$status" -eq "$1" ] && [ -z "$output" ] && [ ! -e out.vkt ] || {
+            echo "$operation, $3: $status" >&2
+            return 1
+        }
+    }
+    for operation in 'convert @ --dtype float64 -o out.vkt' 'filter gaussian @ --sigma 1 -o out.vkt' \
+        'filter gaussian @ --sigma 1 --memory 4M -o out.vkt' 'stats @' 'stats @ --percentiles 50' 'histogram @' \
+        'crop @ --roi 0:8,:,: -o out.vkt' 'flip x @ -o out.vkt' 'set @ --units K -o out.vkt' 'info @' 'read @ -o out.vkt'; do
         for offset in $(cat offsets) $((size / 3)) $((size - 1)); do
             head -c "$offset" whole.vkt >cut.vkt
-            # shellcheck disable=SC2086
-            run --separate-stderr vkt $operation cut.vkt -o out.vkt
-            [ "$status" -eq 3 ] && [ ! -e out.vkt ] || { echo "$operation, $offset bytes: $status" >&2; false; }
+            fails 3 cut.vkt "$offset bytes"
         done
-        # A cell, the table, and what another stage says.
+        # A cell, and the table.
         for offset in $((size / 2)) 1500; do
             cp whole.vkt bad.vkt
             printf '\x5a\xa5' | dd of=bad.vkt bs=1 seek="$offset" conv=notrunc status=none
-            # shellcheck disable=SC2086
-            run --separate-stderr vkt $operation bad.vkt -o out.vkt
-            [ "$status" -eq 3 ] && [ ! -e out.vkt ] || { echo "$operation, byte $offset changed: $status" >&2; false; }
+            fails 3 bad.vkt "byte $offset changed"
         done
-        # shellcheck disable=SC2086
-        run --separate-stderr bash -c "vkt arith add cut.vkt 1 2>/dev/null | vkt $operation - -o out.vkt"
-        [ "$status" -ne 0 ] && [ ! -e out.vkt ] || { echo "$operation after a failure: $status" >&2; false; }
+        # What another stage says.
+        vkt arith add cut.vkt 1 2>/dev/null | fails 3 - "after a failure"
     done
 }
 

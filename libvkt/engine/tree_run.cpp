@@ -354,9 +354,6 @@ LevelLattice within(Box const& region, LevelLattice lattice) {
     return lattice;
 }
 
-/// Bytes of bricks and their neighbours that are kept where not all are.
-std::size_t window_bytes(Execution const& execution) { return 4 * piece_limit(execution); }
-
 class NeighbourhoodWork : public TreeRun::Work {
 public:
     NeighbourhoodWork(Operation& operation, BrickSequence input, Execution const& execution, StageInfo const& info,
@@ -375,8 +372,9 @@ public:
         plan.output = output_ = with_counts(output_, input_.bricks());
         if (!is_uniform(header)) plan.error = ErrorBound::none_known();
         std::size_t const largest = input_.largest_brick();
-        whole_ =
-            tree_work(Shape::neighbourhood, plan, {&header, 1}, {&largest, 1}, execution_).access == TreeAccess::whole;
+        TreeWork const work = tree_work(Shape::neighbourhood, plan, {&header, 1}, {&largest, 1}, execution_);
+        whole_ = work.access == TreeAccess::whole;
+        window_ = work.keep;
         if (!whole_) require_room();
     }
 
@@ -447,7 +445,7 @@ private:
                     if (domain_meets(brick, dims, lower, upper)) cells += static_cast<double>(brick.cells());
                 }
                 bytes = std::max(bytes, cells * size);
-                if (bytes > static_cast<double>(window_bytes(execution_))) refuse_neighbourhood(bytes);
+                if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
             }
         }
     }
@@ -463,7 +461,7 @@ private:
     void compute() {
         CellSurvey const survey = look_at_all();
         if (!index_) index_.emplace(input_.header().dims, input_.bricks());
-        BrickCells cells(input_, window_bytes(execution_));
+        BrickCells cells(input_, window_);
         GhostFiller filler(cells, *index_, survey.brick(),
                            ghost_rule(input_.header(), input_.bricks(), options_, survey.range()),
                            execution_.instructions);
@@ -522,7 +520,7 @@ private:
         Box const needed = operation_.footprint(out.box, 0);
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
-        if (bytes > static_cast<double>(execution_.memory)) refuse_neighbourhood(bytes);
+        if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
         grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
         AnyView const grown = dense_view(grown_.data(), type, needed);
         if (!needed.empty()) filler.fill(lattice, grown, level_plan_.boundary, level_plan_.border_value);
@@ -540,7 +538,8 @@ private:
     int planned_ = -1;                               ///< level that the operation was planned for last,
     Plan level_plan_;                                ///< and how
     std::optional<BrickIndex> index_;
-    bool whole_ = true; ///< all is done in memory
+    std::size_t window_ = 0; ///< bytes that a brick with its neighbours may take
+    bool whole_ = true;      ///< all is done in memory
     bool computed_ = false;
     std::optional<Volume> memory_;     ///< the result, there
     std::unique_ptr<BrickSpool> file_; ///< or there
@@ -621,12 +620,17 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
     if (shape == Shape::neighbourhood) {
         constexpr double index = 64, lists = sizeof(std::size_t) + 2 * BrickSpool::bytes_per_brick, workspace = 0x1p20;
         bytes += static_cast<double>(inputs[0].brick_count) * (index + lists) + workspace;
-        if (bytes + cells <= budget) {
+        if (bytes + cells + budget / 16 <= budget) {
             work.access = TreeAccess::whole;
             bytes += cells;
+            work.keep = static_cast<std::size_t>(budget - bytes);
         } else {
             work.access = TreeAccess::window;
-            bytes += groups + 2 * static_cast<double>(window_bytes(execution));
+            bytes += groups;
+            double const room = std::max(budget - bytes, 0.0), most = 4 * static_cast<double>(piece_limit(execution));
+            work.keep =
+                static_cast<std::size_t>(std::min(most, room / 2)); // of neighbours, and of what is made of them
+            bytes += 2 * static_cast<double>(work.keep);
         }
     } else if (!reduces && plan.output.kind == Kind::structured) {
         work.access = TreeAccess::whole;
@@ -646,7 +650,7 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
     // Tables that an operation needs have precedence over cells that may as well lie in a file.
     if (work.access == TreeAccess::again && plan.state_bytes <= execution.memory / 8)
         work.keep = std::min(spool_limit(inputs.size(), execution), static_cast<std::size_t>(budget - bytes));
-    if (work.keep >= inputs[0].bytes()) work.bytes += inputs[0].bytes();
+    if (work.access == TreeAccess::again && work.keep >= inputs[0].bytes()) work.bytes += inputs[0].bytes();
     return work;
 }
 

@@ -28,7 +28,9 @@ enum class TreeAccess : std::uint8_t {
 struct TreeWork {
     TreeAccess access = TreeAccess::streaming;
     std::size_t bytes = 0; ///< held at most
-    std::size_t keep = 0;  ///< access again: bytes up to which what cannot be read again is kept in memory
+    /// Access again: bytes up to which what cannot be read again is kept in memory. Window, and whole for
+    /// neighbourhoods: those that a brick with its neighbours may take.
+    std::size_t keep = 0;
 };
 
 /// How an operation of a shape keeps the budget on hierarchical volumes. `largest` are the bytes of the largest brick
@@ -44,7 +46,7 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution);
 /// - pointwise: planned once; all inputs must be the same tree on the same grid. Runs on bricks as they come, with
 ///   positions on the level's lattice, or on long rows of cells if the operation uses no positions. The background, if
 ///   the volume names one, is treated like a cell, unless the operation uses positions.
-/// - neighbourhood: planned once a level by plan_level(), as if the level's lattice were a structured volume. Every
+/// - neighbourhood: planned level by level with plan_level(), as if the level's lattice were a structured volume. Every
 ///   brick is run with ghost cells: cells of the same level as they are, others reconstructed, the background in holes,
 ///   the plan's boundary rule outside of the volume's region (attribute "roi", or all of it). Cells out there stay what
 ///   they are. What would spread into holes is lost, since no bricks are added. Levels come one after the other, so
