@@ -98,11 +98,12 @@ bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::si
     return plan.scans && !(work && i < work->window.size() && work->window[i] == 0);
 }
 
-/// Of grids pieces in flight at input and output, windows, what the operation keeps, and a spooled volume: what a stage
-/// holds at most.
-double peak_bytes(std::optional<WorkPlan> const& work, Plan const& plan, std::vector<Header> const& inputs,
-                  Execution const& execution, bool reduction) {
-    auto bytes = static_cast<double>(work ? work->bytes : plan.state_bytes);
+/// Of trees what is said of them; of grids pieces in flight at input and output, windows, what the operation keeps, and
+/// a spooled volume: what a stage holds at most.
+double peak_bytes(std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work, Plan const& plan,
+                  std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
+    auto bytes = static_cast<double>(tree ? tree->bytes : work ? work->bytes : plan.state_bytes);
+    if (tree) return bytes + (reduction || is_tree(plan.output) ? 0 : in_flight(plan.output, execution));
     if (!reduction)
         bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);
     if (is_tree(plan.output)) return bytes; // the plan's own state says what it holds of its input
@@ -128,8 +129,7 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     std::optional<WorkPlan> const work = reduction ? std::nullopt : work_of(operation, plan, inputs, execution);
     if (is_tree(plan.output) && !inputs.empty() && !is_tree(inputs.front())) check_budget(plan.state_bytes, execution);
     if (operation != nullptr || reduction)
-        line += text(", peak memory about ", bytes_text(tree ? static_cast<double>(tree->bytes)
-                                                             : peak_bytes(work, plan, inputs, execution, reduction)));
+        line += text(", peak memory about ", bytes_text(peak_bytes(tree, work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;
     bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
     bool const spools = jumps || plan.access == Access::random || again;
