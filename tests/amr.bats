@@ -415,6 +415,32 @@ assert abs(d[0] * d[1] * d[2] - 20000) < 2000, d"
     done
 }
 
+@test "frames of a tree that are missing, doubled or out of order are found" {
+    tree
+    vkt read t.vkt --memory 4M >whole.vkt
+    /usr/bin/python3 - "$VKT_ROOT/tests" <<'EOF'
+import sys
+sys.path.insert(0, sys.argv[1])
+from frames import FRAME, MAGIC, boundaries
+stream = open('whole.vkt', 'rb').read()
+ends = [at for at, _ in boundaries(stream)]
+frames = [stream[a:b] for a, b in zip(ends, ends[1:])]
+kinds = [FRAME.unpack_from(frame)[0] for frame in frames]
+assert kinds[:2] == [b'HEAD', b'TREE'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
+for name, order in {'table': [0, 2, 3, 4, 5], 'tables': [0, 1, 1, 2, 3, 4, 5], 'one': [0, 1, 3, 4, 5], 'last': [0, 1, 2, 3, 5],
+                    'twice': [0, 1, 2, 2, 3, 4, 5], 'more': [0, 1, 2, 3, 4, 4, 5], 'turned': [0, 1, 3, 2, 4, 5]}.items():
+    open(name + '.vkt', 'wb').write(MAGIC + b''.join(frames[i] for i in order))
+EOF
+    for command in 'stats' 'flip x' 'filter gaussian --sigma 1 --memory 4M' info; do
+        for file in table tables one last twice more turned; do
+            # shellcheck disable=SC2086
+            run --separate-stderr vkt $command $file.vkt
+            [ "$status" -eq 3 ] || { echo "$command, $file: $status" >&2; false; }
+        done
+    done
+    fails_with 3 'come before the table of bricks' vkt stats table.vkt
+}
+
 @test "kill -9 of a stage that spools a tree leaves nothing" {
     tree --block-size 16
     mkdir spool pipes
