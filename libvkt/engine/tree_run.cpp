@@ -10,10 +10,10 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/spool.h"
+#include "libvkt/engine/stopwatch.h"
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstring>
 #include <map>
 #include <utility>
@@ -160,22 +160,6 @@ private:
     std::vector<ConstView> views_;
 };
 
-/// Adds the time of its scope to a counter, if there is one.
-class Stopwatch {
-public:
-    explicit Stopwatch(double* seconds) : seconds_(seconds) {}
-    ~Stopwatch() {
-        if (seconds_ != nullptr)
-            *seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-    }
-    Stopwatch(Stopwatch const&) = delete;
-    Stopwatch& operator=(Stopwatch const&) = delete;
-
-private:
-    double* seconds_;
-    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-};
-
 /// All bricks of a sequence once, for a scan.
 void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& execution, StageTimes* times) {
     GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, execution);
@@ -265,7 +249,6 @@ public:
     PointwiseWork(Operation& operation, std::vector<BrickSequence> inputs, Plan planned, Execution const& execution,
                   StageInfo const& info)
         : operation_(operation), inputs_(std::move(inputs)), execution_(execution), times_(info.times) {
-        require_equal_trees(operation_, inputs_);
         std::vector<Header> const headers = headers_of(inputs_);
         plan = std::move(planned);
         plan.output = tree_header(operation_, plan, headers.front());
@@ -548,16 +531,46 @@ private:
     std::vector<Remark> remarks_;
 };
 
+/// The same bricks; count(seconds, cells) is told of every reading.
+template <class Count> BrickSequence timed(BrickSequence bricks, Count count) {
+    if (bricks.in_memory()) return bricks;
+    auto const source = std::make_shared<BrickSequence>(std::move(bricks));
+    BrickSequence result(
+        source->header(), source->table(),
+        [source, count](std::size_t first, std::size_t n, std::byte* to) {
+            double seconds = 0;
+            {
+                Stopwatch const watch(&seconds);
+                source->read(first, n, to);
+            }
+            count(seconds, cells_of(source->bricks(), first, first + n));
+        },
+        source->order());
+    result.set_group_bytes(source->group_bytes());
+    return result;
+}
+
 /// By the operation's own move_bricks().
 class GeometricWork : public TreeRun::Work {
 public:
-    GeometricWork(Operation& operation, BrickSequence input, Plan planned, Execution const& execution)
+    GeometricWork(Operation& operation, BrickSequence input, Plan planned, Execution const& execution,
+                  std::shared_ptr<StageTimes> const& times)
         : operation_(operation) {
         plan = std::move(planned);
         std::size_t const largest = input.largest_brick();
         Header const header = input.header();
+        if (times)
+            input = timed(std::move(input), [times](double seconds, std::int64_t) {
+                times->input += seconds;
+                times->compute -= seconds; // of the time that the result takes
+            });
         moved_ = operation.move_bricks(std::move(input), execution);
         if (!moved_) refuse(operation, "its cells have no common grid");
+        if (times)
+            moved_ = timed(*std::move(moved_), [times](double seconds, std::int64_t cells) {
+                times->compute += seconds;
+                times->voxels += cells;
+            });
         tree_work(Shape::geometric, plan, {&header, 1}, {&largest, 1}, execution);
         moved_->set_group_bytes(group_limit(execution));
         plan.output = moved_->header();
@@ -573,7 +586,8 @@ private:
 };
 
 std::shared_ptr<TreeRun::Work> work_of(Operation& operation, std::vector<BrickSequence> inputs,
-                                       Execution const& execution, StageInfo const& info, TreeOptions const& options) {
+                                       Execution const& execution, StageInfo const& info, TreeOptions const& options,
+                                       std::optional<Plan> planned) {
     if (inputs.empty()) refuse(operation, "it has no input");
     if (operation.shape() == Shape::neighbourhood) {
         if (inputs.size() != 1) refuse(operation, "it takes several inputs");
@@ -583,12 +597,12 @@ std::shared_ptr<TreeRun::Work> work_of(Operation& operation, std::vector<BrickSe
     if (!pointwise && (operation.shape() != Shape::geometric || inputs.size() != 1))
         refuse(operation, "its cells have no common grid");
     if (pointwise) require_equal_trees(operation, inputs);
-    Plan plan = operation.plan(headers_of(inputs));
+    Plan plan = planned ? *std::move(planned) : operation.plan(headers_of(inputs));
     if (plan.shift && *plan.shift == Index3{} && !plan.scans)
         return std::make_shared<HeaderWork>(operation, std::move(inputs[0]), std::move(plan));
     if (pointwise)
         return std::make_shared<PointwiseWork>(operation, std::move(inputs), std::move(plan), execution, info);
-    return std::make_shared<GeometricWork>(operation, std::move(inputs[0]), std::move(plan), execution);
+    return std::make_shared<GeometricWork>(operation, std::move(inputs[0]), std::move(plan), execution, info.times);
 }
 
 } // namespace
@@ -660,8 +674,8 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution) {
 }
 
 TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
-                 StageInfo const& info, TreeOptions const& options)
-    : work_(work_of(operation, std::move(inputs), on_host(execution), info, options)) {}
+                 StageInfo const& info, TreeOptions const& options, std::optional<Plan> planned)
+    : work_(work_of(operation, std::move(inputs), on_host(execution), info, options, std::move(planned))) {}
 
 Plan const& TreeRun::plan() const { return work_->plan; }
 BrickSequence TreeRun::bricks(Header header) { return work_->bricks(std::move(header), work_); }

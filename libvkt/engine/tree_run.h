@@ -7,6 +7,7 @@
 #include "libvkt/engine/pipeline.h"
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -58,9 +59,9 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution);
 class TreeRun {
 public:
     /// What cannot be done is refused here, before a cell was looked at, except by a scan. The operation must outlive
-    /// the sequence.
+    /// the sequence. `planned`: the operation's plan for the headers of the inputs, if the caller has made it.
     TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
-            StageInfo const& info = {}, TreeOptions const& options = {});
+            StageInfo const& info = {}, TreeOptions const& options = {}, std::optional<Plan> planned = {});
 
     /// Of several levels the plan of the first; its output is the header of the result.
     Plan const& plan() const;
