@@ -198,7 +198,8 @@ for shape, (x, y, z) in shapes.items():
             check(name, words, file, {"bricks": "bricks", "x": x, "y": y, "z": z, "blocks": voxels // 16**3},
                   name in held_whole or name in held_plane and shape != "deep")
     os.unlink(file)
-# Bricks that are small beside a sixteenth of the budget, and such as take an eighth of it: with neighbours, too much.
+# Bricks that are small beside a sixteenth of the budget, and such as take an eighth of it: with neighbours, too much, as
+# are those of whole lines where ends meet.
 for shape, size in {"small": 16, "large": round((budget * mib / 32) ** (1 / 3)) // 2 * 2}.items():
     file = f"{shape}.vkt"
     subprocess.run(["vkt", "make", "amr", "--blocks", str(voxels // size**3), "--levels", "6", "--block-size", str(size), "-o", file],
@@ -211,7 +212,7 @@ for shape, size in {"small": 16, "large": round((budget * mib / 32) ** (1 / 3)) 
         neighbours = name.startswith("filter") or name in {"morphology", "transform"}
         for words in tree_arguments.get(name, arguments.get(name, ["{f}"])):
             check(name, words, file, {"bricks": "bricks", "x": x, "y": y, "z": z},
-                  name in {"render", "resample"} or neighbours and shape == "large", refuses)
+                  name in {"render", "resample"} or neighbours and shape == "large" or "wrap" in words, refuses)
     os.unlink(file)
 print(f"base {base:.0f} MiB, budget {budget} MiB, at most {worst:.0f} MiB")
 sys.exit(1 if failed else 0)
