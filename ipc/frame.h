@@ -76,8 +76,8 @@ struct SlabHead {
 };
 static_assert(sizeof(SlabHead) == 48);
 
-/// First 16 bytes of TREE and BRIK payloads. In TREE `count` BrickRecords follow, in BRIK the cells of so many bricks or
-/// the SharedCells that say where they lie.
+/// First 16 bytes of TREE and BRIK payloads. In TREE `count` BrickRecords follow, in BRIK the cells of so many bricks
+/// or the SharedCells that say where they lie.
 struct BricksHeader {
     std::uint64_t first = 0; ///< index of the first brick in the volume
     std::uint64_t count = 0;
