@@ -156,6 +156,76 @@ EOF
     done
 }
 
+@test "trees: the same cells whatever the budget, the threads and the way they come" {
+    export TMPDIR=$PWD/spool
+    mkdir spool
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o in.vkt # 9.4 MiB, twice the budget
+    local command way memory threads
+    result() { # of $command on what is given
+        # shellcheck disable=SC2086
+        case $command in
+        stats* | histogram*) vkt ${command/@/$1} ;;
+        *) vkt ${command/@/$1} -o out.vkt --force && "$VKT_ROOT/tests/tree_content.py" out.vkt ;;
+        esac
+    }
+    while read -r command; do
+        result in.vkt >expected
+        while read -r way memory threads; do
+            export VKT_MEMORY=$memory VKT_THREADS=$threads
+            if [ "$way" = file ]; then
+                result in.vkt >got
+            else
+                vkt read in.vkt --transport "$way" | result - >got
+            fi
+            unset VKT_MEMORY VKT_THREADS
+            cmp got expected || { echo "$command: $way, $memory, $threads threads" >&2; false; }
+        done <<'EOF'
+file 4M 1
+file 256M 3
+shm 4M 2
+pipe 5M 3
+EOF
+    done <<'EOF'
+arith mul @ in.vkt
+convert @ --dtype uint8 --range p1:p90
+convert @ --dtype uint8 --range minmax
+filter gaussian @ --sigma 1
+filter median @ --radius 1
+flip x @
+histogram @ --bins 8 --range 0:1
+permute yzx @
+stats @ --percentiles 50
+EOF
+    [ -z "$(ls -A spool)" ]
+}
+
+@test "a dry run tells what is held of a tree" {
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o in.vkt
+    says() { # TEXT COMMAND…
+        local text=$1
+        shift
+        vkt "$@" --memory 4M -n -o x.vkt 2>plan
+        grep -q "$text" plan || { cat plan >&2; false; }
+    }
+    says 'convert: .*, streaming$' convert in.vkt --dtype uint8
+    says 're-reads a file, spools a pipe' convert in.vkt --dtype uint8 --range minmax
+    says 'a window of bricks .* spools its result$' filter gaussian in.vkt
+    says 'crop: .*, streaming$' crop in.vkt --roi 0:9,:,:
+    vkt filter gaussian in.vkt -n -o x.vkt 2>&1 | grep -q 'holds the whole volume'
+    fails_with 5 'the budget is 4' vkt resample in.vkt --dims 9 9 9 --memory 4M -n -o x.vkt
+    vkt stats in.vkt --memory 4M --explain 2>&1 >report | grep -q 'stats: .*, streaming$'
+}
+
+@test "a brick beyond the budget, or one with neighbours that are, is refused before anything is written" {
+    vkt make amr --blocks 1 --levels 1 --block-size 120 -o one.vkt # 6.6 MiB
+    fails_with 5 'the budget is 4' vkt convert one.vkt --dtype uint8 --range 0:1 --memory 4M -o x.vkt
+    fails_with 5 'the budget is 4' vkt stats one.vkt --memory 4M
+    vkt make amr --blocks 8 --levels 2 --block-size 60 -o eight.vkt # 0.8 MiB each
+    fails_with 5 'a brick with its neighbours' vkt filter gaussian eight.vkt --sigma 1 --memory 6M -o x.vkt
+    [ ! -e x.vkt ]
+    vkt convert eight.vkt --dtype uint8 --range 0:1 --memory 6M -o x.vkt
+}
+
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
 @test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
     export TMPDIR=$PWD

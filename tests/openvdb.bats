@@ -427,5 +427,9 @@ assert a == b == 1.5, (a, b)"
     vkt make constant --dims 512 512 1 --dtype uint8 -o flat.nrrd
     vkt write flat.nrrd flat.vdb
     fails_with 5 "OpenVDB needs 8.2 MiB" vkt write flat.nrrd small.vdb --memory 4M
+    # Of trees what their cells make: those of level 1 are 8 voxels each.
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o tree.vkt
+    fails_with 5 "OpenVDB needs 73.4 MiB" vkt write tree.vkt tree.vdb --memory 16M
+    [ ! -e tree.vdb ]
     [ ! -e small.vdb ]
 }

@@ -188,16 +188,19 @@ void check(AmrRecipe const& recipe) {
         throw Error(ErrorKind::usage, text(recipe.blocks, " blocks are not in 0…", most_blocks));
 }
 
-template <class T> void fill(Volume& volume, AmrField field, Execution const& execution) {
-    Index3 const logical = volume.header().dims;
-    auto* const cells = reinterpret_cast<T*>(volume.buffer().write(Space::host));
-    auto const& bricks = volume.bricks();
+/// The cells of some bricks, one brick after another.
+template <class T>
+void fill(std::span<Brick const> bricks, Index3 logical, AmrField field, T* cells, Execution const& execution) {
+    std::vector<std::int64_t> offsets;
+    offsets.reserve(bricks.size());
+    std::int64_t offset = 0;
+    for (Brick const& brick : bricks) offsets.push_back(std::exchange(offset, offset + brick.cells()));
     auto const count = static_cast<std::int64_t>(bricks.size());
     auto const terms = analytic::terms_of(field, logical);
 #pragma omp parallel for num_threads(execution.threads) schedule(dynamic, 64)
     for (std::int64_t b = 0; b < count; ++b) {
         Brick const& brick = bricks[static_cast<std::size_t>(b)];
-        T* const out = cells + volume.brick_offset(static_cast<std::size_t>(b));
+        T* const out = cells + offsets[static_cast<std::size_t>(b)];
         std::int64_t const n = brick.cells();
         std::vector<double> sums(static_cast<std::size_t>(n), 0.0);
         for (auto const& term : terms) {
@@ -230,7 +233,7 @@ AmrRecipe silcc_like() {
     return recipe;
 }
 
-AmrTree amr_tree(AmrRecipe const& recipe) {
+BrickSequence amr_bricks(AmrRecipe const& recipe, Execution const& execution) {
     check(recipe);
     Header header;
     header.kind = Kind::hierarchical;
@@ -244,18 +247,19 @@ AmrTree amr_tree(AmrRecipe const& recipe) {
     for (Brick const& brick : bricks)
         bytes += static_cast<double>(brick.cells()) * static_cast<double>(size_of(recipe.dtype));
     if (bytes > 0x1p40) throw Error(ErrorKind::resources, text("a tree of ", bytes_text(bytes), " is too large"));
-    header = with_counts(std::move(header), bricks);
-    return {std::move(header), std::move(bricks)};
+    auto const table = std::make_shared<std::vector<Brick> const>(std::move(bricks));
+    Index3 const dims = header.dims;
+    return {std::move(header), table,
+            [table, dims, field = recipe.field, dtype = recipe.dtype, execution](std::size_t first, std::size_t count,
+                                                                                 std::byte* to) {
+                std::span<Brick const> const wanted = std::span(*table).subspan(first, count);
+                if (dtype == DataType::float32)
+                    fill(wanted, dims, field, reinterpret_cast<float*>(to), execution);
+                else
+                    fill(wanted, dims, field, reinterpret_cast<double*>(to), execution);
+            }};
 }
 
-Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
-    AmrTree tree = amr_tree(recipe);
-    Volume volume(std::move(tree.header), std::move(tree.bricks));
-    if (recipe.dtype == DataType::float32)
-        fill<float>(volume, recipe.field, execution);
-    else
-        fill<double>(volume, recipe.field, execution);
-    return volume;
-}
+Volume make_amr(AmrRecipe const& recipe, Execution const& execution) { return amr_bricks(recipe, execution).whole(); }
 
 } // namespace vkt

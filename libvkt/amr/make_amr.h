@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/brick_sequence.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/volume.h"
@@ -36,16 +37,11 @@ struct AmrRecipe {
 /// 4096 x 4096 x 81920 and 142,190 leaf blocks: leaves come in steps of seven, 142,188 is not one of their counts.
 AmrRecipe silcc_like();
 
-/// A tree without its cells; the header counts the bricks.
-struct AmrTree {
-    Header header;
-    std::vector<Brick> bricks;
-};
-
 /// Builds the tree: refines towards shells around the clouds and the mid-plane, neighbours differ by one level at
 /// most. Deterministic. Throws Error{usage} for recipes that make no sense, Error{resources} for more than 2^26 blocks.
-AmrTree amr_tree(AmrRecipe const& recipe);
-/// The same with the field's averages in its cells.
+/// Cells are computed when they are asked for.
+BrickSequence amr_bricks(AmrRecipe const& recipe, Execution const& execution);
+/// The same in memory.
 Volume make_amr(AmrRecipe const& recipe, Execution const& execution);
 
 /// The field at a position in finest cells, and its mean over a box of them.

@@ -127,9 +127,15 @@ public:
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.
     virtual bool uses_position() const { return true; }
-    /// Geometric operations that yield hierarchical volumes (of such, or of structured ones if the plan says so)
-    /// compute them here, after plan(), and say true. So do sources of hierarchical volumes, whose plan tells the
-    /// counts of bricks, and which are given an empty input.
+    /// What was run so far was a trial (what becomes of a hierarchical volume's background): remarks() leave it out.
+    virtual void forget_trial() {}
+    /// Geometric operations on hierarchical volumes give the bricks of the result here, after plan(); they are made of
+    /// the input's when they are asked for. None if bricks cannot be moved so.
+    virtual std::optional<BrickSequence> move_bricks(BrickSequence /*input*/, Execution const&) { return {}; }
+    /// Sources of hierarchical volumes, whose plan tells the counts of bricks, give the bricks here; cells are best
+    /// made when they are asked for.
+    virtual std::optional<BrickSequence> make_bricks(Execution const&) { return {}; }
+    /// Operations whose plan says that they make a hierarchical volume of a structured one do it here, and say true.
     virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
     /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
     /// run() then computes region by region from it: the footprint of such an input is empty.

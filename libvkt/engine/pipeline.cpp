@@ -38,6 +38,23 @@ private:
     std::size_t next_ = 0;
 };
 
+class BrickSource : public Source {
+public:
+    explicit BrickSource(BrickSequence bricks) : header_(bricks.header()), bricks_(std::move(bricks)) {}
+
+    bool next_volume() override { return !std::exchange(begun_, true); }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    void read(AnyView) override { throw Error(ErrorKind::failure, "bricks are not read region by region"); }
+    BrickSequence take_bricks() override { return std::move(bricks_); }
+    void finish() override {}
+
+private:
+    Header header_;
+    BrickSequence bricks_;
+    bool begun_ = false;
+};
+
 /// All passes that a reduction wants.
 void scan_passes(Source& source, Operation& reduction, Execution const& execution, StageTimes* times) {
     do scan_volume(source, reduction, execution, times);
@@ -126,7 +143,8 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
     if (headers.front().kind == Kind::hierarchical) {
-        reduce_hierarchical(reduction, load(source, execution), execution);
+        reduce_hierarchical(reduction, source.take_bricks(), execution, info);
+        source.finish();
         return tell_remarks(reduction, info);
     }
     Execution const beside = beside_neighbours(execution, plan, info);
@@ -188,6 +206,8 @@ Volume load(Source& source, Execution const& execution) {
     source.finish();
     return volume;
 }
+
+std::unique_ptr<Source> brick_source(BrickSequence bricks) { return std::make_unique<BrickSource>(std::move(bricks)); }
 
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
     return std::make_unique<VolumeSource>(std::move(volumes));

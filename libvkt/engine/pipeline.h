@@ -86,6 +86,8 @@ void check_budget(std::size_t bytes, Execution const& execution);
 Volume load(Source& source, Execution const& execution);
 /// A source over volumes in memory; random access, lends in place.
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes);
+/// A source over one hierarchical volume.
+std::unique_ptr<Source> brick_source(BrickSequence bricks);
 /// Wraps a random-access source so that a thread reads ahead, slab by slab, within what the consumer expects.
 std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const& execution);
 /// Convenience for library users: applies one operation to volumes in memory. Keeps freed memory for the next result

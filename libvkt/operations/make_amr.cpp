@@ -54,13 +54,12 @@ AmrRecipe MakeAmr::recipe() const {
 
 Plan MakeAmr::plan(std::span<Header const>) {
     Plan plan;
-    plan.output = amr_tree(recipe()).header;
+    plan.output = amr_bricks(recipe(), {}).header();
     return plan;
 }
 
-bool MakeAmr::run_tree(Volume const&, Volume& output, Execution const& execution) {
-    output = make_amr(recipe(), execution);
-    return true;
+std::optional<BrickSequence> MakeAmr::make_bricks(Execution const& execution) {
+    return amr_bricks(recipe(), execution);
 }
 
 } // namespace vkt

@@ -25,7 +25,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
-    bool run_tree(Volume const& none, Volume& output, Execution const& execution) override;
+    std::optional<BrickSequence> make_bricks(Execution const& execution) override;
 
 private:
     AmrRecipe recipe() const;
