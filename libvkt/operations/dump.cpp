@@ -84,7 +84,7 @@ void Dump::check() const {
 }
 
 Box Dump::region(Index3 dims) const {
-    if (!first) return roi.empty() ? box_of(dims) : roi.resolve(dims);
+    if (!first) return roi.resolve(dims);
     Box const box{*first, *last};
     if (box.empty()) throw Error(ErrorKind::usage, text("the range ", box, " is empty"));
     if (!box_of(dims).contains(box))

@@ -189,7 +189,7 @@ Plan GroupedStatistics::plan(std::span<Header const> inputs) {
     if (input_.kind != Kind::structured)
         throw Error(ErrorKind::usage, "hierarchical volumes have neither masks, labels, slices nor partial statistics",
                     "make a grid first: vkt resample --cells 50M");
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    region_ = roi.resolve(input_.dims);
     result_ = {};
     result_.by = by;
     result_.type = input_.dtype;

@@ -3,6 +3,7 @@
 #include "libvkt/operations/watershed.h"
 
 #include "libvkt/kernel/cpu_drivers.h"
+#include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/distance.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/same_grid.h"
@@ -81,15 +82,13 @@ void Watershed::parameters(Parameters& parameters) {
     parameters.option(
         "on", on, "WHAT",
         "flood the values, the length of their gradient, or minus the distance of objects to zero voxels");
-    parameters.option("connectivity", connectivity, "N",
-                      "voxels touch through faces (6), edges as well (18), corners as well (26)");
+    connectivity_option(parameters, connectivity);
     parameters.option("mask", mask, "FILE", "flood only where this volume is not zero");
     parameters.flag("line", line, "leave voxels where different floods meet at 0");
 }
 
 void Watershed::check() const {
-    if (connectivity != 6 && connectivity != 18 && connectivity != 26)
-        throw Error(ErrorKind::usage, text("--connectivity: ", connectivity, " is none of 6, 18, 26"));
+    check_connectivity(connectivity);
     if (!(depth >= 0) || !std::isfinite(depth))
         throw Error(ErrorKind::usage, text("--depth ", depth, " is not a depth: 0 or more"));
     if (markers && depth > 0)
