@@ -72,11 +72,13 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     export VKT_PARSER_PATIENCE=2
     vkt make noise --dims 64 64 64 -o in.nrrd
     vkt write in.nrrd in.vdb 2>/dev/null || cp in.nrrd in.vdb
+    vkt threshold in.nrrd --above 0.5 -o mask.nrrd
     fitted=0 refused=0
-    for room in 16000 18000 20000 25000 30000 40000 60000 100000 200000; do
+    for room in 16000 17000 18000 19000 20000 25000 30000 40000 60000 100000 200000; do
         (ulimit -v $room && vkt --version >/dev/null 2>&1) || continue # the system's loader says so itself
         for command in 'flip x in.nrrd' 'flip x in.nrrd --threads 16' 'filter gaussian in.nrrd --sigma 2' 'stats in.nrrd' \
-            'read in.vdb' 'read in.nrrd' 'render in.nrrd -o out.png --force'; do
+            'read in.vdb' 'read in.nrrd' 'render in.nrrd -o out.png --force' 'label mask.nrrd' 'stats in.nrrd --percentiles 1' \
+            'convert in.nrrd --dtype uint8 --range p1:p99' 'filter nlmeans in.nrrd --noise auto --search 1' 'make amr --blocks 300'; do
             code=0
             # shellcheck disable=SC2086
             (ulimit -v $room && vkt $command >/dev/null 2>err) || code=$?

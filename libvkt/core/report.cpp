@@ -16,11 +16,18 @@ std::string csv_word(std::string const& any_text) {
     std::string const word = printable(any_text);
     if (word.find_first_of(",\"\n\r") == std::string::npos) return word;
     std::string quoted = "\"";
-    for (char const c : word) quoted += c == '"' ? "\"\"" : std::string(1, c);
-    return quoted + "\"";
+    for (char const c : word) {
+        if (c == '"') quoted += c;
+        quoted += c;
+    }
+    quoted += '"';
+    return quoted;
 }
 
-void append_word(std::string& line, std::string const& word) { line += (line.empty() ? "" : ",") + csv_word(word); }
+void append_word(std::string& line, std::string const& word) {
+    if (!line.empty()) line += ',';
+    line += csv_word(word);
+}
 
 } // namespace
 
@@ -192,15 +199,15 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
                 append_word(to_values, field.text);
             }
             for (std::size_t i = 0; i < field.parts.size(); ++i) {
-                append_word(to_names, field.name + std::array{"_x", "_y", "_z"}[i]);
+                append_word(to_names, vkt::text(field.name, std::array{"_x", "_y", "_z"}[i]));
                 append_word(to_values, field.parts[i]);
             }
         }
     };
     auto const add_line = [&](std::string const& line_names, std::string const& line_values) {
-        if (line_names != last_names) lines += line_names + "\n";
+        if (line_names != last_names) lines += vkt::text(line_names, "\n");
         last_names = line_names;
-        lines += line_values + "\n";
+        lines += vkt::text(line_values, "\n");
     };
     add_fields(names, values, *this);
     bool any_table = false;
@@ -220,7 +227,7 @@ std::string Report::csv(std::vector<Report> const& reports) {
     for (std::size_t i = 0; i < reports.size(); ++i) {
         Report const& report = reports[i];
         if (report.written(ReportForm::csv))
-            lines += (i > 0 ? "\n" : "") + *report.written(ReportForm::csv);
+            lines += vkt::text(i > 0 ? "\n" : "", *report.written(ReportForm::csv));
         else
             report.csv_into(lines, last_names);
     }

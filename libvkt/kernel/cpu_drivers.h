@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/first_failure.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/stream.h"
@@ -22,16 +23,18 @@ inline int threads_for(Execution const& execution, std::int64_t voxels) {
     return static_cast<int>(std::clamp<std::int64_t>(voxels / 32768, 1, std::max(1, execution.threads)));
 }
 
-/// Calls f(begin, end) once per thread, on contiguous ranges that cover 0 <= item < count.
+/// Calls f(begin, end) once per thread, on contiguous ranges that cover 0 <= item < count. Throws what f throws first.
 template <class F> void for_each_item(int threads, std::int64_t count, F const& f) {
+    FirstFailure failure;
 #pragma omp parallel num_threads(threads) if (threads > 1)
     {
         std::int64_t const share = omp_get_num_threads(), me = omp_get_thread_num();
         std::int64_t const each = count / share, more = count % share;
         std::int64_t const begin = me * each + std::min(me, more);
         std::int64_t const end = begin + each + (me < more ? 1 : 0);
-        f(begin, end);
+        failure.catch_from([&] { f(begin, end); });
     }
+    failure.rethrow();
 }
 
 /// Calls f(x, y, z, n) for pieces of at most segment_voxels voxels of rows that cover the box.
