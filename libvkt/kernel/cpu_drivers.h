@@ -279,20 +279,22 @@ template <class U> void copy_forward(U* to, U const* from, std::int64_t n, bool 
     std::memcpy(to + i, from + i, static_cast<std::size_t>(n - i) * sizeof(U));
 }
 
+template <class V, std::size_t... lane> V reversed_lanes(V v, std::index_sequence<lane...>) {
+    return __builtin_shufflevector(v, v, (sizeof...(lane) - 1 - lane)...);
+}
+
 /// to[i] = last[-i], taken from the far end, so that reads ascend.
 template <class U> void copy_reversed(U* to, U const* last, std::int64_t n, bool stream) {
 #if defined(__AVX2__)
     constexpr std::int64_t lanes = Register<U>::lanes;
     using V = typename Register<U>::type;
-    V order;
-    for (std::int64_t j = 0; j < lanes; ++j) order[j] = static_cast<U>(lanes - 1 - j);
     auto const skew = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) % register_bytes / sizeof(U));
     std::int64_t const head = std::min(n, (lanes - skew) % lanes), end = head + (n - head) / lanes * lanes;
     for (std::int64_t i = n - 1; i >= end; --i) to[i] = last[-i];
     for (std::int64_t i = end - lanes; i >= head; i -= lanes) {
         V v;
         std::memcpy(&v, last - i - (lanes - 1), sizeof v);
-        v = __builtin_shuffle(v, order);
+        v = reversed_lanes(v, std::make_index_sequence<static_cast<std::size_t>(lanes)>{});
         if (stream)
             stream_register(to + i, v);
         else
