@@ -132,7 +132,7 @@ TEST(AmrApply, OneLevelEqualsTheStructuredVolume) {
 TEST(AmrApply, WindowsOfBricksGiveTheSameBits) {
     AmrRecipe recipe = small_recipe();
     recipe.block = {16, 16, 16};
-    recipe.blocks = 300;
+    recipe.blocks = 150;
     Volume const tree = make_amr(recipe, execution());
     Execution scarce = execution();
     scarce.memory = std::size_t{4} << 20;
