@@ -47,7 +47,8 @@ private:
 
     std::string bars() const {
         std::string all;
-        for (HistogramResult const& result : results_) all += (all.empty() ? "" : "\n") + to_bars(result, 32, 80, log_);
+        for (HistogramResult const& result : results_)
+            all += text(all.empty() ? "" : "\n", to_bars(result, 32, 80, log_));
         return all;
     }
 
