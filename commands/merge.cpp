@@ -28,7 +28,7 @@ public:
                 throw Error(ErrorKind::usage, text("'", path, "' is merged by itself"),
                             "name one directory, one manifest, or the files of the bricks");
             if (manifest)
-                files = bricks_of(path);
+                files = bricks_of(path, context.trust_paths());
             else
                 for (auto const& file : matching_files(path)) files.push_back({file, {}});
             if (!manifest && paths_.size() <= 1 && files.size() == 1)

@@ -22,6 +22,7 @@ inline constexpr std::array<char, 8> magic{'V', 'K', 'T', '1', '\r', '\n', '\x1a
 enum class FrameType : std::uint32_t {
     header = 0x44414548, ///< "HEAD"
     slab = 0x42414c53,   ///< "SLAB"
+    tree = 0x45455254,   ///< "TREE"
     bricks = 0x4b495242, ///< "BRIK"
     end = 0x20444e45,    ///< "END "
     error = 0x20525245,  ///< "ERR "
@@ -75,8 +76,8 @@ struct SlabHead {
 };
 static_assert(sizeof(SlabHead) == 48);
 
-/// First 16 bytes of a BRIK payload: `count` BrickRecords follow, then their cells or the SharedCells that say where
-/// they lie.
+/// First 16 bytes of TREE and BRIK payloads. In TREE `count` BrickRecords follow, in BRIK the cells of so many bricks
+/// or the SharedCells that say where they lie.
 struct BricksHeader {
     std::uint64_t first = 0; ///< index of the first brick in the volume
     std::uint64_t count = 0;
@@ -104,7 +105,7 @@ struct StageReport {
 
 /// Payload of END, as JSON.
 struct EndReport {
-    std::uint64_t frames = 0;   ///< SLAB or BRIK frames of this volume
+    std::uint64_t frames = 0;   ///< SLAB, TREE or BRIK frames of this volume
     std::uint64_t bytes = 0;    ///< of their voxels
     std::uint64_t checksum = 0; ///< XXH3-64 over the concatenated payload checksums; 0 if checksums are off
     std::vector<StageReport> stages;

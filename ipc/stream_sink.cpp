@@ -78,8 +78,9 @@ private:
     void write_frame(FrameHeader frame, std::span<iovec> parts);
     void write_voxels(FrameHeader const& frame, std::span<std::byte const> head, Slab& slab);
     void meet_consumer();
-    bool take_slot();
-    void write_bricks(BricksHeader const& group, std::span<std::byte const> records, std::span<std::byte const> cells);
+    bool take_slot(std::size_t bytes);
+    void write_table(std::span<Brick const> bricks);
+    void write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most);
     void count(FrameHeader const& frame, std::size_t bytes);
     bool may_splice(Slab const& slab);
     void recycle(Slab slab);
@@ -164,12 +165,12 @@ void StreamSink::Writer::meet_consumer() {
     options_.notice("the next stage does not share memory: voxels go through the pipe");
 }
 
-/// Puts the current slab into a slot of shared memory; false if there is none to be had.
-bool StreamSink::Writer::take_slot() {
+/// Puts the current slab into a slot of shared memory that has so many bytes; false if there is none to be had.
+bool StreamSink::Writer::take_slot(std::size_t bytes) {
     try {
         if (channel_->ring() == nullptr || channel_->ring()->slots() < shared_slots ||
-            channel_->ring()->slot_bytes() < current_.bytes)
-            channel_->share_ring(shared_slots, current_.bytes);
+            channel_->ring()->slot_bytes() < bytes)
+            channel_->share_ring(shared_slots, bytes);
     } catch (Error const& e) {
         shares_ = false;
         if (!std::exchange(told_, true) && options_.notice)
@@ -194,7 +195,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
                                   static_cast<std::size_t>(box.lower.y) * row,
                               header_.dtype, box);
         }
-        if (take_slot()) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
+        if (take_slot(current_.bytes)) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
     }
     {
         std::unique_lock lock(mutex_);
@@ -333,49 +334,67 @@ void StreamSink::Writer::write_voxels(FrameHeader const& frame, std::span<std::b
     slab.spliced_at = written_;
 }
 
-void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
-    auto const& bricks = sequence.bricks();
-    std::size_t const size = size_of(sequence.header().dtype);
+/// The table first, so that readers know the tree before its cells come.
+void StreamSink::Writer::write_table(std::span<Brick const> bricks) {
     std::vector<BrickRecord> records;
     for (std::size_t first = 0; first < bricks.size(); first += records.size()) {
         records.clear();
-        std::int64_t count = 0;
-        for (std::size_t i = first; i < bricks.size() && records.size() < bricks_per_frame; ++i) {
-            Brick const& b = bricks[i];
-            if (i > first && static_cast<std::size_t>(count + b.cells()) * size > brick_frame_bytes) break;
+        for (Brick const& b : bricks.subspan(first, std::min(bricks_per_frame, bricks.size() - first)))
             records.push_back({{b.lower.x, b.lower.y, b.lower.z},
                                {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y),
                                 static_cast<std::int32_t>(b.dims.z)},
                                b.level});
-            count += b.cells();
+        BricksHeader const head{first, records.size()};
+        std::span<std::byte const> const bytes = std::as_bytes(std::span(records));
+        FrameHeader frame{FrameType::tree, flag_required, sizeof head + bytes.size(), 0, 0};
+        if (options_.checksum) {
+            frame.flags |= flag_checksum;
+            frame.checksum = hash(bytes, hash(std::as_bytes(std::span(&head, 1))));
         }
-        std::byte const* const data = sequence.cells(first, records.size());
-        write_bricks({first, records.size()}, std::as_bytes(std::span(records)),
-                     {data, static_cast<std::size_t>(count) * size});
+        std::array<iovec, 2> parts{part(&head, sizeof head), part(bytes.data(), bytes.size())};
+        write_frame(frame, parts);
+        count(frame, 0);
     }
 }
 
-void StreamSink::Writer::write_bricks(BricksHeader const& group, std::span<std::byte const> records,
-                                      std::span<std::byte const> cells) {
+void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
+    auto const& bricks = sequence.bricks();
+    std::size_t const limit = std::min(brick_frame_bytes, sequence.group_bytes()),
+                      size = size_of(sequence.header().dtype);
+    auto const frame_of = [&](std::size_t first) { return std::min(sequence.group(first, limit), bricks_per_frame); };
+    auto const bytes_of = [&](std::size_t first, std::size_t n) {
+        std::size_t cells = 0;
+        for (std::size_t i = first; i < first + n; ++i) cells += static_cast<std::size_t>(bricks[i].cells());
+        return cells * size;
+    };
+    write_table(bricks);
+    std::size_t most = 0; // of all frames, so that one ring of slots does for them
+    for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
+        n = frame_of(first);
+        most = std::max(most, bytes_of(first, n));
+    }
+    for (std::size_t first = 0, n = 0; first < bricks.size(); first += n) {
+        n = frame_of(first);
+        write_bricks({first, n}, {sequence.cells(first, n), bytes_of(first, n)}, most);
+    }
+}
+
+void StreamSink::Writer::write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most) {
     current_ = {};
     current_.bytes = cells.size();
-    FrameHeader frame{FrameType::bricks, flag_required, sizeof group + records.size(), 0, 0};
+    FrameHeader frame{FrameType::bricks, flag_required, sizeof head, 0, 0};
     SharedCells shared;
-    std::array<iovec, 3> parts{part(&group, sizeof group), part(records.data(), records.size()),
-                               part(cells.data(), cells.size())};
-    if (shares_ && take_slot()) {
+    std::array<iovec, 2> parts{part(&head, sizeof head), part(cells.data(), cells.size())};
+    if (shares_ && take_slot(most)) {
         std::memcpy(channel_->slot(*current_.slot), cells.data(), cells.size());
         shared.slot = *current_.slot;
-        parts[2] = part(&shared, sizeof shared);
+        parts[1] = part(&shared, sizeof shared);
         frame.flags |= flag_shared;
     } else if (options_.checksum) {
         frame.flags |= flag_checksum;
-        StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
-        hasher.add(records);
-        hasher.add(cells);
-        frame.checksum = hasher.value();
+        frame.checksum = hash(cells, hash(std::as_bytes(std::span(&head, 1))));
     }
-    frame.length += parts[2].iov_len;
+    frame.length += parts[1].iov_len;
     write_frame(frame, parts);
     count(frame, cells.size());
 }

@@ -29,6 +29,8 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t ring_slabs = 2;
 /// Slabs beyond this are handed out slice by slice, so that no frame decides how much memory a reader needs.
 constexpr std::size_t piece_bytes = std::size_t{2} << 20;
+constexpr std::size_t least_group = std::size_t{256} << 10;  ///< bytes of cells that are handed out at once, at least
+constexpr std::uint64_t most_records = 4096;                 ///< of a frame, of which each is read at once
 constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
 
 struct Piece {
@@ -64,7 +66,7 @@ public:
     void expect(Box const& region) { expected_ = region; }
     std::int64_t first_slab_height();
     void finish();
-    Volume load_hierarchical();
+    BrickSequence take_bricks();
     std::optional<Volume> take_whole();
     std::shared_ptr<StreamRecord const> record() const { return record_; }
 
@@ -94,9 +96,15 @@ private:
     void release_front();
     std::byte const* shared_slot(std::uint32_t name, std::size_t bytes);
     void read_shared(SlabHead const& head);
-    void take_shared_cells(std::span<std::byte> target);
     void receive();
-    std::vector<BrickRecord> read_records(std::uint64_t count);
+    BricksHeader read_bricks_head(FrameHeader const& frame, FrameType type, std::size_t first);
+    void read_table();
+    void open_bricks();
+    void close_bricks();
+    void take_cells(std::byte* to, std::size_t n);
+    void pass_bricks(std::size_t end);
+    void finish_bricks();
+    std::size_t cell_bytes(std::size_t first, std::size_t count) const;
     std::size_t slice_bytes() const {
         return static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
     }
@@ -118,6 +126,14 @@ private:
     bool all_checked_ = true;
     std::optional<std::uint32_t> segment_; ///< that take_whole() hands out
     std::uint64_t segment_bytes_ = 0;
+
+    BrickSequence::Table table_;                     ///< of a hierarchical volume, once it was read
+    std::size_t next_brick_ = 0, framed_bricks_ = 0; ///< the next to hand out, and behind the frame under way
+    FrameHeader brick_frame_;                        ///< the frame under way,
+    std::size_t frame_left_ = 0;                     ///< what is left of its cells,
+    std::unique_ptr<StreamHash> frame_hash_;         ///< the hash of those before,
+    std::byte const* shared_cells_ = nullptr;        ///< where they lie in shared memory,
+    std::uint32_t shared_name_ = 0;                  ///< and in which slot
     double wait_ = 0;
     std::shared_ptr<StreamRecord> record_ = std::make_shared<StreamRecord>();
 
@@ -175,6 +191,7 @@ bool StreamSource::Reader::next_frame(FrameHeader& frame) {
         frame = read_frame_header();
         switch (frame.type) {
         case FrameType::slab:
+        case FrameType::tree:
         case FrameType::bricks:
             return true;
         case FrameType::end:
@@ -244,6 +261,7 @@ bool StreamSource::Reader::next_volume() {
     expected_ = box_of(header_.dims);
     pending_.reset();
     pending_slab_.reset();
+    table_.reset();
     return true;
 }
 
@@ -519,7 +537,7 @@ std::optional<Volume> StreamSource::Reader::take_whole() {
 void StreamSource::Reader::finish() {
     if (!in_volume_) return;
     if (header_.kind == Kind::hierarchical && !header_.dry_run) {
-        load_hierarchical(); // read and verified; nobody wants it
+        finish_bricks();
         return;
     }
     if (header_.dry_run) {
@@ -546,95 +564,147 @@ void StreamSource::Reader::finish() {
     if (failure_) std::rethrow_exception(failure_);
 }
 
-/// Grows with what arrives: the stated count allocates nothing.
-std::vector<BrickRecord> StreamSource::Reader::read_records(std::uint64_t count) {
-    constexpr std::uint64_t batch = 4096;
-    std::vector<BrickRecord> records;
-    while (records.size() < count) {
-        std::size_t const old = records.size();
-        std::size_t const more = std::min(batch, count - old);
-        records.resize(old + more);
-        std::size_t const bytes = more * sizeof(BrickRecord);
-        if (input_.read(records.data() + old, bytes) != bytes) ended_early();
-    }
-    return records;
+/// The frame that comes next is one of bricks, from this one on; returns how many, and what is left of its payload.
+BricksHeader StreamSource::Reader::read_bricks_head(FrameHeader const& frame, FrameType type, std::size_t first) {
+    if (frame.type != type)
+        throw Error(ErrorKind::data,
+                    frame.type == FrameType::slab ? text("slabs in the hierarchical volume on ", input_.name())
+                    : type == FrameType::tree ? text("the cells on ", input_.name(), " come before the table of bricks")
+                                              : text("bricks on ", input_.name(), " are out of order"),
+                    type == FrameType::tree ? "older versions of vkt wrote no table: make the volume again" : "");
+    BricksHeader head;
+    if (frame.length < sizeof head)
+        throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has no header"));
+    if (input_.read(&head, sizeof head) != sizeof head) ended_early();
+    if (head.first != first || head.count == 0 || head.count > static_cast<std::uint64_t>(header_.brick_count) - first)
+        throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
+    return head;
 }
 
-/// Copies the cells of a frame of bricks out of the slot that its end names.
-void StreamSource::Reader::take_shared_cells(std::span<std::byte> target) {
-    SharedCells shared;
-    if (input_.read(&shared, sizeof shared) != sizeof shared) ended_early();
-    std::memcpy(target.data(), shared_slot(shared.slot, target.size()), target.size());
-    channel_->give_back(shared.slot);
-    bytes_ += target.size();
-}
-
-Volume StreamSource::Reader::load_hierarchical() {
+/// The table of bricks, which grows with what arrives: the stated count allocates nothing.
+void StreamSource::Reader::read_table() {
     if (header_.dry_run) throw PlannedOnly();
+    if (table_) return;
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
         throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
     std::vector<Brick> bricks;
-    std::vector<std::pair<std::size_t, Buffer>>
-        blocks; // cells as they arrive; joined once the volume is known to be whole
-    FrameHeader frame;
+    std::vector<BrickRecord> records;
     std::int64_t cells_left = header_.cell_count;
-    while (next_frame(frame)) {
-        if (frame.type != FrameType::bricks)
-            throw Error(ErrorKind::data, text("slabs in the hierarchical volume on ", input_.name()));
-        BricksHeader group;
-        if (frame.length < sizeof group)
-            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has no header"));
-        if (input_.read(&group, sizeof group) != sizeof group) ended_early();
-        if (group.first != bricks.size() ||
-            group.count > static_cast<std::uint64_t>(header_.brick_count) - bricks.size() ||
-            group.count > (frame.length - sizeof group) / sizeof(BrickRecord))
-            throw Error(ErrorKind::data, text("bricks on ", input_.name(), " are out of order"));
-        std::vector<BrickRecord> const records = read_records(group.count);
-        std::size_t const record_bytes = records.size() * sizeof(BrickRecord);
-        std::int64_t cells = 0;
+    while (static_cast<std::int64_t>(bricks.size()) < header_.brick_count) {
+        FrameHeader frame;
+        if (!next_frame(frame)) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+        BricksHeader const head = read_bricks_head(frame, FrameType::tree, bricks.size());
+        if (head.count > most_records || frame.length != sizeof head + head.count * sizeof(BrickRecord))
+            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
+        records.resize(head.count);
+        std::span<std::byte> const bytes = std::as_writable_bytes(std::span(records));
+        if (input_.read(bytes.data(), bytes.size()) != bytes.size()) ended_early();
+        if ((frame.flags & flag_checksum) != 0) verify(frame, hash(bytes, hash(std::as_bytes(std::span(&head, 1)))));
+        count(frame);
         for (auto const& r : records) {
             Brick const brick{{r.lower[0], r.lower[1], r.lower[2]}, {r.dims[0], r.dims[1], r.dims[2]}, r.level};
             if (r.dims[0] < 1 || r.dims[1] < 1 || r.dims[2] < 1 || r.level < 0 || r.level >= header_.level_count ||
-                static_cast<double>(r.dims[0]) * r.dims[1] * r.dims[2] > static_cast<double>(cells_left - cells))
+                static_cast<double>(r.dims[0]) * r.dims[1] * r.dims[2] > static_cast<double>(cells_left))
                 throw Error(ErrorKind::data, text("a brick on ", input_.name(), " is impossible"));
-            cells += brick.cells();
+            cells_left -= brick.cells();
             bricks.push_back(brick);
         }
-        cells_left -= cells;
-        std::size_t const bytes = static_cast<std::size_t>(cells) * size_of(header_.dtype);
-        bool const is_shared = (frame.flags & flag_shared) != 0;
-        if (frame.length != sizeof group + record_bytes + (is_shared ? sizeof(SharedCells) : bytes))
-            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
-        Buffer block(bytes);
-        std::byte* const target = block.write(Space::host);
-        if (is_shared) {
-            take_shared_cells({target, bytes});
-        } else {
-            std::size_t const got = input_.read(target, bytes);
-            bytes_ += got;
-            if (got != bytes) ended_early();
-        }
-        if ((frame.flags & flag_checksum) != 0) {
-            StreamHash hasher(hash(std::as_bytes(std::span(&group, 1))));
-            hasher.add(std::as_bytes(std::span(records)));
-            hasher.add({target, bytes});
-            verify(frame, hasher.value());
-        }
-        count(frame);
-        blocks.emplace_back(bytes, std::move(block));
     }
+    if (cells_left != 0) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+    table_ = std::make_shared<std::vector<Brick> const>(std::move(bricks));
+    next_brick_ = framed_bricks_ = 0;
+    frame_left_ = 0;
+}
+
+/// Begins the next frame of cells.
+void StreamSource::Reader::open_bricks() {
+    if (!next_frame(brick_frame_)) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+    BricksHeader const head = read_bricks_head(brick_frame_, FrameType::bricks, framed_bricks_);
+    frame_left_ = cell_bytes(framed_bricks_, head.count);
+    framed_bricks_ += head.count;
+    bool const is_shared = (brick_frame_.flags & flag_shared) != 0;
+    if (brick_frame_.length != sizeof head + (is_shared ? sizeof(SharedCells) : frame_left_))
+        throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
+    shared_cells_ = nullptr;
+    if (is_shared) {
+        SharedCells shared;
+        if (input_.read(&shared, sizeof shared) != sizeof shared) ended_early();
+        shared_cells_ = shared_slot(shared.slot, frame_left_);
+        shared_name_ = shared.slot;
+    }
+    frame_hash_ = std::make_unique<StreamHash>(hash(std::as_bytes(std::span(&head, 1))));
+}
+
+/// The frame of cells was read to its end.
+void StreamSource::Reader::close_bricks() {
+    if (shared_cells_ != nullptr) channel_->give_back(shared_name_);
+    if ((brick_frame_.flags & flag_checksum) != 0) verify(brick_frame_, frame_hash_->value());
+    count(brick_frame_);
+}
+
+/// The next n bytes of cells, across frames.
+void StreamSource::Reader::take_cells(std::byte* to, std::size_t n) {
+    while (n > 0) {
+        if (frame_left_ == 0) open_bricks();
+        std::size_t const step = std::min(n, frame_left_);
+        if (shared_cells_ != nullptr) {
+            std::memcpy(to, shared_cells_, step);
+            shared_cells_ += step;
+        } else if (std::size_t const got = input_.read(to, step); got != step) {
+            bytes_ += got;
+            ended_early();
+        }
+        bytes_ += step;
+        if ((brick_frame_.flags & flag_checksum) != 0) frame_hash_->add({to, step});
+        frame_left_ -= step;
+        to += step;
+        n -= step;
+        if (frame_left_ == 0) close_bricks();
+    }
+}
+
+/// Reads up to a brick; nobody wants the cells, but they are verified.
+void StreamSource::Reader::pass_bricks(std::size_t end) {
+    std::vector<std::byte> passed(std::min(cell_bytes(next_brick_, end - next_brick_), std::size_t{256} << 10));
+    for (std::size_t left = cell_bytes(next_brick_, end - next_brick_); left > 0;) {
+        std::size_t const step = std::min(left, passed.size());
+        take_cells(passed.data(), step);
+        left -= step;
+    }
+    next_brick_ = end;
+}
+
+std::size_t StreamSource::Reader::cell_bytes(std::size_t first, std::size_t count) const {
+    std::size_t cells = 0;
+    for (std::size_t i = first; i < first + count; ++i) cells += static_cast<std::size_t>((*table_)[i].cells());
+    return cells * size_of(header_.dtype);
+}
+
+BrickSequence StreamSource::Reader::take_bricks() {
+    read_table();
+    BrickSequence sequence(
+        header_, table_,
+        [this](std::size_t first, std::size_t count, std::byte* to) {
+            if (first < next_brick_) throw Error(ErrorKind::failure, "bricks of a stream were asked for out of order");
+            pass_bricks(first);
+            take_cells(to, cell_bytes(first, count));
+            next_brick_ = first + count;
+        },
+        BrickOrder::ascending);
+    sequence.set_group_bytes(std::min(brick_group_bytes, std::max(options_.piece, least_group)));
+    return sequence;
+}
+
+/// The rest of a hierarchical volume, and its end.
+void StreamSource::Reader::finish_bricks() {
+    read_table();
+    pass_bricks(table_->size());
+    FrameHeader frame;
+    if (next_frame(frame)) throw Error(ErrorKind::data, text("there are more cells than bricks on ", input_.name()));
     complete_ = true;
     in_volume_ = false;
-    if (static_cast<std::int64_t>(bricks.size()) != header_.brick_count)
-        throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
-    Volume volume(header_, std::move(bricks));
-    std::byte* target = volume.buffer().write(Space::host);
-    for (auto& [bytes, block] : blocks) {
-        std::memcpy(target, block.read(Space::host), bytes);
-        target += bytes;
-        block = Buffer();
-    }
-    return volume;
+    table_.reset();
+    note_traffic();
 }
 
 StreamSource::StreamSource(std::unique_ptr<ByteSource> bytes, StreamOptions options)
@@ -648,7 +718,7 @@ std::shared_ptr<Lease> StreamSource::lease(Box const& region) { return reader_->
 void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
 void StreamSource::finish() { reader_->finish(); }
-BrickSequence StreamSource::take_bricks() { return reader_->load_hierarchical(); }
+BrickSequence StreamSource::take_bricks() { return reader_->take_bricks(); }
 std::optional<Volume> StreamSource::take_whole() { return reader_->take_whole(); }
 std::shared_ptr<StreamRecord const> StreamSource::record() const { return reader_->record(); }
 

@@ -30,7 +30,8 @@ public:
     virtual bool verbose() const = 0;
     virtual std::string const& output() const = 0; ///< -o, "-" by default
     virtual bool force() const = 0;
-    virtual bool window() const = 0; ///< there is no -o but a terminal, and the consumer shows()
+    virtual bool trust_paths() const = 0; ///< --trust-paths was given
+    virtual bool window() const = 0;      ///< there is no -o but a terminal, and the consumer shows()
     /// Prints a report to standard output (or -o). The only way for a command to print.
     virtual void print(std::string const& report) = 0;
     /// One line on standard error, prefixed with the stage, unless --quiet.

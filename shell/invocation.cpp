@@ -5,6 +5,7 @@
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "shell/help.h"
+#include "shell/measure.h"
 #include "shell/options.h"
 
 #include <algorithm>
@@ -71,16 +72,18 @@ Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
     Command const& c = *verb_.command;
     CommonKind kind;
     int inputs = 0;
-    if (c.operation) {
-        operation_ = c.operation();
+    if (c.operation) operation_ = c.operation();
+    if (c.consumer) consumer_ = c.consumer();
+    if (operation_ && operation_->shape() == Shape::reduction)
+        consumer_ = std::make_unique<Measure>(std::move(operation_));
+    if (operation_) {
         operation_->parameters(own_);
         inputs = operation_->inputs();
         inputs_are_parameters_ = !operation_->input_names().empty();
         kind.volume_output = true;
         kind.report_file = operation_->reports();
         kind.input = inputs > 0 || operation_->like() != nullptr;
-    } else if (c.consumer) {
-        consumer_ = c.consumer();
+    } else if (consumer_) {
         consumer_->parameters(own_);
         inputs = consumer_->inputs();
         inputs_are_parameters_ = !consumer_->input_names().empty();

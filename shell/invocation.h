@@ -39,14 +39,14 @@ public:
     Parameters& own_parameters() { return own_; }
     Parameters& common_parameters() { return shared_; }
 
-    Operation* operation() const { return operation_.get(); }
+    Operation* operation() const { return operation_.get(); } ///< that makes volumes; a Measure holds the others
     Consumer* consumer() const { return consumer_.get(); }
     Opener* opener() const { return opener_.get(); }
 
     /// Paths of the inputs, "-" for standard input or the stage before.
     std::vector<std::string> const& inputs() const { return inputs_; }
     /// True if volumes come out.
-    bool yields_volumes() const { return operation_ ? operation_->shape() != Shape::reduction : opener_ != nullptr; }
+    bool yields_volumes() const { return operation_ != nullptr || opener_ != nullptr; }
     /// The words that the history keeps, with placeholders for inputs (see StageInfo).
     std::vector<std::string> history_words() const;
 

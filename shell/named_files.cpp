@@ -37,6 +37,16 @@ std::vector<std::string> files_of(std::string const& path) {
     return files;
 }
 
+/// Throws Error{usage} if what is no volume, a report or a picture, would replace a volume that is read.
+void spare_volumes(std::deque<Invocation>& stages, std::string const& output) {
+    if (output.empty() || output == "-") return;
+    for (auto& stage : stages)
+        for (auto const& input : named_inputs(stage))
+            if (same_file(input, output))
+                throw Error(ErrorKind::usage, text("'", input, "' is read and would be replaced by what is no volume"),
+                            "write under another name");
+}
+
 } // namespace
 
 std::vector<std::string> input_names(Invocation& stage) {
@@ -59,9 +69,13 @@ std::vector<std::string> named_inputs(Invocation& stage) {
 void spare_inputs(std::deque<Invocation>& stages) {
     Invocation& last = stages.back();
     std::string output = last.common().output;
-    if (last.consumer() != nullptr && last.own_parameters().find("out") != nullptr)
+    bool const writes = last.consumer() != nullptr && last.own_parameters().find("out") != nullptr;
+    if (last.consumer() != nullptr)
         for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
-            if (last.own_parameters().given(name)) output = last.own_parameters().find(name)->get().front();
+            if ((writes || name == std::string_view("output")) && last.own_parameters().given(name))
+                output = last.own_parameters().find(name)->get().front();
+    for (auto& stage : stages) spare_volumes(stages, stage.common().report_file);
+    if (last.consumer() != nullptr && !writes) spare_volumes(stages, output);
     bool const series = is_numbered(output), pair = is_pair(output);
     bool const replaces = series || pair || (!is_segment(output) && ::access(output.c_str(), F_OK) == 0);
     if (output == "-" || !replaces) return;

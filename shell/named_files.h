@@ -17,7 +17,8 @@ std::vector<std::string> input_names(Invocation& stage);
 std::vector<std::string> named_inputs(Invocation& stage);
 
 /// One file is replaced in one step, when what it held has been read. What lies in several files is not: an input among
-/// them could end as neither what it was nor what it was to become. Throws Error{usage} if the last stage would.
+/// them could end as neither what it was nor what it was to become. Nor is an input replaced by what is no volume: a
+/// report, a picture. Throws Error{usage} if a stage would.
 void spare_inputs(std::deque<Invocation>& stages);
 
 } // namespace vkt::shell

@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/tree_run.h"
 
 #include <algorithm>
 #include <array>
@@ -58,8 +59,31 @@ bool is_tree(Header const& h) { return h.kind == Kind::hierarchical; }
 constexpr double ring = 3; ///< pieces in flight at an input or an output
 
 double in_flight(Header const& h, Execution const& execution) {
+    if (is_tree(h)) return static_cast<double>(bricks_in_flight(h, execution));
     Cut const cut = cut_of(h, 0, execution);
     return ring * static_cast<double>(h.dims.x * cut.rows * cut.slices) * static_cast<double>(size_of(h.dtype));
+}
+
+/// How an operation on trees works.
+std::optional<TreeWork> tree_work_of(Operation const* operation, Plan const& plan, std::vector<Header> const& inputs,
+                                     Execution const& execution, bool reduction) {
+    if (inputs.empty() || !std::all_of(inputs.begin(), inputs.end(), is_tree)) return {};
+    if (!reduction && operation == nullptr) return {};
+    return tree_work(reduction ? Shape::reduction : operation->shape(), plan, inputs, {}, execution);
+}
+
+char const* text_of(TreeAccess access) {
+    switch (access) {
+    case TreeAccess::streaming:
+        return ", streaming";
+    case TreeAccess::again:
+        return ", needs the whole input (re-reads a file, spools a pipe)";
+    case TreeAccess::window:
+        return ", holds a window of bricks (re-reads a file, spools a pipe) and spools its result";
+    case TreeAccess::whole:
+        break;
+    }
+    return ", holds the whole volume";
 }
 
 /// How an operation on grids works, as if nothing lay in memory already; nothing of trees and reductions.
@@ -74,20 +98,17 @@ bool scans_before(Plan const& plan, std::optional<WorkPlan> const& work, std::si
     return plan.scans && !(work && i < work->window.size() && work->window[i] == 0);
 }
 
-/// Trees are held whole; of grids pieces in flight at input and output, windows, what the operation keeps, and a
-/// spooled volume: what a stage holds at most.
-double peak_bytes(std::optional<WorkPlan> const& work, Plan const& plan, std::vector<Header> const& inputs,
-                  Execution const& execution, bool reduction) {
-    auto bytes = static_cast<double>(work ? work->bytes : plan.state_bytes);
+/// Of trees what is said of them; of grids pieces in flight at input and output, windows, what the operation keeps, and
+/// a spooled volume: what a stage holds at most.
+double peak_bytes(std::optional<TreeWork> const& tree, std::optional<WorkPlan> const& work, Plan const& plan,
+                  std::vector<Header> const& inputs, Execution const& execution, bool reduction) {
+    auto bytes = static_cast<double>(tree ? tree->bytes : work ? work->bytes : plan.state_bytes);
+    if (tree) return bytes + (reduction || is_tree(plan.output) ? 0 : in_flight(plan.output, execution));
     if (!reduction)
         bytes += is_tree(plan.output) ? static_cast<double>(plan.output.bytes()) : in_flight(plan.output, execution);
+    if (is_tree(plan.output)) return bytes; // the plan's own state says what it holds of its input
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         Header const& in = inputs[i];
-        if (is_tree(in)) {
-            bytes += static_cast<double>(in.bytes());
-            continue;
-        }
-        if (is_tree(plan.output)) continue; // the plan's own state says it
         bytes += in_flight(in, execution);
         bool const again = scans_before(plan, work, i) || plan.access == Access::random;
         if (again && in.bytes() <= spool_limit(inputs.size(), execution)) bytes += static_cast<double>(in.bytes());
@@ -104,15 +125,18 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     if (!reduction)
         line += text(inputs.empty() ? "" : " -> ", shape_text(plan.output),
                      plan.output.bytes() == 0 ? "" : ", " + bytes_text(static_cast<double>(plan.output.bytes())));
+    std::optional<TreeWork> const tree = tree_work_of(operation, plan, inputs, execution, reduction);
     std::optional<WorkPlan> const work = reduction ? std::nullopt : work_of(operation, plan, inputs, execution);
-    if (is_tree(plan.output) && !inputs.empty() && !is_tree(inputs.front())) check_budget(plan.state_bytes, execution);
+    if (is_tree(plan.output) && (inputs.empty() || !is_tree(inputs.front())))
+        check_budget(std::max(plan.state_bytes, plan.output.bytes()), execution);
     if (operation != nullptr || reduction)
-        line += text(", peak memory about ", bytes_text(peak_bytes(work, plan, inputs, execution, reduction)));
+        line += text(", peak memory about ", bytes_text(peak_bytes(tree, work, plan, inputs, execution, reduction)));
     bool const jumps = work && work->jumps;
     bool const again = reduction ? plan.scans : scans_before(plan, work, 0);
     bool const spools = jumps || plan.access == Access::random || again;
     bool const whole = plan.whole || is_tree(plan.output) || std::any_of(inputs.begin(), inputs.end(), is_tree);
-    line += whole    ? ", holds the whole volume"
+    line += tree     ? text_of(tree->access)
+            : whole  ? ", holds the whole volume"
             : spools ? text(", needs the whole input (re-reads a file, spools a pipe)",
                             work && work->bands ? " and spools its result" : "")
                      : std::string(", streaming");
@@ -128,20 +152,17 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
 std::string opener_plan_text(std::string const& stage, Header const& output, Execution const& execution) {
     auto const bytes = static_cast<double>(output.bytes());
     return text(stage, ": -> ", shape_text(output), ", ", bytes_text(bytes), ", peak memory about ",
-                bytes_text(is_tree(output) ? bytes : in_flight(output, execution)), ", streaming\n");
+                bytes_text(in_flight(output, execution)), ", streaming\n");
 }
 
 std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output,
                                std::optional<std::size_t> held, Execution const& execution) {
     auto const bytes = static_cast<double>(input.bytes());
-    bool const holds = held || is_tree(input);
     if (held) check_budget(*held, execution);
     return text(stage, ": ", shape_text(input), ", ", bytes_text(bytes), output.empty() ? "" : " -> ",
                 output == "-" ? "standard output" : printable(output), ", peak memory about ",
-                bytes_text(held    ? static_cast<double>(*held)
-                           : holds ? bytes
-                                   : in_flight(input, execution)),
-                holds ? ", holds the whole volume\n" : ", streaming\n");
+                bytes_text(held ? static_cast<double>(*held) : in_flight(input, execution)),
+                held ? ", holds the whole volume\n" : ", streaming\n");
 }
 
 } // namespace vkt::shell

@@ -131,6 +131,7 @@ public:
     bool verbose() const override { return invocation_.common().verbose; }
     std::string const& output() const override { return invocation_.common().output; }
     bool force() const override { return invocation_.common().force; }
+    bool trust_paths() const override { return invocation_.common().trust_paths; }
     bool window() const override;
     void print(std::string const& report) override;
     void note(std::string const& message) override;
@@ -326,12 +327,14 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
 std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
     std::vector<std::unique_ptr<Source>> sources;
     for (auto const& path : stage.inputs()) {
-        if (path == "-" && previous)
+        if (path == "-" && previous) {
             sources.push_back(std::move(previous));
-        else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error))
+            format_ = "vkt"; // what is computed has the format of a stream
+        } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
             sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
-        else
+        } else {
             sources.push_back(open(stage, path));
+        }
     }
     if (previous)
         throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),

@@ -181,6 +181,32 @@ assert abs(a - b).max() < 0.02 * (a.max() - a.min()), abs(a - b).max() / (a.max(
     grep -q 'error at most' plan
 }
 
+@test "every sigma is a length: filters made of Gaussians answer a wave alike on all levels" {
+    python_with numpy
+    check "
+wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
+np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
+    for levels in 3 4; do
+        vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
+        vkt resample wave.vkt --method nearest | raw >before
+        for filter in log dog sharpen bilateral; do
+            range=
+            [ $filter != bilateral ] || range='--range-sigma 1e6'
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 4 $range --boundary wrap | vkt resample --method nearest | raw >after
+            # shellcheck disable=SC2086
+            vkt filter $filter wave.vkt --sigma 2 --unit world $range --boundary wrap | vkt resample --method nearest | raw | cmp - after
+            check "
+a, b = (np.fft.rfft(np.fromfile(f).reshape(64, 64, 64)[0, 0])[1] for f in ('after', 'before'))
+k = 2 * np.pi / 64
+def gauss(sigma): return np.exp(-0.5 * (k * sigma) ** 2)
+want = {'log': -(k / 0.5) ** 2 * gauss(4), 'dog': gauss(4) - gauss(6.4), 'sharpen': 2 - gauss(4), 'bilateral': gauss(4)}['$filter']
+# On the coarsest level eight cells make a wave.
+assert abs(a / b / want - 1) < 0.03, ('$filter', $levels, a / b, want)"
+        done
+    done
+}
+
 @test "no reconstruction leaves the range of the cells" {
     python_with numpy
     check "
@@ -307,6 +333,22 @@ while at < len(b):
     at += 12 + n
 print(zlib.decompress(data).hex())" "$1"; }
 
+@test "AMReX: pipes and devices among the files are refused, not waited for" {
+    needs_data amr/plt_eb_3d
+    cp -r "$VKT_DATA/amr/plt_eb_3d" plt
+    chmod -R u+w plt
+    for part in Level_0/Cell_D_00000 Level_1/Cell_H; do
+        mv plt/$part kept
+        mkfifo plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        ln -s /dev/zero plt/$part
+        fails_with 3 "$part: is no regular file" timeout 20 vkt read plt --variable density
+        rm plt/$part
+        mv kept plt/$part
+    done
+}
+
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree
     look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"
@@ -379,4 +421,80 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
 d = json.load(open('info.json'))['dims']
 assert abs(d[0] * d[1] * d[2] - 20000) < 2000, d"
     done
+}
+
+@test "a tree that was cut off or damaged, or whose upstream failed, never passes for a whole one" {
+    tree
+    vkt read t.vkt --memory 4M >whole.vkt # several frames of cells
+    local size offset operation
+    size=$(stat -c %s whole.vkt)
+    "$VKT_ROOT/tests/frames.py" whole.vkt | awk '$2 == "cut" { print $1 }' >offsets
+    [ "$(wc -l <offsets)" -ge 5 ]
+    # fails STATUS FILE: with it, and says nothing else; the operation is $operation.
+    fails() {
+        # shellcheck disable=SC2086
+        run --separate-stderr vkt ${operation/@/$2}
+        [ "$status" -eq "$1" ] && [ -z "$output" ] && [ ! -e out.vkt ] || {
+            echo "$operation, $3: $status" >&2
+            return 1
+        }
+    }
+    for operation in 'convert @ --dtype float64 -o out.vkt' 'filter gaussian @ --sigma 1 -o out.vkt' \
+        'filter gaussian @ --sigma 1 --memory 4M -o out.vkt' 'stats @' 'stats @ --percentiles 50' 'histogram @' \
+        'crop @ --roi 0:8,:,: -o out.vkt' 'flip x @ -o out.vkt' 'set @ --units K -o out.vkt' 'info @' 'read @ -o out.vkt'; do
+        for offset in $(cat offsets) $((size / 3)) $((size - 1)); do
+            head -c "$offset" whole.vkt >cut.vkt
+            fails 3 cut.vkt "$offset bytes"
+        done
+        # A cell, and the table.
+        for offset in $((size / 2)) 1500; do
+            cp whole.vkt bad.vkt
+            printf '\x5a\xa5' | dd of=bad.vkt bs=1 seek="$offset" conv=notrunc status=none
+            fails 3 bad.vkt "byte $offset changed"
+        done
+        # What another stage says.
+        vkt arith add cut.vkt 1 2>/dev/null | fails 3 - "after a failure"
+    done
+}
+
+@test "frames of a tree that are missing, doubled or out of order are found" {
+    tree
+    vkt read t.vkt --memory 4M >whole.vkt
+    /usr/bin/python3 - "$VKT_ROOT/tests" <<'EOF'
+import sys
+sys.path.insert(0, sys.argv[1])
+from frames import FRAME, MAGIC, boundaries
+stream = open('whole.vkt', 'rb').read()
+ends = [at for at, _ in boundaries(stream)]
+frames = [stream[a:b] for a, b in zip(ends, ends[1:])]
+kinds = [FRAME.unpack_from(frame)[0] for frame in frames]
+assert kinds[:2] == [b'HEAD', b'TREE'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
+for name, order in {'table': [0, 2, 3, 4, 5], 'tables': [0, 1, 1, 2, 3, 4, 5], 'one': [0, 1, 3, 4, 5], 'last': [0, 1, 2, 3, 5],
+                    'twice': [0, 1, 2, 2, 3, 4, 5], 'more': [0, 1, 2, 3, 4, 4, 5], 'turned': [0, 1, 3, 2, 4, 5]}.items():
+    open(name + '.vkt', 'wb').write(MAGIC + b''.join(frames[i] for i in order))
+EOF
+    for command in 'stats' 'flip x' 'filter gaussian --sigma 1 --memory 4M' info; do
+        for file in table tables one last twice more turned; do
+            # shellcheck disable=SC2086
+            run --separate-stderr vkt $command $file.vkt
+            [ "$status" -eq 3 ] || { echo "$command, $file: $status" >&2; false; }
+        done
+    done
+    fails_with 3 'come before the table of bricks' vkt stats table.vkt
+}
+
+@test "kill -9 of a stage that spools a tree leaves nothing" {
+    tree --block-size 16
+    mkdir spool pipes
+    export TMPDIR=$PWD/spool
+    mkfifo pipes/in
+    vkt filter gaussian pipes/in --sigma 1 --memory 4M -o out.vkt 3>&- &
+    local stage=$!
+    exec 9>pipes/in
+    head -c 3000000 t.vkt >&9 # it waits for more
+    kill -KILL $stage
+    exec 9>&-
+    run wait $stage
+    [ ! -e out.vkt ] && [ -z "$(ls -A spool)" ]
+    [ "$(ls)" = "$(printf 'pipes\nspool\nt.vkt')" ]
 }

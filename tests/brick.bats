@@ -178,6 +178,26 @@ assert np.array_equal(again, whole)
 assert raw("median.nrrd") == whole.tobytes()'
 }
 
+@test "bricks that lead out of the directory, or are no files, are refused unless they are trusted" {
+    vkt make noise --dims 9 8 7 -o v.nrrd
+    vkt brick v.nrrd --size 5 -o d
+    for manifest in yes no; do
+        [ $manifest = yes ] || rm d/bricks.json
+        mv d/brick_000.nrrd kept.nrrd
+        mkfifo d/brick_000.nrrd
+        fails_with 3 "'brick_000.nrrd', which is no regular file" timeout 20 vkt merge d -o m.nrrd
+        rm d/brick_000.nrrd
+        ln -s ../kept.nrrd d/brick_000.nrrd
+        fails_with 3 "'brick_000.nrrd', which leads out of its directory" vkt merge d -o m.nrrd
+        [[ "$stderr" == *--trust-paths* ]]
+        vkt merge d --trust-paths | vkt diff v.nrrd
+        mv kept.nrrd d/brick_000.nrrd
+        vkt merge d | vkt diff v.nrrd
+    done
+    mkfifo d/bricks.json
+    fails_with 3 "'bricks.json', which is no regular file" timeout 20 vkt merge d -o m.nrrd
+}
+
 @test "unu reads the bricks" {
     local unu=teem-unu
     command -v $unu >/dev/null || unu=unu

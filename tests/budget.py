@@ -1,8 +1,10 @@
 #!/usr/bin/python3
 """budget.py MIB FACTOR: runs every command that `vkt help --list` names with --memory MIB on volumes FACTOR times as
-large, of three shapes, from a file and from a pipe, and compares the largest resident set with the budget.
+large, of three shapes, and on hierarchical ones of small and of large bricks, from a file and from a pipe, and compares
+the largest resident set with the budget.
 
 A command that is new is run as `vkt COMMAND FILE`; where that is not enough, say in `arguments` what is."""
+import json
 import os
 import shlex
 import struct
@@ -52,7 +54,7 @@ arguments = {
     "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
     "label": ["{f}", "{f} --connectivity 26 --min-size 2"],
     "histogram": ["{f}", "{f} --range 0:1", "{f} --range p1:p99 --memory 64M"],
-    "make amr": ["--blocks 50 --levels 3"],  # trees are no larger than they are asked to be
+    "make amr": ["--blocks {blocks} --levels 6 --block-size 16"],
     "make checkerboard": ["--dims {x} {y} {z}"],
     "make constant": ["--dims {x} {y} {z}"],
     "make marschner-lobb": ["--dims {x} {y} {z}"],
@@ -81,7 +83,46 @@ arguments = {
     "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }
+# On hierarchical volumes: what is not here refuses them.
+tree_arguments = {
+    "arith": ["add {f} {f}", "mul {f} 2"],
+    "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype float64", "{f} --dtype uint8 --range minmax",
+                "{f} --dtype uint16 --range p1:100 --memory 64M"],
+    "crop": ["{f} --roi 10%:90%,10%:90%,:"],
+    "delete": ["{f} --roi 0:64,:,:"],
+    "fill": ["{f} --value 3 --roi 0:64,:,:"],
+    "fill-range": ["{f} --value 3 --first 0 0 0 --last 9 9 9"],
+    "filter bilateral": ["{f} --sigma 0.4 --range-sigma 1"],
+    "filter box": ["{f} --radius 2"],
+    "filter dog": ["{f} --sigma 0.5"],
+    "filter gaussian": ["{f} --sigma 1", "{f} --sigma 1 --boundary wrap --memory 32M"],
+    "filter gradient": ["{f}"],
+    "filter kernel": ["kernel.txt {f}"],
+    "filter laplacian": ["{f}"],
+    "filter log": ["{f} --sigma 0.5"],
+    "filter median": ["{f} --radius 1"],
+    "filter nlmeans": ["{f} --search 1 --patch 0 --strength 1"],
+    "filter sharpen": ["{f} --sigma 0.5"],
+    "filter sobel": ["{f}"],
+    "flip": ["x {f}", "z {f}"],
+    "flip-range": ["{f} --axis y --first 0 0 0 --last {x} {y} {z}"],
+    "histogram": ["{f}", "{f} --range 0:1", "{f} --range p1:p99 --memory 64M"],
+    "history": ["{f}"],
+    "info": ["{f}"],
+    "morphology": ["close {f} --radius 1"],
+    "permute": ["zyx {f}", "yzx {f}"],
+    "read": ["{f}", "{f} --roi 5%:,5%:,:"],
+    "render": ["{f} -o picture.png --force"],
+    "resample": ["{f} --dims 64 64 64"],
+    "set": ["{f} --units K"],
+    "set-header": ["{f} --dist 1 2 3"],
+    "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
+    "threshold": ["{f} --above 0.5", "{f} --otsu"],
+    "transform": ["v*2+sin(x) {f}", "v[0,1,-1]+v[1,0,2] {f}"],
+    "write": ["{f} - --format vkt"],
+}
 no_volumes = {"completion", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
+grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
 held_whole = {"distance", "refine", "render", "scan", "watershed"}
 held_plane = {"affine", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
@@ -114,6 +155,37 @@ assert len(commands) > 20, commands
 worst = 0
 with open("kernel.txt", "w") as kernel:
     kernel.write("3 3 5 " + "1 2 -3 " * 15)
+
+
+def check(name, words, file, context, may_refuse, refuses=False):
+    """Runs a command on a file and on a pipe and says what is wrong; `refuses`: it must say that it cannot do that."""
+    global failed, worst
+    runs = [(file, None)]
+    if "{f}" in words:
+        runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
+    for given, source in runs:
+        first = words.replace("{f}", given, 1)  # the other input of two is a file
+        line = [*name.split(), *shlex.split(first.format(f=file, **context))]
+        own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
+        if "--memory" not in line:
+            line += ["--memory", f"{budget}M"]
+        limit = base + own
+        status, used, said = peak(["vkt", *line], source)
+        worst = max(worst, used)
+        wrong = []
+        if used > limit:
+            wrong.append(f"{used:.0f} MiB, more than {limit:.0f}")
+        if status == 2 and not refuses:
+            wrong.append("say in tests/budget.py how to run it")
+        if status != (2 if refuses else 0) and not (status == 5 and may_refuse):
+            wrong.append(f"exit status {status}: {said.strip()}")
+        if os.environ.get("VERBOSE"):
+            print(f"{used:6.0f} MiB  {status}  vkt {' '.join(line)}", flush=True)
+        if wrong:
+            failed += 1
+            print(f"vkt {' '.join(line)}{' < pipe' if source else ''}: {'; '.join(wrong)}", flush=True)
+
+
 for shape, (x, y, z) in shapes.items():
     file = f"{shape}_{x}x{y}x{z}_float32.raw"
     with open(file, "wb") as voxels_file:
@@ -126,30 +198,24 @@ for shape, (x, y, z) in shapes.items():
         if name in no_volumes:
             continue
         for words in arguments.get(name, ["{f}"]):
-            runs = [(file, None)]
-            if "{f}" in words:
-                runs.append(("-", ["vkt", "read", file, "--memory", f"{budget}M"]))
-            for given, source in runs:
-                first = words.replace("{f}", given, 1)  # the other input of two is a file
-                line = [*name.split(), *shlex.split(first.format(f=file, bricks="bricks", x=x, y=y, z=z))]
-                own = int(line[-1][:-1]) if "--memory" in line else budget  # tables of fixed size may need more
-                if "--memory" not in line:
-                    line += ["--memory", f"{budget}M"]
-                limit = base + own
-                status, used, said = peak(["vkt", *line], source)
-                worst = max(worst, used)
-                wrong = []
-                if used > limit:
-                    wrong.append(f"{used:.0f} MiB, more than {limit:.0f}")
-                if status == 2:
-                    wrong.append("say in tests/budget.py how to run it")
-                if status != 0 and not (status == 5 and (name in held_whole or name in held_plane and shape != "deep")):
-                    wrong.append(f"exit status {status}: {said.strip()}")
-                if os.environ.get("VERBOSE"):
-                    print(f"{used:6.0f} MiB  {status}  vkt {' '.join(line)}", flush=True)
-                if wrong:
-                    failed += 1
-                    print(f"vkt {' '.join(line)}{' < pipe' if source else ''}: {'; '.join(wrong)}", flush=True)
+            check(name, words, file, {"bricks": "bricks", "x": x, "y": y, "z": z, "blocks": voxels // 16**3},
+                  name in held_whole or name in held_plane and shape != "deep")
+    os.unlink(file)
+# Bricks that are small beside a sixteenth of the budget, and such as take an eighth of it: with neighbours, too much, as
+# are those of whole lines where ends meet.
+for shape, size in {"small": 16, "large": round((budget * mib / 32) ** (1 / 3)) // 2 * 2}.items():
+    file = f"{shape}.vkt"
+    subprocess.run(["vkt", "make", "amr", "--blocks", str(voxels // size**3), "--levels", "6", "--block-size", str(size), "-o", file],
+                   check=True)
+    x, y, z = json.loads(subprocess.run(["vkt", "info", file, "--json"], check=True, capture_output=True).stdout)["dims"]
+    for name in commands:
+        refuses = name not in tree_arguments
+        if name in no_volumes or name in grids_only or refuses and not any("{f}" in words for words in arguments.get(name, ["{f}"])):
+            continue
+        neighbours = name.startswith("filter") or name in {"morphology", "transform"}
+        for words in tree_arguments.get(name, arguments.get(name, ["{f}"])):
+            check(name, words, file, {"bricks": "bricks", "x": x, "y": y, "z": z},
+                  name in {"render", "resample"} or neighbours and shape == "large" or "wrap" in words, refuses)
     os.unlink(file)
 print(f"base {base:.0f} MiB, budget {budget} MiB, at most {worst:.0f} MiB")
 sys.exit(1 if failed else 0)

@@ -226,6 +226,14 @@ END
     "$unu" make -i rgb.raw -t uchar -s 3 3 2 3 -e raw -k domain domain domain 3-color -o series.nrrd
     fails_with 3 "axis 3 holds 3 values for each voxel" vkt info series.nrrd
     "$unu" slice -a 2 -p 0 -i rgb.nrrd | vkt info --json | grep -q '"dims": \[6,3,1\]'
+    # Without kinds a spacing that is no number says it: of the first axis, what unu join puts there, not of the last.
+    "$unu" make -i a.raw -t short -s 5 6 7 -e raw -en little -sp 0.5 1.5 2 -o plain.nrrd
+    "$unu" join -a 0 -incr -i plain.nrrd plain.nrrd -o channels.nrrd
+    fails_with 3 "axis 0 holds 2 values for each voxel" vkt info channels.nrrd
+    [[ "$stderr" == *"unu slice -a 0"* ]]
+    "$unu" join -a 3 -incr -i plain.nrrd plain.nrrd -o times.nrrd
+    [ "$(vkt read times.nrrd | vkt write - --format raw | wc -c)" -eq 840 ]
+    "$unu" axinsert -a 0 -i plain.nrrd | vkt read - | voxels | cmp - a.raw
 }
 
 @test "voxels that come last in a compressed file: NRRD around NIfTI" {

@@ -21,7 +21,8 @@ result=0
 sh "$root/tests/gpu/commands.sh" "$build/vkt" || result=1
 "$build/tests/gpu/vkt_gpu_parity" || result=1
 "$build/tests/gpu/vkt_gpu_sampler" || result=1
-"$build/tests/gpu/vkt_gpu_drivers" || result=1
+"$build/tests/gpu/vkt_gpu_drivers_parity" || result=1
+"$build/tests/gpu/vkt_gpu_drivers_bench" || result=1
 
 echo
 echo 'commands, 512^3 float32, seconds of wall time for each device:'

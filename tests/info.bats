@@ -112,6 +112,11 @@ END
         run ! grep -q '^vkt info: all is well' err
     done
     cp evil.nrrd "$name"
+    for table in '' --csv --json; do
+        # shellcheck disable=SC2086
+        vkt stats "$name" evil.nrrd $table >out
+        only_shown out
+    done
     vkt render "$name" --size 4 -n -o "$name.png" 2>err
     vkt convert "$name" --dtype int16 -o "$name.mha" -n 2>>err
     vkt flip x "$name" -o - -v 2>>err >x.vkt

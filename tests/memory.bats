@@ -72,11 +72,13 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     export VKT_PARSER_PATIENCE=2
     vkt make noise --dims 64 64 64 -o in.nrrd
     vkt write in.nrrd in.vdb 2>/dev/null || cp in.nrrd in.vdb
+    vkt threshold in.nrrd --above 0.5 -o mask.nrrd
     fitted=0 refused=0
-    for room in 16000 18000 20000 25000 30000 40000 60000 100000 200000; do
+    for room in 16000 17000 18000 19000 20000 25000 30000 40000 60000 100000 200000; do
         (ulimit -v $room && vkt --version >/dev/null 2>&1) || continue # the system's loader says so itself
         for command in 'flip x in.nrrd' 'flip x in.nrrd --threads 16' 'filter gaussian in.nrrd --sigma 2' 'stats in.nrrd' \
-            'read in.vdb' 'read in.nrrd' 'render in.nrrd -o out.png --force'; do
+            'read in.vdb' 'read in.nrrd' 'render in.nrrd -o out.png --force' 'label mask.nrrd' 'stats in.nrrd --percentiles 1' \
+            'convert in.nrrd --dtype uint8 --range p1:p99' 'filter nlmeans in.nrrd --noise auto --search 1' 'make amr --blocks 300'; do
             code=0
             # shellcheck disable=SC2086
             (ulimit -v $room && vkt $command >/dev/null 2>err) || code=$?
@@ -154,6 +156,76 @@ EOF
         most=$(peak vkt $command in.nrrd --boundary wrap --memory 8M -o out.nrrd --force)
         [ "$most" -le $((base + 8)) ] || { echo "$command: $most MiB beside $base" >&2; false; }
     done
+}
+
+@test "trees: the same cells whatever the budget, the threads and the way they come" {
+    export TMPDIR=$PWD/spool
+    mkdir spool
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o in.vkt # 9.4 MiB, twice the budget
+    local command way memory threads
+    result() { # of $command on what is given
+        # shellcheck disable=SC2086
+        case $command in
+        stats* | histogram*) vkt ${command/@/$1} ;;
+        *) vkt ${command/@/$1} -o out.vkt --force && "$VKT_ROOT/tests/tree_content.py" out.vkt ;;
+        esac
+    }
+    while read -r command; do
+        result in.vkt >expected
+        while read -r way memory threads; do
+            export VKT_MEMORY=$memory VKT_THREADS=$threads
+            if [ "$way" = file ]; then
+                result in.vkt >got
+            else
+                vkt read in.vkt --transport "$way" | result - >got
+            fi
+            unset VKT_MEMORY VKT_THREADS
+            cmp got expected || { echo "$command: $way, $memory, $threads threads" >&2; false; }
+        done <<'EOF'
+file 4M 1
+file 256M 3
+shm 4M 2
+pipe 5M 3
+EOF
+    done <<'EOF'
+arith mul @ in.vkt
+convert @ --dtype uint8 --range p1:p90
+convert @ --dtype uint8 --range minmax
+filter gaussian @ --sigma 1
+filter median @ --radius 1
+flip x @
+histogram @ --bins 8 --range 0:1
+permute yzx @
+stats @ --percentiles 50
+EOF
+    [ -z "$(ls -A spool)" ]
+}
+
+@test "a dry run tells what is held of a tree" {
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o in.vkt
+    says() { # TEXT COMMAND…
+        local text=$1
+        shift
+        vkt "$@" --memory 4M -n -o x.vkt 2>plan
+        grep -q "$text" plan || { cat plan >&2; false; }
+    }
+    says 'convert: .*, streaming$' convert in.vkt --dtype uint8
+    says 're-reads a file, spools a pipe' convert in.vkt --dtype uint8 --range minmax
+    says 'a window of bricks .* spools its result$' filter gaussian in.vkt
+    says 'crop: .*, streaming$' crop in.vkt --roi 0:9,:,:
+    vkt filter gaussian in.vkt -n -o x.vkt 2>&1 | grep -q 'holds the whole volume'
+    fails_with 5 'the budget is 4' vkt resample in.vkt --dims 9 9 9 --memory 4M -n -o x.vkt
+    vkt stats in.vkt --memory 4M --explain 2>&1 >report | grep -q 'stats: .*, streaming$'
+}
+
+@test "a brick beyond the budget, or one with neighbours that are, is refused before anything is written" {
+    vkt make amr --blocks 1 --levels 1 --block-size 120 -o one.vkt # 6.6 MiB
+    fails_with 5 'the budget is 4' vkt convert one.vkt --dtype uint8 --range 0:1 --memory 4M -o x.vkt
+    fails_with 5 'the budget is 4' vkt stats one.vkt --memory 4M
+    vkt make amr --blocks 8 --levels 2 --block-size 60 -o eight.vkt # 0.8 MiB each
+    fails_with 5 'a brick with its neighbours' vkt filter gaussian eight.vkt --sigma 1 --memory 6M -o x.vkt
+    [ ! -e x.vkt ]
+    vkt convert eight.vkt --dtype uint8 --range 0:1 --memory 6M -o x.vkt
 }
 
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.

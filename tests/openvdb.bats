@@ -69,6 +69,24 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
     dense zero.vdb | vkt diff - five.nrrd
 }
 
+@test "a volume that is all background comes back; a grid of which nothing is known is refused" {
+    for dims in '12 10 9' '1 1 1' '300 5 8'; do
+        # shellcheck disable=SC2086
+        vkt make constant --dims $dims --dtype float32 --value 0.5 | vkt set --spacing 0.5,1,2 --origin 3,-4,5 -o c.nrrd --force
+        vkt write c.nrrd c.vdb --background 0.5 --force
+        dense c.vdb | vkt diff - c.nrrd --geometry
+        vkt convert c.nrrd --dtype float32 | vkt arith mul - 0 | vkt write zero.vdb --force
+        dense zero.vdb | vkt stats --json | tr -d ' \n' | grep -q '"max":0,'
+    done
+    python_with pyopenvdb
+    /usr/bin/python3 -c "
+import pyopenvdb as vdb
+grid = vdb.FloatGrid(background=3)
+grid.name = 'none'
+vdb.write('none.vdb', grids=[grid])"
+    fails_with 3 "grid 'none' is empty" vkt stats none.vdb
+}
+
 @test "pruning stays within its tolerance and saves room" {
     vkt make marschner-lobb --dims 48 48 48 -o ml.nrrd
     vkt write ml.nrrd whole.vdb
@@ -409,5 +427,9 @@ assert a == b == 1.5, (a, b)"
     vkt make constant --dims 512 512 1 --dtype uint8 -o flat.nrrd
     vkt write flat.nrrd flat.vdb
     fails_with 5 "OpenVDB needs 8.2 MiB" vkt write flat.nrrd small.vdb --memory 4M
+    # Of trees what their cells make: those of level 1 are 8 voxels each.
+    vkt make amr --blocks 600 --levels 5 --block-size 16 -o tree.vkt
+    fails_with 5 "OpenVDB needs 73.4 MiB" vkt write tree.vkt tree.vdb --memory 16M
+    [ ! -e tree.vdb ]
     [ ! -e small.vdb ]
 }

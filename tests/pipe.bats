@@ -65,3 +65,29 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     fails_with 2 "vkt pipe: filter gaussian: unknown option '--sigm'" vkt pipe 'read v.nrrd | filter gaussian --sigm 2 | stats'
     fails_with 2 "vkt pipe: crop: --roi 0:99" vkt pipe 'read v.nrrd | crop --roi 0:99,:,: | stats'
 }
+
+@test "operations that report end a pipeline of one process as they end one of many" {
+    vkt flip z noise.nrrd -o other.nrrd
+    while read -r last; do
+        # shellcheck disable=SC2086
+        vkt read noise.nrrd | vkt crop --roi 2:18,:,3: | vkt $last >want
+        [ -s want ]
+        vkt pipe "read noise.nrrd | crop --roi 2:18,:,3: | $last" | cmp - want
+    done <<'EOF'
+stats
+stats --json
+stats --per z --csv
+stats --mergeable
+stats --percentiles 1,50
+histogram --json
+histogram --bins 5 --csv
+info
+info --json
+dump --roi 0:3,0:2,0:2
+dump-range --first 0 0 0 --last 3 2 2
+EOF
+    vkt pipe 'read noise.nrrd | diff - other.nrrd --json' >got || [ $? -eq 1 ]
+    cmp got <(vkt diff noise.nrrd other.nrrd --json)
+    vkt pipe 'make amr --blocks 20 --levels 3 | stats --json' | cmp - <(vkt make amr --blocks 20 --levels 3 | vkt stats --json)
+    fails_with 2 "'stats' yields no volume for the stage after it" vkt pipe 'read noise.nrrd | stats | flip x'
+}

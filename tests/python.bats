@@ -124,6 +124,93 @@ assert np.allclose(ball.array, np.sqrt((x - 14.5) ** 2 + (y - 9.5) ** 2 + (z - 4
 EOF
 }
 
+@test "every registered operation runs by its name, as the command does, and a dry run tells its plan" {
+    printf '3 1 1  1 2 3\n' >kernel.txt
+    vkt resample volume.nrrd --dims 12 11 10 --dtype uint8 -o small.nrrd
+    python <<'EOF'
+import json, os, subprocess
+small = vkt.read("small.nrrd")
+# {v}: the volume. What is not named here runs on one volume and nothing else, or the test fails and asks for words.
+calls = {
+    "affine": "1,0.1,0,0,0,1,0,0,0,0,1,0 {v}", "arith": "add {v} 2", "convert": "{v} --dtype uint16",
+    "copy": "{v} {v}", "crop": "{v} --roi 1:-1,:,2:", "declare-sv": "--dims 4 5 6", "delete": "{v} --roi 1:-1,:,2:",
+    "diff": "{v} {v} --ssim", "dump-range": "{v} --first 1 0 0 --last 3 2 2", "fill": "{v} --value 3",
+    "fill-range": "{v} --first 1 0 0 --last 3 2 2 --value 9", "filter bilateral": "{v} --sigma 1 --range-sigma 9",
+    "filter box": "{v} --radius 1", "filter dog": "{v} --sigma 0.5", "filter gaussian": "{v} --sigma 1",
+    "filter kernel": "kernel.txt {v}", "filter log": "{v} --sigma 0.5", "filter median": "{v} --radius 1",
+    "filter nlmeans": "{v} --search 1 --strength 9", "filter sharpen": "{v} --sigma 0.5", "flip": "x {v}",
+    "flip-range": "{v} --axis y --first 1 0 0 --last 3 2 2", "histogram": "{v} --bins 7", "make amr": "--blocks 9 --levels 3",
+    "morphology": "close {v} --radius 1", "pad": "{v} --by 1", "permute": "zyx {v}", "project": "max {v}",
+    "refine": "{v} --tolerance 20", "resample": "{v} --scale 0.5", "rotate": "{v} --axis z --angle 90", "scale": "{v} --factor 0.5",
+    "set": "{v} --spacing 1,2,3", "slice": "{v} --z 4", "stats": "{v} --percentiles 50", "threshold": "{v} --otsu",
+    "transform": "v*2+a {v} {v}"}
+calls |= {name: "--dims 4 5 6" for name in vkt.operations() if name.startswith("make ") and name not in calls}
+reports = []
+for name in vkt.operations():
+    words = calls.get(name, "{v}").split()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore") # values that are clipped
+        result = vkt.apply(name, *(small if word == "{v}" else word for word in words))
+    command = ["vkt", *name.split(), *(word.replace("{v}", "small.nrrd") for word in words)]
+    plan = subprocess.run([*command, "-n", *([] if isinstance(result, dict) else ["-o", "planned.vkt"])], capture_output=True, text=True)
+    # info prints what is planned.
+    assert plan.returncode == 0 and (plan.stderr.startswith("vkt " + name.split()[0] + ": ") or name == "info"), (name, plan)
+    assert not os.path.exists("planned.vkt"), name
+    if isinstance(result, vkt.Volume):
+        subprocess.run([*command, "-q", "-o", "want.vkt", "--force"], check=True)
+        info = lambda file: {k: v for k, v in json.loads(subprocess.run(["vkt", "info", "--json", file], check=True, capture_output=True).stdout).items() if k not in ("format", "history")}
+        header = {k: v for k, v in result.header.items() if k != "history"}
+        assert {k: v for k, v in info("want.vkt").items() if k in header} == header, (name, header, info("want.vkt"))
+        if not result.hierarchical:
+            subprocess.run(["vkt", "convert", "want.vkt", "-o", "want.nrrd", "--force"], check=True)
+            assert np.array_equal(result.array, vkt.read("want.nrrd").array), name
+        continue
+    reports.append(name)
+    text = name in ("dump", "dump-range")
+    ran = subprocess.run([*command, *([] if text else ["--json"])], capture_output=True, text=True)
+    want = {"text": ran.stdout} if text else json.loads(ran.stdout)
+    for key in ("format", "history"):
+        if name == "info":
+            want.pop(key, None), result.pop(key, None)
+    assert ran.returncode == 0 and result == want, (name, result, want)
+assert set(reports) >= {"stats", "diff", "info", "dump", "dump-range", "histogram"}, reports
+EOF
+}
+
+@test "reports: a dict of what measures, a property of what was made, inputs in the order in which they are said" {
+    python <<'EOF'
+a = volume.array
+labels = volume.apply("threshold", otsu=True).apply("label")
+assert [row["size"] for row in labels.report["labels"]] == np.bincount(labels.array.ravel())[1:].tolist()
+assert volume.report is None
+assert volume.apply("threshold", otsu=True).report["above"] > 0
+rows = vkt.apply("stats", volume, "--labels", labels)["labels"]
+assert [row["label"] for row in rows] == list(range(labels.array.max() + 1))
+for row in rows:
+    assert row["sum"] == a[labels.array == row["label"]].astype(np.int64).sum()
+# Options in either order: the mask is the mask.
+mask = vkt.Volume((np.arange(a.size).reshape(a.shape) % 3 == 0).astype(np.uint8), like=volume)
+one = vkt.apply("stats", volume, "--labels", labels, "--mask", mask)
+assert one == vkt.apply("stats", volume, "--mask", mask, "--labels", labels)
+assert one["labels"][0]["count"] == ((labels.array == 0) & (mask.array > 0)).sum()
+b = volume.apply("filter gaussian", sigma=1)
+found = volume.apply("diff", b)
+assert found["max_abs"] == np.abs(a.astype(float) - b.array).max() and found["differing"] == (a != b.array).sum()
+counts = volume.apply("histogram", bins=16, range="0:256")
+assert counts["counts"] == np.histogram(a, 16, (0, 256))[0].tolist()
+parts = [volume.apply("stats", roi=f":,:,{z}", mergeable=True) for z in ("0:9", "9:")]
+import json
+for i, part in enumerate(parts):
+    json.dump(part, open(f"part{i}.json", "w"))
+assert vkt.apply("stats", "--merge", "part0.json", "part1.json") == volume.stats()
+try:
+    vkt.apply("stats", volume, "--mask", "file.nrrd")
+    assert False
+except vkt.Error as error:
+    assert error.exit_code == 2 and "pass the volume beside the words" in error.hint
+EOF
+}
+
 @test "voxels stay where they are in the world, says nibabel" {
     python_with nibabel
     python <<'EOF'
@@ -179,6 +266,22 @@ EOF
 try: vkt.read("cut.nrrd")
 except vkt.Error as e: assert e.exit_code == 3
 else: assert False'
+}
+
+@test "what files and arguments say comes as one line that terminals show" {
+    python <<'EOF'
+import unicodedata
+open("evil.nrrd", "wb").write(b"NRRD0004\ntype: \x1b[31m\xff\xc2\x9b\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\na")
+volume = vkt.apply("make noise", dims=(4, 4, 4))
+for attempt in (lambda: vkt.read("no\033[31m\nsuch"), lambda: vkt.read("evil.nrrd"), lambda: volume.apply("flip \033[2J"),
+                lambda: volume.apply("filter gaussian", sigma="\u202e\n"), lambda: volume.write("no\033/x.nrrd")):
+    try:
+        attempt()
+        raise AssertionError("no error")
+    except vkt.Error as e:
+        said = str(e) + e.hint
+        assert not any(unicodedata.category(c) in ("Cc", "Cf", "Cs") for c in said), repr(said)
+EOF
 }
 
 @test "a copy of a volume is the volume, and pickling is refused" {

@@ -342,6 +342,20 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     vkt stats v_31x23x19_uint8.raw --mask zero.vkt --labels labels_31x23x19_uint16.raw --json | tr -d ' \n' | grep -q '"labels":\[\]'
 }
 
+@test "masks and labels lie where the volume does, in whatever frame" {
+    vkt make ramp --dims 4 3 2 --dtype uint8 --spacing 1,2,3 --origin 1,2,3 -o v.nrrd
+    vkt set v.nrrd --attribute space=right-anterior-superior -o ras.nrrd
+    vkt set v.nrrd --attribute space=left-posterior-superior -o lps.nrrd
+    vkt set v.nrrd --origin 1,2,4 -o moved.nrrd
+    vkt write ras.nrrd ras.mha # left-posterior-superior, and the same place
+    for option in --mask --labels; do
+        fails_with 2 "$option lies at another place" vkt stats v.nrrd $option moved.nrrd
+        fails_with 2 "$option lies at another place" vkt stats ras.nrrd $option lps.nrrd
+        fails_with 2 "the frame of one volume is right-anterior-superior" vkt stats ras.nrrd $option v.nrrd
+        [ "$(vkt stats ras.nrrd $option ras.mha --json)" = "$(vkt stats ras.nrrd $option ras.nrrd --json)" ]
+    done
+}
+
 @test "a product of 0 has no sign" {
     vkt make ramp --dims 4 4 4 | vkt transform 'x == 0 ? 0 : x == 1 and y == 0 and z == 0 ? 0 - 3 : 2' --dtype int8 -o v.nrrd
     vkt stats v.nrrd --json | tr -d ' ' | grep -q '"product":0[,.]'

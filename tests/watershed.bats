@@ -207,7 +207,8 @@ for options in ("--slab 1 --threads 2", "--slab 3 --threads 5", "--slab 7"):
     fails_with 2 'differ in size' vkt watershed v.nrrd --markers other.nrrd -o o.nrrd
     fails_with 2 'differ in size' vkt watershed v.nrrd --mask other.nrrd -o o.nrrd
     vkt set zero.nrrd --origin 9,9,9 -o moved.nrrd
-    fails_with 2 'another place' vkt watershed v.nrrd --mask moved.nrrd -o o.nrrd
+    fails_with 2 '--mask lies at another place' vkt watershed v.nrrd --mask moved.nrrd -o o.nrrd
+    fails_with 2 '--markers lies at another place' vkt watershed v.nrrd --markers moved.nrrd -o o.nrrd
     fails_with 3 'no marker' vkt watershed v.nrrd --markers zero.nrrd -o o.nrrd
     vkt make constant --dims 6 5 4 --dtype uint8 --value 1 -o one.nrrd
     fails_with 3 'no marker where' vkt watershed v.nrrd --markers one.nrrd --mask zero.nrrd -o o.nrrd

@@ -109,6 +109,22 @@ assert info["history"]["command"][0] == "read", info'
     cmp cut.mha kept.mha
 }
 
+@test "a volume that is read is not replaced by a report or a picture" {
+    vkt threshold ramp.vkt --range 10:40 -o mask.nrrd
+    cp mask.nrrd kept.nrrd
+    fails_with 2 "by what is no volume" vkt label mask.nrrd --report ./mask.nrrd -o labels.nrrd --force
+    fails_with 2 "by what is no volume" vkt pipe 'read mask.nrrd | label --report mask.nrrd --force | write labels.nrrd'
+    fails_with 2 "by what is no volume" vkt watershed ramp.vkt --mask mask.nrrd --report mask.nrrd -o labels.nrrd --force
+    fails_with 2 "by what is no volume" vkt histogram mask.nrrd -o mask.nrrd --force
+    cp mask.nrrd mask.png # a volume, whatever it is called
+    fails_with 2 "by what is no volume" vkt render mask.png -o mask.png --force
+    cmp mask.nrrd kept.nrrd
+    cmp mask.png kept.nrrd
+    [ ! -e labels.nrrd ]
+    vkt label mask.nrrd --report report.json -o labels.nrrd
+    vkt label mask.nrrd --report report.json -o labels.nrrd --force
+}
+
 @test "an input that lies in several files is not overwritten" {
     vkt read ramp.vkt -o a.nhdr
     vkt read ramp.vkt -o c.mhd

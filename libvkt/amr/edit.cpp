@@ -8,8 +8,9 @@
 #include "libvkt/core/text.h"
 
 #include <array>
-#include <cstring>
+#include <memory>
 #include <unordered_map>
+#include <utility>
 
 namespace vkt {
 
@@ -17,8 +18,8 @@ namespace {
 
 Vec3 as_point(Index3 p) { return {static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)}; }
 
-void require_tree(Volume const& volume) {
-    if (volume.header().kind != Kind::hierarchical) throw Error(ErrorKind::failure, "not a hierarchical volume");
+void require_tree(Header const& header) {
+    if (header.kind != Kind::hierarchical) throw Error(ErrorKind::failure, "not a hierarchical volume");
 }
 
 template <class T> void reverse_brick(T const* from, T* to, Index3 n, int axis) {
@@ -113,43 +114,48 @@ bool merge_round(Merging& merging, Index3 logical, std::int64_t largest) {
 
 } // namespace
 
-Volume crop_tree(Volume const& volume, Box const& region, Execution const& execution) {
-    require_tree(volume);
-    Header header = volume.header();
+BrickSequence crop_tree(BrickSequence bricks, Box const& region) {
+    Header header = bricks.header();
+    require_tree(header);
     Box const present = region_of(header);
     if (region.empty() || !present.contains(region))
         throw Error(ErrorKind::usage, text("region ", region, " leaves the hierarchical volume's ", present));
-    std::vector<Brick> bricks;
-    std::vector<std::size_t> kept;
-    for (std::size_t b = 0; b < volume.bricks().size(); ++b) {
-        if (!domain_meets(volume.bricks()[b], header.dims, as_point(region.lower), as_point(region.upper))) continue;
-        bricks.push_back(volume.bricks()[b]);
-        kept.push_back(b);
+    std::vector<Brick> kept;
+    std::vector<std::size_t> places;
+    for (std::size_t b = 0; b < bricks.bricks().size(); ++b) {
+        Brick const& brick = bricks.bricks()[b];
+        if (!domain_meets(brick, header.dims, as_point(region.lower), as_point(region.upper))) continue;
+        kept.push_back(brick);
+        places.push_back(b);
     }
-    if (bricks.empty())
+    if (kept.empty())
         throw Error(ErrorKind::usage, text("region ", region, " meets no brick of the hierarchical volume"));
     header.attributes["roi"] = to_text(region);
-    Volume result(header, std::move(bricks));
-    std::byte const* const from = volume.buffer().read(Space::host);
-    std::byte* const to = result.buffer().write(Space::host);
-    std::size_t const bytes = size_of(header.dtype);
-    auto const count = static_cast<std::int64_t>(kept.size());
-#pragma omp parallel for num_threads(execution.threads) schedule(static)
-    for (std::int64_t i = 0; i < count; ++i) {
-        auto const b = static_cast<std::size_t>(i);
-        std::memcpy(to + static_cast<std::size_t>(result.brick_offset(b)) * bytes,
-                    from + static_cast<std::size_t>(volume.brick_offset(kept[b])) * bytes,
-                    static_cast<std::size_t>(result.bricks()[b].cells()) * bytes);
-    }
+    std::size_t const size = size_of(header.dtype), group = bricks.group_bytes();
+    BrickOrder const order = bricks.order();
+    auto const source = std::make_shared<BrickSequence>(std::move(bricks));
+    BrickSequence result(
+        std::move(header), std::move(kept),
+        [source, places = std::move(places), size](std::size_t first, std::size_t count, std::byte* to) {
+            for (std::size_t end = first + count, n = 0; first < end; first += n) { // neighbours together
+                n = 1;
+                while (first + n < end && places[first + n] == places[first] + n) ++n;
+                source->read(places[first], n, to);
+                for (std::size_t i = 0; i < n; ++i)
+                    to += static_cast<std::size_t>(source->bricks()[places[first] + i].cells()) * size;
+            }
+        },
+        order);
+    result.set_group_bytes(group);
     return result;
 }
 
-Volume flip_tree(Volume const& volume, Axis axis, Execution const& execution) {
-    require_tree(volume);
+BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& execution) {
+    Header header = input.header();
+    require_tree(header);
     auto const a = static_cast<int>(axis);
-    Header header = volume.header();
     Index3 const logical = header.dims;
-    std::vector<Brick> bricks = volume.bricks();
+    std::vector<Brick> bricks = input.bricks();
     for (Brick& brick : bricks) brick.lower[a] = logical[a] - bounds_of(brick, logical).upper[a];
     header.geometry = flipped(header.geometry, axis, logical[a]);
     if (header.attributes.contains("roi")) {
@@ -159,24 +165,32 @@ Volume flip_tree(Volume const& volume, Axis axis, Execution const& execution) {
         region.upper[a] = logical[a] - lower;
         header.attributes["roi"] = to_text(region);
     }
-    Volume result(header, std::move(bricks));
-    std::byte const* const from = volume.buffer().read(Space::host);
-    std::byte* const to = result.buffer().write(Space::host);
-    auto const count = static_cast<std::int64_t>(result.bricks().size());
-    with_cell_type(header.dtype, [&]<class T>(T) {
-        auto const* const source = reinterpret_cast<T const*>(from);
-        auto* const target = reinterpret_cast<T*>(to);
-#pragma omp parallel for num_threads(execution.threads) schedule(static)
-        for (std::int64_t i = 0; i < count; ++i) {
-            auto const b = static_cast<std::size_t>(i);
-            reverse_brick(source + volume.brick_offset(b), target + result.brick_offset(b), result.bricks()[b].dims, a);
-        }
-    });
+    DataType const dtype = header.dtype;
+    std::size_t const group = input.group_bytes();
+    BrickOrder const order = input.order();
+    auto const source = std::make_shared<BrickSequence>(std::move(input));
+    BrickSequence result(
+        std::move(header), std::move(bricks),
+        [source, a, dtype, threads = execution.threads](std::size_t first, std::size_t count, std::byte* to) {
+            std::byte const* const from = source->cells(first, count);
+            std::vector<std::int64_t> offsets;
+            std::int64_t offset = 0;
+            for (std::size_t b = first; b < first + count; ++b)
+                offsets.push_back(std::exchange(offset, offset + source->bricks()[b].cells()));
+            with_cell_type(dtype, [&]<class T>(T) {
+#pragma omp parallel for num_threads(threads) schedule(static)
+                for (std::size_t i = 0; i < count; ++i)
+                    reverse_brick(reinterpret_cast<T const*>(from) + offsets[i], reinterpret_cast<T*>(to) + offsets[i],
+                                  source->bricks()[first + i].dims, a);
+            });
+        },
+        order);
+    result.set_group_bytes(group);
     return result;
 }
 
 Volume merge_siblings(Volume const& volume, std::int64_t largest, Execution const& execution) {
-    require_tree(volume);
+    require_tree(volume.header());
     Merging merging{volume.bricks(), {}};
     for (std::size_t b = 0; b < merging.bricks.size(); ++b) merging.placement.push_back({b, {0, 0, 0}});
     while (merge_round(merging, volume.header().dims, largest)) {

@@ -3,17 +3,20 @@
 #pragma once
 
 #include "libvkt/amr/tree.h"
+#include "libvkt/core/brick_sequence.h"
 #include "libvkt/core/execution.h"
 
 namespace vkt {
 
 /// The bricks whose domain meets a region of finest cells, whole and in their order; the logical grid stays, the
 /// header's attribute "roi" names the region. Any reconstruction inside the region is the same as before, bit for bit.
-/// Throws Error{usage} if the region leaves what an earlier crop left, or meets no brick.
-Volume crop_tree(Volume const& volume, Box const& region, Execution const& execution);
+/// Cells come when they are asked for. Throws Error{usage} if the region leaves what an earlier crop left, or meets no
+/// brick.
+BrickSequence crop_tree(BrickSequence bricks, Box const& region);
 
-/// The mirrored tree: bricks and their cells reversed along an axis; cells keep their world positions.
-Volume flip_tree(Volume const& volume, Axis axis, Execution const& execution);
+/// The mirrored tree: bricks and their cells reversed along an axis, as they are asked for; cells keep their world
+/// positions.
+BrickSequence flip_tree(BrickSequence bricks, Axis axis, Execution const& execution);
 
 /// Joins 2 x 2 x 2 sibling bricks of one level into one brick, again and again while the result has at most
 /// `largest` cells along an axis. Reconstructions stay what they were (to rounding); there are fewer bricks to visit.

@@ -3,8 +3,11 @@
 #include "libvkt/amr/ghost.h"
 
 #include "libvkt/amr/cells.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <array>
 
 namespace vkt {
 
@@ -79,9 +82,75 @@ Box lattice_box(LevelLattice const& lattice, Brick const& brick) {
     return {lower, lower + brick.dims};
 }
 
-GhostFiller::GhostFiller(Volume const& volume, BrickIndex const& index, std::span<tile::Source const> sources,
-                         TileRule const& rule, InstructionSet instructions)
-    : volume_(volume), index_(index), sources_(sources), rule_(rule), instructions_(instructions) {}
+void CellSurvey::add(std::span<Brick const> bricks, std::byte const* cells, Execution const& execution) {
+    for (ValueRange const& range : brick_ranges(cells, type_, bricks, execution))
+        range_ = united(std::array{range_, range});
+    with_cell_type(type_, [&]<class T>(T) {
+        if constexpr (is_wide_cell<T>) {
+            std::int64_t count = 0;
+            for (Brick const& brick : bricks) count += brick.cells();
+            if (count == 0) return;
+            auto const* const values = reinterpret_cast<T const*>(cells);
+            auto const [low, high] = std::minmax_element(values, values + count);
+            T const least = any_ ? std::min(*low, static_cast<T>(least_)) : *low;
+            T const most = any_ ? std::max(*high, static_cast<T>(most_)) : *high;
+            least_ = static_cast<std::uint64_t>(least);
+            most_ = static_cast<std::uint64_t>(most);
+            any_ = true;
+        }
+    });
+}
+
+tile::Source CellSurvey::brick() const {
+    tile::Source source;
+    source.base = least_;
+    source.far = most_ - least_ >= std::uint64_t{1} << 53;
+    return source;
+}
+
+void BrickCells::want(std::span<std::int32_t const> ids) {
+    if (bricks_.in_memory()) return;
+    std::size_t const size = size_of(bricks_.header().dtype);
+    auto const bytes_of = [&](std::int32_t id) {
+        return static_cast<std::size_t>(bricks_.bricks()[static_cast<std::size_t>(id)].cells()) * size;
+    };
+    std::size_t wanted = 0;
+    for (std::int32_t const id : ids) wanted += bytes_of(id);
+    if (wanted > limit_)
+        throw Error(ErrorKind::resources,
+                    text("a brick and its neighbours take ", bytes_text(static_cast<double>(wanted)),
+                         " of memory, and ", bytes_text(static_cast<double>(limit_)), " of the budget are for them"),
+                    "raise --memory");
+    for (std::int32_t const id : ids)
+        if (auto const found = kept_.find(id); found != kept_.end())
+            order_.splice(order_.begin(), order_, found->second.place);
+    std::size_t missing = 0;
+    for (std::int32_t const id : ids) missing += kept_.contains(id) ? 0 : bytes_of(id);
+    while (held_ + missing > limit_) { // those that are wanted are before the others, and have room
+        std::int32_t const oldest = order_.back();
+        held_ -= bytes_of(oldest);
+        kept_.erase(oldest);
+        order_.pop_back();
+    }
+    for (std::int32_t const id : ids) {
+        if (kept_.contains(id)) continue;
+        Buffer cells(bytes_of(id));
+        bricks_.read(static_cast<std::size_t>(id), 1, cells.write(Space::host));
+        order_.push_front(id);
+        kept_.emplace(id, Kept{std::move(cells), order_.begin()});
+        held_ += bytes_of(id);
+    }
+}
+
+std::byte const* BrickCells::of(std::int32_t id) {
+    if (bricks_.in_memory()) return bricks_.cells(static_cast<std::size_t>(id), 1);
+    return kept_.at(id).cells.read(Space::host);
+}
+
+GhostFiller::GhostFiller(BrickCells& cells, BrickIndex const& index, tile::Source const& like, TileRule const& rule,
+                         InstructionSet instructions)
+    : cells_(cells), bricks_(cells.bricks().bricks()), index_(index), like_(like), rule_(rule),
+      instructions_(instructions) {}
 
 void GhostFiller::fill(LevelLattice const& lattice, AnyView out, Boundary boundary, double border_value) {
     if (box_of(lattice.dims).contains(out.box)) return fill_inside(lattice, out);
@@ -120,18 +189,42 @@ void GhostFiller::fill_inside(LevelLattice const& lattice, AnyView out) {
     // Mostly the box lies among bricks of its own level: then nothing needs to be reconstructed.
     std::int64_t held = 0;
     auto const own = [&](std::int32_t id) {
-        Brick const& brick = volume_.bricks()[static_cast<std::size_t>(id)];
+        Brick const& brick = bricks_[static_cast<std::size_t>(id)];
         return brick.level == lattice.level ? intersect(lattice_box(lattice, brick), out.box) : Box{};
     };
-    for (std::int32_t const id : near_) held += own(id).voxels();
-    if (held < out.box.voxels()) compute_box(sources_, near_, grid, rule_, out, workspace_, instructions_);
+    own_.clear();
     for (std::int32_t const id : near_) {
-        Box const part = own(id);
-        if (part.empty()) continue;
-        auto const b = static_cast<std::size_t>(id);
-        Index3 const first = lattice_box(lattice, volume_.bricks()[b]).lower;
-        copy(volume_.brick_view(b).moved_to(first).part(part), out.part(part));
+        std::int64_t const cells = own(id).voxels();
+        if (cells > 0) own_.push_back(id);
+        held += cells;
     }
+    if (held < out.box.voxels()) {
+        Index3 const dims = cells_.bricks().header().dims;
+        std::erase_if(near_, [&](std::int32_t id) {
+            return !domain_meets(bricks_[static_cast<std::size_t>(id)], dims, lower, upper);
+        });
+        cells_.want(near_); // all of its own as well
+        reconstruct(grid, out);
+    } else {
+        cells_.want(own_);
+    }
+    for (std::int32_t const id : own_) {
+        Box const part = own(id);
+        Box const whole = lattice_box(lattice, bricks_[static_cast<std::size_t>(id)]);
+        copy(dense_view(cells_.of(id), out.type, whole).part(part), out.part(part));
+    }
+}
+
+/// From the bricks near by.
+void GhostFiller::reconstruct(SampleGrid const& grid, AnyView out) {
+    sources_.assign(near_.size(), like_);
+    places_.resize(near_.size());
+    for (std::size_t i = 0; i < near_.size(); ++i) {
+        Brick const& brick = bricks_[static_cast<std::size_t>(near_[i])];
+        place(sources_[i], brick, cell_width(cells_.bricks().header().dims, brick.level), cells_.of(near_[i]));
+        places_[i] = static_cast<std::int32_t>(i);
+    }
+    compute_box(sources_, places_, grid, rule_, out, workspace_, instructions_);
 }
 
 } // namespace vkt

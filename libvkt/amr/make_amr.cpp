@@ -5,6 +5,7 @@
 #include "libvkt/amr/analytic.h"
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 
 #include <cmath>
@@ -188,35 +189,44 @@ void check(AmrRecipe const& recipe) {
         throw Error(ErrorKind::usage, text(recipe.blocks, " blocks are not in 0…", most_blocks));
 }
 
-template <class T> void fill(Volume& volume, AmrField field, Execution const& execution) {
-    Index3 const logical = volume.header().dims;
-    auto* const cells = reinterpret_cast<T*>(volume.buffer().write(Space::host));
-    auto const& bricks = volume.bricks();
+template <class T>
+void fill_brick(Brick const& brick, Index3 logical, std::vector<analytic::Term> const& terms, T* out) {
+    std::int64_t const n = brick.cells();
+    std::vector<double> sums(static_cast<std::size_t>(n), 0.0);
+    for (auto const& term : terms) {
+        std::vector<double> axis[3];
+        Index3 const w = cell_width(logical, brick.level);
+        for (int a = 0; a < 3; ++a)
+            for (std::int64_t i = 0; i < brick.dims[a]; ++i) {
+                auto const low = static_cast<double>(brick.lower[a] + i * w[a]);
+                axis[a].push_back(term.factor[a].average(low, low + static_cast<double>(w[a])));
+            }
+        std::size_t at = 0;
+        for (double const z : axis[2])
+            for (double const y : axis[1]) {
+                double const yz = term.amplitude * z * y;
+                for (double const x : axis[0]) sums[at++] += yz * x;
+            }
+    }
+    for (std::int64_t i = 0; i < n; ++i) out[i] = static_cast<T>(sums[static_cast<std::size_t>(i)]);
+}
+
+/// The cells of some bricks, one brick after another.
+template <class T>
+void fill(std::span<Brick const> bricks, Index3 logical, AmrField field, T* cells, Execution const& execution) {
+    std::vector<std::int64_t> offsets;
+    offsets.reserve(bricks.size());
+    std::int64_t offset = 0;
+    for (Brick const& brick : bricks) offsets.push_back(std::exchange(offset, offset + brick.cells()));
     auto const count = static_cast<std::int64_t>(bricks.size());
     auto const terms = analytic::terms_of(field, logical);
+    FirstFailure failure;
 #pragma omp parallel for num_threads(execution.threads) schedule(dynamic, 64)
     for (std::int64_t b = 0; b < count; ++b) {
-        Brick const& brick = bricks[static_cast<std::size_t>(b)];
-        T* const out = cells + volume.brick_offset(static_cast<std::size_t>(b));
-        std::int64_t const n = brick.cells();
-        std::vector<double> sums(static_cast<std::size_t>(n), 0.0);
-        for (auto const& term : terms) {
-            std::vector<double> axis[3];
-            Index3 const w = cell_width(logical, brick.level);
-            for (int a = 0; a < 3; ++a)
-                for (std::int64_t i = 0; i < brick.dims[a]; ++i) {
-                    auto const low = static_cast<double>(brick.lower[a] + i * w[a]);
-                    axis[a].push_back(term.factor[a].average(low, low + static_cast<double>(w[a])));
-                }
-            std::size_t at = 0;
-            for (double const z : axis[2])
-                for (double const y : axis[1]) {
-                    double const yz = term.amplitude * z * y;
-                    for (double const x : axis[0]) sums[at++] += yz * x;
-                }
-        }
-        for (std::int64_t i = 0; i < n; ++i) out[i] = static_cast<T>(sums[static_cast<std::size_t>(i)]);
+        auto const brick = static_cast<std::size_t>(b);
+        failure.catch_from([&] { fill_brick(bricks[brick], logical, terms, cells + offsets[brick]); });
     }
+    failure.rethrow();
 }
 
 } // namespace
@@ -230,7 +240,7 @@ AmrRecipe silcc_like() {
     return recipe;
 }
 
-Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
+BrickSequence amr_bricks(AmrRecipe const& recipe, Execution const& execution) {
     check(recipe);
     Header header;
     header.kind = Kind::hierarchical;
@@ -244,12 +254,19 @@ Volume make_amr(AmrRecipe const& recipe, Execution const& execution) {
     for (Brick const& brick : bricks)
         bytes += static_cast<double>(brick.cells()) * static_cast<double>(size_of(recipe.dtype));
     if (bytes > 0x1p40) throw Error(ErrorKind::resources, text("a tree of ", bytes_text(bytes), " is too large"));
-    Volume volume(header, std::move(bricks));
-    if (recipe.dtype == DataType::float32)
-        fill<float>(volume, recipe.field, execution);
-    else
-        fill<double>(volume, recipe.field, execution);
-    return volume;
+    auto const table = std::make_shared<std::vector<Brick> const>(std::move(bricks));
+    Index3 const dims = header.dims;
+    return {std::move(header), table,
+            [table, dims, field = recipe.field, dtype = recipe.dtype, execution](std::size_t first, std::size_t count,
+                                                                                 std::byte* to) {
+                std::span<Brick const> const wanted = std::span(*table).subspan(first, count);
+                if (dtype == DataType::float32)
+                    fill(wanted, dims, field, reinterpret_cast<float*>(to), execution);
+                else
+                    fill(wanted, dims, field, reinterpret_cast<double*>(to), execution);
+            }};
 }
+
+Volume make_amr(AmrRecipe const& recipe, Execution const& execution) { return amr_bricks(recipe, execution).whole(); }
 
 } // namespace vkt

@@ -2,9 +2,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/brick_sequence.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/volume.h"
+
+#include <vector>
 
 namespace vkt {
 
@@ -36,6 +39,9 @@ AmrRecipe silcc_like();
 
 /// Builds the tree: refines towards shells around the clouds and the mid-plane, neighbours differ by one level at
 /// most. Deterministic. Throws Error{usage} for recipes that make no sense, Error{resources} for more than 2^26 blocks.
+/// Cells are computed when they are asked for.
+BrickSequence amr_bricks(AmrRecipe const& recipe, Execution const& execution);
+/// The same in memory.
 Volume make_amr(AmrRecipe const& recipe, Execution const& execution);
 
 /// The field at a position in finest cells, and its mean over a box of them.

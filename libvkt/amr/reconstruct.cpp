@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/tile_output.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -132,6 +133,7 @@ void Reconstructor::run(AnyView out, AnyView mask, Execution const& execution) c
     int const threads = std::max(1, execution.threads);
     std::vector<TileWorkspace> work(static_cast<std::size_t>(threads));
     std::int64_t const count = tiles.x * tiles.y * tiles.z;
+    FirstFailure failure; // workspaces grow with the tiles
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
     for (std::int64_t t = 0; t < count; ++t) {
         tile::Job job;
@@ -149,8 +151,9 @@ void Reconstructor::run(AnyView out, AnyView mask, Execution const& execution) c
         job.ids = ids.data() + starts[static_cast<std::size_t>(t)];
         job.id_count = starts[static_cast<std::size_t>(t) + 1] - starts[static_cast<std::size_t>(t)];
         TileWorkspace& mine = work[static_cast<std::size_t>(omp_get_thread_num())];
-        compute_tile(job, rule_, out, mask, mine, execution.instructions);
+        failure.catch_from([&] { compute_tile(job, rule_, out, mask, mine, execution.instructions); });
     }
+    failure.rethrow();
 }
 
 Volume reconstruct(Volume const& volume, SampleGrid const& grid, Reconstruction method, double background,

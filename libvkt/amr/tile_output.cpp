@@ -330,6 +330,15 @@ TileRule tile_rule(Header const& header, Reconstruction method, double backgroun
             false};
 }
 
+void place(tile::Source& source, Brick const& brick, Index3 width, std::byte const* cells) {
+    source.cells = cells;
+    for (int a = 0; a < 3; ++a) {
+        source.lower[a] = brick.lower[a];
+        source.dims[a] = brick.dims[a];
+        source.width[a] = width[a];
+    }
+}
+
 std::vector<tile::Source> tile_sources(Volume const& volume) {
     auto const& bricks = volume.bricks();
     std::byte const* const data = volume.buffer().read(Space::host);
@@ -348,13 +357,8 @@ std::vector<tile::Source> tile_sources(Volume const& volume) {
     for (std::size_t i = 0; i < bricks.size(); ++i) {
         tile::Source& source = sources[i];
         source = first;
-        Index3 const width = cell_width(volume.header().dims, bricks[i].level);
-        source.cells = data + static_cast<std::size_t>(volume.brick_offset(i)) * bytes;
-        for (int a = 0; a < 3; ++a) {
-            source.lower[a] = bricks[i].lower[a];
-            source.dims[a] = bricks[i].dims[a];
-            source.width[a] = width[a];
-        }
+        place(source, bricks[i], cell_width(volume.header().dims, bricks[i].level),
+              data + static_cast<std::size_t>(volume.brick_offset(i)) * bytes);
     }
     return sources;
 }

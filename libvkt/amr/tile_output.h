@@ -34,6 +34,9 @@ TileRule tile_rule(Header const& header, Reconstruction method, double backgroun
 /// The bricks of a volume as kernels see them; its cells are migrated to host memory.
 std::vector<tile::Source> tile_sources(Volume const& volume);
 
+/// Says where a brick lies, and its cells.
+void place(tile::Source& source, Brick const& brick, Index3 width, std::byte const* cells);
+
 /// Computes the samples of one tile into `out`, whose box contains it; `mask` may be empty.
 void compute_tile(tile::Job const& job, TileRule const& rule, AnyView out, AnyView mask, TileWorkspace& workspace,
                   InstructionSet instructions);

@@ -79,6 +79,9 @@ struct ValueRange {
 
 /// Ranges of all bricks in order. Cells must lie in host memory or are migrated there.
 std::vector<ValueRange> brick_ranges(Volume const& volume, Execution const& execution);
+/// Those of bricks whose cells lie one after another.
+std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, std::span<Brick const> bricks,
+                                     Execution const& execution);
 /// Those of some bricks, in the order given.
 std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t const> which,
                                      Execution const& execution);

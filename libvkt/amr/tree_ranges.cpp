@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 namespace vkt {
 
@@ -60,6 +61,21 @@ std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t
             std::size_t const b = which[static_cast<std::size_t>(i)];
             ranges[static_cast<std::size_t>(i)] = range_of(cells + volume.brick_offset(b), volume.bricks()[b].cells());
         }
+    });
+    return ranges;
+}
+
+std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, std::span<Brick const> bricks,
+                                     Execution const& execution) {
+    std::vector<std::int64_t> offsets;
+    offsets.reserve(bricks.size());
+    std::int64_t offset = 0;
+    for (Brick const& brick : bricks) offsets.push_back(std::exchange(offset, offset + brick.cells()));
+    std::vector<ValueRange> ranges(bricks.size());
+    with_cell_type(type, [&]<class T>(T) {
+        auto const* const values = reinterpret_cast<T const*>(cells);
+#pragma omp parallel for num_threads(execution.threads) schedule(static)
+        for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i] = range_of(values + offsets[i], bricks[i].cells());
     });
     return ranges;
 }

@@ -5,12 +5,13 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
 #include "libvkt/core/pool.h"
+#include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/io/system_error.h"
-#include "libvkt/operations/statistics.h"
 #include "libvkt/operations/transform_each.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <new>
@@ -23,7 +24,7 @@
 
 struct vkt_volume {
     vkt::Volume volume;
-    std::string dtype, remarks{};
+    std::string dtype, remarks{}, report{};
 };
 
 namespace {
@@ -44,8 +45,8 @@ LastError failed(vkt_status status, char const* message, char const* hint = "") 
     LastError error;
     error.status = status;
     try {
-        error.message = message;
-        error.hint = hint;
+        error.message = printable(message); // what files and arguments say is in it
+        error.hint = printable(hint);
     } catch (std::exception const&) { // no memory for the text; the status remains
         error.message.clear();
         error.hint.clear();
@@ -161,10 +162,20 @@ Volume read_one(Source& source, std::string const& path, std::int64_t index, Exe
     return volume;
 }
 
+std::vector<Volume> volumes_of(vkt_volume const* const* inputs, size_t count) {
+    if (count > 0) need(inputs, "inputs");
+    std::vector<Volume> volumes;
+    for (size_t i = 0; i < count; ++i) {
+        need(inputs[i], text("inputs[", i, "]").c_str());
+        volumes.push_back(inputs[i]->volume);
+    }
+    return volumes;
+}
+
 /// Takes what was lost, one remark a line.
 Listener into(std::string& remarks) {
     return [&remarks](std::string const&, std::string const& message, bool lossy) {
-        if (lossy) remarks += (remarks.empty() ? "" : "\n") + message;
+        if (lossy) remarks += (remarks.empty() ? "" : "\n") + printable(message);
     };
 }
 
@@ -184,6 +195,13 @@ char const* const* vkt_operations(void) {
         return list;
     }();
     return names.data();
+}
+
+int vkt_measures(char const* name) {
+    auto const& list = operations();
+    return std::any_of(list.begin(), list.end(), [&](RegisteredOperation const& entry) {
+        return name != nullptr && entry.name == name && entry.make()->shape() == Shape::reduction;
+    });
 }
 
 vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume) {
@@ -296,17 +314,15 @@ vkt_status vkt_write(vkt_volume const* volume, char const* path, char const* con
 vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* const* inputs, size_t input_count,
                      vkt_volume** result) {
     return guarded([&] {
-        if (input_count > 0) need(inputs, "inputs");
+        auto const volumes = volumes_of(inputs, input_count);
         need(result, "result");
-        std::vector<Volume> volumes;
-        for (size_t i = 0; i < input_count; ++i) {
-            need(inputs[i], text("inputs[", i, "]").c_str());
-            volumes.push_back(inputs[i]->volume);
-        }
         std::string remarks;
-        Volume volume = apply(words_of(words, count), volumes, into(remarks));
+        std::optional<Report> report;
+        Volume volume = apply(words_of(words, count), volumes, into(remarks), &report);
+        std::string json = report ? report->json() : std::string();
         *result = wrapped(std::move(volume));
         (*result)->remarks = std::move(remarks);
+        (*result)->report = std::move(json);
     });
 }
 
@@ -342,20 +358,24 @@ vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function function, 
 
 char const* vkt_remarks(vkt_volume const* volume) { return volume == nullptr ? "" : volume->remarks.c_str(); }
 
+char const* vkt_report(vkt_volume const* volume) { return volume == nullptr ? "" : volume->report.c_str(); }
+
+vkt_status vkt_measure(char const* const* words, size_t count, vkt_volume const* const* inputs, size_t input_count,
+                       char** json) {
+    return guarded([&] {
+        auto const volumes = volumes_of(inputs, input_count);
+        need(json, "json");
+        *json = copied(Report::json(measure(words_of(words, count), volumes)));
+    });
+}
+
 vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json) {
     return guarded([&] {
         need(volume, "volume");
         need(json, "json");
-        Statistics statistics;
-        ExecutionOptions options;
-        Parameters parameters, shared;
-        statistics.parameters(parameters);
-        options.declare(shared);
-        read_options(words, count, {&parameters, &shared});
-        auto const source = volume_source({volume->volume});
-        source->next_volume();
-        reduce(*source, statistics, options.execution(), {});
-        *json = copied(report(statistics.result()).json());
+        auto all = words_of(words, count);
+        all.insert(all.begin(), {"stats", "-"});
+        *json = copied(Report::json(measure(std::move(all), {volume->volume})));
     });
 }
 

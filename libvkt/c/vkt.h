@@ -47,13 +47,17 @@ typedef struct vkt_description {
 
 VKT_API char const* vkt_version(void);
 
-/* About the last call of this thread that failed; valid until it makes another call. */
+/* About the last call of this thread that failed; valid until it makes another call. One line of UTF-8 that a terminal
+   shows and does not act on, whatever files and arguments say. */
 VKT_API char const* vkt_error(void);
 VKT_API char const* vkt_error_hint(void); /* what to do instead; may be "" */
 VKT_API vkt_status vkt_error_status(void);
 
-/* Names of the operations that vkt_apply() knows, ended by a null pointer. */
+/* Names of the operations that vkt_apply() and vkt_measure() know, ended by a null pointer. */
 VKT_API char const* const* vkt_operations(void);
+/* 1 if the operation of this name makes no volume but reports, which is for vkt_measure(); 0 if it makes one, which is
+   for vkt_apply(), or if there is none. */
+VKT_API int vkt_measures(char const* name);
 
 /* Reads the volume of a file, or maps that of a segment of shared memory ("shm:NAME"). Options are those of `vkt read`,
    also "--trust-paths", and "--index N" for a file of several volumes. */
@@ -89,8 +93,16 @@ VKT_API vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function fu
                                  char const* const* words, size_t count, vkt_volume** result);
 /* What was lost when this volume was computed, "12 of 4096 voxels clipped", one remark a line; "" if nothing. */
 VKT_API char const* vkt_remarks(vkt_volume const* volume);
+/* What the operation that made this volume reported (label: sizes, threshold --otsu: the threshold), as JSON; "" if
+   nothing. */
+VKT_API char const* vkt_report(vkt_volume const* volume);
 
-/* What `vkt stats --json` prints. Option: --roi. For vkt_free_text(). */
+/* What an operation without a volume reports, {"diff", "--ssim"}, {"stats", "--per", "z"}, {"info"}: the JSON that the
+   command prints with --json, {"text": …} of one that prints text alone. Words and inputs are those of vkt_apply(). For
+   vkt_free_text(). */
+VKT_API vkt_status vkt_measure(char const* const* words, size_t count, vkt_volume const* const* inputs,
+                               size_t input_count, char** json);
+/* vkt_measure() of {"stats"} and these words. */
 VKT_API vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json);
 
 /* Gives memory of freed volumes back to the system; returns how many bytes. Until then up to as much as a volume may

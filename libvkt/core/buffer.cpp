@@ -75,7 +75,7 @@ Buffer Buffer::adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> o
 void Buffer::release() {
     if (!owner_) free_host(host_, bytes_);
     owner_.reset();
-    if (device_ != nullptr) device_free(device_);
+    if (device_ != nullptr) device_free(device_, device_index_);
     host_ = device_ = nullptr;
     host_valid_ = device_valid_ = false;
 }

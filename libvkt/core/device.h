@@ -16,9 +16,11 @@ void device_select(int device);
 int device_current();
 
 /// Device memory, 256-byte aligned; its size is rounded up to 256 bytes, so that whole words at its end may be read.
+/// It comes from the device's pool, which keeps what is freed, and both happen in the order of the default stream.
 /// Throws Error{resources}.
 std::byte* device_allocate(std::size_t bytes);
-void device_free(std::byte* data) noexcept;
+/// `device` is the one that it is from, if that may be another than the current one.
+void device_free(std::byte* data, int device = -1) noexcept;
 /// Page-locked host memory, which copies reach at full speed. Throws Error{resources}.
 std::byte* pinned_allocate(std::size_t bytes);
 void pinned_free(std::byte* data) noexcept;

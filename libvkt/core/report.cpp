@@ -10,6 +10,26 @@
 #include <cstdio>
 
 namespace vkt {
+namespace {
+
+std::string csv_word(std::string const& any_text) {
+    std::string const word = printable(any_text);
+    if (word.find_first_of(",\"\n\r") == std::string::npos) return word;
+    std::string quoted = "\"";
+    for (char const c : word) {
+        if (c == '"') quoted += c;
+        quoted += c;
+    }
+    quoted += '"';
+    return quoted;
+}
+
+void append_word(std::string& line, std::string const& word) {
+    if (!line.empty()) line += ',';
+    line += csv_word(word);
+}
+
+} // namespace
 
 std::string json_string(std::string_view text) {
     std::string result = "\"";
@@ -47,11 +67,20 @@ Report& Report::add(std::string name, std::string_view value) {
 
 Report& Report::add(std::string name, Index3 value) {
     fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
+    fields_.back().parts = {to_text(value.x), to_text(value.y), to_text(value.z)};
     return *this;
 }
 
 Report& Report::add(std::string name, Vec3 value) {
     fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
+    fields_.back().parts = {to_text(value.x), to_text(value.y), to_text(value.z)};
+    return *this;
+}
+
+Report& Report::add(std::string name, std::optional<Index3> const& value) {
+    if (value) return add(std::move(name), *value);
+    add_number(std::move(name), "nan");
+    fields_.back().parts = {"nan", "nan", "nan"};
     return *this;
 }
 
@@ -62,8 +91,8 @@ Report& Report::add_number(std::string name, std::string const& digits) {
 }
 
 Report& Report::add(std::string name, std::vector<Report> rows) {
-    fields_.push_back({std::move(name), "", "", std::move(rows)});
-    if (fields_.back().rows.empty()) fields_.back() = {fields_.back().name, "none", "[]"};
+    bool const none = rows.empty();
+    fields_.push_back({std::move(name), none ? "none" : "", none ? "[]" : "", std::move(rows), true});
     return *this;
 }
 
@@ -74,6 +103,11 @@ Report& Report::add(std::string name, std::vector<double> const& values) {
         json += vkt::text(json.empty() ? "" : ", ", std::isfinite(v) ? to_text(v) : std::string("null"));
     }
     fields_.push_back({std::move(name), words, vkt::text("[", json, "]")});
+    return *this;
+}
+
+Report& Report::write_as(ReportForm form, std::string content) {
+    written_[static_cast<std::size_t>(form)] = std::move(content);
     return *this;
 }
 
@@ -101,6 +135,7 @@ std::string Report::table(std::vector<Report> const& rows) {
 }
 
 std::string Report::text() const {
+    if (written(ReportForm::text)) return *written(ReportForm::text);
     std::size_t width = 0;
     for (auto const& field : fields_) width = std::max(width, printable(field.name).size());
     std::string result;
@@ -119,6 +154,7 @@ std::string Report::text() const {
 }
 
 std::string Report::json(int indent) const {
+    if (written(ReportForm::json)) return *written(ReportForm::json);
     std::string const margin(static_cast<std::size_t>(indent), ' ');
     std::string result = "{";
     for (std::size_t i = 0; i < fields_.size(); ++i) {
@@ -135,10 +171,12 @@ std::string Report::text(std::vector<Report> const& reports) {
     std::string result;
     for (std::size_t i = 0; i < reports.size(); ++i) {
         Report numbered;
-        if (reports.size() > 1)
+        // Tables begin with their own line.
+        if (reports.size() > 1 && !reports[i].written(ReportForm::text))
             numbered.add("volume", vkt::text(static_cast<std::int64_t>(i + 1), " of ", std::ssize(reports)));
         numbered.fields_.insert(numbered.fields_.end(), reports[i].fields_.begin(), reports[i].fields_.end());
         if (i > 0) result += '\n';
+        numbered.written_ = reports[i].written_;
         result += numbered.text();
     }
     return result;
@@ -149,6 +187,55 @@ std::string Report::json(std::vector<Report> const& reports) {
     std::string result = "[";
     for (std::size_t i = 0; i < reports.size(); ++i) result += vkt::text(i == 0 ? "\n  " : ",\n  ", reports[i].json(2));
     return result += "\n]\n";
+}
+
+void Report::csv_into(std::string& lines, std::string& last_names) const {
+    std::string names, values;
+    auto const add_fields = [](std::string& to_names, std::string& to_values, Report const& from) {
+        for (Field const& field : from.fields_) {
+            if (field.table) continue;
+            if (field.parts.empty()) {
+                append_word(to_names, field.name);
+                append_word(to_values, field.text);
+            }
+            for (std::size_t i = 0; i < field.parts.size(); ++i) {
+                append_word(to_names, vkt::text(field.name, std::array{"_x", "_y", "_z"}[i]));
+                append_word(to_values, field.parts[i]);
+            }
+        }
+    };
+    auto const add_line = [&](std::string const& line_names, std::string const& line_values) {
+        if (line_names != last_names) lines += vkt::text(line_names, "\n");
+        last_names = line_names;
+        lines += vkt::text(line_values, "\n");
+    };
+    add_fields(names, values, *this);
+    bool any_table = false;
+    for (Field const& field : fields_) {
+        any_table = any_table || field.table;
+        for (Report const& row : field.rows) {
+            std::string row_names = names, row_values = values;
+            add_fields(row_names, row_values, row);
+            add_line(row_names, row_values);
+        }
+    }
+    if (!any_table) add_line(names, values);
+}
+
+std::string Report::csv(std::vector<Report> const& reports) {
+    std::string lines, last_names;
+    for (std::size_t i = 0; i < reports.size(); ++i) {
+        Report const& report = reports[i];
+        if (report.written(ReportForm::csv))
+            lines += vkt::text(i > 0 ? "\n" : "", *report.written(ReportForm::csv));
+        else
+            report.csv_into(lines, last_names);
+    }
+    return lines;
+}
+
+std::string Report::print(std::vector<Report> const& reports, ReportForm form) {
+    return form == ReportForm::csv ? csv(reports) : form == ReportForm::json ? json(reports) : text(reports);
 }
 
 } // namespace vkt

@@ -1,16 +1,20 @@
-// Reports: named values that print as an aligned table for people and as JSON for programs.
+// Reports: named values that print as an aligned table for people, and as JSON or CSV for programs.
 // SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/types.h"
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 namespace vkt {
+
+enum class ReportForm : std::uint8_t { text, json, csv };
 
 /// Fields in the order in which they were added. Numbers keep the text they were given, so that no digit is lost; what
 /// is not finite is null in JSON.
@@ -23,6 +27,8 @@ public:
     Report& add(std::string name, char const* value) { return add(std::move(name), std::string_view(value)); }
     Report& add(std::string name, Index3 value);
     Report& add(std::string name, Vec3 value);
+    /// An index; one that does not exist is "nan".
+    Report& add(std::string name, std::optional<Index3> const& value);
     /// A table: reports of the same fields.
     Report& add(std::string name, std::vector<Report> rows);
     /// A list of numbers.
@@ -30,12 +36,19 @@ public:
     /// A number given as its decimal text ("nan" and "inf" are null in JSON).
     Report& add_number(std::string name, std::string const& digits);
 
+    /// What is printed in this form instead of the fields: lines, or a JSON value without a newline at its end.
+    Report& write_as(ReportForm form, std::string content);
+
     std::string text() const;               ///< one "name   value" line per field, printable()
     std::string json(int indent = 0) const; ///< one object
 
     /// One report as it is, several as a list.
     static std::string text(std::vector<Report> const& reports);
     static std::string json(std::vector<Report> const& reports);
+    /// A line of names and a line of values for each report, or for each row of its tables, which begins with what the
+    /// report says besides; names again where they change. Of three numbers each has a column: NAME_x, NAME_y, NAME_z.
+    static std::string csv(std::vector<Report> const& reports);
+    static std::string print(std::vector<Report> const& reports, ReportForm form);
     /// Reports of the same fields as columns under a line of names.
     static std::string table(std::vector<Report> const& rows);
 
@@ -43,8 +56,16 @@ private:
     struct Field {
         std::string name, text, json;
         std::vector<Report> rows{}; ///< of a table, instead of text and json
+        bool table = false;
+        std::vector<std::string> parts{}; ///< of three numbers, each alone
     };
+    std::optional<std::string> const& written(ReportForm form) const {
+        return written_[static_cast<std::size_t>(form)];
+    }
+    void csv_into(std::string& lines, std::string& last_names) const;
+
     std::vector<Field> fields_;
+    std::array<std::optional<std::string>, 3> written_; ///< by form
 };
 
 /// A JSON string literal. Bytes that are no UTF-8 become U+FFFD; what is not visible() is escaped.

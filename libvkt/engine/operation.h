@@ -28,7 +28,7 @@ enum class Shape : std::uint8_t {
     pointwise,     ///< output voxel depends on the input voxel(s) at its position
     neighbourhood, ///< … on a box around its position (a halo)
     geometric,     ///< moves voxels: crop, flip, resample
-    reduction,     ///< no output volume
+    reduction,     ///< no output volume, but a report
 };
 
 /// All that is known before any voxel moves.
@@ -62,6 +62,7 @@ struct Remark {
 };
 
 class ReferenceVolume;
+struct Measurement;
 
 /// One instance is configured once (parameters), planned per volume, and then run on regions, always from one thread at
 /// a time. Results must not depend on how the output is cut into regions.
@@ -112,6 +113,7 @@ public:
     virtual std::size_t fit(Index3 /*largest*/, Execution const&) { return 0; }
 
     /// Computes out.box. inputs[i] covers footprint(out.box, i), borders included, and lies in execution.space().
+    /// Reductions have no output, and nothing to do here.
     virtual void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) = 0;
 
     /// Neighbourhood operations on hierarchical volumes: plans one level, whose lattice the header describes as if it
@@ -125,12 +127,27 @@ public:
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.
     virtual bool uses_position() const { return true; }
-    /// Geometric operations that yield hierarchical volumes (of such, or of structured ones if the plan says so)
-    /// compute them here, after plan(), and say true.
+    /// What was run so far was a trial (what becomes of a hierarchical volume's background): remarks() leave it out.
+    virtual void forget_trial() {}
+    /// Geometric operations on hierarchical volumes give the bricks of the result here, after plan(); they are made of
+    /// the input's when they are asked for. None if bricks cannot be moved so.
+    virtual std::optional<BrickSequence> move_bricks(BrickSequence /*input*/, Execution const&) { return {}; }
+    /// Sources of hierarchical volumes, whose plan tells the counts of bricks, give the bricks here; cells are best
+    /// made when they are asked for.
+    virtual std::optional<BrickSequence> make_bricks(Execution const&) { return {}; }
+    /// Operations whose plan says that they make a hierarchical volume of a structured one do it here, and say true.
     virtual bool run_tree(Volume const& /*input*/, Volume& /*output*/, Execution const&) { return false; }
     /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
     /// run() then computes region by region from it: the footprint of such an input is empty.
     virtual void take_tree(Volume /*input*/) {}
+
+    /// Reductions: reads all volumes of the inputs, finishes each of them, and tells their reports, see Measurement. By
+    /// default reduce() is applied to each volume of the only input, and tells report().
+    virtual void measure(Measurement& to);
+    /// Reductions: whether reports can be printed so, once parameters are read whether as they ask for it.
+    virtual bool prints(ReportForm form) const { return form != ReportForm::csv; }
+    /// Reductions: false if what was measured is not as it should be; the command then exits with 1.
+    virtual bool satisfied() const { return true; }
 
     /// True if run() works on device memory.
     virtual bool runs_on_gpu() const { return false; }

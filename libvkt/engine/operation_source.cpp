@@ -6,32 +6,14 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/engine/tree_run.h"
+#include "libvkt/engine/stopwatch.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 namespace vkt {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-/// Adds the time of its scope to a counter.
-class Stopwatch {
-public:
-    explicit Stopwatch(double* seconds) : seconds_(seconds), begin_(Clock::now()) {}
-    ~Stopwatch() {
-        if (seconds_ != nullptr) *seconds_ += std::chrono::duration<double>(Clock::now() - begin_).count();
-    }
-    Stopwatch(Stopwatch const&) = delete;
-    Stopwatch& operator=(Stopwatch const&) = delete;
-
-private:
-    double* seconds_;
-    Clock::time_point begin_;
-};
 
 /// Below this many multiply-adds per moved byte a GPU loses to the transfers (measured: 55 GB/s against ~40 Gop/s a
 /// core).
@@ -66,6 +48,12 @@ Execution resolve_device(Execution execution, Operation const& operation, Plan c
         execution.device = Device::cpu;
     }
     return execution;
+}
+
+[[noreturn]] void refuse_both_kinds(Operation const& operation) {
+    throw Error(ErrorKind::usage,
+                text(operation.name(), " has no meaning on a hierarchical volume: its inputs are of both kinds"),
+                "make it a grid first: vkt resample --cells 50M");
 }
 
 double bytes_of(Box const& box, Header const& header) {
@@ -172,7 +160,7 @@ void OperationSource::plan_volume() {
     std::vector<Header> headers;
     for (auto const& input : inputs_) headers.push_back(input->header());
     tree_.reset();
-    tree_remarks_.clear();
+    made_.reset();
     inputs_used_up_ = false;
     work_ = {};
     result_.reset();
@@ -189,7 +177,16 @@ void OperationSource::plan_volume() {
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     if (plan_.output.dry_run) return;
-    if (plan_.output.kind == Kind::hierarchical) return make_tree();
+    if (plan_.output.kind == Kind::hierarchical) {
+        if (inputs_.empty()) { // bricks are made when they are asked for
+            execution_ = requested_;
+            if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
+            execution_.device = Device::cpu;
+        } else {
+            make_tree();
+        }
+        return;
+    }
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu) device_select(execution_.gpu);
@@ -244,34 +241,33 @@ void OperationSource::compute_bands() {
     result_ = std::move(result);
 }
 
-/// Bricks are worked on where they are; the rule that says how belongs to libvkt/amr.
+/// Bricks are worked on as they come, if the operation can; what is made a grid is read at once.
 void OperationSource::plan_tree(std::vector<Header> const& headers) {
     execution_ = requested_;
     if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
     execution_.device = Device::cpu;
-    std::vector<Volume> volumes = collect(inputs_, [&](auto const& input) { return load(*input, requested_); });
-    inputs_used_up_ = true;
-    TreeRun report;
-    {
+    for (Header const& header : headers)
+        if (header.kind != Kind::hierarchical) refuse_both_kinds(operation_);
+    std::optional<Plan> plan;
+    bool const alone = headers.size() == 1 && operation_.shape() == Shape::geometric;
+    if (alone) plan = labelled(info_, [&] { return operation_.plan(headers); });
+    if (plan && plan->output.kind == Kind::structured) {
+        plan_ = *std::move(plan);
+        tree_work(operation_.shape(), plan_, headers, {}, requested_);
+        Volume tree = load(*inputs_.front(), requested_);
+        inputs_used_up_ = true;
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
-        bool const alone = volumes.size() == 1 && operation_.shape() == Shape::geometric;
-        if (alone) {
-            report.plan = labelled(info_, [&] { return operation_.plan(headers); });
-            if (report.plan.output.kind == Kind::structured) operation_.take_tree(std::move(volumes.front()));
-        }
-        if (!alone || report.plan.output.kind == Kind::hierarchical) {
-            tree_ = apply_hierarchical(operation_, volumes, execution_, {}, &report);
-            report.plan.output = tree_->header();
-            if (info_.times) info_.times->voxels += tree_->header().voxels();
-        }
+        operation_.take_tree(std::move(tree));
+        work_.cut = cut_of(plan_.output, plan_.slab_hint, requested_);
+    } else {
+        tree_ = std::make_unique<TreeRun>(operation_,
+                                          collect(inputs_, [](auto const& input) { return input->take_bricks(); }),
+                                          execution_, info_, TreeOptions{}, std::move(plan));
+        plan_ = tree_->plan();
     }
-    plan_ = std::move(report.plan);
-    tree_remarks_ = std::move(report.remarks);
     check(plan_.output);
-    if (plan_.output.kind == Kind::structured) work_.cut = cut_of(plan_.output, plan_.slab_hint, requested_);
     plan_.output.timing = headers.front().timing;
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
-    if (tree_) tree_->header() = plan_.output;
     if (info_.on_plan) info_.on_plan(plan_, headers);
 }
 
@@ -280,14 +276,13 @@ void OperationSource::make_tree() {
     execution_ = requested_;
     if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
     execution_.device = Device::cpu;
-    check_budget(plan_.state_bytes, requested_);
+    check_budget(std::max(plan_.state_bytes, plan_.output.bytes()), requested_);
     Volume const whole = load(*inputs_.front(), requested_);
     inputs_used_up_ = true;
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     Volume result;
     if (!operation_.run_tree(whole, result, execution_))
         throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
-    tree_remarks_ = operation_.remarks();
     std::optional<History> const history = plan_.output.history;
     bool const timing = plan_.output.timing;
     plan_.output = result.header();
@@ -295,12 +290,15 @@ void OperationSource::make_tree() {
     plan_.output.timing = timing;
     result.header() = plan_.output;
     if (info_.times) info_.times->voxels += result.header().voxels();
-    tree_ = std::move(result);
+    made_ = std::move(result);
 }
 
 BrickSequence OperationSource::take_bricks() {
-    if (!tree_) return Source::take_bricks();
-    return std::move(*tree_);
+    if (tree_) return tree_->bricks(plan_.output);
+    if (made_) return std::move(*made_);
+    if (inputs_.empty() && plan_.output.kind == Kind::hierarchical)
+        if (auto bricks = operation_.make_bricks(execution_)) return std::move(*bricks).with_header(plan_.output);
+    return Source::take_bricks();
 }
 
 void OperationSource::scan() {
@@ -463,7 +461,7 @@ void OperationSource::finish() {
         for (auto& input : inputs_) input->finish();
     if (info_.on_report && operation_.reports()) info_.on_report(operation_.report());
     if (!info_.listener) return;
-    for (auto const& remark : tree_ ? tree_remarks_ : operation_.remarks())
+    for (auto const& remark : tree_ ? tree_->remarks() : operation_.remarks())
         info_.listener(info_.name, remark.message, remark.lossy);
 }
 

@@ -5,6 +5,7 @@
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/spool.h"
+#include "libvkt/engine/tree_run.h"
 #include "libvkt/engine/window.h"
 
 namespace vkt {
@@ -25,7 +26,7 @@ public:
     std::int64_t natural_slab() const override;
     /// What is handed through lies where the input lies.
     Space space() const override {
-        return tree_ ? Space::host : plan_.shift ? inputs_.front()->space() : execution_.space();
+        return tree_ || made_ ? Space::host : plan_.shift ? inputs_.front()->space() : execution_.space();
     }
     void finish() override;
 
@@ -79,9 +80,9 @@ private:
     Execution requested_, execution_;
     StageInfo info_;
     Plan plan_;
-    std::optional<Volume> tree_; ///< the result, if it is hierarchical: computed at once
-    std::vector<Remark> tree_remarks_;
-    bool inputs_used_up_ = false; ///< they were read as a whole, and finished
+    std::unique_ptr<TreeRun> tree_; ///< if input and result are hierarchical
+    std::optional<Volume> made_;    ///< a hierarchical result of another input
+    bool inputs_used_up_ = false;   ///< they were read as a whole, and finished
     WorkPlan work_;
     std::unique_ptr<Spool> result_;        ///< if it is computed in bands
     Buffer staging_, passed_;              ///< …, and what nobody asked for but what follows needs

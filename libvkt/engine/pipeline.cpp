@@ -38,6 +38,23 @@ private:
     std::size_t next_ = 0;
 };
 
+class BrickSource : public Source {
+public:
+    explicit BrickSource(BrickSequence bricks) : header_(bricks.header()), bricks_(std::move(bricks)) {}
+
+    bool next_volume() override { return !std::exchange(begun_, true); }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    void read(AnyView) override { throw Error(ErrorKind::failure, "bricks are not read region by region"); }
+    BrickSequence take_bricks() override { return std::move(bricks_); }
+    void finish() override {}
+
+private:
+    Header header_;
+    BrickSequence bricks_;
+    bool begun_ = false;
+};
+
 /// All passes that a reduction wants.
 void scan_passes(Source& source, Operation& reduction, Execution const& execution, StageTimes* times) {
     do scan_volume(source, reduction, execution, times);
@@ -50,6 +67,24 @@ void tell_remarks(Operation const& operation, StageInfo const& info) {
 }
 
 } // namespace
+
+void Operation::measure(Measurement& to) {
+    Source& source = *to.inputs.front();
+    while (source.next_volume()) {
+        reduce(source, *this, to.execution, to.info);
+        if (!source.header().dry_run) to.report(report());
+    }
+}
+
+bool only_planned(Operation& reduction, Measurement& of) {
+    auto const headers = collect(of.inputs, [](auto const& input) { return input->header(); });
+    Plan plan = reduction.plan(headers);
+    plan.output.dry_run = std::ranges::any_of(headers, [](Header const& header) { return header.dry_run; });
+    if (of.info.on_plan) of.info.on_plan(plan, headers);
+    if (!plan.output.dry_run) return false;
+    for (auto const& input : of.inputs) input->finish();
+    return true;
+}
 
 BrickSequence Source::take_bricks() { throw Error(ErrorKind::failure, "the source yields no hierarchical volumes"); }
 
@@ -108,7 +143,8 @@ void reduce(Source& source, Operation& reduction, Execution const& execution, St
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
     if (headers.front().kind == Kind::hierarchical) {
-        reduce_hierarchical(reduction, load(source, execution), execution);
+        reduce_hierarchical(reduction, source.take_bricks(), execution, info);
+        source.finish();
         return tell_remarks(reduction, info);
     }
     Execution const beside = beside_neighbours(execution, plan, info);
@@ -170,6 +206,8 @@ Volume load(Source& source, Execution const& execution) {
     source.finish();
     return volume;
 }
+
+std::unique_ptr<Source> brick_source(BrickSequence bricks) { return std::make_unique<BrickSource>(std::move(bricks)); }
 
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
     return std::make_unique<VolumeSource>(std::move(volumes));

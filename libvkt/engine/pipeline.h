@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace vkt {
@@ -34,8 +35,25 @@ struct StageInfo {
         on_plan;                                  ///< sees the plan of every volume; may be empty
     std::function<void(Report const&)> on_report; ///< the report of every volume; may be empty
     std::shared_ptr<StageTimes> times;            ///< filled in if set
-    bool among_processes = false;                 ///< the neighbours compute on the same processors at the same time
+    /// Format of the file that was opened last for an input, "vkt" of a stream; may be empty: volumes in memory.
+    std::function<std::string()> format;
+    bool among_processes = false; ///< the neighbours compute on the same processors at the same time
 };
+
+/// What a reduction reads, and where what it finds goes.
+struct Measurement {
+    std::vector<std::unique_ptr<Source>>& inputs;
+    Execution execution;
+    StageInfo info;
+    ReportForm form;                    ///< in which the reports will be printed
+    std::function<void(Report)> report; ///< takes the report of one volume after the other
+    /// Takes text as it comes, which is what the command prints instead of reports.
+    std::function<void(std::string_view)> print;
+};
+
+/// Plans a reduction for the current volumes of its inputs and tells the plan. True if they are only planned (a dry
+/// run), and are finished: there is nothing to measure.
+bool only_planned(Operation& reduction, Measurement& of);
 
 /// Stands in StageInfo::words for input i. In the history it becomes the input's name if the input has no history of
 /// its own; otherwise nothing (or "-" if `explicit_word`) for the first input and "<(…)" for the others.
@@ -68,6 +86,8 @@ void check_budget(std::size_t bytes, Execution const& execution);
 Volume load(Source& source, Execution const& execution);
 /// A source over volumes in memory; random access, lends in place.
 std::unique_ptr<Source> volume_source(std::vector<Volume> volumes);
+/// A source over one hierarchical volume.
+std::unique_ptr<Source> brick_source(BrickSequence bricks);
 /// Wraps a random-access source so that a thread reads ahead, slab by slab, within what the consumer expects.
 std::unique_ptr<Source> prefetch(std::unique_ptr<Source> source, Execution const& execution);
 /// Convenience for library users: applies one operation to volumes in memory. Keeps freed memory for the next result

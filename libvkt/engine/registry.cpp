@@ -69,47 +69,120 @@ std::vector<std::string> history_words(std::string_view name, Parameters const& 
     return words;
 }
 
-Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener) {
+namespace {
+
+constexpr std::string_view numbered_input = "\x01";
+
+/// Operations may name their inputs in another order than the words do: --mask before --markers. So each "-" becomes a
+/// name of its own. Returns how many there are.
+std::size_t number_inputs(std::vector<std::string>& words) {
+    std::size_t count = 0;
+    for (std::string& word : words)
+        if (word == "-") word = text(numbered_input, static_cast<std::uint64_t>(count++));
+    return count;
+}
+
+/// Which of the inputs each name stands for. Those that were not said come first.
+std::vector<std::size_t> order_of_inputs(std::string const& operation, std::vector<std::string> const& names) {
+    auto const unsaid = static_cast<std::size_t>(std::ranges::count(names, "-"));
+    std::vector<std::size_t> order;
+    std::size_t next = 0;
+    for (std::string const& name : names) {
+        bool const numbered = name.starts_with(numbered_input);
+        if (name != "-" && !numbered)
+            throw Error(ErrorKind::usage, text(operation, ": '", name, "' is not a number"),
+                        "read a file first, pass the volume beside the words, and say '-' for it here");
+        order.push_back(numbered ? unsaid + std::stoul(name.substr(numbered_input.size())) : next++);
+    }
+    return order;
+}
+
+/// An operation with its parameters read and its inputs checked.
+struct Prepared {
+    std::unique_ptr<Operation> operation;
+    StageInfo info;
+    Execution execution;
+    std::vector<std::unique_ptr<Source>> sources;
+};
+
+Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener) {
     std::size_t const n = words_of_name(words);
     std::string const name = n == 1 ? words[0] : words[0] + " " + words[1];
     words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
-    auto const operation = make_operation(name);
+    Prepared prepared;
+    prepared.operation = make_operation(name);
+    Operation& operation = *prepared.operation;
 
     Parameters own, shared;
     ExecutionOptions options;
-    operation->parameters(own);
+    operation.parameters(own);
     options.declare(shared);
-    bool const inputs_are_parameters = !operation->input_names().empty();
-    std::size_t named = inputs_are_parameters ? 0 : std::erase(words, "-");
+    bool const inputs_are_parameters = !operation.input_names().empty();
+    std::size_t const said = inputs_are_parameters ? number_inputs(words) : std::erase(words, "-");
     auto const left = read_words(words, {&own, &shared});
     if (!left.empty())
         throw Error(ErrorKind::usage, text(name, ": unexpected argument '", left.front(), "'"),
                     "volumes are passed beside the words");
-    operation->check();
-    if (inputs_are_parameters)
-        for (auto const& input : operation->input_names()) {
-            if (input != "-")
-                throw Error(ErrorKind::usage, text(name, ": '", input, "' is not a number"),
-                            "read a file first, pass the volume beside the words, and say '-' for it here");
-            ++named;
-        }
-    auto const wanted = static_cast<std::size_t>(operation->inputs());
-    if (inputs.size() != wanted || named > wanted)
+    operation.check();
+    std::vector<std::string> const names =
+        inputs_are_parameters ? operation.input_names() : std::vector<std::string>(inputs.size(), "-");
+    std::vector<std::size_t> const order = order_of_inputs(name, names);
+    auto const wanted = static_cast<std::size_t>(operation.inputs());
+    bool const none_missing = std::ranges::all_of(order, [&](std::size_t i) { return i < inputs.size(); });
+    if (inputs.size() != wanted || said > wanted || order.size() != wanted || !none_missing)
         throw Error(ErrorKind::usage,
                     text(name, " takes ", static_cast<std::uint64_t>(wanted), wanted == 1 ? " volume" : " volumes",
-                         ", not ", static_cast<std::uint64_t>(std::max(named, inputs.size()))));
+                         ", not ", static_cast<std::uint64_t>(std::max(said, inputs.size()))));
 
-    StageInfo info;
-    info.name = name;
-    info.input_names.assign(inputs.size(), "-");
-    info.words = history_words(name, own, info.input_names, inputs_are_parameters);
-    info.listener = listener;
-    auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
-    Execution const execution = options.execution();
-    keep_blocks(execution.memory);
-    auto const result = attach(std::move(sources), *operation, execution, std::move(info));
+    prepared.info.name = name;
+    prepared.info.words = history_words(name, own, names, inputs_are_parameters);
+    prepared.info.input_names.assign(inputs.size(), "-");
+    prepared.info.listener = listener;
+    prepared.sources = collect(order, [&](std::size_t i) { return volume_source({inputs[i]}); });
+    prepared.execution = options.execution();
+    keep_blocks(prepared.execution.memory);
+    return prepared;
+}
+
+} // namespace
+
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener,
+             std::optional<Report>* report) {
+    Prepared prepared = prepare(std::move(words), inputs, listener);
+    if (prepared.operation->shape() == Shape::reduction)
+        throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
+    if (report != nullptr) prepared.info.on_report = [report](Report const& found) { *report = found; };
+    auto const result =
+        attach(std::move(prepared.sources), *prepared.operation, prepared.execution, std::move(prepared.info));
     result->next_volume();
-    return load(*result, execution);
+    return load(*result, prepared.execution);
+}
+
+std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
+                            Listener const& listener) {
+    Prepared prepared = prepare(std::move(words), inputs, listener);
+    if (prepared.operation->shape() != Shape::reduction)
+        throw Error(ErrorKind::usage, text(prepared.info.name, " makes a volume"), "apply it");
+    if (prepared.execution.only_gpu && !prepared.operation->runs_on_gpu())
+        throw Error(ErrorKind::usage, text("--device gpu: ", prepared.info.name, " does not run on a GPU"),
+                    "leave the choice to vkt: --device auto");
+    std::vector<Report> reports;
+    std::string printed;
+    Measurement measurement{
+        .inputs = prepared.sources,
+        .execution = prepared.execution,
+        .info = std::move(prepared.info),
+        .form = ReportForm::json,
+        .report = [&](Report report) { reports.push_back(std::move(report)); },
+        .print =
+            [&](std::string_view lines) {
+                check_budget(printed.size() + lines.size(), prepared.execution);
+                printed += lines;
+            },
+    };
+    prepared.operation->measure(measurement);
+    if (!printed.empty()) reports.emplace_back().add("text", printed);
+    return reports;
 }
 
 } // namespace vkt

@@ -6,6 +6,7 @@
 #include "libvkt/engine/pipeline.h"
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,7 +24,14 @@ std::vector<std::string> history_words(std::string_view name, Parameters const& 
 
 /// Applies the operation that the words of a command line name, {"filter", "gaussian", "--sigma", "2"}, to volumes in
 /// memory. "-" stands for the next volume where the operation takes it as an argument, {"arith", "sub", "-", "-"}, and
-/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener.
-Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener = {});
+/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener, what
+/// the operation reports into `report`. Throws Error{usage} for operations that make no volume.
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener = {},
+             std::optional<Report>* report = nullptr);
+
+/// The same of operations that make no volume but report: stats, diff, info. One report for each volume that was
+/// measured. What the command prints as text alone is a report of one field, "text".
+std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
+                            Listener const& listener = {});
 
 } // namespace vkt

@@ -162,6 +162,54 @@ void Spool::fetch(std::byte* to, std::size_t left, std::int64_t offset) {
     }
 }
 
+namespace {
+
+/// The cells of a tree one after another, as a volume.
+Header row_of_cells(Header const& tree) {
+    Header header;
+    header.dims = {1, tree.cell_count, 1};
+    header.dtype = tree.dtype;
+    return header;
+}
+
+} // namespace
+
+BrickSpool::BrickSpool(Header const& tree, BrickSequence::Table bricks, Execution const& execution,
+                       StageInfo const& info)
+    : type_(tree.dtype), file_(row_of_cells(tree), 0, execution, info) {
+    ends_.reserve(bricks->size());
+    std::int64_t end = 0;
+    for (Brick const& brick : *bricks) ends_.push_back(end += brick.cells());
+}
+
+Box BrickSpool::place_of(std::size_t first, std::size_t count) const {
+    return {{0, first == 0 ? 0 : ends_[first - 1], 0}, {1, ends_[first + count - 1], 1}};
+}
+
+void BrickSpool::store(std::size_t first, std::size_t count, std::byte const* cells) {
+    file_.store(dense_view(cells, type_, place_of(first, count)));
+}
+
+void BrickSpool::read(std::size_t first, std::size_t count, std::byte* to) {
+    file_.read(dense_view(to, type_, place_of(first, count)));
+}
+
+BrickSequence spooled(BrickSequence bricks, std::size_t in_memory, Execution const& execution, StageInfo const& info) {
+    if (bricks.order() == BrickOrder::any) return bricks;
+    if (bricks.header().bytes() <= in_memory) return std::move(bricks).whole();
+    auto const spool = std::make_shared<BrickSpool>(bricks.header(), bricks.table(), execution, info);
+    std::size_t const all = bricks.bricks().size();
+    for (std::size_t first = 0, n = 0; first < all; first += n) {
+        n = bricks.group(first, bricks.group_bytes());
+        spool->store(first, n, bricks.cells(first, n));
+    }
+    BrickSequence result(bricks.header(), bricks.table(), [spool](std::size_t first, std::size_t count, std::byte* to) {
+        spool->read(first, count, to);
+    });
+    result.set_group_bytes(bricks.group_bytes());
+    return result;
+}
+
 std::unique_ptr<Source> spooled(Source& source, std::size_t inputs, Execution const& execution, StageInfo const& info) {
     Header const header = source.header();
     auto spool = std::make_unique<Spool>(header, spool_limit(inputs, execution), execution, info);

@@ -42,6 +42,28 @@ private:
     std::string directory_;
 };
 
+/// Cells of a hierarchical volume, in a file from the start: put there and read in any order.
+class BrickSpool {
+public:
+    BrickSpool(Header const& tree, BrickSequence::Table bricks, Execution const& execution, StageInfo const& info);
+    void store(std::size_t first, std::size_t count, std::byte const* cells);
+    void read(std::size_t first, std::size_t count, std::byte* to);
+
+    /// 8 for where its cells lie.
+    static constexpr std::size_t bytes_per_brick = sizeof(std::int64_t);
+
+private:
+    Box place_of(std::size_t first, std::size_t count) const;
+
+    DataType type_;
+    std::vector<std::int64_t> ends_; ///< number of cells up to and with each brick
+    Spool file_;
+};
+
+/// The same bricks, which may be asked for in any order: as they are if they may be already, else read to their end and
+/// kept, in memory up to so many bytes, and in a file beyond.
+BrickSequence spooled(BrickSequence bricks, std::size_t in_memory, Execution const& execution, StageInfo const& info);
+
 /// The current volume of a source, which is finished thereby, as one that can be read in any order; finishing that does
 /// nothing. It takes up to a share of the memory for one of so many inputs, and a file beyond.
 std::unique_ptr<Source> spooled(Source& source, std::size_t inputs, Execution const& execution, StageInfo const& info);

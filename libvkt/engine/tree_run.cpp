@@ -8,13 +8,29 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
+#include "libvkt/engine/spool.h"
+#include "libvkt/engine/stopwatch.h"
 
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <map>
+#include <utility>
 
 namespace vkt {
+
+class TreeRun::Work {
+public:
+    Work() = default;
+    virtual ~Work() = default;
+    Work(Work const&) = delete;
+    Work& operator=(Work const&) = delete;
+
+    Plan plan;
+    virtual BrickSequence bricks(Header header, std::shared_ptr<Work> const& self) = 0;
+    virtual std::vector<Remark> remarks() const = 0;
+};
 
 namespace {
 
@@ -25,8 +41,6 @@ namespace {
 
 /// Cells are laid out in rows of this length when positions do not matter.
 constexpr std::int64_t row_length = 4096;
-/// … and handed over in pieces of this many, which stay in cache.
-constexpr std::int64_t piece_length = std::int64_t{1} << 20;
 
 /// Threads pay from this many cells on; smaller bricks are run by the calling thread.
 constexpr std::int64_t threaded_cells = std::int64_t{1} << 17;
@@ -37,67 +51,136 @@ Execution execution_for(Box const& box, Execution const& execution) {
     return result;
 }
 
-std::vector<Header> headers_of(std::vector<Volume> const& inputs) {
-    return collect(inputs, [](Volume const& volume) { return volume.header(); });
+Execution on_host(Execution execution) {
+    execution.device = Device::cpu;
+    return execution;
 }
+
+std::vector<Header> headers_of(std::vector<BrickSequence> const& inputs) {
+    return collect(inputs, [](BrickSequence const& input) { return input.header(); });
+}
+
+std::vector<std::size_t> largest_bricks(std::vector<BrickSequence> const& inputs) {
+    return collect(inputs, [](BrickSequence const& input) { return input.largest_brick(); });
+}
+
+/// Bytes of cells that are worked on at once, unless a brick has more.
+std::size_t group_limit(Execution const& execution) { return std::min(brick_group_bytes, piece_limit(execution)); }
 
 /// Neighbouring bricks of one level.
 struct LevelRun {
     std::size_t begin, end;
 };
 
-std::vector<LevelRun> level_runs(std::vector<Brick> const& bricks) {
+/// The bricks of [first, end) in runs of one level.
+std::vector<LevelRun> level_runs(std::vector<Brick> const& bricks, std::size_t first, std::size_t end) {
     std::vector<LevelRun> runs;
-    for (std::size_t b = 0; b < bricks.size(); ++b) {
+    for (std::size_t b = first; b < end; ++b) {
         if (runs.empty() || bricks[runs.back().begin].level != bricks[b].level) runs.push_back({b, b});
         runs.back().end = b + 1;
     }
     return runs;
 }
 
-/// Calls visit(first cell, box) for pieces of a range of cells laid out in rows.
-template <class Visit> void for_pieces(std::int64_t begin, std::int64_t end, Visit visit) {
-    while (begin < end) {
-        std::int64_t const n = std::min(end - begin, piece_length);
-        std::int64_t const rows = n / row_length;
-        Box const box = rows > 0 ? box_of({row_length, rows, 1}) : box_of({n, 1, 1});
-        visit(begin, box);
-        begin += box.voxels();
+/// Calls visit(first cell, box) for a range of cells laid out in rows, and one of what is left.
+template <class Visit> void for_rows(std::int64_t count, Visit visit) {
+    std::int64_t const rows = count / row_length, left = count - rows * row_length;
+    if (rows > 0) visit(std::int64_t{0}, box_of({row_length, rows, 1}));
+    if (left > 0) visit(rows * row_length, box_of({left, 1, 1}));
+}
+
+/// Some bricks with their cells, which lie one after another.
+struct Group {
+    std::vector<Brick> const& bricks; ///< all of the tree
+    std::size_t first, count;
+    std::vector<std::byte const*> inputs;
+    std::byte* output = nullptr; ///< none for scans
+};
+
+std::int64_t cells_of(std::vector<Brick> const& bricks, std::size_t first, std::size_t end) {
+    std::int64_t cells = 0;
+    for (std::size_t b = first; b < end; ++b) cells += bricks[b].cells();
+    return cells;
+}
+
+/// Runs or scans groups of bricks, level after level as they come.
+class GroupRun {
+public:
+    GroupRun(Operation& operation, Header const& tree, std::vector<DataType> inputs, DataType output,
+             Execution const& execution)
+        : operation_(operation), dims_(tree.dims), inputs_(std::move(inputs)), output_(output), execution_(execution) {}
+
+    void operator()(Group const& group) {
+        std::int64_t at = 0;
+        if (group.output != nullptr && !operation_.uses_position()) {
+            std::int64_t const cells = cells_of(group.bricks, group.first, group.first + group.count);
+            return for_rows(cells, [&](std::int64_t first, Box const& box) { work(group, first, box, execution_); });
+        }
+        for (LevelRun const& run : level_runs(group.bricks, group.first, group.first + group.count)) {
+            LevelLattice const& lattice = enter(group.bricks[run.begin]);
+            if (!operation_.uses_position()) {
+                std::int64_t const cells = cells_of(group.bricks, run.begin, run.end);
+                for_rows(cells, [&](std::int64_t first, Box const& box) { work(group, at + first, box, execution_); });
+                at += cells;
+                continue;
+            }
+            for (std::size_t b = run.begin; b < run.end; ++b) {
+                Box const box = lattice_box(lattice, group.bricks[b]);
+                work(group, at, box, execution_for(box, execution_));
+                at += group.bricks[b].cells();
+            }
+        }
     }
-}
 
-std::int64_t first_cell(Volume const& volume, std::size_t b) {
-    return b < volume.bricks().size() ? volume.brick_offset(b) : volume.header().cell_count;
-}
+private:
+    LevelLattice const& enter(Brick const& brick) {
+        LevelLattice const& lattice = lattices_.try_emplace(brick.level, lattice_of(dims_, brick)).first->second;
+        if (std::exchange(level_, brick.level) != brick.level) operation_.enter_level(lattice.width, lattice.lower);
+        return lattice;
+    }
 
-ConstView piece_view(Volume const& volume, std::int64_t first, Box const& box) {
-    DataType const type = volume.header().dtype;
-    return dense_view(volume.buffer().read(Space::host) + static_cast<std::size_t>(first) * size_of(type), type, box);
-}
+    /// So many cells of a group from this one on.
+    void work(Group const& group, std::int64_t first, Box const& box, Execution const& execution) {
+        views_.clear();
+        for (std::size_t i = 0; i < group.inputs.size(); ++i)
+            views_.push_back(
+                dense_view(group.inputs[i] + static_cast<std::size_t>(first) * size_of(inputs_[i]), inputs_[i], box));
+        if (group.output == nullptr) return operation_.scan(views_.front(), execution);
+        std::byte* const to = group.output + static_cast<std::size_t>(first) * size_of(output_);
+        operation_.run(views_, dense_view(to, output_, box), execution);
+    }
 
-void scan_cells(Operation& operation, Volume const& volume, Execution const& execution) {
-    auto const& bricks = volume.bricks();
-    for (LevelRun const& run : level_runs(bricks)) {
-        LevelLattice const lattice = lattice_of(volume.header().dims, bricks[run.begin]);
-        operation.enter_level(lattice.width, lattice.lower);
-        if (!operation.uses_position()) {
-            for_pieces(
-                first_cell(volume, run.begin), first_cell(volume, run.end),
-                [&](std::int64_t first, Box const& box) { operation.scan(piece_view(volume, first, box), execution); });
-            continue;
+    Operation& operation_;
+    Index3 dims_;
+    std::vector<DataType> inputs_;
+    DataType output_;
+    Execution execution_;
+    std::map<int, LevelLattice> lattices_;
+    int level_ = -1; ///< that the operation was told of
+    std::vector<ConstView> views_;
+};
+
+/// All bricks of a sequence once, for a scan.
+void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& execution, StageTimes* times) {
+    GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, execution);
+    std::size_t const all = bricks.bricks().size();
+    for (std::size_t first = 0, n = 0; first < all; first += n) {
+        n = bricks.group(first, group_limit(execution));
+        Group group{bricks.bricks(), first, n, {}};
+        {
+            Stopwatch const watch(times != nullptr ? &times->input : nullptr);
+            group.inputs = {bricks.cells(first, n)};
         }
-        for (std::size_t b = run.begin; b < run.end; ++b) {
-            Box const box = lattice_box(lattice, bricks[b]);
-            operation.scan(volume.brick_view(b).moved_to(box.lower), execution_for(box, execution));
-        }
+        Stopwatch const watch(times != nullptr ? &times->compute : nullptr);
+        scan(group);
+        if (times != nullptr) times->voxels += cells_of(bricks.bricks(), first, first + n);
     }
     operation.scan_end();
 }
 
-void require_equal_trees(Operation const& operation, std::vector<Volume> const& inputs) {
-    for (Volume const& other : inputs) {
+void require_equal_trees(Operation const& operation, std::vector<BrickSequence> const& inputs) {
+    for (BrickSequence const& other : inputs) {
         Header const &a = inputs[0].header(), &b = other.header();
-        if (b.kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
         if (!(a.dims == b.dims) || !same_place(a, b) || inputs[0].bricks() != other.bricks())
             refuse(operation, "its inputs have different trees");
     }
@@ -105,16 +188,16 @@ void require_equal_trees(Operation const& operation, std::vector<Volume> const& 
 
 /// What an operation without positions makes of the background: its result on one cell that holds it. An input that
 /// names none has 0 in its holes.
-void map_background(Operation& operation, std::vector<Volume> const& inputs, Header& output,
+void map_background(Operation& operation, std::vector<Header> const& inputs, Header& output,
                     Execution const& execution) {
     if (operation.uses_position() ||
-        std::none_of(inputs.begin(), inputs.end(), [](Volume const& v) { return stored_background(v.header()); }))
+        std::none_of(inputs.begin(), inputs.end(), [](Header const& h) { return stored_background(h); }))
         return;
     Box const cell = box_of({1, 1, 1});
     std::vector<std::array<std::byte, sizeof(double)>> stored(inputs.size());
     std::vector<ConstView> views;
     for (std::size_t i = 0; i < inputs.size(); ++i) {
-        Header const& header = inputs[i].header();
+        Header const& header = inputs[i];
         double const value = stored_background(header).value_or(header.values.stored(0));
         with_cell_type(header.dtype, [&]<class T>(T) {
             T const held = store_cell<T>(value);
@@ -124,6 +207,7 @@ void map_background(Operation& operation, std::vector<Volume> const& inputs, Hea
     }
     std::array<std::byte, sizeof(double)> result{};
     operation.run(views, dense_view(result.data(), output.dtype, cell), execution);
+    operation.forget_trial();
     with_cell_type(output.dtype, [&]<class T>(T) {
         T held;
         std::memcpy(&held, result.data(), sizeof held);
@@ -136,58 +220,87 @@ Header tree_header(Operation const& operation, Plan const& plan, Header const& i
     if (!(plan.output.dims == input.dims)) refuse(operation, "it changes the extent");
     Header header = plan.output;
     header.kind = Kind::hierarchical;
+    header.brick_count = input.brick_count;
+    header.cell_count = input.cell_count;
+    header.level_count = input.level_count;
     return header;
 }
 
-Volume apply_pointwise(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                       TreeRun* report) {
-    require_equal_trees(operation, inputs);
-    std::vector<Header> const headers = headers_of(inputs);
-    Plan const plan = operation.plan(headers);
-    if (report != nullptr) report->plan = plan;
-    Header header = tree_header(operation, plan, inputs[0].header());
-    if (plan.scans) {
-        do scan_cells(operation, inputs[0], execution);
-        while (operation.scans_again());
-        operation.after_scan(header);
+/// Bricks handed through under another header.
+class HeaderWork : public TreeRun::Work {
+public:
+    HeaderWork(Operation const& operation, BrickSequence input, Plan planned)
+        : operation_(operation), input_(std::move(input)) {
+        plan = std::move(planned);
+        plan.output = tree_header(operation, plan, input_.header());
     }
-    if (plan.shift && *plan.shift == Index3{}) { // the cells are handed through
-        Volume result = inputs[0];
-        header.brick_count = result.header().brick_count;
-        header.cell_count = result.header().cell_count;
-        header.level_count = result.header().level_count;
-        result.header() = header;
+    BrickSequence bricks(Header header, std::shared_ptr<Work> const&) override {
+        return std::move(input_).with_header(std::move(header));
+    }
+    std::vector<Remark> remarks() const override { return operation_.remarks(); }
+
+private:
+    Operation const& operation_;
+    BrickSequence input_;
+};
+
+class PointwiseWork : public TreeRun::Work {
+public:
+    PointwiseWork(Operation& operation, std::vector<BrickSequence> inputs, Plan planned, Execution const& execution,
+                  StageInfo const& info)
+        : operation_(operation), inputs_(std::move(inputs)), execution_(execution), times_(info.times) {
+        std::vector<Header> const headers = headers_of(inputs_);
+        plan = std::move(planned);
+        plan.output = tree_header(operation_, plan, headers.front());
+        TreeWork const work = tree_work(Shape::pointwise, plan, headers, largest_bricks(inputs_), execution_);
+        if (plan.scans) {
+            inputs_[0] = spooled(std::move(inputs_[0]), work.keep, execution_, info);
+            do scan_bricks(operation_, inputs_[0], execution_, times_.get());
+            while (operation_.scans_again());
+            operation_.after_scan(plan.output);
+        }
+        map_background(operation_, headers, plan.output, execution_);
+        run_ = std::make_unique<GroupRun>(operation_, headers.front(),
+                                          collect(headers, [](Header const& h) { return h.dtype; }), plan.output.dtype,
+                                          execution_);
+    }
+
+    BrickSequence bricks(Header header, std::shared_ptr<Work> const& self) override {
+        BrickSequence result(
+            std::move(header), inputs_[0].table(),
+            [this, self](std::size_t first, std::size_t count, std::byte* to) { run(first, count, to); },
+            BrickOrder::ascending);
+        result.set_group_bytes(group_limit(execution_));
         return result;
     }
-    Volume result(header, inputs[0].bricks());
-    auto const& bricks = result.bricks();
-    std::byte* const to = result.buffer().write(Space::host);
-    std::size_t const bytes = size_of(header.dtype);
-    std::vector<ConstView> views(inputs.size());
-    if (!operation.uses_position()) {
-        for_pieces(0, result.header().cell_count, [&](std::int64_t first, Box const& box) {
-            for (std::size_t i = 0; i < inputs.size(); ++i) views[i] = piece_view(inputs[i], first, box);
-            operation.run(views, dense_view(to + static_cast<std::size_t>(first) * bytes, header.dtype, box),
-                          execution);
-        });
-    } else {
-        std::map<int, LevelLattice> lattices;
-        int level = -1;
-        for (std::size_t b = 0; b < bricks.size(); ++b) {
-            LevelLattice const& lattice =
-                lattices.try_emplace(bricks[b].level, lattice_of(header.dims, bricks[b])).first->second;
-            if (bricks[b].level != level) operation.enter_level(lattice.width, lattice.lower);
-            level = bricks[b].level;
-            Box const box = lattice_box(lattice, bricks[b]);
-            for (std::size_t i = 0; i < inputs.size(); ++i) views[i] = inputs[i].brick_view(b).moved_to(box.lower);
-            std::byte* const at = to + static_cast<std::size_t>(result.brick_offset(b)) * bytes;
-            operation.run(views, dense_view(at, header.dtype, box), execution_for(box, execution));
+
+    std::vector<Remark> remarks() const override { return operation_.remarks(); }
+
+private:
+    void run(std::size_t first, std::size_t count, std::byte* to) {
+        auto const& bricks = inputs_[0].bricks();
+        for (std::size_t end = first + count, n = 0; first < end; first += n) {
+            n = end - first;
+            for (BrickSequence const& input : inputs_) n = std::min(n, input.group(first, group_limit(execution_)));
+            Group group{bricks, first, n, {}, to};
+            {
+                Stopwatch const watch(times_ ? &times_->input : nullptr);
+                for (BrickSequence& input : inputs_) group.inputs.push_back(input.cells(first, n));
+            }
+            Stopwatch const watch(times_ ? &times_->compute : nullptr);
+            (*run_)(group);
+            std::int64_t const cells = cells_of(bricks, first, first + n);
+            to += static_cast<std::size_t>(cells) * size_of(plan.output.dtype);
+            if (times_) times_->voxels += cells;
         }
     }
-    if (report != nullptr) report->remarks = operation.remarks();
-    map_background(operation, inputs, result.header(), execution);
-    return result;
-}
+
+    Operation& operation_;
+    std::vector<BrickSequence> inputs_;
+    Execution execution_;
+    std::shared_ptr<StageTimes> times_;
+    std::unique_ptr<GroupRun> run_;
+};
 
 /// The header of a level's lattice as a structured volume.
 Header level_header(Header const& tree, LevelLattice const& lattice) {
@@ -201,144 +314,391 @@ Header level_header(Header const& tree, LevelLattice const& lattice) {
 }
 
 /// How ghost cells are made: holes hold the background, however near they are to a coarse cell.
-TileRule ghost_rule(Volume const& tree, TreeOptions const& options, Execution const& execution) {
-    Header const& header = tree.header();
-    TileRule rule = tile_rule(header, options.ghosts, stored_background(header).value_or(header.values.stored(0)),
-                              united(brick_ranges(tree, execution)));
+TileRule ghost_rule(Header const& header, std::vector<Brick> const& bricks, TreeOptions const& options,
+                    ValueRange range) {
+    TileRule rule =
+        tile_rule(header, options.ghosts, stored_background(header).value_or(header.values.stored(0)), range);
     Box const region = region_of(header);
     SampleGrid cells;
     for (int a = 0; a < 3; ++a) cells.lower[a] = static_cast<double>(region.lower[a]);
     cells.dims = region.dims();
-    rule.holes = leaves_holes(header, tree.bricks(), cells);
+    rule.holes = leaves_holes(header, bricks, cells);
     return rule;
 }
 
-class NeighbourhoodRun {
-public:
-    NeighbourhoodRun(Operation& operation, Volume const& input, Execution const& execution, TreeOptions const& options)
-        : operation_(operation), input_(input), execution_(execution), index_(input.header().dims, input.bricks()),
-          sources_(tile_sources(input)),
-          filler_(input_, index_, sources_, ghost_rule(input, options, execution), execution.instructions) {}
+/// The part of a lattice that a region of finest cells meets.
+LevelLattice within(Box const& region, LevelLattice lattice) {
+    for (int a = 0; a < 3; ++a) {
+        std::int64_t const w = lattice.width[a], whole = lattice.lower[a];
+        std::int64_t const first = (region.lower[a] - whole) / w, end = (region.upper[a] - whole + w - 1) / w;
+        lattice.lower[a] = whole + first * w;
+        lattice.dims[a] = end - first;
+    }
+    return lattice;
+}
 
-    Volume run(TreeRun* report) {
-        std::map<int, std::vector<std::size_t>> levels;
-        for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels[input_.bricks()[b].level].push_back(b);
-        Volume result;
-        for (auto const& [level, bricks] : levels) {
-            LevelLattice const lattice =
-                within(region_of(input_.header()), lattice_of(input_.header().dims, input_.bricks()[bricks.front()]));
-            Header const header = level_header(input_.header(), lattice);
-            Plan const plan = operation_.plan_level(header, lattice.width);
-            if (plan.scans) refuse(operation_, "it looks at all values first, and levels would differ");
-            if (plan.access == Access::random || !(plan.output.dims == lattice.dims))
-                refuse(operation_, "it needs more than a neighbourhood");
-            operation_.enter_level(lattice.width, lattice.lower);
-            if (result.bricks().empty()) {
-                result = Volume(output_header(plan.output), input_.bricks());
-                if (report != nullptr) report->plan = plan;
-                if (report != nullptr && !is_uniform(input_.header())) report->plan.error = ErrorBound::none_known();
-            }
-            for (std::size_t const b : bricks) run_brick(lattice, plan, b, result);
-            if (report != nullptr)
-                for (Remark const& remark : operation_.remarks()) report->remarks.push_back(remark);
+class NeighbourhoodWork : public TreeRun::Work {
+public:
+    NeighbourhoodWork(Operation& operation, BrickSequence input, Execution const& execution, StageInfo const& info,
+                      TreeOptions const& options)
+        : operation_(operation), input_(std::move(input)), execution_(execution), info_(info), options_(options) {
+        Header const& header = input_.header();
+        for (std::size_t b = 0; b < input_.bricks().size(); ++b) levels_[input_.bricks()[b].level].push_back(b);
+        plan = levels_.empty() ? operation_.plan({&header, 1})
+                               : plan_level(levels_.begin()->first, lattice(levels_.begin()->first));
+        output_ = plan.output;
+        output_.kind = Kind::hierarchical;
+        output_.dims = header.dims;
+        output_.geometry = header.geometry;
+        if (auto const roi = header.attributes.find("roi"); roi != header.attributes.end())
+            output_.attributes["roi"] = roi->second;
+        plan.output = output_ = with_counts(output_, input_.bricks());
+        if (!is_uniform(header)) plan.error = ErrorBound::none_known();
+        std::size_t const largest = input_.largest_brick();
+        TreeWork const work = tree_work(Shape::neighbourhood, plan, {&header, 1}, {&largest, 1}, execution_);
+        whole_ = work.access == TreeAccess::whole;
+        window_ = work.keep;
+        if (!whole_) require_room();
+    }
+
+    BrickSequence bricks(Header header, std::shared_ptr<Work> const& self) override {
+        if (whole_) {
+            compute();
+            input_ = Volume(); // nobody needs it any more
+            memory_->header() = with_counts(std::move(header), memory_->bricks());
+            return *std::exchange(memory_, {});
         }
-        if (levels.empty()) { // nothing to run, but a header to make
-            Header const& header = input_.header();
-            Plan const plan = operation_.plan({&header, 1});
-            result = Volume(output_header(plan.output), std::vector<Brick>{});
-            if (report != nullptr) report->plan = plan;
-        }
+        BrickSequence result(std::move(header), input_.table(),
+                             [this, self](std::size_t first, std::size_t count, std::byte* to) {
+                                 if (!std::exchange(computed_, true)) compute();
+                                 file_->read(first, count, to);
+                             });
+        result.set_group_bytes(group_limit(execution_));
         return result;
     }
 
+    std::vector<Remark> remarks() const override { return remarks_; }
+
 private:
-    Header output_header(Header const& planned) const {
-        Header header = planned;
-        header.kind = Kind::hierarchical;
-        header.dims = input_.header().dims;
-        header.geometry = input_.header().geometry;
-        if (auto const roi = input_.header().attributes.find("roi"); roi != input_.header().attributes.end())
-            header.attributes["roi"] = roi->second;
-        return header;
+    LevelLattice lattice(int level) const {
+        Brick const& any = input_.bricks()[levels_.at(level).front()];
+        return within(region_of(input_.header()), lattice_of(input_.header().dims, any));
     }
 
-    /// The part of a lattice that a region of finest cells meets.
-    static LevelLattice within(Box const& region, LevelLattice lattice) {
-        for (int a = 0; a < 3; ++a) {
-            std::int64_t const w = lattice.width[a], whole = lattice.lower[a];
-            std::int64_t const first = (region.lower[a] - whole) / w, end = (region.upper[a] - whole + w - 1) / w;
-            lattice.lower[a] = whole + first * w;
-            lattice.dims[a] = end - first;
+    /// The operation works on one level at a time, for which it was planned last.
+    Plan const& plan_level(int level, LevelLattice const& at) {
+        if (std::exchange(planned_, level) == level) return level_plan_;
+        level_plan_ = operation_.plan_level(level_header(input_.header(), at), at.width);
+        if (level_plan_.scans) refuse(operation_, "it looks at all values first, and levels would differ");
+        if (level_plan_.access == Access::random || !(level_plan_.output.dims == at.dims))
+            refuse(operation_, "it needs more than a neighbourhood");
+        return level_plan_;
+    }
+
+    /// Prepares the operation for a level.
+    LevelLattice enter(int level) {
+        LevelLattice const at = lattice(level);
+        plan_level(level, at);
+        operation_.enter_level(at.width, at.lower);
+        return at;
+    }
+
+    /// Throws Error{resources} if a brick with its neighbours needs more than there is for them.
+    void require_room() {
+        index_.emplace(input_.header().dims, input_.bricks());
+        Index3 const dims = input_.header().dims;
+        auto const size = static_cast<double>(size_of(input_.header().dtype));
+        std::vector<std::int32_t> near;
+        for (auto const& [level, bricks] : levels_) {
+            LevelLattice const at = enter(level);
+            for (std::size_t const b : bricks) {
+                Box const box = intersect(lattice_box(at, input_.bricks()[b]), box_of(at.dims));
+                if (box.empty()) continue;
+                Box const needed = operation_.footprint(box, 0), inside = intersect(needed, box_of(at.dims));
+                double bytes = volume_of(needed.dims()) * size;
+                Vec3 lower, upper;
+                for (int a = 0; a < 3; ++a) {
+                    lower[a] = static_cast<double>(at.lower[a] + inside.lower[a] * at.width[a]);
+                    upper[a] = static_cast<double>(at.lower[a] + inside.upper[a] * at.width[a]);
+                }
+                index_->query(lower, upper, near);
+                double cells = 0;
+                for (std::int32_t const id : near) {
+                    Brick const& brick = input_.bricks()[static_cast<std::size_t>(id)];
+                    if (domain_meets(brick, dims, lower, upper)) cells += static_cast<double>(brick.cells());
+                }
+                bytes = std::max(bytes, cells * size);
+                if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
+            }
         }
-        return lattice;
     }
 
-    void run_brick(LevelLattice const& lattice, Plan const& plan, std::size_t b, Volume& result) {
+    [[noreturn]] void refuse_neighbourhood(double bytes) const {
+        throw Error(ErrorKind::resources,
+                    text(operation_.name(), ": a brick with its neighbours takes ", bytes_text(bytes),
+                         " of memory, the budget of ", bytes_text(static_cast<double>(execution_.memory)),
+                         " has no room for that"),
+                    "raise --memory, or make the volume a grid first: vkt resample --cells 50M");
+    }
+
+    void compute() {
+        CellSurvey const survey = look_at_all();
+        if (!index_) index_.emplace(input_.header().dims, input_.bricks());
+        BrickCells cells(input_, window_);
+        GhostFiller filler(cells, *index_, survey.brick(),
+                           ghost_rule(input_.header(), input_.bricks(), options_, survey.range()),
+                           execution_.instructions);
+        if (whole_)
+            memory_.emplace(output_, input_.bricks());
+        else
+            file_ = std::make_unique<BrickSpool>(output_, input_.table(), execution_, info_);
+        Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+        for (auto const& [level, bricks] : levels_) {
+            LevelLattice const at = enter(level);
+            for (std::size_t const b : bricks) run_brick(at, b, cells, filler);
+            for (Remark const& remark : operation_.remarks()) remarks_.push_back(remark);
+        }
+        if (info_.times) info_.times->voxels += input_.header().voxels();
+    }
+
+    /// Every brick once; where they only come once they are kept.
+    CellSurvey look_at_all() {
+        Stopwatch const watch(info_.times ? &info_.times->input : nullptr);
+        if (whole_)
+            input_ = std::move(input_).whole();
+        else
+            input_ = spooled(std::move(input_), 0, execution_, info_);
+        CellSurvey survey(input_.header().dtype);
+        std::span<Brick const> const all = input_.bricks();
+        for (std::size_t first = 0, n = 0; first < all.size(); first += n) {
+            n = input_.in_memory() ? all.size() : input_.group(first, group_limit(execution_));
+            survey.add(all.subspan(first, n), input_.cells(first, n), execution_);
+        }
+        return survey;
+    }
+
+    void run_brick(LevelLattice const& lattice, std::size_t b, BrickCells& cells, GhostFiller& filler) {
         Box const whole = lattice_box(lattice, input_.bricks()[b]), box = intersect(whole, box_of(lattice.dims));
-        DataType const output = result.header().dtype;
-        std::size_t const offset = static_cast<std::size_t>(result.brick_offset(b)) * size_of(output);
-        AnyView const to = dense_view(result.buffer().update(Space::host) + offset, output, whole);
-        if (!(box == whole)) {
-            if (output != input_.header().dtype) refuse(operation_, "cells outside of its region cannot change type");
-            copy(input_.brick_view(b).moved_to(whole.lower), to);
+        DataType const type = input_.header().dtype;
+        std::byte* at = nullptr;
+        if (whole_) {
+            at = memory_->buffer().update(Space::host) +
+                 static_cast<std::size_t>(memory_->brick_offset(b)) * size_of(output_.dtype);
+        } else {
+            result_.reserve(static_cast<std::size_t>(whole.voxels()) * size_of(output_.dtype));
+            at = result_.write(Space::host);
         }
-        if (box.empty()) return;
-        Box const needed = operation_.footprint(box, 0);
+        AnyView const to = dense_view(at, output_.dtype, whole);
+        if (!(box == whole)) {
+            if (output_.dtype != type) refuse(operation_, "cells outside of its region cannot change type");
+            auto const id = static_cast<std::int32_t>(b);
+            cells.want({&id, 1});
+            copy(dense_view(cells.of(id), type, whole), to);
+        }
+        if (!box.empty()) run_inside(lattice, to.part(box), filler);
+        if (!whole_) file_->store(b, 1, at);
+    }
+
+    void run_inside(LevelLattice const& lattice, AnyView out, GhostFiller& filler) {
+        Box const needed = operation_.footprint(out.box, 0);
         DataType const type = input_.header().dtype;
         double const bytes = volume_of(needed.dims()) * static_cast<double>(size_of(type));
-        if (bytes > static_cast<double>(execution_.memory))
-            refuse(operation_, text("a brick's neighbourhood takes ", bytes_text(bytes)));
+        if (bytes > static_cast<double>(window_)) refuse_neighbourhood(bytes);
         grown_.resize(static_cast<std::size_t>(needed.voxels()) * size_of(type));
         AnyView const grown = dense_view(grown_.data(), type, needed);
-        if (!needed.empty()) filler_.fill(lattice, grown, plan.boundary, plan.border_value);
+        if (!needed.empty()) filler.fill(lattice, grown, level_plan_.boundary, level_plan_.border_value);
         ConstView const view = grown;
-        operation_.run({&view, 1}, to.part(box), execution_for(box, execution_));
+        operation_.run({&view, 1}, out, execution_for(out.box, execution_));
     }
 
     Operation& operation_;
-    Volume const& input_;
-    Execution const& execution_;
-    BrickIndex index_;
-    std::vector<tile::Source> sources_;
-    GhostFiller filler_;
+    BrickSequence input_;
+    Execution execution_;
+    StageInfo info_;
+    TreeOptions options_;
+    Header output_;
+    std::map<int, std::vector<std::size_t>> levels_; ///< and their bricks
+    int planned_ = -1;                               ///< level that the operation was planned for last,
+    Plan level_plan_;                                ///< and how
+    std::optional<BrickIndex> index_;
+    std::size_t window_ = 0; ///< bytes that a brick with its neighbours may take
+    bool whole_ = true;      ///< all is done in memory
+    bool computed_ = false;
+    std::optional<Volume> memory_;     ///< the result, there
+    std::unique_ptr<BrickSpool> file_; ///< or there
+    Buffer result_;                    ///< of a brick
     std::vector<std::byte> grown_;
+    std::vector<Remark> remarks_;
 };
+
+/// The same bricks; count(seconds, cells) is told of every reading.
+template <class Count> BrickSequence timed(BrickSequence bricks, Count count) {
+    if (bricks.in_memory()) return bricks;
+    auto const source = std::make_shared<BrickSequence>(std::move(bricks));
+    BrickSequence result(
+        source->header(), source->table(),
+        [source, count](std::size_t first, std::size_t n, std::byte* to) {
+            double seconds = 0;
+            {
+                Stopwatch const watch(&seconds);
+                source->read(first, n, to);
+            }
+            count(seconds, cells_of(source->bricks(), first, first + n));
+        },
+        source->order());
+    result.set_group_bytes(source->group_bytes());
+    return result;
+}
+
+/// By the operation's own move_bricks().
+class GeometricWork : public TreeRun::Work {
+public:
+    GeometricWork(Operation& operation, BrickSequence input, Plan planned, Execution const& execution,
+                  std::shared_ptr<StageTimes> const& times)
+        : operation_(operation) {
+        plan = std::move(planned);
+        std::size_t const largest = input.largest_brick();
+        Header const header = input.header();
+        if (times)
+            input = timed(std::move(input), [times](double seconds, std::int64_t) {
+                times->input += seconds;
+                times->compute -= seconds; // of the time that the result takes
+            });
+        moved_ = operation.move_bricks(std::move(input), execution);
+        if (!moved_) refuse(operation, "its cells have no common grid");
+        if (times)
+            moved_ = timed(*std::move(moved_), [times](double seconds, std::int64_t cells) {
+                times->compute += seconds;
+                times->voxels += cells;
+            });
+        tree_work(Shape::geometric, plan, {&header, 1}, {&largest, 1}, execution);
+        moved_->set_group_bytes(group_limit(execution));
+        plan.output = moved_->header();
+    }
+    BrickSequence bricks(Header header, std::shared_ptr<Work> const&) override {
+        return std::move(*moved_).with_header(std::move(header));
+    }
+    std::vector<Remark> remarks() const override { return operation_.remarks(); }
+
+private:
+    Operation& operation_;
+    std::optional<BrickSequence> moved_;
+};
+
+std::shared_ptr<TreeRun::Work> work_of(Operation& operation, std::vector<BrickSequence> inputs,
+                                       Execution const& execution, StageInfo const& info, TreeOptions const& options,
+                                       std::optional<Plan> planned) {
+    if (inputs.empty()) refuse(operation, "it has no input");
+    if (operation.shape() == Shape::neighbourhood) {
+        if (inputs.size() != 1) refuse(operation, "it takes several inputs");
+        return std::make_shared<NeighbourhoodWork>(operation, std::move(inputs[0]), execution, info, options);
+    }
+    bool const pointwise = operation.shape() == Shape::pointwise;
+    if (!pointwise && (operation.shape() != Shape::geometric || inputs.size() != 1))
+        refuse(operation, "its cells have no common grid");
+    if (pointwise) require_equal_trees(operation, inputs);
+    Plan plan = planned ? *std::move(planned) : operation.plan(headers_of(inputs));
+    if (plan.shift && *plan.shift == Index3{} && !plan.scans)
+        return std::make_shared<HeaderWork>(operation, std::move(inputs[0]), std::move(plan));
+    if (pointwise)
+        return std::make_shared<PointwiseWork>(operation, std::move(inputs), std::move(plan), execution, info);
+    return std::make_shared<GeometricWork>(operation, std::move(inputs[0]), std::move(plan), execution, info.times);
+}
 
 } // namespace
 
-Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
-                          TreeOptions const& options, TreeRun* report) {
-    Execution on_host = execution;
-    on_host.device = Device::cpu;
-    if (inputs.empty()) refuse(operation, "it has no input");
-    if (inputs[0].header().kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
-    switch (operation.shape()) {
-    case Shape::pointwise:
-        return apply_pointwise(operation, inputs, on_host, report);
-    case Shape::neighbourhood:
-        if (inputs.size() != 1) refuse(operation, "it takes several inputs");
-        return NeighbourhoodRun(operation, inputs[0], on_host, options).run(report);
-    case Shape::geometric: {
-        if (inputs.size() != 1) break;
-        Plan const plan = operation.plan(headers_of(inputs));
-        Volume output;
-        if (!operation.run_tree(inputs[0], output, on_host)) break;
-        if (report != nullptr) *report = {plan, operation.remarks()};
-        return output;
+TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs, std::span<std::size_t const> largest,
+                   Execution const& execution) {
+    bool const reduces = shape == Shape::reduction;
+    double const budget = 16 * static_cast<double>(piece_limit(execution));
+    auto const whole_of = [](Header const& h) { return static_cast<double>(h.bytes()); };
+    auto const group_of = [&](Header const& h, std::size_t i) {
+        std::size_t const most = std::max(group_limit(execution), i < largest.size() ? largest[i] : 0);
+        return static_cast<double>(std::min(most, h.bytes()));
+    };
+    double tables = 0, groups = 0, cells = 0;
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        tables += static_cast<double>(inputs[i].brick_count) * sizeof(Brick);
+        groups += group_of(inputs[i], i);
+        cells += whole_of(inputs[i]);
     }
-    case Shape::source:
-    case Shape::reduction:
-        break;
+    if (!reduces) {
+        double const ratio =
+            static_cast<double>(size_of(plan.output.dtype)) / static_cast<double>(size_of(inputs[0].dtype));
+        groups += std::max(group_of(plan.output, largest.size()),
+                           ratio * (largest.empty() ? 0 : static_cast<double>(largest[0])));
+        if (plan.output.kind == Kind::hierarchical) cells += whole_of(plan.output);
     }
-    refuse(operation, "its cells have no common grid");
+    TreeWork work;
+    double bytes = static_cast<double>(plan.state_bytes) + tables;
+    if (shape == Shape::neighbourhood) {
+        constexpr double index = 64, lists = sizeof(std::size_t) + 2 * BrickSpool::bytes_per_brick, workspace = 0x1p20;
+        bytes += static_cast<double>(inputs[0].brick_count) * (index + lists) + workspace;
+        if (bytes + cells + budget / 16 <= budget) {
+            work.access = TreeAccess::whole;
+            bytes += cells;
+            work.keep = static_cast<std::size_t>(budget - bytes);
+        } else {
+            work.access = TreeAccess::window;
+            bytes += groups;
+            double const room = std::max(budget - bytes, 0.0), most = 4 * static_cast<double>(piece_limit(execution));
+            work.keep =
+                static_cast<std::size_t>(std::min(most, room / 2)); // of neighbours, and of what is made of them
+            bytes += 2 * static_cast<double>(work.keep);
+        }
+    } else if (!reduces && plan.output.kind == Kind::structured) {
+        work.access = TreeAccess::whole;
+        bytes += cells;
+    } else {
+        if (shape == Shape::geometric) bytes += tables; // the result has bricks of its own
+        bytes += groups;
+        if (plan.scans) work.access = TreeAccess::again;
+    }
+    if (bytes > budget)
+        throw Error(
+            ErrorKind::resources,
+            text(work.access == TreeAccess::whole ? "the volume needs " : "the table of bricks and some of them need ",
+                 bytes_text(bytes), " of memory, the budget is ", bytes_text(static_cast<double>(execution.memory))),
+            "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+    work.bytes = static_cast<std::size_t>(bytes);
+    // Tables that an operation needs have precedence over cells that may as well lie in a file.
+    if (work.access == TreeAccess::again && plan.state_bytes <= execution.memory / 8)
+        work.keep = std::min(spool_limit(inputs.size(), execution), static_cast<std::size_t>(budget - bytes));
+    if (work.access == TreeAccess::again && work.keep >= inputs[0].bytes()) work.bytes += inputs[0].bytes();
+    return work;
 }
 
-void reduce_hierarchical(Operation& reduction, Volume const& volume, Execution const& execution) {
-    Execution on_host = execution;
-    on_host.device = Device::cpu;
-    Header const& header = volume.header();
-    reduction.plan({&header, 1});
-    do scan_cells(reduction, volume, on_host);
+std::size_t bricks_in_flight(Header const& header, Execution const& execution) {
+    return static_cast<std::size_t>(header.brick_count) * sizeof(Brick) +
+           std::min(group_limit(execution), header.bytes());
+}
+
+TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
+                 StageInfo const& info, TreeOptions const& options, std::optional<Plan> planned)
+    : work_(work_of(operation, std::move(inputs), on_host(execution), info, options, std::move(planned))) {}
+
+Plan const& TreeRun::plan() const { return work_->plan; }
+BrickSequence TreeRun::bricks(Header header) { return work_->bricks(std::move(header), work_); }
+std::vector<Remark> TreeRun::remarks() const { return work_->remarks(); }
+
+Volume apply_hierarchical(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution,
+                          TreeOptions const& options) {
+    for (Volume const& input : inputs)
+        if (input.header().kind != Kind::hierarchical) refuse(operation, "its inputs are of both kinds");
+    TreeRun run(operation, collect(inputs, [](Volume const& input) { return BrickSequence(input); }), execution, {},
+                options);
+    return run.bricks(run.plan().output).whole();
+}
+
+void reduce_hierarchical(Operation& reduction, BrickSequence bricks, Execution const& execution,
+                         StageInfo const& info) {
+    Header const header = bricks.header();
+    Execution const host = on_host(execution);
+    Plan const plan = reduction.plan({&header, 1});
+    std::size_t const largest = bricks.largest_brick();
+    TreeWork const work = tree_work(Shape::reduction, plan, {&header, 1}, {&largest, 1}, host);
+    if (plan.scans) bricks = spooled(std::move(bricks), work.keep, host, info);
+    do scan_bricks(reduction, bricks, host, info.times.get());
     while (reduction.scans_again());
 }
 

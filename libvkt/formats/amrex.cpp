@@ -11,7 +11,6 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <set>
@@ -180,7 +179,7 @@ void Plotfile::describe() {
         refuse(error.what());
     }
     auto const& first = header_.levels[0].boxes[0];
-    std::ifstream file(path_ + "/" + first.file, std::ios::binary);
+    std::ifstream file = amrex::open_part(path_ + "/" + first.file);
     std::string line;
     file.seekg(first.offset);
     if (!file || !std::getline(file, line)) refuse(text("cannot read ", first.file));
@@ -249,8 +248,7 @@ void Plotfile::read_record(Piece const& piece, std::size_t component, Record& re
     amrex::Level const& level = header_.levels[piece.level];
     amrex::BoxData const& box = level.boxes[piece.box];
     std::string const where = text(box.file, ": the record at byte ", box.offset, " of box ", box.box);
-    std::ifstream file(path_ + "/" + box.file, std::ios::binary);
-    if (!file) throw Error(ErrorKind::io, text("cannot read ", path_, "/", box.file));
+    std::ifstream file = amrex::open_part(path_ + "/" + box.file);
     std::string line;
     file.seekg(box.offset);
     if (!std::getline(file, line) || line.size() > 4096) refuse(text(where, " ended early"));

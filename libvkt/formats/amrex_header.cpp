@@ -7,7 +7,7 @@
 
 #include <charconv>
 #include <cmath>
-#include <fstream>
+#include <filesystem>
 #include <sstream>
 
 namespace vkt::amrex {
@@ -25,9 +25,7 @@ constexpr std::int64_t most_boxes = std::int64_t{1} << 26;
 /// A text file read word by word or line by line, with complaints that name it.
 class Words {
 public:
-    explicit Words(std::string path) : path_(std::move(path)), stream_(path_) {
-        if (!stream_) throw Error(ErrorKind::io, text("cannot read ", path_));
-    }
+    explicit Words(std::string path) : path_(std::move(path)), stream_(open_part(path_)) {}
 
     std::string line() {
         std::string result;
@@ -139,6 +137,15 @@ void read_level(Level& level, std::string const& directory, int dimensions, std:
 }
 
 } // namespace
+
+std::ifstream open_part(std::string const& path) {
+    std::error_code error;
+    if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
+        refuse(path, "is no regular file");
+    std::ifstream file(path, std::ios::binary);
+    if (!file) throw Error(ErrorKind::io, text("cannot read ", path));
+    return file;
+}
 
 std::vector<std::int64_t> integers_of(std::string const& source, std::string const& file) {
     std::vector<std::int64_t> values;

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/types.h"
 
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,9 @@ struct FabHeader {
     Box box; ///< with ghost cells
     int components = 1;
 };
+
+/// Opens a file of a plotfile. Throws Error{data} for pipes and devices, which would be read for ever, and Error{io}.
+std::ifstream open_part(std::string const& path);
 
 /// Parses a record's line. Throws Error{data}.
 FabHeader parse_fab(std::string const& line, std::string const& file, int dimensions);

@@ -149,7 +149,14 @@ public:
     }
     AnyView acquire(Box const& slab) override { return volume_->mutable_view().part(slab); }
     void commit() override {}
-    void put_bricks(BrickSequence bricks) override { volume_ = std::move(bricks).whole(); }
+    void put_bricks(BrickSequence bricks) override {
+        // Cells narrower than a leaf become its voxels; wider ones are nodes.
+        double voxels = 0;
+        for (Brick const& brick : bricks.bricks())
+            if (brick.level < 3) voxels += volume_of(bounds_of(brick, bricks.header().dims).dims());
+        require_memory(bricks.header(), voxels);
+        volume_ = std::move(bricks).whole();
+    }
 
     void end() override {
         auto const attribute = [&](char const* name, std::string const& otherwise) {
@@ -170,9 +177,13 @@ private:
             std::int64_t const cells = (n + 7) / 8 * 8;
             return static_cast<double>(cells);
         };
+        require_memory(header, padded(header.dims.x) * padded(header.dims.y) * padded(header.dims.z));
+    }
+
+    /// What comes in, and so many voxels in leaves.
+    void require_memory(Header const& header, double voxels) const {
         double const cell = size_of(header.dtype) == 8 ? 8 : 4;
-        double const bytes = static_cast<double>(header.bytes()) +
-                             padded(header.dims.x) * padded(header.dims.y) * padded(header.dims.z) * cell;
+        double const bytes = static_cast<double>(header.bytes()) + voxels * cell;
         if (bytes <= static_cast<double>(memory_)) return;
         throw Error(ErrorKind::resources,
                     text("'", file_.path(), "': OpenVDB needs ", bytes_text(bytes),

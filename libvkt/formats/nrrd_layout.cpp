@@ -256,6 +256,9 @@ void Interpreter::choose_axes(RawLayout& layout) {
     if (chosen_.size() == 4 && sizes_[chosen_[0]] == 1 && unexplained) chosen_.erase(chosen_.begin());
     for (std::size_t const axis : chosen_)
         if (holds_samples(axis)) refuse_samples(axis);
+    // Where nothing else is said, spacings tell what is space.
+    if (chosen_.size() == 4 && unexplained && !spacing_of(chosen_[0]) && spacing_of(chosen_[3]))
+        refuse_samples(chosen_[0]);
     // The fourth axis enumerates volumes. With fewer, a last axis that is a list or time is as good as z.
     if (chosen_.size() == 4 && (spatial(chosen_[0]) || !spatial(chosen_[3]))) {
         sequence_ = chosen_.back();

@@ -76,7 +76,7 @@ std::string Dictionary::string() {
         fail("its header has no string where one belongs");
     std::size_t const end = rest_.find(rest_.front(), 1);
     if (end == std::string_view::npos) fail("a string in its header does not end");
-    std::string const result(rest_.substr(1, end - 1));
+    std::string result(rest_.substr(1, end - 1));
     rest_.remove_prefix(end + 1);
     return result;
 }

@@ -31,10 +31,7 @@ public:
     std::shared_ptr<Lease> lease(Box const& region) override { return inner().lease(in_whole(region)); }
     std::optional<Volume> take_whole() override { return std::nullopt; } // the whole is not what was asked for
     void expect(Box const& region) override { inner().expect(in_whole(region)); }
-    BrickSequence take_bricks() override { return tree_ ? BrickSequence(std::move(*tree_)) : inner().take_bricks(); }
-    void finish() override {
-        if (!tree_) inner().finish(); // the tree was loaded, and thereby finished, to be cropped
-    }
+    BrickSequence take_bricks() override { return tree_ ? std::move(*tree_) : inner().take_bricks(); }
 
 private:
     Box in_whole(Box const& region) const { return {region.lower + box_.lower, region.upper + box_.lower}; }
@@ -44,8 +41,8 @@ private:
     std::function<void(Box const&)> on_region_;
     Header header_;
     Box box_;
-    bool narrowed_; ///< hierarchical volumes come with the region's bricks only
-    std::optional<Volume> tree_;
+    bool narrowed_;                     ///< hierarchical volumes come with the region's bricks only
+    std::optional<BrickSequence> tree_; ///< cropped here
 };
 
 bool RegionSource::next_volume() {
@@ -58,7 +55,7 @@ bool RegionSource::next_volume() {
     if (on_region_) on_region_(box_);
     if (header_.kind == Kind::hierarchical) {
         if (!narrowed_ && !header_.dry_run) {
-            tree_ = crop_tree(inner().take_bricks().whole(), box_, default_execution());
+            tree_ = crop_tree(inner().take_bricks(), box_);
             header_ = tree_->header();
         }
         header_.history = std::move(history);

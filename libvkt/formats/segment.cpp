@@ -27,7 +27,6 @@ constexpr std::array<char, 8> magic{'V', 'K', 'T', 'S', 'H', 'M', '\r', '\n'};
 constexpr std::uint32_t current_version = 1;
 constexpr std::uint32_t state_whole = 0x454c4857; ///< "WHLE", written when everything else is there
 constexpr std::uint64_t largest_text = std::uint64_t{256} << 20, most_bricks = std::uint64_t{1} << 32;
-constexpr std::size_t brick_group_bytes = std::size_t{4} << 20; ///< cells that are copied at once
 
 /// The first 64 bytes, in the byte order of the machine.
 struct SegmentHead {
@@ -202,11 +201,10 @@ public:
         auto const& bricks = sequence.bricks();
         std::byte* to = voxels_;
         for (std::size_t first = 0, count = 0; first < bricks.size(); first += count) {
-            std::size_t bytes = 0;
-            for (count = 0; first + count < bricks.size() && bytes < brick_group_bytes; ++count)
-                bytes += static_cast<std::size_t>(bricks[first + count].cells()) * size_of(header_.dtype);
-            std::memcpy(to, sequence.cells(first, count), bytes);
-            to += bytes;
+            count = sequence.group(first, sequence.group_bytes());
+            sequence.read(first, count, to);
+            for (std::size_t i = first; i < first + count; ++i)
+                to += static_cast<std::size_t>(bricks[i].cells()) * size_of(header_.dtype);
         }
     }
     void end() override {

@@ -315,6 +315,9 @@ private:
             int const level = extent > 128 ? 7 : 3;
             add(box.min(), extent, extent >> level, level);
         }
+        // All of a volume may be background: one cell says so. Of a grid without extent nothing is known.
+        auto const low = grid_.template getMetadata<openvdb::Vec3IMetadata>(box_min_name);
+        if (nodes_.empty() && low) add(openvdb::Coord(low->value()) & ~7, 8, 1, 3);
         if (nodes_.empty()) throw Error(ErrorKind::data, text(path_, ": grid '", grid_.getName(), "' is empty"));
     }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/first_failure.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/stream.h"
@@ -22,16 +23,18 @@ inline int threads_for(Execution const& execution, std::int64_t voxels) {
     return static_cast<int>(std::clamp<std::int64_t>(voxels / 32768, 1, std::max(1, execution.threads)));
 }
 
-/// Calls f(begin, end) once per thread, on contiguous ranges that cover 0 <= item < count.
+/// Calls f(begin, end) once per thread, on contiguous ranges that cover 0 <= item < count. Throws what f throws first.
 template <class F> void for_each_item(int threads, std::int64_t count, F const& f) {
+    FirstFailure failure;
 #pragma omp parallel num_threads(threads) if (threads > 1)
     {
         std::int64_t const share = omp_get_num_threads(), me = omp_get_thread_num();
         std::int64_t const each = count / share, more = count % share;
         std::int64_t const begin = me * each + std::min(me, more);
         std::int64_t const end = begin + each + (me < more ? 1 : 0);
-        f(begin, end);
+        failure.catch_from([&] { f(begin, end); });
     }
+    failure.rethrow();
 }
 
 /// Calls f(x, y, z, n) for pieces of at most segment_voxels voxels of rows that cover the box.
@@ -276,20 +279,22 @@ template <class U> void copy_forward(U* to, U const* from, std::int64_t n, bool 
     std::memcpy(to + i, from + i, static_cast<std::size_t>(n - i) * sizeof(U));
 }
 
+template <class V, std::size_t... lane> V reversed_lanes(V v, std::index_sequence<lane...>) {
+    return __builtin_shufflevector(v, v, (sizeof...(lane) - 1 - lane)...);
+}
+
 /// to[i] = last[-i], taken from the far end, so that reads ascend.
 template <class U> void copy_reversed(U* to, U const* last, std::int64_t n, bool stream) {
 #if defined(__AVX2__)
     constexpr std::int64_t lanes = Register<U>::lanes;
     using V = typename Register<U>::type;
-    V order;
-    for (std::int64_t j = 0; j < lanes; ++j) order[j] = static_cast<U>(lanes - 1 - j);
     auto const skew = static_cast<std::int64_t>(reinterpret_cast<std::uintptr_t>(to) % register_bytes / sizeof(U));
     std::int64_t const head = std::min(n, (lanes - skew) % lanes), end = head + (n - head) / lanes * lanes;
     for (std::int64_t i = n - 1; i >= end; --i) to[i] = last[-i];
     for (std::int64_t i = end - lanes; i >= head; i -= lanes) {
         V v;
         std::memcpy(&v, last - i - (lanes - 1), sizeof v);
-        v = __builtin_shuffle(v, order);
+        v = reversed_lanes(v, std::make_index_sequence<static_cast<std::size_t>(lanes)>{});
         if (stream)
             stream_register(to + i, v);
         else

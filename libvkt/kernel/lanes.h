@@ -10,6 +10,8 @@
 #include <immintrin.h>
 #endif
 
+#ifndef __CUDACC__ // there a thread is a lane
+
 namespace vkt::VKT_BACKEND {
 
 /// Lanes<C>: as many C as a register holds, with + - * < ?: per lane.
@@ -37,3 +39,5 @@ VKT_HD Lanes<double> madd(Lanes<double> a, Lanes<double> b, Lanes<double> c) { r
 #endif
 
 } // namespace vkt::VKT_BACKEND
+
+#endif

@@ -4,7 +4,7 @@
 
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
-#include "libvkt/io/byte_source.h"
+#include "libvkt/io/whole_text.h"
 
 namespace vkt {
 
@@ -18,14 +18,6 @@ constexpr std::size_t largest_file = std::size_t{1} << 20;
 bool is_list(std::string const& word) {
     std::size_t const end = word.find_first_of(" ,;\n\t");
     return word.empty() || (end != std::string::npos && is_number(word.substr(0, end)));
-}
-
-std::string contents_of(std::string const& file) {
-    auto const source = open_bytes(file);
-    std::string contents(largest_file + 1, '\0');
-    contents.resize(source->read(contents.data(), contents.size()));
-    if (contents.size() > largest_file) throw Error(ErrorKind::data, text(file, ": too long for an affine transform"));
-    return contents;
 }
 
 } // namespace
@@ -62,7 +54,7 @@ Plan AffineOperation::plan(std::span<Header const> inputs) {
     if (is_list(matrix_))
         transform_ = parse_transform(matrix_, "MATRIX");
     else
-        transform_ = parse_transform(contents_of(matrix_), matrix_);
+        transform_ = parse_transform(whole_text(matrix_, largest_file), matrix_);
     if (transform_.itk && unit_ == LengthUnit::voxel)
         throw Error(ErrorKind::usage, "ITK's transforms are about the world: --unit voxel does not apply");
     if (inverse_) transform_.map = inverse(transform_.map);

@@ -29,7 +29,7 @@ Texts BilateralFilter::texts() const {
 void BilateralFilter::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation in space, one number or X,Y,Z");
     parameters.option("range-sigma", range_sigma_, "V", "standard deviation in values").needed();
-    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
     parameters.option("radius", radius_, "R",
                       "the box reaches R voxels to either side: one number or X,Y,Z, 0 to 32 (default: 2.5 sigma)");
     LocalFilter::parameters(parameters);
@@ -52,8 +52,9 @@ void BilateralFilter::prepare(Header const& in, Plan& plan) {
     rule_ = {};
     rule_.range_sigma = range_sigma_ / std::abs(in.values.slope);
     double count = 1;
+    Vec3 const cells = sigma_in_cells(sigma_, unit_, in, cell_width_);
     for (int axis = 0; axis < 3; ++axis) {
-        double const sigma = sigma_[axis] / (unit_ == LengthUnit::world ? in.geometry.spacing[axis] : 1);
+        double const sigma = cells[axis];
         double const reach = sigma > 0 ? std::ceil(2.5 * sigma) : 0;
         if (!radius_ && !(reach <= most_bilateral_radius))
             throw Error(ErrorKind::usage,

@@ -107,7 +107,7 @@ private:
 bool BrickDirectory::is_directory_of_bricks(std::string const& path) {
     try {
         std::vector<std::string> names{(std::filesystem::path(path) / manifest_name).string()};
-        for (auto const& brick : bricks_of(names.front())) names.push_back(brick.path);
+        for (auto const& brick : bricks_of(names.front(), true)) names.push_back(brick.path);
         for (auto const& entry : std::filesystem::directory_iterator(path))
             if (std::find(names.begin(), names.end(), entry.path().string()) == names.end()) return false;
         return true;

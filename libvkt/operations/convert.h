@@ -38,6 +38,7 @@ public:
     /// Percentiles are counted on CPUs.
     bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    void forget_trial() override { counts_ = {}; }
     std::vector<Remark> remarks() const override;
 
 private:

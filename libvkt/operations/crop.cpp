@@ -83,9 +83,8 @@ Plan Crop::plan(std::span<Header const> inputs) {
 
 Box Crop::footprint(Box const& output, int) const { return {output.lower + box_.lower, output.upper + box_.lower}; }
 
-bool Crop::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    output = crop_tree(input, box_, execution);
-    return true;
+std::optional<BrickSequence> Crop::move_bricks(BrickSequence input, Execution const&) {
+    return crop_tree(std::move(input), box_);
 }
 
 void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -24,7 +24,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     /// Keeps the bricks that any reconstruction inside the region needs.
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
+    std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.

@@ -103,7 +103,7 @@ Plan Distance::plan(std::span<Header const> inputs) {
     plan.whole = true;
     plan.cost = 30;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    region_ = roi.resolve(input_.dims);
     Index3 const dims = region_.dims();
     bool const world = unit == LengthUnit::world;
     auto const& direction = input_.geometry.direction;

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/zero.h"
 
 #include <algorithm>
@@ -23,16 +24,14 @@ Texts FillHoles::texts() const {
 }
 
 void FillHoles::parameters(Parameters& parameters) {
-    parameters.option("connectivity", connectivity, "N",
-                      "zero voxels touch through faces (6), edges as well (18), corners as well (26)");
+    connectivity_option(parameters, connectivity, "zero voxels");
     parameters.option("value", value, "VALUE",
                       "physical value to fill with; by default that of what encloses the hole");
     parameters.option("max-size", max_size, "VOXELS", "fill only holes of at most so many voxels");
 }
 
 void FillHoles::check() const {
-    if (connectivity != 6 && connectivity != 18 && connectivity != 26)
-        throw Error(ErrorKind::usage, text("--connectivity: ", connectivity, " is none of 6, 18, 26"));
+    check_connectivity(connectivity);
     if (max_size && *max_size < 1) throw Error(ErrorKind::usage, text("--max-size: ", *max_size, " is less than 1"));
 }
 

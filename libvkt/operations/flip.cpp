@@ -33,18 +33,11 @@ Plan Flip::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-bool Flip::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    Index3 const dims = input.header().dims;
-    if (!region_.empty() && !(region_.resolve(dims) == box_of(dims)))
+std::optional<BrickSequence> Flip::move_bricks(BrickSequence input, Execution const& execution) {
+    if (!(box_ == box_of(input.header().dims)))
         throw Error(ErrorKind::usage, "a part of a hierarchical volume cannot be mirrored: bricks would be cut",
                     "flip all of it, or make it a grid first: vkt resample --cells 50M");
-    output = flip_tree(input, axis_, execution);
-    return true;
-}
-
-bool FlipRange::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    region_ = roi_of(first_, last_);
-    return Flip::run_tree(input, output, execution);
+    return flip_tree(std::move(input), axis_, execution);
 }
 
 Box Flip::mirrored(Box part) const {

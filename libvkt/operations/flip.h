@@ -22,7 +22,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     /// Throws Error{usage} for a region: its mirror image would cut bricks.
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
+    std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
 
@@ -41,7 +41,6 @@ class FlipRange : public Flip {
 public:
     void parameters(Parameters& parameters) override;
     Plan plan(std::span<Header const> inputs) override;
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
 
 private:
     Index3 first_, last_;

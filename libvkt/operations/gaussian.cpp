@@ -44,6 +44,16 @@ double sigma_of_variance(double variance) {
 
 } // namespace
 
+Vec3 sigma_in_cells(Vec3 const& sigma, LengthUnit unit, Header const& lattice, Index3 cell_width) {
+    Vec3 cells;
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const width = static_cast<double>(cell_width[axis]);
+        cells[axis] = sigma[axis] / (unit == LengthUnit::world ? lattice.geometry.spacing[axis] : width);
+        if (width > 1) cells[axis] = sigma_of_variance(cells[axis] * cells[axis]);
+    }
+    return cells;
+}
+
 VKT_OPERATION(Gaussian, "filter gaussian")
 
 Texts Gaussian::texts() const {
@@ -147,9 +157,7 @@ void Gaussian::check() const {
 Plan Gaussian::plan(std::span<Header const> inputs) {
     check();
     box_ = region_.empty() ? box_of(inputs[0].dims) : region_.resolve(inputs[0].dims);
-    Vec3 sigma = sigma_;
-    for (int axis = 0; axis < 3 && unit_ == LengthUnit::world; ++axis) sigma[axis] /= inputs[0].geometry.spacing[axis];
-    return plan_for(inputs[0], sigma);
+    return plan_for(inputs[0], sigma_in_cells(sigma_, unit_, inputs[0], {1, 1, 1}));
 }
 
 Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
@@ -158,13 +166,7 @@ Plan Gaussian::plan_level(Header const& level, Index3 cell_width) {
         throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
                     "crop the hierarchical volume first: vkt crop --roi");
     box_ = box_of(level.dims);
-    Vec3 sigma;
-    for (int axis = 0; axis < 3; ++axis) {
-        auto const width = static_cast<double>(cell_width[axis]);
-        sigma[axis] = sigma_[axis] / (unit_ == LengthUnit::world ? level.geometry.spacing[axis] : width);
-        if (width > 1) sigma[axis] = sigma_of_variance(sigma[axis] * sigma[axis]);
-    }
-    return plan_for(level, sigma);
+    return plan_for(level, sigma_in_cells(sigma_, unit_, level, cell_width));
 }
 
 Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {

@@ -30,6 +30,11 @@ template <> struct EnumNames<LengthUnit> {
     }
 };
 
+/// Standard deviations in cells of this lattice, which are so many finest cells wide (1 in structured volumes), from
+/// finest cells or world units. Coarser cells, of which they may be fractions, get that of the sampled Gaussian whose
+/// variance is meant.
+Vec3 sigma_in_cells(Vec3 const& sigma, LengthUnit unit, Header const& lattice, Index3 cell_width);
+
 enum class GaussianMethod : std::uint8_t { automatic, fir, cascade };
 
 template <> struct EnumNames<GaussianMethod> {

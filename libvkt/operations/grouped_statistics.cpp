@@ -3,6 +3,7 @@
 #include "libvkt/operations/grouped_statistics.h"
 
 #include "libvkt/kernel/numeric.h"
+#include "libvkt/operations/same_grid.h"
 
 #include <algorithm>
 #include <cmath>
@@ -183,28 +184,19 @@ void GroupedResult::add(GroupedResult const& other) {
     for (auto const& [key, part] : other.groups) groups[key].append(part, type);
 }
 
-void GroupedStatistics::check_beside(Source const& other, std::string_view option) const {
-    Header const& header = other.header();
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, text("--", option, ": the volume is hierarchical"));
-    if (!(header.dims == input_.dims))
-        throw Error(ErrorKind::usage, text("--", option, " has ", header.dims, " voxels, the volume ", input_.dims),
-                    "put it onto the volume's grid first: vkt resample --like VOLUME --method nearest");
-}
-
 Plan GroupedStatistics::plan(std::span<Header const> inputs) {
     input_ = inputs.front();
     if (input_.kind != Kind::structured)
         throw Error(ErrorKind::usage, "hierarchical volumes have neither masks, labels, slices nor partial statistics",
                     "make a grid first: vkt resample --cells 50M");
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    region_ = roi.resolve(input_.dims);
     result_ = {};
     result_.by = by;
     result_.type = input_.dtype;
     result_.values = input_.values;
-    if (mask != nullptr) check_beside(*mask, "mask");
+    if (mask != nullptr) require_same_grid(input_, mask->header(), "--mask");
     if (labels != nullptr) {
-        check_beside(*labels, "labels");
+        require_same_grid(input_, labels->header(), "--labels");
         DataType const type = labels->header().dtype;
         if (!is_integer(type))
             throw Error(ErrorKind::usage, text("--labels: labels are integers, these are ", type),

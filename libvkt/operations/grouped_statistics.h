@@ -46,7 +46,7 @@ public:
 
     std::string_view name() const override { return "stats"; }
     Shape shape() const override { return Shape::reduction; }
-    /// Throws Error{usage} for hierarchical volumes, other dims, and labels that are no integers.
+    /// Throws Error{usage} for hierarchical volumes, a mask or labels on another grid, and labels that are no integers.
     Plan plan(std::span<Header const> inputs) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
     std::int64_t scan_step(Index3 part) const override { return block_rows(part); }
@@ -56,7 +56,6 @@ public:
     GroupedResult const& result() const { return result_; }
 
 private:
-    void check_beside(Source const& other, std::string_view option) const;
     static std::int64_t block_rows(Index3 dims) { return std::max<std::int64_t>(1, 16384 / dims.x); }
 
     Header input_;

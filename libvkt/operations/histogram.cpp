@@ -4,6 +4,8 @@
 
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/amr/tree.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/io/whole_text.h"
 #include "libvkt/operations/foreground.h"
 #include "libvkt/operations/kernels/histogram.h"
 
@@ -11,9 +13,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace vkt {
+
+VKT_OPERATION(Histogram, "histogram")
+
 namespace {
+
+constexpr std::size_t most_text = std::size_t{64} << 20; // no 65536 bins take more
 
 constexpr std::string_view mergeable_mark = "vkt histogram 1";
 
@@ -155,15 +163,55 @@ HistogramResult histogram_from_json(std::string_view json, std::string const& na
     return *sum;
 }
 
+Texts Histogram::texts() const {
+    return {
+        "Count how often values occur.",
+        "Values are physical (slope * stored + intercept) and counted in bins of equal width, half-open but for the "
+        "last; what lies outside of the range, infinities too, is under or over, NaN counts for itself. Counts are "
+        "exact. A table, on a terminal bars; JSON with --json, a picture with -o of .png or .svg. Cells of "
+        "hierarchical volumes count one by one, and once more by their volume.",
+        {{"Bars of a logarithmic height", "vkt histogram volume.nrrd --bins 16 --log"},
+         {"A picture, without the rarest values", "vkt histogram volume.nrrd --range p1:p99 -o histogram.png"},
+         {"Parts of a volume, counted apart and added up",
+          "vkt histogram volume.nrrd --roi :,:,0:9 --range 0:255 --mergeable -o a.json && vkt histogram volume.nrrd "
+          "--roi :,:,9: --range 0:255 --mergeable -o b.json && vkt histogram --merge a.json b.json --csv"}}};
+}
+
 void Histogram::parameters(Parameters& p) {
     p.option("bins", bin_count_, "N", "bins, 1 to 65536");
     p.option("range", range_, "LO:HI|minmax|pA:pB", "values to count; the others are under or over");
     p.option("roi", roi, "X0:X1,Y0:Y1,Z0:Z1", "look only at these voxels (half-open)");
+    p.flag("mergeable", mergeable, "print JSON that --merge takes; --range must be numbers");
+    p.option("merge", merged, "FILE...", "add up what --mergeable printed, instead of reading a volume");
 }
 
 void Histogram::check() const {
     if (bin_count_ < 1 || bin_count_ > Bins::most)
         throw Error(ErrorKind::usage, text("--bins ", bin_count_, " is not between 1 and ", Bins::most));
+    if (mergeable && merged.empty() && range_.depends())
+        throw Error(ErrorKind::usage, "--mergeable needs the same range for all parts", "say --range LO:HI");
+}
+
+void Histogram::measure(Measurement& to) {
+    if (merged.empty()) return Operation::measure(to);
+    std::optional<HistogramResult> sum;
+    for (std::string const& file : merged) {
+        HistogramResult part = histogram_from_json(whole_text(file, most_text), file);
+        if (sum)
+            sum->add(part);
+        else
+            sum = std::move(part);
+    }
+    result_ = std::move(*sum);
+    result_.mergeable = mergeable;
+    to.report(report());
+}
+
+Report Histogram::report() const {
+    Report report;
+    return report.write_as(ReportForm::text, to_table(result_))
+        .write_as(ReportForm::json, to_json(result_))
+        .write_as(ReportForm::csv, to_csv(result_));
 }
 
 Plan Histogram::plan(std::span<Header const> inputs) {
@@ -275,6 +323,7 @@ void Histogram::scan_end() {
 void Histogram::finish() {
     std::size_t const n = static_cast<std::size_t>(bins_.count());
     HistogramResult& r = result_;
+    r.mergeable = mergeable;
     for (int k = 0; k <= bins_.count(); ++k) r.edges.push_back(bins_.edge_text(k));
     r.counts.assign(n, 0);
     bool const tree = input_.kind == Kind::hierarchical;

@@ -45,12 +45,19 @@ HistogramResult histogram_from_json(std::string_view json, std::string const& na
 /// One pass with a range of numbers or of types of at most 16 bits; one to four more to find the range.
 class Histogram : public Operation {
 public:
-    Roi roi; ///< part to look at; empty: all
+    Roi roi;                         ///< part to look at; empty: all
+    bool mergeable = false;          ///< reports are JSON that add up
+    std::vector<std::string> merged; ///< files of such, to be added up instead of reading a volume
 
     std::string_view name() const override { return "histogram"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::reduction; }
+    int inputs() const override { return merged.empty() ? 1 : 0; }
     void parameters(Parameters& p) override;
     void check() const override;
+    bool prints(ReportForm form) const override { return !mergeable || form == ReportForm::json; }
+    void measure(Measurement& to) override;
+    Report report() const override;
     Plan plan(std::span<Header const> inputs) override;
     void enter_level(Index3 cell_width, Index3 first) override;
     bool uses_position() const override { return !(finest_region_ == box_of(input_.dims)); }
@@ -60,7 +67,6 @@ public:
     bool scans_again() const override { return scans_again_; }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
 
-    RangeOption const& range() const { return range_; }
     HistogramResult const& result() const { return result_; }
 
 private:

@@ -3,6 +3,7 @@
 #include "libvkt/operations/label.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/kernels/paint.h"
 #include "libvkt/operations/remarks.h"
@@ -27,8 +28,7 @@ Texts Label::texts() const {
 }
 
 void Label::parameters(Parameters& parameters) {
-    parameters.option("connectivity", connectivity, "N",
-                      "voxels touch through faces (6), edges as well (18), corners as well (26)");
+    connectivity_option(parameters, connectivity);
     parameters.flag("by-value", by_value, "voxels of different values do not belong together");
     parameters.option("keep-largest", keep_largest, "N",
                       "label only the N largest components; of equal ones the first");
@@ -38,8 +38,7 @@ void Label::parameters(Parameters& parameters) {
 }
 
 void Label::check() const {
-    if (connectivity != 6 && connectivity != 18 && connectivity != 26)
-        throw Error(ErrorKind::usage, text("--connectivity: ", connectivity, " is none of 6, 18, 26"));
+    check_connectivity(connectivity);
     if (keep_largest && *keep_largest < 1)
         throw Error(ErrorKind::usage, text("--keep-largest: ", *keep_largest, " is less than 1"));
     if (min_size < 1) throw Error(ErrorKind::usage, text("--min-size: ", min_size, " is less than 1"));
@@ -65,7 +64,7 @@ Plan Label::plan(std::span<Header const> inputs) {
     rules.connectivity = connectivity;
     rules.by_value = by_value;
     rules.zero = stored_zero(input_);
-    region_ = roi.empty() ? box_of(input_.dims) : roi.resolve(input_.dims);
+    region_ = roi.resolve(input_.dims);
     components_.begin(region_.dims(), rules);
     plan.state_bytes = Components::table_bytes(region_.dims());
     return plan;

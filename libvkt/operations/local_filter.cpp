@@ -52,9 +52,11 @@ void LocalFilter::check() const {
         throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }
 
-Plan LocalFilter::plan(std::span<Header const> inputs) {
+Plan LocalFilter::plan(std::span<Header const> inputs) { return plan_on(inputs[0], {1, 1, 1}); }
+
+Plan LocalFilter::plan_on(Header const& in, Index3 cell_width) {
     check();
-    Header const& in = inputs[0];
+    cell_width_ = cell_width;
     Plan plan;
     plan.output = in;
     plan.boundary = boundary_.boundary;
@@ -66,11 +68,11 @@ Plan LocalFilter::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-Plan LocalFilter::plan_level(Header const& level, Index3) {
+Plan LocalFilter::plan_level(Header const& level, Index3 cell_width) {
     if (!region_.empty())
         throw Error(ErrorKind::usage, text(name(), " --roi works on structured volumes only"),
                     "crop the hierarchical volume first: vkt crop --roi");
-    return plan({&level, 1});
+    return plan_on(level, cell_width);
 }
 
 void LocalFilter::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -25,7 +25,8 @@ template <> struct ValueText<Radius> : OneWord {
 
 /// Base of filters whose result at a voxel is made of the voxels in a box around it. What lies outside the volume is
 /// what the boundary rule says, in the type of the volume; voxels outside the region keep their values. In hierarchical
-/// volumes the voxels around a cell are cells of its own level.
+/// volumes the voxels around a cell are cells of its own level, of which radii count so many; sigmas, which are
+/// lengths, count finest cells.
 class LocalFilter : public Operation {
 public:
     explicit LocalFilter(Boundary boundary = Boundary::mirror) : boundary_{boundary, 0} {}
@@ -54,11 +55,14 @@ protected:
 
     bool has_region() const { return !region_.empty(); }
 
-    Index3 reach_; ///< voxels that results depend on, to either side
+    Index3 cell_width_{1, 1, 1}; ///< of a voxel in finest cells, more than 1 on the coarser levels of a tree
+    Index3 reach_;               ///< voxels that results depend on, to either side
     BoundaryRule boundary_;
     Losses losses_; ///< of the volume so far
 
 private:
+    Plan plan_on(Header const& in, Index3 cell_width);
+
     Roi region_;
     Box box_;        ///< the region
     Header planned_; ///< output

@@ -38,6 +38,7 @@ protected:
 class MakeConstant : public MakeField {
 public:
     Number value;
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
@@ -49,6 +50,7 @@ public:
     Axis axis = Axis::x;
     double first = 0;
     std::optional<double> last;
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
@@ -62,6 +64,7 @@ class MakeCheckerboard : public MakeField {
 public:
     std::int64_t period = 1;
     std::optional<double> low, high;
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
@@ -83,6 +86,7 @@ public:
     std::optional<double> inside, outside;
     SphereEdge edge = SphereEdge::hard;
     bool runs_on_gpu() const override { return edge != SphereEdge::coverage; }
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
@@ -99,6 +103,7 @@ class MakeMarschnerLobb : public MakeField {
 public:
     double frequency = 6, amplitude = 0.25;
     std::optional<double> low, high;
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
@@ -111,6 +116,7 @@ class MakeNoise : public MakeField {
 public:
     std::int64_t seed = 0;
     std::optional<double> low, high;
+    Texts texts() const override;
     void parameters(Parameters& p) override;
     void check() const override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;

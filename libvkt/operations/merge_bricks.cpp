@@ -5,6 +5,8 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/formats/raw_source.h"
+#include "libvkt/io/whole_text.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -361,7 +363,7 @@ void MergedStream::finish() {
 
 } // namespace
 
-std::vector<BrickFile> bricks_of(std::string const& path) {
+std::vector<BrickFile> bricks_of(std::string const& path, bool trusted) {
     namespace fs = std::filesystem;
     bool const directory = fs::is_directory(path);
     fs::path const folder = directory ? fs::path(path) : fs::path(path).parent_path();
@@ -373,25 +375,20 @@ std::vector<BrickFile> bricks_of(std::string const& path) {
     }
     std::sort(names.begin(), names.end());
     auto const in_folder = [&](std::string const& name) { return (folder / name).string(); };
+    std::string const lister = directory ? (folder / "").string() : path;
     if (directory && !fs::exists(manifest_path)) {
         if (names.empty())
             throw data_error(text("'", path, "' holds no bricks: neither ", manifest_name, " nor volumes"));
-        return collect(names, [&](std::string const& name) { return BrickFile{in_folder(name), {}}; });
+        return collect(names, [&](std::string const& name) { return BrickFile{beside(lister, name, trusted), {}}; });
     }
-    auto const bytes = open_bytes(manifest_path.string());
-    std::string json;
-    constexpr std::size_t most = std::size_t{1} << 30, piece = std::size_t{1} << 16;
-    for (std::size_t n = 1; n > 0 && json.size() < most;) {
-        std::size_t const before = json.size();
-        json.resize(before + piece);
-        n = bytes->read(json.data() + before, piece);
-        json.resize(before + n);
-    }
+    if (directory) beside(lister, std::string(manifest_name), trusted);
+    constexpr std::size_t most = std::size_t{1} << 30;
+    std::string const json = whole_text(manifest_path.string(), most);
     BrickManifest const manifest = manifest_from_json(json, manifest_path.string());
     std::vector<BrickFile> files;
     std::vector<std::string> listed;
     for (auto const& entry : manifest.bricks) {
-        files.push_back({in_folder(entry.file), entry.place});
+        files.push_back({beside(manifest_path.string(), entry.file, trusted), entry.place});
         listed.push_back(entry.file);
         if (::access(files.back().path.c_str(), F_OK) != 0)
             throw data_error(text("the brick '", files.back().path, "' is missing"));

@@ -45,8 +45,8 @@ struct BrickFile {
 };
 
 /// The bricks of a directory or a manifest: all that the manifest lists; without one all files. Throws Error{data} if
-/// one is missing, or one more is there.
-std::vector<BrickFile> bricks_of(std::string const& path);
+/// one is missing, or one more is there, and unless it is `trusted` for those that lead elsewhere or are no files.
+std::vector<BrickFile> bricks_of(std::string const& path, bool trusted);
 
 using OpenBrick = std::function<std::unique_ptr<Source>(std::string const& path)>;
 

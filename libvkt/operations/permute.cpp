@@ -142,17 +142,32 @@ Box Permute::target(Box const& input) const {
 
 Box Permute::footprint(Box const& output, int) const { return source(output); }
 
-bool Permute::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    Volume turned = input;
-    Plan const own = plan({&input.header(), 1});
+std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution const& execution) {
+    Header header = plan({&input.header(), 1}).output;
     for (int axis = 0; axis < 3; ++axis)
-        if (reversed_[static_cast<std::size_t>(axis)]) turned = flip_tree(turned, static_cast<Axis>(axis), execution);
-    std::vector<Brick> bricks = turned.bricks();
+        if (reversed_[static_cast<std::size_t>(axis)])
+            input = flip_tree(std::move(input), static_cast<Axis>(axis), execution);
+    std::vector<Brick> bricks = input.bricks();
     for (Brick& brick : bricks) brick = {permuted(brick.lower), permuted(brick.dims), brick.level};
-    output = Volume(own.output, std::move(bricks));
-    for (std::size_t b = 0; b < output.bricks().size(); ++b)
-        permute_box(turned.brick_view(b), output.mutable_brick_view(b), axes_, {}, execution);
-    return true;
+    std::size_t const group = input.group_bytes();
+    BrickOrder const order = input.order();
+    auto const source = std::make_shared<BrickSequence>(std::move(input));
+    BrickSequence result(
+        std::move(header), std::move(bricks),
+        [this, source, execution](std::size_t first, std::size_t count, std::byte* to) {
+            DataType const type = source->header().dtype;
+            std::byte const* from = source->cells(first, count);
+            for (std::size_t b = first; b < first + count; ++b) {
+                Brick const& brick = source->bricks()[b];
+                permute_box(dense_view(from, type, box_of(brick.dims)),
+                            dense_view(to, type, box_of(permuted(brick.dims))), axes_, {}, execution);
+                from += static_cast<std::size_t>(brick.cells()) * size_of(type);
+                to += static_cast<std::size_t>(brick.cells()) * size_of(type);
+            }
+        },
+        order);
+    result.set_group_bytes(group);
+    return result;
 }
 
 void Permute::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -25,7 +25,7 @@ public:
     /// Throws Error{usage} if the volume must be turned and does not say what its world's axes mean.
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
+    std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
 
 private:

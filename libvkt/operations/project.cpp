@@ -19,7 +19,7 @@ void Project::parameters(Parameters& parameters) {
 
 Plan Project::plan(std::span<Header const> inputs) {
     Header in = inputs[0];
-    region_ = roi.empty() ? box_of(in.dims) : roi.resolve(in.dims);
+    region_ = roi.resolve(in.dims);
     in.dims = region_.dims();
     in.geometry = cropped(in.geometry, region_.lower);
     int const along = static_cast<int>(axis);

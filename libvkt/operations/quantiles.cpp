@@ -3,6 +3,7 @@
 #include "libvkt/operations/quantiles.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/first_failure.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <algorithm>
@@ -108,12 +109,15 @@ template <class T> void Quantiles::add_rows(ConstView slab, int threads) {
     }
     constexpr std::int64_t piece = 65536;
     std::int64_t const pieces = (n.x + piece - 1) / piece;
+    FirstFailure failure; // keys that are collected may find no memory
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
-    for (std::int64_t i = 0; i < pieces * n.y * n.z; ++i) {
-        std::int64_t const x = i % pieces * piece, y = i / pieces % n.y, z = i / pieces / n.y;
-        add_row(&in(box.lower.x + x, box.lower.y + y, box.lower.z + z), std::min(piece, n.x - x),
-                shares_[static_cast<std::size_t>(threads > 1 ? omp_get_thread_num() : 0)]);
-    }
+    for (std::int64_t i = 0; i < pieces * n.y * n.z; ++i)
+        failure.catch_from([&] {
+            std::int64_t const x = i % pieces * piece, y = i / pieces % n.y, z = i / pieces / n.y;
+            add_row(&in(box.lower.x + x, box.lower.y + y, box.lower.z + z), std::min(piece, n.x - x),
+                    shares_[static_cast<std::size_t>(threads > 1 ? omp_get_thread_num() : 0)]);
+        });
+    failure.rethrow();
 }
 
 template <class T> void Quantiles::add_row(T const* row, std::int64_t n, Share& share) const {

@@ -24,4 +24,19 @@ void require_same_grid(std::span<Header const> inputs) {
     }
 }
 
+void require_same_grid(Header const& volume, Header const& beside, std::string_view option) {
+    if (volume.kind != beside.kind)
+        throw Error(ErrorKind::usage, text(option, ": one of the volumes is hierarchical"),
+                    "make it a grid first: vkt resample --cells 50M");
+    char const* const hint = "put it onto the volume's grid first: vkt resample --like VOLUME --method nearest";
+    if (!(volume.dims == beside.dims))
+        throw Error(ErrorKind::usage,
+                    text(option, " has ", beside.dims, " voxels, the volume ", volume.dims, ": they differ in size"),
+                    hint);
+    if (!same_geometry(volume.geometry, geometry_beside(volume, beside)))
+        throw Error(ErrorKind::usage,
+                    text(option, " lies at another place in the world than the volume (origin, spacing or direction)"),
+                    hint);
+}
+
 } // namespace vkt

@@ -48,7 +48,7 @@ AxisTaps gaussian_second_derivative(double sigma, double h) {
 
 void ScaleFilter::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
-    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel or world");
+    parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
     LinearFilter::parameters(parameters);
 }
 
@@ -60,14 +60,12 @@ void ScaleFilter::check() const {
 }
 
 Vec3 ScaleFilter::sigma_in_voxels(Header const& in, double factor) const {
-    Vec3 sigma = sigma_;
-    for (int axis = 0; axis < 3; ++axis) {
-        sigma[axis] *= factor / (unit_ == LengthUnit::world ? in.geometry.spacing[axis] : 1);
+    Vec3 const sigma = sigma_in_cells(sigma_ * factor, unit_, in, cell_width_);
+    for (int axis = 0; axis < 3; ++axis)
         if (sigma[axis] > most_sigma)
             throw Error(ErrorKind::usage,
                         text(name(), ": a sigma of ", sigma[axis], " voxels is more than ", most_sigma),
                         "resample the volume first: vkt resample --scale 0.25");
-    }
     return sigma;
 }
 

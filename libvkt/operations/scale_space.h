@@ -13,7 +13,7 @@ AxisTaps gaussian_average(double sigma);
 /// for voxels of size h; second differences where sigma is 0.
 AxisTaps gaussian_second_derivative(double sigma, double h);
 
-/// Base of the three: --sigma in voxels or world units, 0 to 100 voxels.
+/// Base of the three: --sigma in voxels (of trees: finest cells) or world units, 0 to 100 voxels.
 class ScaleFilter : public LinearFilter {
 public:
     using LinearFilter::LinearFilter;

@@ -111,13 +111,6 @@ Plan SetHeader::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-bool SetHeader::run_tree(Volume const& input, Volume& output, Execution const&) {
-    Header const header = input.header();
-    output = input;
-    output.header() = plan({&header, 1}).output;
-    return true;
-}
-
 Box SetHeader::footprint(Box const& output, int) const {
     if (to_ == from_) return output;
     std::int64_t const slice = from_.x * from_.y;

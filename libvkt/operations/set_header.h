@@ -26,7 +26,6 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     /// The cells stay as they are.
-    bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
 
 private:

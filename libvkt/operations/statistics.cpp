@@ -461,10 +461,8 @@ Report report(StatisticsResult const& r) {
 void report_into(Report& report, StatisticsResult const& r) {
     report.add("count", r.count).add("nan", r.nan).add("inf", r.inf);
     report.add_number("min", r.min_text).add_number("max", r.max_text);
-    if (r.valid)
-        report.add("argmin", r.argmin).add("argmax", r.argmax);
-    else
-        report.add_number("argmin", "nan").add_number("argmax", "nan");
+    auto const index = [&](Index3 at) { return r.valid ? std::optional(at) : std::nullopt; };
+    report.add("argmin", index(r.argmin)).add("argmax", index(r.argmax));
     report.add_number("sum", r.sum_text);
     report.add("mean", r.mean).add("variance", r.variance).add("stddev", r.stddev);
     report.add("product", r.product).add("product_log", r.product_log).add("product_sign", r.product_sign);

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/watershed.h"
 
-#include "libvkt/core/frame.h"
 #include "libvkt/kernel/cpu_drivers.h"
+#include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/distance.h"
 #include "libvkt/operations/remarks.h"
+#include "libvkt/operations/same_grid.h"
 #include "libvkt/operations/zero.h"
 
 #include <algorithm>
@@ -81,15 +82,13 @@ void Watershed::parameters(Parameters& parameters) {
     parameters.option(
         "on", on, "WHAT",
         "flood the values, the length of their gradient, or minus the distance of objects to zero voxels");
-    parameters.option("connectivity", connectivity, "N",
-                      "voxels touch through faces (6), edges as well (18), corners as well (26)");
+    connectivity_option(parameters, connectivity);
     parameters.option("mask", mask, "FILE", "flood only where this volume is not zero");
     parameters.flag("line", line, "leave voxels where different floods meet at 0");
 }
 
 void Watershed::check() const {
-    if (connectivity != 6 && connectivity != 18 && connectivity != 26)
-        throw Error(ErrorKind::usage, text("--connectivity: ", connectivity, " is none of 6, 18, 26"));
+    check_connectivity(connectivity);
     if (!(depth >= 0) || !std::isfinite(depth))
         throw Error(ErrorKind::usage, text("--depth ", depth, " is not a depth: 0 or more"));
     if (markers && depth > 0)
@@ -115,20 +114,8 @@ Plan Watershed::plan(std::span<Header const> inputs) {
                        : depth > 0 ? "deep minima"
                                    : "all minima",
                        ", ", connectivity, "-connected, one thread");
-    for (std::size_t i = 1; i < inputs.size(); ++i) {
-        Header const& other = inputs[i];
-        char const* const what = i == 1 && markers ? "markers" : "mask";
-        if (first.kind != other.kind)
-            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt resample --cells 50M");
-        std::string const hint = text("put it onto the grid of the volume first: vkt resample --method nearest --like");
-        if (!(first.dims == other.dims))
-            throw Error(ErrorKind::usage,
-                        text("the ", what, " differ in size: ", other.dims, " voxels, not ", first.dims), hint);
-        if (!same_geometry(first.geometry, geometry_beside(first, other)))
-            throw Error(ErrorKind::usage,
-                        text("the ", what, " lie at another place in the world (origin, spacing or direction)"), hint);
-    }
+    for (std::size_t i = 1; i < inputs.size(); ++i)
+        require_same_grid(first, inputs[i], i == 1 && markers ? "--markers" : "--mask");
     if (first.kind == Kind::hierarchical) return plan; // refused by the engine
     if (markers && !is_integer(inputs[1].dtype))
         throw Error(ErrorKind::usage, text("markers are labels, and cannot be ", inputs[1].dtype),

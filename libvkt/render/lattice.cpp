@@ -9,6 +9,9 @@
 #include <algorithm>
 #include <cstring>
 #include <numeric>
+#include <omp.h>
+#include <utility>
+#include <vector>
 
 namespace vkt::render {
 
@@ -18,9 +21,10 @@ namespace {
 template <class T, class Part, class Body>
 Part over_rows(View<T const> v, Index3 dims, std::int64_t stride, int threads, Part const& empty, Body body) {
     Part all = empty;
+    std::vector<Part> parts(static_cast<std::size_t>(threads), empty); // here it may be said that there is no memory
 #pragma omp parallel num_threads(threads)
     {
-        Part mine = empty;
+        Part mine = std::move(parts[static_cast<std::size_t>(omp_get_thread_num())]);
 #pragma omp for schedule(static) nowait
         for (std::int64_t row = 0; row < dims.y * dims.z; row += stride)
             body(mine, v.data + row % dims.y * v.row + row / dims.y * v.slice);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <omp.h>
 
 namespace vkt::render {
 
@@ -51,14 +52,21 @@ void range_of_row(LatticeView const& lattice, Index3 dims, int j, int k, CellGri
 
 template <class T> void ranges(LatticeView const& lattice, Index3 dims, CellGrid& grid, int threads) {
     std::int64_t const rows = static_cast<std::int64_t>(grid.ny) * grid.nz;
+    struct Row {
+        std::vector<T> low, high;
+        std::vector<std::uint8_t> nan;
+    };
+    auto const n = static_cast<std::size_t>(dims.x + 2);
+    std::vector<Row> own; // made here, where it may be said that there is no memory
+    for (int t = 0; t < threads; ++t)
+        own.push_back({std::vector<T>(n), std::vector<T>(n), std::vector<std::uint8_t>(n)});
 #pragma omp parallel num_threads(threads)
     {
-        std::vector<T> low(static_cast<std::size_t>(dims.x + 2)), high(low.size());
-        std::vector<std::uint8_t> nan(low.size());
+        Row& mine = own[static_cast<std::size_t>(omp_get_thread_num())];
 #pragma omp for schedule(dynamic, 8)
         for (std::int64_t r = 0; r < rows; ++r)
-            range_of_row(lattice, dims, static_cast<int>(r % grid.ny), static_cast<int>(r / grid.ny), grid, low.data(),
-                         high.data(), nan.data());
+            range_of_row(lattice, dims, static_cast<int>(r % grid.ny), static_cast<int>(r / grid.ny), grid,
+                         mine.low.data(), mine.high.data(), mine.nan.data());
     }
 }
 

@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <omp.h>
+#include <utility>
 
 namespace vkt::render {
 
@@ -154,9 +156,10 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
     Bins bins(survey.all);
     with_cell_type(header.dtype, [&]<class T>(T) {
         auto const* const all = reinterpret_cast<T const*>(data);
+        std::vector<Bins> parts(static_cast<std::size_t>(execution.threads), bins);
 #pragma omp parallel num_threads(execution.threads)
         {
-            Bins mine(survey.all);
+            Bins mine = std::move(parts[static_cast<std::size_t>(omp_get_thread_num())]);
 #pragma omp for schedule(static) nowait
             for (std::int64_t i = 0; i < count; ++i) {
                 auto const b = static_cast<std::size_t>(i);

@@ -42,9 +42,9 @@ void append(std::vector<std::uint8_t>& to, void const* data, std::size_t n) {
 
 /// What a writer would say about the payload of a frame: the front part of slabs and bricks seeds the rest.
 std::uint64_t payload_checksum(FrameType type, std::span<std::byte const> payload) {
-    std::size_t const front = type == FrameType::slab     ? sizeof(vkt::ipc::SlabHeader)
-                              : type == FrameType::bricks ? sizeof(vkt::ipc::BricksHeader)
-                                                          : 0;
+    std::size_t const front = type == FrameType::slab                                ? sizeof(vkt::ipc::SlabHeader)
+                              : type == FrameType::bricks || type == FrameType::tree ? sizeof(vkt::ipc::BricksHeader)
+                                                                                     : 0;
     if (front == 0 || payload.size() < front) return vkt::ipc::hash(payload);
     return vkt::ipc::hash(payload.subspan(front), vkt::ipc::hash(payload.first(front)));
 }
@@ -52,15 +52,15 @@ std::uint64_t payload_checksum(FrameType type, std::span<std::byte const> payloa
 /// Frames with the types, flags and lengths that the input asks for, sealed as a writer would. An END without a payload
 /// gets the one that fits what came before.
 std::vector<std::uint8_t> stream_from(Bytes input) {
-    constexpr FrameType types[] = {FrameType::header, FrameType::slab, FrameType::bricks, FrameType::end,
-                                   FrameType::error};
+    constexpr FrameType types[] = {FrameType::header, FrameType::slab,  FrameType::bricks,
+                                   FrameType::end,    FrameType::error, FrameType::tree};
     std::vector<std::uint8_t> stream;
     append(stream, vkt::ipc::magic.data(), vkt::ipc::magic.size());
     vkt::ipc::EndReport end;
     while (!input.empty() && stream.size() < 60000) {
         std::uint8_t const kind = input.one();
         FrameHeader frame;
-        frame.type = kind % 8 < 5 ? types[kind % 8] : static_cast<FrameType>(kind);
+        frame.type = kind % 8 < 6 ? types[kind % 8] : static_cast<FrameType>(kind);
         frame.flags = kind >> 4;
         if (kind & 8) append(stream, vkt::ipc::magic.data(), vkt::ipc::magic.size());
         std::size_t const low = input.one(), high = input.one();
@@ -70,9 +70,14 @@ std::vector<std::uint8_t> stream_from(Bytes input) {
         // Now and then a length that is not that of the payload.
         frame.length = payload.size() + (high >= 250 ? high : 0);
         if (frame.flags & vkt::ipc::flag_checksum) frame.checksum = payload_checksum(frame.type, payload);
-        if (frame.type == FrameType::slab && payload.size() >= sizeof(vkt::ipc::SlabHeader)) {
+        std::size_t const front = frame.type == FrameType::slab     ? sizeof(vkt::ipc::SlabHeader)
+                                  : frame.type == FrameType::bricks ? sizeof(vkt::ipc::BricksHeader)
+                                                                    : payload.size();
+        bool const counts =
+            frame.type == FrameType::slab || frame.type == FrameType::bricks || frame.type == FrameType::tree;
+        if (counts && payload.size() >= front) {
             ++end.frames;
-            end.bytes += payload.size() - sizeof(vkt::ipc::SlabHeader);
+            end.bytes += payload.size() - front;
             end.checksum = vkt::ipc::hash(std::as_bytes(std::span(&frame.checksum, 1)), end.checksum);
         }
         frame = vkt::ipc::sealed(frame);
@@ -88,8 +93,8 @@ void load_all(vkt::ipc::StreamSource& source) {
     vkt::Execution execution;
     execution.memory = std::size_t{16} << 20;
     for (int i = 0; i < 4 && source.next_volume(); ++i) {
-        if (source.header().kind == vkt::Kind::hierarchical)
-            source.take_bricks();
+        if (source.header().kind == vkt::Kind::hierarchical && i % 2 == 1)
+            source.take_bricks(); // the table alone
         else
             vkt::load(source, execution);
     }

@@ -16,6 +16,21 @@ template <class C> struct Doubled {
     VKT_HD C operator()(C v) const { return v + v + offset; }
 };
 
+struct Shifted {
+    Int128 by;
+    VKT_HD Int128 operator()(Int128 v) const { return v + by; }
+};
+
+struct Total {
+    double sum = 0, least = 0, most = 0;
+    VKT_HD void add(double v) { merge({v, v, v}); }
+    VKT_HD void merge(Total const& other) {
+        sum += other.sum;
+        least = other.least < least ? other.least : least;
+        most = other.most > most ? other.most : most;
+    }
+};
+
 template <class F> double best_ms(F const& f) {
     cudaEvent_t begin, end;
     cudaEventCreate(&begin);
@@ -48,7 +63,8 @@ int run(std::int64_t n) {
     double const bandwidth = 8.0 * static_cast<double>(voxels) / copy * 1e-6;
     std::printf("copy %.0f GB/s\n", bandwidth);
     int missed = 0;
-    std::vector<DataType> const types{DataType::uint8,   DataType::uint16,  DataType::int16,
+    std::vector<DataType> const types{DataType::uint8,   DataType::int8,    DataType::uint16, DataType::int16,
+                                      DataType::uint32,  DataType::int32,   DataType::uint64, DataType::int64,
                                       DataType::float16, DataType::float32, DataType::float64};
     for (DataType const in : types)
         for (DataType const out : types)
@@ -60,8 +76,11 @@ int run(std::int64_t n) {
                 Execution const execution;
                 Losses losses;
                 double const ms = best_ms([&] {
-                    if (in == DataType::float64 || out == DataType::float64)
-                        map<double>(execution, to, losses, Doubled<double>{clipped ? 1e9 : 1.0}, from);
+                    if (in == DataType::uint64 || in == DataType::int64)
+                        map<Int128>(execution, to, losses, Shifted{clipped ? Int128{1} << 70 : Int128{1}}, from);
+                    else if (size_of(in) == 8 || size_of(out) == 8 || is_integer(in) && size_of(in) == 4 ||
+                             is_integer(out) && size_of(out) == 4)
+                        map<double>(execution, to, losses, Doubled<double>{clipped ? 1e30 : 1.0}, from);
                     else
                         map<float>(execution, to, losses, Doubled<float>{clipped ? 1e9F : 1.0F}, from);
                 });
@@ -72,7 +91,16 @@ int run(std::int64_t n) {
                             std::string(name_of(out)).c_str(), clipped ? " all clipped" : "", share,
                             share < 0.85 ? "  below 0.85" : "");
             }
-    std::printf("%d pairs below 0.85\n", missed);
+    for (DataType const in : types) {
+        ConstView const from = dense_view(static_cast<std::byte const*>(a), in, box_of({n, n, n}), Space::device);
+        double sum = 0;
+        double const ms = best_ms([&] { sum += reduce<double>(Execution{}, from, Total{}).sum; });
+        double const share = static_cast<double>(voxels) * static_cast<double>(size_of(in)) / ms * 1e-6 / bandwidth;
+        missed += share < 0.85;
+        std::printf("reduce %s: %.2f of copy%s\n", std::string(name_of(in)).c_str(), share,
+                    share < 0.85 ? "  below 0.85" : "");
+    }
+    std::printf("%d below 0.85\n", missed);
     device_free(a);
     device_free(b);
     return 0;

@@ -8,9 +8,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <random>
 #include <vector>
 
@@ -316,6 +318,22 @@ TEST(Drivers, StencilsSeeTheirNeighbours) {
                         }
             }
         }
+}
+
+// Memory may be missed in any part of a loop, and no exception may leave a parallel region.
+TEST(ForEachItem, ThrowsWhatAPartThrowsAfterTheOthersAreDone) {
+    for (int const threads : {1, 4}) {
+        std::atomic<std::int64_t> done = 0;
+        EXPECT_THROW(baseline::for_each_item(threads, 1000,
+                                             [&](std::int64_t begin, std::int64_t end) {
+                                                 if (begin == 0) throw std::bad_alloc();
+                                                 done += end - begin;
+                                             }),
+                     std::bad_alloc);
+        EXPECT_LE(done, threads > 1 ? 750 : 0);
+        baseline::for_each_item(threads, 1000, [&](std::int64_t begin, std::int64_t end) { done += end - begin; });
+        EXPECT_GE(done, 1000);
+    }
 }
 
 } // namespace

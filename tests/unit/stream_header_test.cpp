@@ -68,7 +68,7 @@ void read_all(std::string const& stream) {
     ipc::StreamSource source(std::make_unique<ByteSource>(file, "stream"), {});
     while (source.next_volume()) {
         if (source.header().kind == Kind::hierarchical)
-            source.take_bricks();
+            source.take_bricks().whole();
         else
             load(source, {});
     }

@@ -269,6 +269,7 @@ TEST(Stream, HierarchicalVolumesRoundTrip) {
     auto const source = source_of(file.contents());
     ASSERT_TRUE(source->next_volume());
     Volume const read = source->take_bricks().whole();
+    source->finish();
     EXPECT_EQ(read.bricks(), volume.bricks());
     EXPECT_EQ(std::memcmp(read.buffer().read(Space::host), cells, volume.header().bytes()), 0);
     std::string const whole = file.contents();
@@ -276,7 +277,10 @@ TEST(Stream, HierarchicalVolumesRoundTrip) {
         EXPECT_THROW(
             {
                 auto const cut = source_of(whole.substr(0, n));
-                if (cut->next_volume()) cut->take_bricks();
+                if (cut->next_volume()) {
+                    cut->take_bricks().whole();
+                    cut->finish();
+                }
             },
             Error);
     }

@@ -28,6 +28,7 @@ template <class C> struct Line {
 
 /// Operands: volumes in their order, numbers where there is none.
 template <class C> struct Operands {
+    [[maybe_unused]] static constexpr bool is_long = true;
     ArithmeticOp op;
     int first, second, third; ///< which volume, -1 for a number
     C a, b, c;                ///< the numbers

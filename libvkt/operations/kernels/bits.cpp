@@ -2,30 +2,12 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/bits.h"
 
+#include "libvkt/kernel/shuffle.h"
+
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// Bit i is the least bit of byte i, which is 0 or 1.
-std::uint64_t gather(std::uint8_t const (&flags)[64]) {
-    std::uint64_t word = 0;
-#if defined(__x86_64__)
-    for (int i = 0; i < 64; i += 16) {
-        __m128i v;
-        std::memcpy(&v, flags + i, sizeof v);
-        auto const part = static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_slli_epi16(v, 7)));
-        word |= static_cast<std::uint64_t>(part) << i;
-    }
-#else
-    for (int i = 0; i < 64; i += 8) {
-        std::uint64_t v;
-        std::memcpy(&v, flags + i, sizeof v);
-        word |= ((v * 0x0102040810204080u) >> 56) << i;
-    }
-#endif
-    return word;
-}
 
 template <class T> using Comparable = std::conditional_t<std::is_same_v<T, Half>, float, T>;
 
@@ -65,7 +47,7 @@ void pack_row(T const* row, std::int64_t n, std::int64_t first, F const f, std::
         } else {
             for (int i = 0; i < 64; ++i) flags[i] = x + i < n && (x + i < first || f(row + x + i)) ? 1 : 0;
         }
-        *bits++ = gather(flags);
+        *bits++ = gathered_bits(flags);
     }
 }
 

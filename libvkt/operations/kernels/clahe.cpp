@@ -1,7 +1,9 @@
-// CLAHE: curves are blended along z once a slice and along y once a row where that is cheaper than for every voxel; the
-// order of the blends is always the same.
+// CLAHE on CPUs: curves are blended along z once a slice and along y once a row where that is cheaper than for every
+// voxel; the order of the blends is always the same.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/clahe.h"
+
+#include "libvkt/operations/kernels/clahe_window.h"
 
 #include <type_traits>
 #include <vector>
@@ -10,131 +12,6 @@ namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// The two bricks between whose centres a voxel lies along an axis, and how far it is from the first.
-struct Between {
-    std::int32_t first, second;
-    double weight;
-};
-
-/// Along one axis: (i + 1/2) / length of a brick - 1/2, from the first brick's centre to the last one's.
-struct AxisBlend {
-    double lower, bricks, voxels;
-
-    AxisBlend(BrickGrid const& grid, int axis)
-        : lower(static_cast<double>(grid.box.lower[axis])), bricks(static_cast<double>(grid.bricks[axis])),
-          voxels(static_cast<double>(grid.box.dims()[axis])) {}
-
-    VKT_HD Between at(double i) const {
-        double position = (i - lower + 0.5) * bricks / voxels - 0.5;
-        position = position > 0 ? position : 0;
-        position = position < bricks - 1 ? position : bricks - 1;
-        auto const first = static_cast<std::int32_t>(position);
-        auto const last = static_cast<std::int32_t>(bricks) - 1;
-        return {first, first < last ? first + 1 : last, position - static_cast<double>(first)};
-    }
-};
-
-template <class C> VKT_HD C blend(C a, C b, C weight) { return a + weight * (b - a); }
-
-/// Where a voxel's value lies among the bins.
-template <class C> struct Place {
-    std::int32_t bin;
-    C rest;
-};
-
-/// From values to bins, and from shares to values. C is float or double.
-template <class C> struct Window {
-    std::int32_t bins;
-    C low, high, scale, unscale, scaled_low, scaled_width, per_unit;
-
-    explicit Window(ClaheField const& f)
-        : bins(f.bins), low(static_cast<C>(f.low)), high(static_cast<C>(f.high)), scale(static_cast<C>(f.scale)),
-          unscale(static_cast<C>(1 / f.scale)), scaled_low(static_cast<C>(f.scaled_low)),
-          scaled_width(static_cast<C>(f.scaled_width)), per_unit(static_cast<C>(f.per_unit)) {}
-
-    VKT_HD Place<C> place(C v) const {
-        C at = (v * scale - scaled_low) * per_unit;
-        at = at > C(0) ? at : C(0); // NaN becomes 0
-        C const last = static_cast<C>(bins - 1);
-        auto const bin = static_cast<std::int32_t>(at < last ? at : last);
-        C const rest = at - static_cast<C>(bin);
-        return {bin, rest < C(1) ? rest : C(1)};
-    }
-    VKT_HD C value(C share, C v) const {
-        C result = (scaled_low + share * scaled_width) * unscale;
-        result = result > low ? result : low;
-        result = result < high ? result : high;
-        return v == v ? result : v;
-    }
-    VKT_HD bool outside(C v) const { return v < low || v > high; }
-};
-
-/// 64-bit integers count from the base, as doubles.
-VKT_HD double distance(Int128 v, Int128 base) { return static_cast<double>(v - base); }
-VKT_HD Int128 from_distance(double d, Int128 base) { return base + static_cast<Int128>(__builtin_rint(d)); }
-
-#ifdef __CUDACC__
-
-/// A voxel on its own. V is what it is given as.
-template <class V, class C> struct Equalize {
-    Window<C> window;
-    AxisBlend x, y, z;
-    C const* curves;
-    std::int32_t across, down; ///< bricks along x and y
-    Int128 base;
-
-    VKT_HD C share(double px, double py, double pz, C v) const {
-        Place<C> const p = window.place(v);
-        Between const bx = x.at(px), by = y.at(py), bz = z.at(pz);
-        std::int64_t const points = window.bins + 1;
-        auto const corner = [&](std::int32_t i, std::int32_t j, std::int32_t k) {
-            return curves + ((static_cast<std::int64_t>(k) * down + j) * across + i) * points + p.bin;
-        };
-        auto const column = [&](std::int32_t i) {
-            C ends[2];
-            for (int e = 0; e < 2; ++e)
-                ends[e] = blend(blend(corner(i, by.first, bz.first)[e], corner(i, by.first, bz.second)[e],
-                                      static_cast<C>(bz.weight)),
-                                blend(corner(i, by.second, bz.first)[e], corner(i, by.second, bz.second)[e],
-                                      static_cast<C>(bz.weight)),
-                                static_cast<C>(by.weight));
-            return blend(ends[0], ends[1], p.rest);
-        };
-        return blend(column(bx.first), column(bx.second), static_cast<C>(bx.weight));
-    }
-    VKT_HD C own(V v) const {
-        if constexpr (std::is_same_v<V, Int128>)
-            return distance(v, base);
-        else
-            return v;
-    }
-    VKT_HD V operator()(double px, double py, double pz, V v) const {
-        C const c = own(v), result = window.value(share(px, py, pz, c), c);
-        if constexpr (std::is_same_v<V, Int128>)
-            return from_distance(result, base);
-        else
-            return result;
-    }
-    VKT_HD bool undefined(V v) const { return window.outside(own(v)); }
-};
-
-template <class V, class C>
-void map_all(ConstView in, AnyView out, ClaheField const& field, Buffer& curves, Losses& losses,
-             Execution const& execution) {
-    BrickGrid const& grid = field.grid;
-    Equalize<V, C> const equalize{Window<C>(field),
-                                  AxisBlend(grid, 0),
-                                  AxisBlend(grid, 1),
-                                  AxisBlend(grid, 2),
-                                  reinterpret_cast<C const*>(curves.read(execution.space())),
-                                  static_cast<std::int32_t>(grid.bricks.x),
-                                  static_cast<std::int32_t>(grid.bricks.y),
-                                  field.base};
-    map_at<V>(execution, out, losses, equalize, in);
-}
-
-#else
 
 /// The curves that rows of one slice are mapped by, blended along z.
 template <class C> class SliceCurves {
@@ -315,21 +192,14 @@ void map_all(ConstView in, AnyView out, ClaheField const& field, Buffer& curves,
     });
 }
 
-#endif
-
 } // namespace
 
 void clahe_map(ConstView in, AnyView out, ClaheField const& field, Buffer& curves, Losses& losses,
                Execution const& execution) {
     if (out.box.empty()) return;
-    Losses found;
-    if (field.whole)
-        map_all<Int128, double>(in, out, field, curves, found, execution);
-    else if (field.wide)
-        map_all<double, double>(in, out, field, curves, found, execution);
-    else
-        map_all<float, float>(in, out, field, curves, found, execution);
-    losses.clipped += found.clipped + found.undefined;
+    clahe_in_type(field, losses, [&]<class V, class C>(V, C, Losses& found) {
+        map_all<V, C>(in, out, field, curves, found, execution);
+    });
 }
 
 } // namespace VKT_BACKEND

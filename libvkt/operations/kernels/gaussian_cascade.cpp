@@ -282,9 +282,13 @@ void run(CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyVi
                            node = std::max(planes.node_end, spans.nodes.lower), nodes = spans.nodes.upper - node;
         std::int64_t const thin_rows = std::clamp<std::int64_t>(
             parts(std::max<std::int64_t>(slices, 1) * layout.wide_y, 4 * threads), 4, layout.rows);
+        std::vector<Worker<T, C>> workers; // made here, where it may be said that there is no memory
+        workers.reserve(static_cast<std::size_t>(threads));
+        for (int t = 0; t < threads; ++t)
+            workers.emplace_back(passes, layout, in, out, rings, scratch + t * layout.scratch);
 #pragma omp parallel num_threads(threads) if (threads > 1)
         {
-            Worker<T, C> worker(passes, layout, in, out, rings, scratch + omp_get_thread_num() * layout.scratch);
+            Worker<T, C> worker = std::move(workers[static_cast<std::size_t>(omp_get_thread_num())]);
             Span const wide_y = worker.wide_y(), nodes_y = worker.nodes_y();
             std::int64_t const thin_parts = parts(wide_y.size(), thin_rows);
 #pragma omp for schedule(dynamic, 1)

@@ -1,69 +1,15 @@
-// Median: selection networks on registers for 3^3 and 5^3; any other box by a sliding histogram of ranks, on GPUs bit
-// by bit.
+// Median on CPUs: boxes without a network by a sliding histogram of ranks.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/median.h"
 
-#include "libvkt/kernel/network.h"
-#include "libvkt/kernel/stencil.h"
+#include "libvkt/operations/kernels/median_network.h"
 
-#ifndef __CUDACC__
 #include <algorithm>
-#endif
 
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-/// (2 r + 1)^3: columns are sorted once, then the middle one of the sorted columns is selected.
-template <int r> struct MedianNetwork {
-    static constexpr int radius = r, edge = 2 * r + 1, columns = edge * edge;
-
-    template <class W, class V> VKT_HD void column(W const& window, V* sorted) const {
-        unrolled<columns>([&](int k) { sorted[k] = window(0, k % edge - r, k / edge - r); });
-        apply_network<SortingNetwork<columns>>(sorted);
-    }
-    template <class W> VKT_HD typename W::Value combine(W const& sorted) const {
-        using Median = MedianOfSorted<edge, columns>;
-        typename W::Value values[edge * columns];
-        unrolled<edge * columns>([&](int k) { values[k] = sorted(k / columns - r, k % columns); });
-        apply_network<Median>(values);
-        return values[Median::place];
-    }
-};
-
-#ifdef __CUDACC__
-
-/// Any box: the median's bits from the highest down, by counting the neighbours below.
-template <class K> struct MedianByBits {
-    int rx, ry, rz, rank;
-
-    __device__ K operator()(Window<K> const& window) const {
-        using U = std::make_unsigned_t<K>;
-        constexpr U flip = std::is_signed_v<K> ? U(U(1) << (8 * sizeof(K) - 1)) : U(0);
-        U found = 0;
-        for (int bit = 8 * sizeof(K) - 1; bit >= 0; --bit) {
-            U const candidate = U(found | U(U(1) << bit));
-            int below = 0;
-            for (int dz = -rz; dz <= rz; ++dz)
-                for (int dy = -ry; dy <= ry; ++dy)
-                    for (int dx = -rx; dx <= rx; ++dx) below += U(U(window(dx, dy, dz)) ^ flip) < candidate ? 1 : 0;
-            if (below <= rank) found = candidate;
-        }
-        return K(found ^ flip);
-    }
-};
-
-template <class K> void median_of_any(Execution const& execution, AnyView out, Index3 radius, ConstView in) {
-    Losses none;
-    std::int64_t const count = (2 * radius.x + 1) * (2 * radius.y + 1) * (2 * radius.z + 1);
-    stencil<K>(execution, out, none, radius,
-               MedianByBits<K>{static_cast<int>(radius.x), static_cast<int>(radius.y), static_cast<int>(radius.z),
-                               static_cast<int>(count / 2)},
-               in);
-}
-
-#else
 
 /// A multiset of small whole numbers whose middle element is known: counts in two levels, and how many lie below the
 /// element. As it changes by an element the middle one moves little.
@@ -236,20 +182,10 @@ template <class K> void median_of_any(Execution const& execution, AnyView out, I
                   });
 }
 
-#endif
-
 } // namespace
 
 void median_of_boxes(ConstView in, AnyView out, Index3 radius, Execution const& execution) {
-    Losses none;
-    with_order_key(in.type, [&]<class K>(K) {
-        if (radius == Index3{1, 1, 1})
-            column_stencil<K>(execution, out, none, radius, MedianNetwork<1>{}, in);
-        else if (radius == Index3{2, 2, 2})
-            column_stencil<K>(execution, out, none, radius, MedianNetwork<2>{}, in);
-        else
-            median_of_any<K>(execution, out, radius, in);
-    });
+    median_by_network(in, out, radius, execution, [&]<class K>(K) { median_of_any<K>(execution, out, radius, in); });
 }
 
 } // namespace VKT_BACKEND

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/permute.h"
 
+#include "libvkt/kernel/shuffle.h"
 #include "libvkt/kernel/stream.h"
 
 #include <utility>
@@ -13,47 +14,7 @@ namespace {
 
 /// Tiles of some cache lines in both directions: what is read and what is written are whole lines.
 template <class U> constexpr std::int64_t tile_edge = static_cast<std::int64_t>(128 / sizeof(U));
-/// Voxels of a register of 16 bytes; as many such registers are transposed at a time.
-template <class U> constexpr std::int64_t block_edge = static_cast<std::int64_t>(16 / sizeof(U));
-
-#if defined(__x86_64__)
-template <class U> __m128i interleaved_low(__m128i a, __m128i b) {
-    if constexpr (sizeof(U) == 1) return _mm_unpacklo_epi8(a, b);
-    if constexpr (sizeof(U) == 2) return _mm_unpacklo_epi16(a, b);
-    if constexpr (sizeof(U) == 4) return _mm_unpacklo_epi32(a, b);
-    return _mm_unpacklo_epi64(a, b);
-}
-template <class U> __m128i interleaved_high(__m128i a, __m128i b) {
-    if constexpr (sizeof(U) == 1) return _mm_unpackhi_epi8(a, b);
-    if constexpr (sizeof(U) == 2) return _mm_unpackhi_epi16(a, b);
-    if constexpr (sizeof(U) == 4) return _mm_unpackhi_epi32(a, b);
-    return _mm_unpackhi_epi64(a, b);
-}
-#endif
-
-/// to[j * to_row + i] = from[i * from_row + j] for i, j below block_edge.
-template <class U> void transpose_block(U const* from, std::int64_t from_row, U* to, std::int64_t to_row) {
-    constexpr std::int64_t n = block_edge<U>;
-#if defined(__x86_64__)
-    // Every round interleaves the first half of the registers with the second, which moves each bit of a voxel's place
-    // up by one: after as many rounds as a column has bits, rows and columns have changed places.
-    __m128i a[n], b[n];
-    for (std::int64_t i = 0; i < n; ++i) a[i] = _mm_loadu_si128(reinterpret_cast<__m128i const*>(from + i * from_row));
-    for (std::int64_t round = 1; round < n; round *= 2) {
-        for (std::int64_t i = 0; i < n / 2; ++i) {
-            b[2 * i] = interleaved_low<U>(a[i], a[i + n / 2]);
-            b[2 * i + 1] = interleaved_high<U>(a[i], a[i + n / 2]);
-        }
-        std::memcpy(a, b, sizeof a);
-    }
-    for (std::int64_t j = 0; j < n; ++j) _mm_storeu_si128(reinterpret_cast<__m128i*>(to + j * to_row), a[j]);
-#else
-    for (std::int64_t j = 0; j < n; ++j)
-        for (std::int64_t i = 0; i < n; ++i) to[j * to_row + i] = from[i * from_row + j];
-#endif
-}
-
-/// The same for any rectangle, ni by nj.
+/// transpose_block() of any rectangle, ni by nj.
 template <class U>
 void transpose_tile(U const* from, std::int64_t from_row, U* to, std::int64_t to_row, std::int64_t ni,
                     std::int64_t nj) {

@@ -3,10 +3,7 @@
 #pragma once
 
 #include "libvkt/kernel/kernel.h"
-
-#ifndef __CUDACC__
 #include "libvkt/kernel/lanes.h"
-#endif
 
 #include <cstdint>
 #include <utility>

@@ -50,6 +50,7 @@ def _declare():
         "vkt_error": (text, []),
         "vkt_error_hint": (text, []),
         "vkt_operations": (words, []),
+        "vkt_measures": (ctypes.c_int, [text]),
         "vkt_read": (ctypes.c_int, [text, words, size, out]),
         "vkt_default_description": (None, [description]),
         "vkt_create": (ctypes.c_int, [description, ctypes.c_void_p, out]),
@@ -61,7 +62,8 @@ def _declare():
         "vkt_apply": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
         "vkt_transform": (ctypes.c_int, [volume, _VoxelFunction, ctypes.c_void_p, words, size, out]),
         "vkt_remarks": (text, [volume]),
-        "vkt_statistics": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_report": (text, [volume]),
+        "vkt_measure": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
         "vkt_trim": (size, []),
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
@@ -274,16 +276,23 @@ class Volume:
         """All that is known about the volume, its attributes and history too, as `vkt info --json` prints it."""
         return _json.loads(_text(_library.vkt_header, self._handle))
 
+    @property
+    def report(self):
+        """What the operation that made this volume reported: a dict of the sizes that "label" found, of the threshold
+        that "threshold" with otsu=True found. None if there is nothing to report."""
+        text = _library.vkt_report(self._handle).decode()
+        return _json.loads(text) if text else None
+
     def stats(self, **options):
-        """Count, extremes, mean and so on, as `vkt stats --json` prints them; option: roi. None is not a number."""
-        return _json.loads(_text(_library.vkt_statistics, self._handle, *_words(_options(options))))
+        """Count, extremes, mean and so on: apply("stats", **options) of this volume. None is not a number."""
+        return self.apply("stats", **options)
 
     def write(self, path, **options):
         """Writes a file whose name tells the format. Options are those of `vkt write`: force, compress, format."""
         _check(_library.vkt_write(self._handle, _os.fsencode(path), *_words(_options(options))))
 
     def apply(self, name, *arguments, **options):
-        """vkt.apply() with this volume as the first input."""
+        """vkt.apply() with this volume as the first input: apply("flip x"), apply("diff", other)["rmse"]."""
         return _apply(name, (self, *arguments), options)
 
     def transform(self, what, *others, **options):
@@ -304,6 +313,10 @@ def apply(name, *arguments, **options):
     """The result of an operation: apply("filter gaussian", volume, sigma=2), apply("flip x", volume),
     apply("arith sub", a, b), apply("make sphere", dims=(64, 64, 64)).
 
+    Operations that make no volume return what they report, as the command prints it with --json: a dict, apply("stats",
+    volume, percentiles=50)["p50"], apply("diff", a, b, ssim=True)["ssim"]; of several volumes a list of these. Options
+    that name volumes are given as words and volumes: apply("stats", volume, "--labels", labels)["labels"].
+
     Arguments are volumes and words, in the order of the command line. What was lost on the way, such as values that
     were clipped, is a warning."""
     return _apply(name, arguments, options)
@@ -323,6 +336,8 @@ def _apply(name, arguments, options):
 
 def _applied(name, words, inputs):
     handles = (ctypes.c_void_p * len(inputs))(*(volume._handle for volume in inputs))
+    if any(_library.vkt_measures(_os.fsencode(" ".join(words[:n]))) for n in (1, 2)):
+        return _json.loads(_text(_library.vkt_measure, *_words(words), handles, len(inputs)))
     handle = ctypes.c_void_p()
     _check(_library.vkt_apply(*_words(words), handles, len(inputs), ctypes.byref(handle)))
     return _result(name, handle)

@@ -1,0 +1,65 @@
+// Made hierarchical volumes: from options to recipes.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/make_amr.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+namespace vkt {
+
+VKT_OPERATION(MakeAmr, "make amr")
+
+Texts MakeAmr::texts() const {
+    return {"Make a hierarchical volume (adaptive mesh refinement).",
+            "A balanced octree of equal blocks, refined around clouds and the mid-plane; cells hold exact "
+            "averages of the field.",
+            {{"A few levels", "vkt make amr --blocks 500 --levels 4 | vkt info"},
+             {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}}};
+}
+
+void MakeAmr::parameters(Parameters& p) {
+    p.option("blocks", blocks, "N",
+             "leaf blocks: the first possible number that is not below (1000), or all that the levels allow");
+    p.option("levels", levels, "N", "levels of refinement, 1 to 20 (6)");
+    p.option("block-size", block_size, "N", "cells of a block along each axis (8)");
+    p.flag("silcc", silcc, "the tree of a SILCC snapshot: 142,190 blocks on 7 levels, 4096 x 4096 x 81920");
+    p.option("field", field, "FIELD", "disk (stratified, with clouds), linear (x + 2 y + 3 z) or constant (1)");
+    p.option("dtype", dtype, "TYPE", "float32 or float64 (float32)").alias("data-format");
+}
+
+void MakeAmr::check() const {
+    if (silcc && (blocks || levels || block_size))
+        throw Error(ErrorKind::usage, "--silcc says blocks, levels and block size", "leave the others out");
+    if (levels && (*levels < 1 || *levels > 20))
+        throw Error(ErrorKind::usage, text("--levels ", *levels, " is not in 1…20"));
+    if (blocks && *blocks < 1) throw Error(ErrorKind::usage, text("--blocks ", *blocks, " is not positive"));
+    if (block_size && (*block_size < 1 || *block_size > 1024))
+        throw Error(ErrorKind::usage, text("--block-size ", *block_size, " is not in 1…1024"));
+    if (dtype != DataType::float32 && dtype != DataType::float64)
+        throw Error(ErrorKind::usage, text("--dtype ", dtype, ": cells are float32 or float64"));
+}
+
+AmrRecipe MakeAmr::recipe() const {
+    AmrRecipe recipe = silcc ? silcc_like() : AmrRecipe{};
+    if (!silcc) {
+        std::int64_t const n = block_size.value_or(8);
+        recipe.block = {n, n, n};
+        recipe.finest = levels.value_or(6);
+        recipe.blocks = blocks.value_or(1000);
+    }
+    recipe.field = field;
+    recipe.dtype = dtype;
+    return recipe;
+}
+
+Plan MakeAmr::plan(std::span<Header const>) {
+    Plan plan;
+    plan.output = amr_bricks(recipe(), {}).header();
+    return plan;
+}
+
+std::optional<BrickSequence> MakeAmr::make_bricks(Execution const& execution) {
+    return amr_bricks(recipe(), execution);
+}
+
+} // namespace vkt

@@ -1,0 +1,50 @@
+// Measuring and printing.
+// SPDX-License-Identifier: MIT
+#include "shell/measure.h"
+
+#include "libvkt/core/error.h"
+
+namespace vkt::shell {
+
+void Measure::parameters(Parameters& p) {
+    operation_->parameters(p);
+    prints_json_ = operation_->prints(ReportForm::json);
+    if (operation_->prints(ReportForm::csv))
+        p.flag("csv", csv_, "print CSV: names, then a line for each volume or row").not_in_history();
+}
+
+void Measure::check() const {
+    operation_->check();
+    if (csv_ && !operation_->prints(ReportForm::csv))
+        throw Error(ErrorKind::usage, "--csv contradicts what else is asked for, which is printed as JSON");
+}
+
+void Measure::print(std::vector<Report> const& reports, ReportForm form, Context& context) const {
+    context.print(Report::print(reports, form));
+}
+
+int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {
+    // What can be printed in one form alone is.
+    bool const json = context.json() || !operation_->prints(ReportForm::text);
+    std::vector<Report> reports;
+    Measurement measurement{
+        .inputs = inputs,
+        .execution = context.execution(),
+        .info = context.stage_info(),
+        .form = csv_   ? ReportForm::csv
+                : json ? ReportForm::json
+                       : ReportForm::text,
+        .report =
+            [&](Report report) {
+                reports.push_back(std::move(report));
+                found(*operation_);
+            },
+        .print = [&](std::string_view lines) { context.print(std::string(lines)); },
+    };
+    measurement.info.format = [&context] { return context.format(); };
+    operation_->measure(measurement);
+    if (!reports.empty()) print(reports, measurement.form, context); // none: a dry run
+    return operation_->satisfied() ? 0 : 1;
+}
+
+} // namespace vkt::shell
