@@ -29,6 +29,11 @@ Needs needs(Projection kind, DataType type, std::int64_t n) {
 
 } // namespace
 
+ProjectionState::ProjectionState() = default;
+ProjectionState::ProjectionState(ProjectionState&&) noexcept = default;
+ProjectionState& ProjectionState::operator=(ProjectionState&&) noexcept = default;
+ProjectionState::~ProjectionState() = default;
+
 ProjectionState::ProjectionState(Projection projection, DataType voxels, int along, Index3 extent)
     : kind(projection), type(voxels), axis(along), dims(extent) {}
 

@@ -34,14 +34,19 @@ template <class T> std::int64_t bin_of(T value, BinRule const& rule) {
     return bin;
 }
 
+/// A thread's counters. A type of this back end, lest its vector is one that others may link.
+struct Share {
+    std::vector<std::int64_t> counters;
+};
+
 template <class T>
 void count_rows(View<T const> in, Box const& box, BinRule const& rule, std::int64_t* counters,
                 Execution const& execution) {
     bool const few = rule.count <= 4096;
     auto const stride = static_cast<std::size_t>(rule.count + 1); // the first counts what is not finite
-    std::vector<std::vector<std::int64_t>> shares(static_cast<std::size_t>(std::max(1, execution.threads)));
+    std::vector<Share> shares(static_cast<std::size_t>(std::max(1, execution.threads)));
     for_each_segment(execution, box, [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-        auto& share = shares[static_cast<std::size_t>(omp_get_thread_num())];
+        auto& share = shares[static_cast<std::size_t>(omp_get_thread_num())].counters;
         if (share.empty()) share.resize(stride * (few ? sets : 1));
         std::int64_t* const to = share.data() + 1;
         T const* const row = &in(x, y, z);
@@ -49,8 +54,8 @@ void count_rows(View<T const> in, Box const& box, BinRule const& rule, std::int6
         for (std::int64_t i = 0; i < n; ++i) ++to[(i % sets) * step + bin_of(row[i], rule)];
     });
     for (auto const& share : shares)
-        for (std::size_t i = 0; i < share.size(); ++i)
-            if (i % stride != 0) counters[i % stride - 1] += share[i];
+        for (std::size_t i = 0; i < share.counters.size(); ++i)
+            if (i % stride != 0) counters[i % stride - 1] += share.counters[i];
 }
 
 } // namespace

@@ -24,8 +24,12 @@ struct ProjectionState {
     std::vector<double> count;        ///< values so far: floats, and std
     std::int64_t nan = 0;
 
-    ProjectionState() = default;
+    // Compiled once, since kernels for newer processors have such a state, too.
+    ProjectionState();
     ProjectionState(Projection kind, DataType type, int axis, Index3 dims);
+    ProjectionState(ProjectionState&&) noexcept;
+    ProjectionState& operator=(ProjectionState&&) noexcept;
+    ~ProjectionState();
     std::int64_t pixels() const { return dims.x * dims.y * dims.z / dims[axis]; }
     std::int64_t row() const { return axis == 0 ? dims.y : dims.x; } ///< pixels in a row
     std::size_t bytes() const;                                       ///< once it is in use
