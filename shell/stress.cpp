@@ -63,12 +63,8 @@ struct Variation {
     std::string told() const { return piecemeal() ? "a stream that comes in pieces" : options; }
 };
 
-constexpr std::array<Variation, 6> variations{{{"--slab 1"},
-                                               {"--threads 1"},
-                                               {"--threads 5"},
-                                               {"--transport shm", true},
-                                               {"--memory 1MiB", false, true},
-                                               {""}}};
+constexpr std::array<Variation, 6> variations{
+    {{"--slab 1"}, {"--threads 1"}, {"--threads 5"}, {"--transport shm", true}, {"--memory 1MiB", false, true}, {""}}};
 
 /// What feeds a stream of so many bytes in pieces: single bytes, where that takes no seconds.
 std::string feeder_for(std::uintmax_t bytes) { return text("dd bs=", bytes < 65536 ? 1 : 4093, " status=none"); }
