@@ -1,15 +1,16 @@
 // vkt stress: a pipeline on volumes that are made to break it.
 // SPDX-License-Identifier: MIT
 #include "shell/stress.h"
+
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/report.h"
+#include "libvkt/core/text.h"
 #include "libvkt/io/output_file.h"
 #include "shell/command.h"
 #include "shell/damage.h"
 #include "shell/hard_volumes.h"
 #include "shell/terminal.h"
-
-#include "libvkt/core/text.h"
 
 namespace vkt::shell {
 namespace {
@@ -93,15 +94,12 @@ private:
     }
 
     static std::vector<Report> rows(std::vector<Finding> const& list) {
-        std::vector<Report> result;
-        for (auto const& f : list)
-            result.push_back(Report()
-                                 .add("kind", f.kind)
-                                 .add("what", f.what)
-                                 .add("volume", f.volume)
-                                 .add("more", f.more)
-                                 .add("repeat", f.repeat));
-        return result;
+        return collect(list, [](Finding const& f) {
+            Report row;
+            row.add("kind", f.kind).add("what", f.what).add("volume", f.volume).add("more", f.more);
+            row.add("repeat", f.repeat);
+            return row;
+        });
     }
 
     StressRequest request_;

@@ -13,7 +13,7 @@ namespace vkt {
 namespace {
 
 std::string csv_word(std::string const& any_text) {
-    std::string const word = printable(any_text);
+    std::string word = printable(any_text);
     if (word.find_first_of(",\"\n\r") == std::string::npos) return word;
     std::string quoted = "\"";
     for (char const c : word) {
