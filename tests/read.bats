@@ -237,13 +237,13 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
 @test "files of formats that are not read are named by what they are" {
     printf '\211PNG\r\n\032\n0000' >a.bin
     fails_with 3 "'a.bin' is a PNG picture, a format that vkt does not read" vkt read a.bin -o a.vkt
-    printf 'II*\0aaaaaaaa' >b.bin
-    fails_with 3 "is a TIFF file" vkt read b.bin -o a.vkt
+    printf '\377\330\377aaaaaaaa' >b.bin
+    fails_with 3 "is a JPEG picture" vkt read b.bin -o a.vkt
     printf 'SIMPLE  =                    T' | gzip >c.bin
     fails_with 3 "is a FITS file in gzip, a format" vkt info c.bin
-    { head -c 128 /dev/zero; printf DICM; } >d.bin
-    fails_with 3 "is a DICOM file" vkt info d.bin
-    printf '<?xml version="1.0"?>\n<VTKFile type="ImageData">' >e.bin
+    printf 'CDF\001aaaaaaaa' >d.bin
+    fails_with 3 "is a NetCDF file" vkt info d.bin
+    printf '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">' >e.bin
     fails_with 3 "is a VTK XML file" vkt info e.bin
     printf 'nothing known' >f.bin
     fails_with 3 "vkt read f.bin --dims X Y Z --dtype TYPE" vkt info f.bin

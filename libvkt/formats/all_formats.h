@@ -7,7 +7,9 @@
 namespace vkt {
 
 Format amrex_format();
+Format dicom_format();
 Format flash_format();
+Format hdf5_format();
 Format metaimage_format();
 Format nifti_format();
 Format nrrd_format();
@@ -16,6 +18,9 @@ Format pgm_format();
 Format png_format();
 Format raw_format();
 Format segment_format();
+Format tiff_format();
 Format vdb_format();
+Format vti_format();
+Format vtk_format();
 
 } // namespace vkt

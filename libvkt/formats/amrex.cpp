@@ -144,6 +144,7 @@ void Plotfile::find_pieces() {
 void Plotfile::describe() {
     std::size_t const finest = header_.levels.size() - 1;
     Header& header = listing_.header;
+    mark_as_given(header);
     listing_.format = "AMReX plotfile";
     listing_.dimensions = header_.dimensions;
     header.kind = Kind::hierarchical;

@@ -397,6 +397,7 @@ void FlashFile::place_blocks() {
     for (Block const& block : blocks_)
         if (block.leaf) finest = std::max(finest, block.refinement);
     Header& header = listing_.header;
+    mark_as_given(header);
     header.kind = Kind::hierarchical;
     for (int a = 0; a < 3; ++a) {
         auto const axis = static_cast<std::size_t>(a);

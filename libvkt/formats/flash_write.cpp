@@ -1,6 +1,7 @@
 // FLASH-like files for tests and benchmarks of readers.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/flash_module.h"
+#include "libvkt/formats/hdf5_module.h"
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
@@ -290,7 +291,18 @@ void write(Volume const& volume, std::string const& path, std::string const& var
 
 namespace {
 FlashFunctions const functions{flash::write};
-ParserHandler parse(std::string const& path) { return answer_about(flash::open(path)); }
+/// Trees of FLASH files, or datasets, as the first request asks.
+ParserHandler parse(std::string const& path) {
+    ParserHandler handler;
+    return [path, handler](Message& request, std::span<std::byte> window, Message& answer) mutable {
+        if (!handler) {
+            Message first(request.bytes());
+            handler = first.number() == open_grids_request ? answer_about_grids([path] { return hdf5::open(path); })
+                                                           : answer_about(flash::open(path));
+        }
+        handler(request, window, answer);
+    };
+}
 } // namespace
 
 } // namespace vkt

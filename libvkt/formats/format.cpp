@@ -7,7 +7,9 @@
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/amrex.h"
 #include "libvkt/formats/decode.h"
+#include "libvkt/formats/dicom.h"
 #include "libvkt/formats/foreign.h"
+#include "libvkt/formats/hdf5.h"
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/nrrd_header.h"
@@ -63,7 +65,14 @@ std::string writable_extensions() {
 }
 
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
-    if (bytes.directory() && !is_amrex(bytes.name()))
+    if (bytes.directory() && options.format.empty()) {
+        if (is_amrex(bytes.name())) return by_format_name("amrex");
+        if (is_dicom_folder(bytes.name())) return by_format_name("dicom");
+        throw Error(ErrorKind::io,
+                    text("cannot read '", bytes.name(), "': it is a directory, and holds no DICOM files"),
+                    text("name a file in it, or several: '", bytes.name(), "/*.tif'"));
+    }
+    if (bytes.directory() && options.format != "amrex" && options.format != "dicom")
         throw Error(ErrorKind::io, text("cannot read '", bytes.name(), "': it is a directory"), "name a file in it");
     if (is_segment(bytes.name())) {
         if (describes_raw(options) || (!options.format.empty() && options.format != "shm"))
@@ -79,7 +88,6 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         return format;
     }
     if (describes_raw(options)) return by_format_name("raw");
-    if (bytes.directory()) return by_format_name("amrex"); // there are no bytes to look at
     auto head = bytes.peek(head_bytes);
     std::vector<std::byte> unpacked;
     if (is_gzip(head)) {
@@ -88,7 +96,9 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
             if (candidate.in_gzip && candidate.recognise(unpacked)) return candidate;
     }
     for (auto const& candidate : formats())
-        if (candidate.open && candidate.recognise && candidate.recognise(head)) return candidate;
+        if (candidate.open && candidate.recognise && candidate.recognise(head) &&
+            (candidate.name != "flash" || is_flash(bytes)))
+            return candidate;
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
@@ -138,7 +148,8 @@ std::string format_name(ByteSource& bytes, ReadOptions const& options) { return 
 std::vector<Format> const& formats() {
     static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(), nifti_format(),
                                           numpy_format(),   flash_format(),     vdb_format(), amrex_format(),
-                                          segment_format(), png_format(),       pgm_format()};
+                                          segment_format(), tiff_format(),      vti_format(), vtk_format(),
+                                          dicom_format(),   hdf5_format(),      png_format(), pgm_format()};
     return list;
 }
 

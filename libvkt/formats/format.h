@@ -26,7 +26,8 @@ struct ReadOptions {
     std::string variable; ///< dataset or grid by name, for files that hold several
     /// Budget of foreign libraries that hold a file's tables or grids (libvkt/io/parser.h); none: default_memory().
     std::optional<std::size_t> memory;
-    bool trust_paths = false; ///< follow headers out of their directory, and to pipes and devices
+    bool force_uniform = false; ///< DICOM: slices with gaps or on a slant as if they lay at equal distances
+    bool trust_paths = false;   ///< follow headers out of their directory, and to pipes and devices
 
     /// True if anything is said about what the file holds.
     bool describes() const;

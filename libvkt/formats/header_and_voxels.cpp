@@ -99,7 +99,12 @@ std::string HeaderAndVoxelsWriter::header_text(std::size_t length) const {
 void HeaderAndVoxelsWriter::begin(Header const& header) {
     check_volume(header);
     data_file_->expect(deflate_ || options_.compress ? least_deflated(header.bytes()) : header.bytes());
-    if (volumes_++ > 0) return;
+    if (volumes_++ > 0) {
+        // There is one line for all, in a header of a length that is fixed.
+        if (!(header.error == first_.error))
+            first_.error = first_.history ? VolumeError{} : VolumeError::lost("series");
+        return;
+    }
     first_ = in_utf8(header);
     if (!header_file_) {
         std::string const head = header_text(0);

@@ -175,6 +175,18 @@ std::string history_text(History const& history, std::size_t most_bytes) {
     return line_of({{}, {}, step_count(history)}); // a single step is too long
 }
 
+bool says_error(Header const& header) {
+    return !header.error.silent() && (header.history || !(header.error == VolumeError::given()));
+}
+
+VolumeError parse_volume_error(std::string const& json) {
+    try {
+        return volume_error_from_json(json);
+    } catch (Error const&) {
+        return VolumeError::lost("the file states it in a way that is not understood");
+    }
+}
+
 std::string attributes_text(std::map<std::string, std::string> const& attributes) {
     return nlohmann::ordered_json(attributes).dump();
 }

@@ -46,6 +46,11 @@ bool same_lattice(Header const& a, Header const& b);
 std::string history_text(History const& history, std::size_t most_bytes);
 std::optional<History> parse_history(std::string const& text);
 
+/// False if a file needs not say it: silent, or given and without a history.
+bool says_error(Header const& header);
+/// What is no error as headers have it is unknown.
+VolumeError parse_volume_error(std::string const& json);
+
 /// Attributes that a format has no other place for as one line of JSON, and back; text that is none is empty.
 std::string attributes_text(std::map<std::string, std::string> const& attributes);
 std::map<std::string, std::string> parse_attributes(std::string const& text);

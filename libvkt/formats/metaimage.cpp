@@ -171,6 +171,7 @@ std::string metaimage_fields(Header const& header, std::int64_t volumes, std::in
     if (series && !along.known) result += text(unknown_sequence, " = unknown\n");
     if (!header.units.empty()) result += text("VktUnits = ", one_line(header.units), "\n");
     result += attribute_fields(header, series && along.known, unit);
+    if (says_error(header)) result += text("VktError = ", one_line(to_json(header.error)), "\n");
     if (header.history) result += text("VktHistory = ", history_text(*header.history, most_history), "\n");
     return result + text("ElementType = ", metaimage_type_name(header.dtype), "\n");
 }

@@ -274,6 +274,7 @@ void Interpreter::read_attributes(Header& volume) const {
         attributes.merge(kept);
     }
     if (std::string const history = take("VktHistory"); !history.empty()) volume.history = parse_history(history);
+    if (std::string const error = take("VktError"); !error.empty()) volume.error = parse_volume_error(error);
     volume = in_utf8(std::move(volume));
 }
 

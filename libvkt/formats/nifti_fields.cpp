@@ -297,6 +297,7 @@ void Reader::use_ours(RawLayout& layout) const {
             if (!key.starts_with("space") && !key.starts_with("sequence")) layout.header.attributes.emplace(key, value);
         layout.header.units = ours.units;
         layout.header.history = ours.history;
+        layout.header.error = VolumeError::lost("another program changed the header");
         return;
     }
     layout.header = ours;

@@ -174,6 +174,7 @@ void FieldWriter::put_pairs() {
             others.emplace(key, value);
     }
     if (!others.empty()) result_ += text("vkt attributes:=", escaped(attributes_text(others)), "\n");
+    if (says_error(header_)) result_ += text("vkt error:=", escaped(to_json(header_.error)), "\n");
     if (header_.history) result_ += text("vkt history:=", escaped(history_text(*header_.history, most_history)), "\n");
 }
 

@@ -500,6 +500,10 @@ void Interpreter::read_attributes(RawLayout& layout) const {
         volume.history = parse_history(found->second);
         if (volume.history) attributes.erase(found);
     }
+    if (auto const found = attributes.find("vkt error"); found != attributes.end()) {
+        volume.error = parse_volume_error(found->second);
+        attributes.erase(found);
+    }
     volume = in_utf8(std::move(volume));
 }
 

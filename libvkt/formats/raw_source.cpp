@@ -335,6 +335,7 @@ void RawSource::order_bytes(AnyView const& out) const {
 } // namespace
 
 std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout) {
+    mark_as_given(layout.header);
     return std::make_unique<RawSource>(std::move(bytes), std::move(layout));
 }
 

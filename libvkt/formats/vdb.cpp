@@ -256,6 +256,7 @@ public:
         : grid_(grid), owner_(std::move(owner)), path_(path) {
         header_.kind = Kind::hierarchical;
         header_.dtype = dtype;
+        mark_as_given(header_);
     }
 
     ParsedTree read(AmrReadOptions const& options) {

@@ -236,9 +236,14 @@ std::vector<std::byte> ByteSource::take_lookahead() {
 
 std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
     bool const standard_input = path == "-";
-    int const descriptor = standard_input     ? STDIN_FILENO
-                           : is_segment(path) ? open_segment(path)
-                                              : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    int descriptor = standard_input     ? STDIN_FILENO
+                     : is_segment(path) ? open_segment(path)
+                                        : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    // FILE:/DATASET, a part of a file.
+    if (std::size_t const colon = path.rfind(":/"); descriptor < 0 && colon != std::string::npos && colon > 0) {
+        int const whole = ::open(path.substr(0, colon).c_str(), O_RDONLY | O_CLOEXEC);
+        if (whole >= 0) descriptor = whole;
+    }
     std::string const name = standard_input ? "standard input" : path;
     if (descriptor < 0) throw system_error(text("cannot open '", name, "'"));
     return std::make_unique<ByteSource>(descriptor, name);

@@ -5,6 +5,8 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
+#include <cctype>
 #include <dlfcn.h>
 #include <filesystem>
 #include <link.h>
@@ -18,6 +20,12 @@ extern "C" vkt::ModuleExport const vkt_module_hdf5;
 #endif
 #ifdef VKT_HAVE_OPENVDB
 extern "C" vkt::ModuleExport const vkt_module_openvdb;
+#endif
+#ifdef VKT_HAVE_TIFF
+extern "C" vkt::ModuleExport const vkt_module_tiff;
+#endif
+#ifdef VKT_HAVE_GDCM
+extern "C" vkt::ModuleExport const vkt_module_gdcm;
 #endif
 #endif
 
@@ -78,7 +86,22 @@ bool built([[maybe_unused]] std::string_view name) {
 #ifdef VKT_HAVE_OPENVDB
     if (name == "openvdb") return true;
 #endif
+#ifdef VKT_HAVE_TIFF
+    if (name == "tiff") return true;
+#endif
+#ifdef VKT_HAVE_GDCM
+    if (name == "gdcm") return true;
+#endif
+#ifdef VKT_HAVE_WINDOW
+    if (name == "window") return true;
+#endif
     return false;
+}
+
+std::string upper_case(std::string name) {
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    return name;
 }
 
 Error missing(std::string const& what, std::string const& reason) {
@@ -88,7 +111,8 @@ Error missing(std::string const& what, std::string const& reason) {
 void require_built(std::string const& name, std::string const& what) {
     if (!built(name))
         throw Error(ErrorKind::failure, text(what, ": this build is without it"),
-                    text("build vkt with -DVKT_", name == "hdf5" ? "HDF5" : "OPENVDB", "=ON and lib", name));
+                    name == "window" ? std::string("build vkt with -DVKT_VIEWER=ON, GLFW and Dear ImGui")
+                                     : text("build vkt with -DVKT_", upper_case(name), "=ON and lib", name));
 }
 
 ModuleExport const& module_named(std::string const& name, std::string const& what) {
@@ -104,6 +128,12 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
 #endif
 #ifdef VKT_HAVE_OPENVDB
     if (name == "openvdb") module = &vkt_module_openvdb;
+#endif
+#ifdef VKT_HAVE_TIFF
+    if (name == "tiff") module = &vkt_module_tiff;
+#endif
+#ifdef VKT_HAVE_GDCM
+    if (name == "gdcm") module = &vkt_module_gdcm;
 #endif
 #endif
     rlimit space{};

@@ -450,6 +450,7 @@ TEST(Nrrd, WrittenAndReadBack) {
         Header typed;
         typed.dims = {3, 2, 1};
         typed.dtype = static_cast<DataType>(i);
+        typed.error = VolumeError::given(); // which is what a file without a history holds
         Bytes const voxels = noise(typed.bytes(), 1);
         WriteOptions options;
         options.force = true;

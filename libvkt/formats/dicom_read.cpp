@@ -1,0 +1,565 @@
+// Reading DICOM with GDCM.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/dicom_module.h"
+#include "libvkt/formats/header_text.h"
+
+#include <gdcmAttribute.h>
+#include <gdcmGlobal.h>
+#include <gdcmImageReader.h>
+#include <gdcmReader.h>
+#include <gdcmSequenceOfItems.h>
+#include <gdcmTag.h>
+#include <gdcmTrace.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <set>
+
+namespace vkt::dicom {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t most_files = std::size_t{1} << 20;
+/// Relative to the distance of slices: what rounding in decimal strings may leave.
+constexpr double gap_tolerance = 0.01, slant_tolerance = 0.002;
+
+gdcm::Tag const pixel_data(0x7fe0, 0x0010);
+
+double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+double length(Vec3 a) { return std::sqrt(dot(a, a)); }
+
+/// One plane of voxels.
+struct Slice {
+    std::string file; ///< its name in the folder, or empty for the file itself
+    std::int64_t frame = 0, frames = 1;
+    std::string series, series_number, modality, rescale_type, units;
+    std::int64_t columns = 0, rows = 0, bits = 0, samples = 1, instance = 0, time = 0;
+    bool is_signed = false, placed = false;
+    Vec3 position, across{1, 0, 0}, down{0, 1, 0};
+    double spacing_across = 1, spacing_down = 1;
+    std::optional<double> spacing_slices;
+    double slope = 1, intercept = 0;
+    double along = 0; ///< position along the normal
+};
+
+std::string element_text(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return {};
+    gdcm::ByteValue const* const value = set.GetDataElement(tag).GetByteValue();
+    if (value == nullptr || value->GetPointer() == nullptr) return {};
+    std::string words(value->GetPointer(), value->GetLength());
+    while (!words.empty() && (words.back() == ' ' || words.back() == '\0')) words.pop_back();
+    return words;
+}
+
+std::vector<double> element_numbers(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    std::vector<double> values;
+    for (std::string const& word : split(element_text(set, group, element), '\\')) {
+        auto const value = number_in(trimmed(word));
+        if (!value || !std::isfinite(*value)) return {};
+        values.push_back(*value);
+    }
+    return values;
+}
+
+/// Binary elements of two bytes, in this machine's order as GDCM hands them out.
+std::int64_t element_short(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element,
+                           std::int64_t otherwise) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return otherwise;
+    gdcm::ByteValue const* const value = set.GetDataElement(tag).GetByteValue();
+    if (value == nullptr || value->GetLength() < 2) return otherwise;
+    std::uint16_t number = 0;
+    std::memcpy(&number, value->GetPointer(), 2);
+    return number;
+}
+
+gdcm::SmartPointer<gdcm::SequenceOfItems> sequence(gdcm::DataSet const& set, std::uint16_t group,
+                                                   std::uint16_t element) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return nullptr;
+    return set.GetDataElement(tag).GetValueAsSQ();
+}
+
+std::optional<gdcm::DataSet> first_item(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    auto const items = sequence(set, group, element);
+    if (items == nullptr || items->GetNumberOfItems() == 0) return std::nullopt;
+    return items->GetItem(1).GetNestedDataSet();
+}
+
+/// Place, spacing and values, from the elements of a classic file or of a functional group.
+void read_plane(gdcm::DataSet const& set, Slice& slice) {
+    if (auto const v = element_numbers(set, 0x0020, 0x0032); v.size() == 3) {
+        slice.position = {v[0], v[1], v[2]};
+        slice.placed = true;
+    }
+    if (auto const v = element_numbers(set, 0x0020, 0x0037); v.size() == 6) {
+        Vec3 const across{v[0], v[1], v[2]}, down{v[3], v[4], v[5]};
+        if (length(across) > 0.5 && length(down) > 0.5 && length(cross(across, down)) > 0.5) {
+            slice.across = across * (1 / length(across));
+            slice.down = down * (1 / length(down));
+        }
+    }
+    auto spacing = element_numbers(set, 0x0028, 0x0030);
+    if (spacing.size() != 2) spacing = element_numbers(set, 0x0018, 0x1164); // of projections, at the detector
+    if (spacing.size() == 2 && spacing[0] > 0 && spacing[1] > 0) {
+        slice.spacing_down = spacing[0];
+        slice.spacing_across = spacing[1];
+    }
+    for (std::uint16_t const element : {std::uint16_t{0x0088}, std::uint16_t{0x0050}}) // between slices, else thickness
+        if (auto const v = element_numbers(set, 0x0018, element); v.size() == 1 && v[0] != 0 && !slice.spacing_slices)
+            slice.spacing_slices = std::abs(v[0]);
+    auto const slope = element_numbers(set, 0x0028, 0x1053), intercept = element_numbers(set, 0x0028, 0x1052);
+    if (slope.size() == 1 && slope[0] != 0) slice.slope = slope[0];
+    if (intercept.size() == 1) slice.intercept = intercept[0];
+    if (std::string const type = element_text(set, 0x0028, 0x1054); !type.empty()) slice.rescale_type = type;
+}
+
+void read_group(gdcm::DataSet const& group, Slice& slice) {
+    for (auto const& [g, e] : {std::pair<std::uint16_t, std::uint16_t>{0x0020, 0x9113},
+                               {0x0020, 0x9116},
+                               {0x0028, 0x9110},
+                               {0x0028, 0x9145}})
+        if (auto const item = first_item(group, g, e)) read_plane(*item, slice);
+    if (auto const item = first_item(group, 0x0020, 0x9111)) // frame content
+        if (auto const index = element_numbers(*item, 0x0020, 0x9128); index.size() == 1)
+            slice.time = static_cast<std::int64_t>(index[0]);
+}
+
+class DicomFiles : public GridsParser {
+public:
+    explicit DicomFiles(std::string path) : path_(std::move(path)) {
+        gdcm::Trace::DebugOff();
+        gdcm::Trace::WarningOff();
+        gdcm::Trace::ErrorOff();
+        std::error_code error;
+        folder_ = fs::is_directory(path_, error);
+    }
+
+    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    void read(std::int64_t volume, Box const& box, std::byte* to) override;
+
+private:
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
+        throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
+    }
+    std::string full(std::string const& file) const { return file.empty() ? path_ : path_ + "/" + file; }
+    std::string shown(Slice const& s) const {
+        return text(s.file.empty() ? path_ : s.file, s.frames > 1 ? text(" frame ", s.frame) : "");
+    }
+    bool read_file(std::string const& file);
+    void check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const;
+    void list_files(std::vector<std::string>& not_read);
+    std::vector<std::vector<Slice>> groups() const;
+    void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
+    void place(bool force_uniform, Header& header) const;
+    std::vector<char> const& pixels(Slice const& slice);
+    template <class T>
+    void copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample, std::byte* to) const;
+
+    std::string path_;
+    bool folder_ = false;
+    std::vector<Slice> all_, slices_; ///< found; those of the volumes, one volume after another
+    Index3 dims_;
+    std::int64_t samples_ = 1;
+    bool physical_ = false; ///< slopes differ between slices: values are made physical
+    std::string held_file_;
+    bool held_ = false;
+    std::vector<char> pixels_;
+    bool planar_ = false;
+};
+
+/// GDCM takes zeros for what a file that was cut short lacks. The stream is behind the head of the pixel data, where
+/// GDCM leaves it; the four bytes before it are their length.
+void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const {
+    gdcm::TransferSyntax const syntax = file.GetHeader().GetDataSetTransferSyntax();
+    // Places in a deflated file are none in what it holds.
+    if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) return;
+    auto const refuse = [&](std::string const& what) {
+        throw Error(ErrorKind::data, text("'", full(slice.file), "': ended early: ", what));
+    };
+    std::int64_t at = stream.tellg();
+    stream.clear();
+    stream.seekg(0, std::ios::end);
+    std::int64_t const size = stream.tellg();
+    bool const big = syntax == gdcm::TransferSyntax::ExplicitVRBigEndian;
+    // Two numbers of 16 bits, a tag, or one of 32.
+    auto const word = [&](std::int64_t position, bool tag) {
+        std::array<unsigned char, 4> b{};
+        stream.seekg(position);
+        stream.read(reinterpret_cast<char*>(b.data()), b.size());
+        auto const half = [&](std::size_t i) -> std::uint32_t {
+            return big ? b[i] * 256U + b[i + 1] : b[i] + b[i + 1] * 256U;
+        };
+        return tag || big ? half(0) << 16 | half(2) : half(2) << 16 | half(0);
+    };
+    if (at < 12 || at > size || (word(at - 12, true) != 0x7fe00010 && word(at - 8, true) != 0x7fe00010))
+        refuse("it has no pixels");
+    std::uint32_t const length = word(at - 4, false);
+    constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
+    if (length != undefined) {
+        bool const halved = element_text(file.GetDataSet(), 0x0028, 0x0004).ends_with("_422"); // two chroma share one
+        double const needed = static_cast<double>(slice.columns * slice.rows) * static_cast<double>(slice.frames) *
+                              static_cast<double>(halved ? 2 : slice.samples) * static_cast<double>(slice.bits) / 8;
+        if (static_cast<double>(length) < needed) refuse("it has fewer pixels than it says");
+        if (length > size - at) refuse(text("pixels of ", std::int64_t{length}, " bytes, ", size - at, " found"));
+        return;
+    }
+    while (true) {
+        if (size - at < 8) refuse("its encoded pixels have no end");
+        std::uint32_t const tag = word(at, true), bytes = word(at + 4, false);
+        if (tag == end_of_items) return;
+        if (tag != item) refuse("its encoded pixels are no fragments");
+        if (bytes > size - at - 8) refuse("a fragment of its encoded pixels is incomplete");
+        at += 8 + std::int64_t{bytes};
+    }
+}
+
+bool DicomFiles::read_file(std::string const& file) {
+    {
+        // GDCM takes much for DICOM that is not: other files of a folder are left alone.
+        std::ifstream in(full(file), std::ios::binary);
+        std::array<char, 132> head{};
+        in.read(head.data(), head.size());
+        if (folder_ && (in.gcount() < 132 || std::memcmp(head.data() + 128, "DICM", 4) != 0)) return false;
+    }
+    std::ifstream stream(full(file), std::ios::binary);
+    gdcm::Reader reader;
+    reader.SetStream(stream);
+    // Anything but the pixels.
+    if (!reader.ReadUpToTag(pixel_data, {pixel_data})) {
+        if (folder_) fail(text("'", file, "' is damaged, or no DICOM file"), "remove it from the folder");
+        fail("damaged: GDCM cannot read it");
+    }
+    gdcm::DataSet const& set = reader.GetFile().GetDataSet();
+    Slice s;
+    s.file = file;
+    s.columns = element_short(set, 0x0028, 0x0011, 0);
+    s.rows = element_short(set, 0x0028, 0x0010, 0);
+    if (s.columns == 0 || s.rows == 0) return false; // a report, a directory
+    s.samples = element_short(set, 0x0028, 0x0002, 1);
+    s.bits = element_short(set, 0x0028, 0x0100, 16);
+    s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
+    s.series = element_text(set, 0x0020, 0x000e);
+    s.series_number = std::string(trimmed(element_text(set, 0x0020, 0x0011)));
+    s.modality = element_text(set, 0x0008, 0x0060);
+    s.units = element_text(set, 0x0054, 0x1001);
+    auto const whole = [&](std::uint16_t group, std::uint16_t element) {
+        auto const v = element_numbers(set, group, element);
+        return v.size() == 1 ? static_cast<std::int64_t>(std::clamp(v[0], -1e15, 1e15)) : std::int64_t{0};
+    };
+    s.instance = whole(0x0020, 0x0013);
+    s.time = whole(0x0020, 0x0100);                  // temporal position
+    if (s.time == 0) s.time = whole(0x0020, 0x0012); // acquisition number
+    s.frames = std::clamp<std::int64_t>(whole(0x0028, 0x0008), 1, std::int64_t{1} << 24);
+    if (all_.size() + static_cast<std::size_t>(s.frames) > most_files) fail("holds more images than vkt reads at once");
+    check_pixels(stream, reader.GetFile(), s);
+    read_plane(set, s);
+    if (auto const shared = first_item(set, 0x5200, 0x9229)) read_group(*shared, s);
+    auto const frames = sequence(set, 0x5200, 0x9230);
+    Vec3 const normal = cross(s.across, s.down);
+    for (std::int64_t f = 0; f < s.frames; ++f) {
+        Slice one = s;
+        one.frame = f;
+        one.instance = s.instance + f;
+        bool grouped = false;
+        if (frames != nullptr && static_cast<std::int64_t>(frames->GetNumberOfItems()) > f) {
+            read_group(frames->GetItem(static_cast<gdcm::SequenceOfItems::SizeType>(f) + 1).GetNestedDataSet(), one);
+            grouped = one.placed;
+        }
+        // Frames without places of their own follow one another.
+        if (!grouped && s.frames > 1)
+            one.position = s.position + normal * (static_cast<double>(f) * s.spacing_slices.value_or(1));
+        if (s.frames > 1) one.placed = true;
+        all_.push_back(one);
+    }
+    return true;
+}
+
+void DicomFiles::list_files(std::vector<std::string>& not_read) {
+    if (!folder_) {
+        if (!read_file("")) fail("holds no image");
+        return;
+    }
+    std::vector<std::string> names;
+    std::error_code error;
+    for (auto const& entry : fs::directory_iterator(path_, error))
+        if (entry.is_regular_file(error)) names.push_back(entry.path().filename());
+    if (names.size() > most_files) fail("holds more files than vkt reads at once");
+    std::sort(names.begin(), names.end());
+    std::int64_t others = 0;
+    for (std::string const& name : names)
+        if (!read_file(name)) ++others;
+    if (all_.empty()) fail("holds no DICOM images");
+    if (others > 0) not_read.push_back(text(others, " files that are no DICOM images"));
+}
+
+/// Images that can be slices of one volume.
+std::vector<std::vector<Slice>> DicomFiles::groups() const {
+    auto const alike = [](Slice const& a, Slice const& b) {
+        return a.series == b.series && a.columns == b.columns && a.rows == b.rows && a.samples == b.samples &&
+               a.bits == b.bits && a.is_signed == b.is_signed && dot(a.across, b.across) > 1 - 1e-4 &&
+               dot(a.down, b.down) > 1 - 1e-4 &&
+               std::abs(a.spacing_across - b.spacing_across) <= 1e-4 * a.spacing_across &&
+               std::abs(a.spacing_down - b.spacing_down) <= 1e-4 * a.spacing_down;
+    };
+    std::vector<std::vector<Slice>> result;
+    for (Slice const& slice : all_) {
+        auto const found =
+            std::find_if(result.begin(), result.end(), [&](auto const& group) { return alike(group.front(), slice); });
+        if (found == result.end())
+            result.push_back({slice});
+        else
+            found->push_back(slice);
+    }
+    return result;
+}
+
+/// Sorts the slices into volumes.
+void DicomFiles::arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids) {
+    Slice const first = slices.front();
+    Vec3 const normal = cross(first.across, first.down);
+    bool const placed = std::all_of(slices.begin(), slices.end(), [](Slice const& s) { return s.placed; });
+    if (!placed && slices.size() > 1 && !force_uniform)
+        fail("its images do not say where they lie (Image Position (Patient))",
+             "in the order of their numbers all the same: --force-uniform");
+    for (Slice& s : slices) s.along = placed ? dot(s.position, normal) : static_cast<double>(s.instance);
+    std::stable_sort(slices.begin(), slices.end(), [](Slice const& a, Slice const& b) {
+        if (std::abs(a.along - b.along) > 1e-4) return a.along < b.along;
+        return std::pair(a.time, a.instance) < std::pair(b.time, b.instance);
+    });
+    // How often each place occurs.
+    std::vector<std::size_t> runs{1};
+    for (std::size_t i = 1; i < slices.size(); ++i)
+        if (std::abs(slices[i].along - slices[i - 1].along) <= 1e-4)
+            ++runs.back();
+        else
+            runs.push_back(1);
+    for (std::size_t i = 0, k = 0; i < runs.size(); k += runs[i++])
+        if (runs[i] != runs[0])
+            fail(text("its images lie in the same places unequally often: ", static_cast<std::int64_t>(runs[0]),
+                      " times at ", shown(slices.front()), ", ", static_cast<std::int64_t>(runs[i]), " times at ",
+                      shown(slices[k])),
+                 "put the images of one volume into a folder of their own");
+    std::size_t const volumes = runs[0], n = runs.size();
+    for (std::size_t v = 0; v < volumes; ++v)
+        for (std::size_t z = 0; z < n; ++z) slices_.push_back(slices[z * volumes + v]);
+    dims_ = {first.columns, first.rows, static_cast<std::int64_t>(n)};
+    samples_ = first.samples;
+    grids.volumes = static_cast<std::int64_t>(volumes) * samples_;
+    static char const* const rgb[] = {"red", "green", "blue"};
+    if (grids.volumes > 1)
+        for (std::size_t v = 0; v < volumes; ++v)
+            for (std::int64_t s = 0; s < samples_; ++s) {
+                std::map<std::string, std::string> said;
+                if (volumes > 1) {
+                    said["sequence position"] = to_text(static_cast<std::int64_t>(v));
+                    said["sequence step"] = "1";
+                }
+                if (samples_ > 1) said["channel"] = s < 3 ? rgb[s] : to_text(s);
+                grids.attributes.push_back(std::move(said));
+            }
+    grids.header.dims = dims_;
+    if (placed)
+        place(force_uniform, grids.header);
+    else
+        grids.header.geometry.spacing = {first.spacing_across, first.spacing_down, first.spacing_slices.value_or(1)};
+}
+
+void DicomFiles::place(bool force_uniform, Header& header) const {
+    Slice const &first = slices_.front(), &last = slices_[static_cast<std::size_t>(dims_.z - 1)];
+    Vec3 const normal = cross(first.across, first.down);
+    Geometry& g = header.geometry;
+    g.origin = first.position;
+    g.direction = {first.across, first.down, normal};
+    g.spacing = {first.spacing_across, first.spacing_down, first.spacing_slices.value_or(1)};
+    header.attributes["space"] = std::string(lps_frame);
+    header.attributes["space units"] = "\"mm\" \"mm\" \"mm\"";
+    if (dims_.z > 1) {
+        Vec3 const step = (last.position - first.position) * (1 / static_cast<double>(dims_.z - 1));
+        double const mean = dot(step, normal);
+        g.spacing.z = mean;
+        Vec3 const aside = step - normal * mean;
+        if (length(aside) > slant_tolerance * mean) {
+            if (!force_uniform)
+                fail(text("its slices lie on a slant: each is ", length(aside), " mm aside of the one before it, ",
+                          mean, " mm further (a tilted gantry)"),
+                     "as a sheared lattice, with every voxel in its place: --force-uniform");
+            set_axis(g, 2, step, "the distance of slices");
+        }
+        for (std::int64_t z = 1; z < dims_.z; ++z) {
+            Slice const &a = slices_[static_cast<std::size_t>(z - 1)], &b = slices_[static_cast<std::size_t>(z)];
+            double const here = b.along - a.along;
+            if (std::abs(here - mean) <= gap_tolerance * mean || force_uniform) continue;
+            // Most distances say what is usual.
+            std::vector<double> distances;
+            for (std::int64_t i = 1; i < dims_.z; ++i)
+                distances.push_back(slices_[static_cast<std::size_t>(i)].along -
+                                    slices_[static_cast<std::size_t>(i - 1)].along);
+            std::nth_element(distances.begin(), distances.begin() + std::ssize(distances) / 2, distances.end());
+            double const usual = distances[distances.size() / 2];
+            for (std::int64_t i = 1; i < dims_.z; ++i) {
+                Slice const &c = slices_[static_cast<std::size_t>(i - 1)], &d = slices_[static_cast<std::size_t>(i)];
+                if (std::abs(d.along - c.along - usual) > gap_tolerance * usual)
+                    fail(text("its slices lie at unequal distances: ", d.along - c.along, " mm from ", shown(c), " to ",
+                              shown(d), ", ", usual, " mm elsewhere"),
+                         "as if all were equal, at their mean: --force-uniform");
+            }
+        }
+    }
+    for (auto& direction : g.direction) direction = direction + Vec3{}; // no negative zeros
+}
+
+ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
+    ParsedGrids grids;
+    list_files(grids.not_read);
+    std::vector<std::vector<Slice>> series = groups();
+    // Named by the number of the series; what has none, or shares it, by place.
+    std::vector<std::string> names;
+    for (auto const& group : series) {
+        std::string name = group.front().series_number.empty() ? "series" : group.front().series_number;
+        std::string const base = name;
+        for (int k = 2; std::find(names.begin(), names.end(), name) != names.end(); ++k) name = text(base, "-", k);
+        names.push_back(name);
+    }
+    std::size_t chosen = 0;
+    if (!variable.empty()) {
+        auto const found = std::find(names.begin(), names.end(), variable);
+        if (found == names.end())
+            throw Error(ErrorKind::usage,
+                        text("'", path_, "' has no series '", variable, "'; it holds ", join(names, ", ")));
+        chosen = static_cast<std::size_t>(found - names.begin());
+    } else if (series.size() > 1) {
+        for (std::size_t i = 0; i < series.size(); ++i)
+            grids.choices.emplace_back(names[i],
+                                       text(series[i].front().modality, ", ", std::ssize(series[i]), " images of ",
+                                            series[i].front().columns, " by ", series[i].front().rows));
+    }
+    Slice const first = series[chosen].front();
+    physical_ = std::any_of(series[chosen].begin(), series[chosen].end(),
+                            [&](Slice const& s) { return s.slope != first.slope || s.intercept != first.intercept; });
+    // Of several nobody chose yet, the first stands for all, whatever its slices are like.
+    arrange(series[chosen], force_uniform || !grids.choices.empty(), grids);
+    Header& header = grids.header;
+    if (first.bits != 1 && first.bits != 8 && first.bits != 12 && first.bits != 16 && first.bits != 32)
+        fail(text("its values have ", first.bits, " bits, which vkt does not read"));
+    header.dtype = first.bits <= 8    ? (first.is_signed ? DataType::int8 : DataType::uint8)
+                   : first.bits <= 16 ? (first.is_signed ? DataType::int16 : DataType::uint16)
+                                      : (first.is_signed ? DataType::int32 : DataType::uint32);
+    if (physical_)
+        header.dtype = DataType::float32;
+    else
+        header.values = {first.slope, first.intercept};
+    if (!first.modality.empty()) header.attributes["modality"] = first.modality;
+    header.units = !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
+                   : first.modality == "CT"    ? "HU"
+                                               : first.units;
+    header = in_utf8(std::move(header));
+    return grids;
+}
+
+/// All frames of the file, decoded; the last one is kept.
+std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
+    if (held_ && held_file_ == slice.file) return pixels_;
+    held_ = false;
+    gdcm::ImageReader reader;
+    reader.SetFileName(full(slice.file).c_str());
+    std::string const name = slice.file.empty() ? path_ : path_ + "/" + slice.file;
+    auto const refuse = [&](std::string const& what) {
+        throw Error(ErrorKind::data, text("'", name, "': damaged: ", what));
+    };
+    if (!reader.Read()) refuse("its pixels cannot be read by GDCM, or are encoded in a way that it does not know");
+    gdcm::Image const& image = reader.GetImage();
+    std::int64_t const frames = image.GetNumberOfDimensions() > 2 ? image.GetDimension(2) : 1;
+    if (image.GetDimension(0) != slice.columns || image.GetDimension(1) != slice.rows || frames < slice.frames)
+        refuse("its pixels have another extent than it says");
+    auto const needed = static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * frames) *
+                        static_cast<std::size_t>(image.GetPixelFormat().GetPixelSize() /
+                                                 std::max<unsigned>(image.GetPixelFormat().GetSamplesPerPixel(), 1));
+    if (image.GetBufferLength() != needed && image.GetPixelFormat().GetBitsAllocated() != 12)
+        refuse("its pixels are not as many as it says");
+    pixels_.resize(image.GetBufferLength());
+    if (!image.GetBuffer(pixels_.data())) refuse("its pixels cannot be decoded");
+    planar_ = image.GetPlanarConfiguration() == 1;
+    auto const bytes = static_cast<std::size_t>((slice.bits + 7) / 8);
+    if (pixels_.size() < static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * slice.frames) * bytes)
+        refuse("it ended early");
+    held_file_ = slice.file;
+    held_ = true;
+    return pixels_;
+}
+
+template <class T>
+void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample,
+                           std::byte* to) const {
+    Index3 const size = box.dims();
+    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
+            std::int64_t const pixel = y * slice.columns + x;
+            std::int64_t const at = planar_ ? sample * slice.columns * slice.rows + pixel : pixel * samples_ + sample;
+            T value{};
+            std::memcpy(&value, frame + static_cast<std::size_t>(at) * sizeof(T), sizeof(T));
+            std::int64_t const place = (y - box.lower.y) * size.x + (x - box.lower.x);
+            if (physical_) {
+                auto const real = static_cast<float>(slice.slope * static_cast<double>(value) + slice.intercept);
+                std::memcpy(to + place * 4, &real, 4);
+            } else {
+                std::memcpy(to + static_cast<std::size_t>(place) * sizeof(T), &value, sizeof(T));
+            }
+        }
+}
+
+void DicomFiles::read(std::int64_t volume, Box const& box, std::byte* to) {
+    Index3 const size = box.dims();
+    std::int64_t const sample = volume % samples_;
+    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
+        Slice const& slice = slices_[static_cast<std::size_t>(volume / samples_ * dims_.z + z)];
+        auto const bytes = static_cast<std::size_t>(slice.bits <= 8 ? 1 : slice.bits <= 16 ? 2 : 4);
+        auto const frame_bytes = static_cast<std::size_t>(slice.columns * slice.rows * samples_) * bytes;
+        std::vector<char> const& all = pixels(slice);
+        if (all.size() < frame_bytes * static_cast<std::size_t>(slice.frame + 1))
+            fail("ended early: a frame is missing");
+        char const* const frame = all.data() + frame_bytes * static_cast<std::size_t>(slice.frame);
+        std::byte* const there =
+            to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (physical_ ? 4 : bytes);
+        if (bytes == 1)
+            slice.is_signed ? copy_rows<std::int8_t>(slice, frame, box, sample, there)
+                            : copy_rows<std::uint8_t>(slice, frame, box, sample, there);
+        else if (bytes == 2)
+            slice.is_signed ? copy_rows<std::int16_t>(slice, frame, box, sample, there)
+                            : copy_rows<std::uint16_t>(slice, frame, box, sample, there);
+        else
+            slice.is_signed ? copy_rows<std::int32_t>(slice, frame, box, sample, there)
+                            : copy_rows<std::uint32_t>(slice, frame, box, sample, there);
+    }
+}
+
+} // namespace
+
+std::unique_ptr<GridsParser> open(std::string const& path) { return std::make_unique<DicomFiles>(path); }
+
+} // namespace vkt::dicom
+
+namespace vkt {
+namespace {
+ParserHandler parse(std::string const& path) {
+    return answer_about_grids([path] { return dicom::open(path); });
+}
+} // namespace
+} // namespace vkt
+
+extern "C" {
+__attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_gdcm;
+vkt::ModuleExport const vkt_module_gdcm{VKT_VERSION, nullptr, &vkt::parse};
+}

@@ -1,0 +1,65 @@
+// HDF5 datasets, FILE:/GROUP/DATASET, read by a child. Files of FLASH are their own format (hierarchical.cpp).
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/hdf5.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/parsed_grids.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+namespace vkt {
+namespace {
+
+bool begins_as_hdf5(std::span<std::byte const> head) {
+    // Behind a user block of 512 bytes or more, as in MATLAB's files.
+    for (std::size_t const at : {std::size_t{0}, std::size_t{512}, std::size_t{1024}, std::size_t{2048}})
+        if (head.size() >= at + 8 && std::memcmp(head.data() + at, "\x89HDF\r\n\x1a\n", 8) == 0) return true;
+    return false;
+}
+
+std::unique_ptr<Source> open_hdf5(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    std::string const what = text(bytes->name(), ": reading HDF5");
+    ReadOptions own = options;
+    if (std::string const dataset = dataset_in_name(bytes->name()); !dataset.empty()) {
+        if (!own.variable.empty())
+            throw Error(ErrorKind::usage, text("'", bytes->name(), "' names a dataset, and --variable another one"));
+        own.variable = dataset;
+    }
+    std::shared_ptr<ByteSource const> const file = seekable_bytes(std::move(bytes));
+    return parsed_grids("hdf5", what, file, file->size(), own);
+}
+
+} // namespace
+
+std::string dataset_in_name(std::string const& name) {
+    std::size_t const colon = name.rfind(":/");
+    return colon == std::string::npos || colon == 0 ? std::string() : name.substr(colon + 1);
+}
+
+bool is_flash(ByteSource const& bytes) {
+    if (!dataset_in_name(bytes.name()).empty() || !bytes.seekable()) return bytes.seekable() ? false : true;
+    // Names of a FLASH file's datasets lie in the heap of its root group, near one of its ends.
+    constexpr std::int64_t range = std::int64_t{4} << 20;
+    std::string_view const name = "refine level";
+    std::vector<char> part(static_cast<std::size_t>(std::min(bytes.size(), range)));
+    for (std::int64_t const from : {std::int64_t{0}, bytes.size() - std::ssize(part)}) {
+        bytes.read_at(from, part.data(), part.size());
+        if (std::search(part.begin(), part.end(), name.begin(), name.end()) != part.end()) return true;
+    }
+    return false;
+}
+
+Format hdf5_format() {
+    return {"hdf5",
+            "HDF5 datasets, also of MATLAB 7.3 and NetCDF-4: FILE:/DATASET",
+            {".h5", ".hdf5", ".mat", ".nc"},
+            begins_as_hdf5,
+            open_hdf5,
+            nullptr};
+}
+
+} // namespace vkt

@@ -1,0 +1,374 @@
+// Reading datasets with HDF5: plain ones, MATLAB's (7.3) and NetCDF-4's.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/hdf5_module.h"
+#include "libvkt/formats/tree_file.h"
+
+#include <hdf5.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace vkt::hdf5 {
+namespace {
+
+constexpr std::size_t most_datasets = 4096, chunk_cache = std::size_t{64} << 20;
+constexpr hsize_t longest_scale = hsize_t{1} << 24;
+constexpr std::size_t longest_text = std::size_t{16} << 20;
+
+/// Closes what it holds.
+class Handle {
+public:
+    Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
+    ~Handle() {
+        if (id_ >= 0) close_(id_);
+    }
+    Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
+    Handle& operator=(Handle&&) = delete;
+    explicit operator bool() const { return id_ >= 0; }
+    operator hid_t() const { return id_; }
+
+private:
+    hid_t id_;
+    herr_t (*close_)(hid_t);
+};
+
+std::optional<DataType> type_of(hid_t type) {
+    std::size_t const size = H5Tget_size(type);
+    switch (H5Tget_class(type)) {
+    case H5T_ENUM: { // booleans of h5py
+        Handle const base(H5Tget_super(type), H5Tclose);
+        return base ? type_of(base) : std::nullopt;
+    }
+    case H5T_INTEGER: {
+        bool const has_sign = H5Tget_sign(type) == H5T_SGN_2;
+        if (H5Tget_precision(type) != 8 * size) return std::nullopt;
+        if (size == 1) return has_sign ? DataType::int8 : DataType::uint8;
+        if (size == 2) return has_sign ? DataType::int16 : DataType::uint16;
+        if (size == 4) return has_sign ? DataType::int32 : DataType::uint32;
+        if (size == 8) return has_sign ? DataType::int64 : DataType::uint64;
+        return std::nullopt;
+    }
+    case H5T_FLOAT: {
+        if (H5Tget_precision(type) != 8 * size) return std::nullopt;
+        if (size == 2) {
+            std::size_t sign = 0, exponent = 0, exponent_size = 0, mantissa = 0, mantissa_size = 0;
+            H5Tget_fields(type, &sign, &exponent, &exponent_size, &mantissa, &mantissa_size);
+            if (exponent_size != 5) return std::nullopt; // bfloat16
+            return DataType::float16;
+        }
+        if (size == 4) return DataType::float32;
+        if (size == 8) return DataType::float64;
+        return std::nullopt;
+    }
+    default:
+        return std::nullopt;
+    }
+}
+
+/// The file's type in this machine's byte order.
+Handle memory_type(hid_t type) {
+    if (H5Tget_class(type) == H5T_ENUM) {
+        Handle const base(H5Tget_super(type), H5Tclose);
+        if (H5Tget_size(base) == 1) return {H5Tcopy(type), H5Tclose};
+    }
+    Handle copy(H5Tcopy(type), H5Tclose);
+    H5Tset_order(copy, H5Tget_order(H5T_NATIVE_INT));
+    return copy;
+}
+
+struct Dataset {
+    std::string path;
+    DataType type = DataType::float32;
+    std::vector<hsize_t> shape;
+    bool scale = false; ///< it only says where others lie
+};
+
+class File : public GridsParser {
+public:
+    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_), H5Fclose) {
+        if (!file_) fail("damaged: HDF5 cannot open it");
+    }
+
+    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    void read(std::int64_t volume, Box const& box, std::byte* to) override;
+
+private:
+    static hid_t open_file(std::string const& path) {
+        H5dont_atexit();
+        H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+        return H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+    }
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
+        throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
+    }
+    void find_datasets(std::vector<std::string>& not_read);
+    std::optional<double> number(hid_t object, char const* name) const;
+    std::vector<double> numbers(hid_t object, char const* name) const;
+    std::string words(hid_t object, char const* name) const;
+    void choose(std::string const& variable, ParsedGrids& grids);
+    void read_scales(Header& header) const;
+    void read_about(ParsedGrids& grids);
+    void find_places(ParsedGrids& grids) const;
+
+    std::string path_;
+    Handle file_;
+    std::vector<Dataset> datasets_;
+    std::optional<Handle> data_, type_, space_;
+    std::vector<hsize_t> shape_;
+    std::array<int, 4> axis_{-1, -1, -1, -1}; ///< of the dataset: of x, y, z and of the sequence
+    std::size_t element_ = 1;
+};
+
+void File::find_datasets(std::vector<std::string>& not_read) {
+    struct Walk {
+        File* file;
+        std::vector<std::string>* not_read;
+    } walk{this, &not_read};
+    auto const visit = [](hid_t root, char const* name, H5O_info_t const* info, void* data) -> herr_t {
+        auto& w = *static_cast<Walk*>(data);
+        if (info->type != H5O_TYPE_DATASET) return 0;
+        try {
+            Handle const set(H5Dopen2(root, name, H5P_DEFAULT), H5Dclose);
+            if (!set) return 0;
+            Handle const type(H5Dget_type(set), H5Tclose), space(H5Dget_space(set), H5Sclose);
+            int const rank = H5Sget_simple_extent_ndims(space);
+            if (rank < 1 || H5Sget_simple_extent_type(space) != H5S_SIMPLE) return 0;
+            Dataset one;
+            one.path = text("/", name);
+            one.shape.resize(static_cast<std::size_t>(rank));
+            H5Sget_simple_extent_dims(space, one.shape.data(), nullptr);
+            auto const kind = type_of(type);
+            if (!kind) {
+                if (w.not_read->size() < 32)
+                    w.not_read->push_back(text("dataset '", one.path, "', which holds no plain numbers"));
+                return 0;
+            }
+            one.type = *kind;
+            one.scale = w.file->words(set, "CLASS") == "DIMENSION_SCALE";
+            w.file->datasets_.push_back(std::move(one));
+        } catch (...) {
+            return -1; // C code lies between
+        }
+        return w.file->datasets_.size() < most_datasets ? 0 : 1;
+    };
+    if (H5Ovisit(file_, H5_INDEX_NAME, H5_ITER_INC, visit, &walk) < 0) fail("damaged: its groups cannot be listed");
+}
+
+std::vector<double> File::numbers(hid_t object, char const* name) const {
+    if (H5Aexists(object, name) <= 0) return {};
+    Handle const attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+    if (!attribute) return {};
+    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    hssize_t const n = H5Sget_simple_extent_npoints(space);
+    H5T_class_t const kind = H5Tget_class(type);
+    if (n < 1 || n > 64 || (kind != H5T_INTEGER && kind != H5T_FLOAT)) return {};
+    std::vector<double> values(static_cast<std::size_t>(n));
+    if (H5Aread(attribute, H5T_NATIVE_DOUBLE, values.data()) < 0) return {};
+    return values;
+}
+
+std::optional<double> File::number(hid_t object, char const* name) const {
+    auto const values = numbers(object, name);
+    return values.size() == 1 && std::isfinite(values[0]) ? std::optional(values[0]) : std::nullopt;
+}
+
+std::string File::words(hid_t object, char const* name) const {
+    if (H5Aexists(object, name) <= 0) return {};
+    Handle const attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+    if (!attribute) return {};
+    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    if (H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1) return {};
+    Handle const memory(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_cset(memory, H5Tget_cset(type));
+    if (H5Tis_variable_str(type) > 0) {
+        H5Tset_size(memory, H5T_VARIABLE);
+        char* value = nullptr;
+        if (H5Aread(attribute, memory, static_cast<void*>(&value)) < 0 || value == nullptr) return {};
+        std::string result(value);
+        H5free_memory(value);
+        return result;
+    }
+    std::size_t const size = H5Tget_size(type);
+    if (size > longest_text) return {};
+    std::string result(size + 1, '\0');
+    H5Tset_size(memory, size + 1);
+    if (H5Aread(attribute, memory, result.data()) < 0) return {};
+    result.resize(result.find('\0'));
+    return result;
+}
+
+void File::choose(std::string const& variable, ParsedGrids& grids) {
+    std::vector<AmrVariable> all;
+    std::vector<std::size_t> index;
+    // Lists of numbers count only where there is nothing else, or one is asked for.
+    auto const image = [](Dataset const& d) {
+        return !d.scale && std::count_if(d.shape.begin(), d.shape.end(), [](hsize_t n) { return n > 1; }) >= 2;
+    };
+    bool const any = variable.empty() && std::any_of(datasets_.begin(), datasets_.end(), image);
+    for (std::size_t i = 0; i < datasets_.size(); ++i) {
+        if (any && !image(datasets_[i])) continue;
+        all.emplace_back();
+        all.back().name = datasets_[i].path;
+        all.back().dtype = datasets_[i].type;
+        index.push_back(i);
+    }
+    if (all.empty()) fail("holds no dataset of numbers");
+    std::string const wanted = variable.empty() || variable.starts_with('/') ? variable : text("/", variable);
+    std::size_t chosen = 0;
+    if (wanted.empty() && all.size() > 1)
+        for (std::size_t i : index) {
+            Dataset const& d = datasets_[i];
+            std::string shape;
+            for (std::size_t k = d.shape.size(); k-- > 0;)
+                shape += text(shape.empty() ? "" : " x ", static_cast<std::int64_t>(d.shape[k]));
+            grids.choices.emplace_back(d.path, text(d.type, ", ", shape));
+        }
+    else
+        chosen = choose_variable(all, wanted, path_);
+    Dataset const& d = datasets_[index[chosen]];
+    Handle const access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
+    H5Pset_chunk_cache(access, 12421, chunk_cache, 1);
+    data_.emplace(H5Dopen2(file_, d.path.c_str(), access), H5Dclose);
+    if (!*data_) fail(text("damaged: dataset '", d.path, "' cannot be opened"));
+    type_.emplace(H5Dget_type(*data_), H5Tclose);
+    space_.emplace(H5Dget_space(*data_), H5Sclose);
+    shape_ = d.shape;
+    element_ = size_of(d.type);
+    grids.header.dtype = d.type;
+    grids.header.attributes["variable"] = d.path;
+    // The last dimensions with more than one sample, the last one x.
+    int next = 0;
+    auto const rank = static_cast<int>(shape_.size());
+    for (int k = rank - 1; k >= 0; --k) {
+        hsize_t const n = shape_[static_cast<std::size_t>(k)];
+        if (n == 0 || n > static_cast<hsize_t>(max_extent)) fail(text("dataset '", d.path, "' is empty, or too large"));
+        if (n == 1 && (rank > 4 || next >= 3)) continue;
+        if (next == 4)
+            fail(text("dataset '", d.path, "' has more than four dimensions"), "take a part of it with h5py");
+        axis_[static_cast<std::size_t>(next++)] = k;
+    }
+    for (int a = 0; a < 3; ++a)
+        if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0)
+            grids.header.dims[a] = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(k)]);
+    if (axis_[3] >= 0) grids.volumes = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(axis_[3])]);
+}
+
+/// Coordinates of the samples along each dimension, where they have even steps.
+void File::read_scales(Header& header) const {
+    if (H5Aexists(*data_, "DIMENSION_LIST") <= 0) return;
+    Handle const attribute(H5Aopen(*data_, "DIMENSION_LIST", H5P_DEFAULT), H5Aclose);
+    if (!attribute) return;
+    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    if (H5Tget_class(type) != H5T_VLEN || H5Sget_simple_extent_npoints(space) != static_cast<hssize_t>(shape_.size()))
+        return;
+    std::vector<hvl_t> lists(shape_.size());
+    if (H5Aread(attribute, type, lists.data()) < 0) return;
+    std::array<std::string, 3> units;
+    for (int a = 0; a < 3; ++a) {
+        int const k = axis_[static_cast<std::size_t>(a)];
+        if (k < 0 || lists[static_cast<std::size_t>(k)].len < 1) continue;
+        Handle const scale(H5Rdereference2(*data_, H5P_DEFAULT, H5R_OBJECT, lists[static_cast<std::size_t>(k)].p),
+                           H5Dclose);
+        if (!scale) continue;
+        Handle const scale_space(H5Dget_space(scale), H5Sclose), scale_type(H5Dget_type(scale), H5Tclose);
+        hsize_t n = 0;
+        if (H5Sget_simple_extent_ndims(scale_space) != 1 || H5Sget_simple_extent_dims(scale_space, &n, nullptr) != 1 ||
+            n != shape_[static_cast<std::size_t>(k)] || n > longest_scale || !type_of(scale_type))
+            continue;
+        if (words(scale, "NAME").starts_with("This is a netCDF dimension but not a netCDF variable")) continue;
+        std::vector<double> at(n);
+        if (H5Dread(scale, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, at.data()) < 0) continue;
+        units[static_cast<std::size_t>(a)] = words(scale, "units");
+        double const step = n > 1 ? (at.back() - at.front()) / static_cast<double>(n - 1) : 1;
+        bool even = std::isfinite(step) && step != 0;
+        for (hsize_t i = 0; even && i < n; ++i)
+            even = std::abs(at[i] - (at.front() + step * static_cast<double>(i))) <= 1e-3 * std::abs(step);
+        if (!even) {
+            header.attributes[text("coordinates ", std::string(1, "xyz"[a]))] = "uneven: not kept";
+            continue;
+        }
+        header.geometry.spacing[a] = std::abs(step);
+        header.geometry.origin[a] = at.front();
+        if (step < 0) header.geometry.direction[static_cast<std::size_t>(a)][a] = -1;
+    }
+    H5Dvlen_reclaim(type, space, H5P_DEFAULT, lists.data());
+    if (!units[0].empty() && units[0].find('"') == std::string::npos && units[0] == units[1] && units[0] == units[2])
+        header.attributes["space units"] = text("\"", units[0], "\" \"", units[0], "\" \"", units[0], "\"");
+}
+
+void File::read_about(ParsedGrids& grids) {
+    Header& header = grids.header;
+    hid_t const data = *data_;
+    read_scales(header);
+    if (auto const size = numbers(data, "element_size_um"); size.size() == 3 && axis_[2] >= 0) { // z, y, x
+        for (int a = 0; a < 3; ++a)
+            if (double const s = size[static_cast<std::size_t>(2 - a)]; s > 0 && std::isfinite(s))
+                header.geometry.spacing[a] = s;
+        header.attributes["space units"] = "\"um\" \"um\" \"um\"";
+    }
+    double const slope = number(data, "scale_factor").value_or(1), offset = number(data, "add_offset").value_or(0);
+    if (slope != 0) header.values = {slope, offset};
+    header.units = words(data, "units");
+    if (std::string const name = words(data, "long_name"); !name.empty()) header.attributes["long_name"] = name;
+    if (auto const fill = number(data, "_FillValue")) header.attributes["_FillValue"] = to_text(*fill);
+    header = in_utf8(std::move(header));
+}
+
+/// Contiguous data in the machine's own format are read without the library.
+void File::find_places(ParsedGrids& grids) const {
+    Handle const creation(H5Dget_create_plist(*data_), H5Pclose), file_creation(H5Fget_create_plist(file_), H5Pclose);
+    hsize_t user_block = 0;
+    H5Pget_userblock(file_creation, &user_block);
+    haddr_t const offset = H5Dget_offset(*data_);
+    bool const plain = H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
+                       offset != HADDR_UNDEF && user_block == 0;
+    if (plain) {
+        std::int64_t const slice = grids.header.dims.x * grids.header.dims.y * static_cast<std::int64_t>(element_);
+        std::int64_t const slices = grids.header.dims.z * grids.volumes;
+        grids.big_endian = H5Tget_order(*type_) == H5T_ORDER_BE;
+        if (slices > (std::int64_t{1} << 24)) return;
+        for (std::int64_t i = 0; i < slices; ++i) grids.places.push_back(static_cast<std::int64_t>(offset) + i * slice);
+    }
+    if (H5Pget_layout(creation) != H5D_CHUNKED || axis_[2] < 0) return;
+    std::vector<hsize_t> chunk(shape_.size());
+    if (H5Pget_chunk(creation, static_cast<int>(chunk.size()), chunk.data()) > 0)
+        grids.slab = static_cast<std::int64_t>(std::clamp<hsize_t>(chunk[static_cast<std::size_t>(axis_[2])], 1,
+                                                                   shape_[static_cast<std::size_t>(axis_[2])]));
+}
+
+ParsedGrids File::open(std::string const& variable, bool /*force_uniform*/) {
+    ParsedGrids grids;
+    if (H5Lexists(file_, "refine level", H5P_DEFAULT) > 0 && H5Lexists(file_, "node type", H5P_DEFAULT) > 0 &&
+        variable.empty())
+        throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
+    find_datasets(grids.not_read);
+    choose(variable, grids);
+    read_about(grids);
+    find_places(grids);
+    return grids;
+}
+
+void File::read(std::int64_t volume, Box const& box, std::byte* to) {
+    std::vector<hsize_t> start(shape_.size(), 0), count(shape_.size(), 1);
+    for (int a = 0; a < 3; ++a)
+        if (int const k = axis_[static_cast<std::size_t>(a)]; k >= 0) {
+            start[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.lower[a]);
+            count[static_cast<std::size_t>(k)] = static_cast<hsize_t>(box.dims()[a]);
+        }
+    if (axis_[3] >= 0) start[static_cast<std::size_t>(axis_[3])] = static_cast<hsize_t>(volume);
+    auto const n = static_cast<hsize_t>(box.voxels());
+    Handle const memory(H5Screate_simple(1, &n, nullptr), H5Sclose), type = memory_type(*type_);
+    H5Sselect_hyperslab(*space_, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    if (H5Dread(*data_, type, memory, *space_, H5P_DEFAULT, to) < 0)
+        fail("damaged: voxels cannot be read, or are compressed in a way that this HDF5 does not know");
+}
+
+} // namespace
+
+std::unique_ptr<GridsParser> open(std::string const& path) { return std::make_unique<File>(path); }
+
+} // namespace vkt::hdf5

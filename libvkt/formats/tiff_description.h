@@ -1,0 +1,37 @@
+// What ImageDescription tags say about a stack: ImageJ's lines, OME's XML, tifffile's shape, vkt's own header.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/header.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace vkt {
+
+/// Planes of a hyperstack and their places in the file.
+struct TiffDescription {
+    enum class Kind : std::uint8_t { plain, imagej, ome, shaped };
+    Kind kind = Kind::plain;
+    std::int64_t slices = 0, channels = 1, frames = 1; ///< slices 0: nobody says, all pages are slices
+    std::int64_t images = 0;                           ///< ImageJ: pages that there should be
+    /// OME: the page of each plane, [frame][channel][slice], -1 for planes that are not there.
+    std::vector<std::int64_t> pages;
+    std::optional<double> spacing_x, spacing_y, spacing_z, interval;
+    std::string unit; ///< of the spacing, "mm"; empty: nobody says
+    std::vector<std::string> channel_names;
+    std::optional<ValueMap> values;
+    std::string value_unit;
+    std::vector<std::string> not_read;
+    std::optional<Header> ours; ///< what vkt wrote
+};
+
+/// `samples` is the number of values in each pixel, which OME counts among the channels. Throws Error{data} where a
+/// description that is OME's contradicts itself or names planes in other files; what is no description at all is plain.
+TiffDescription tiff_description(std::string const& text, std::int64_t pages, std::int64_t samples,
+                                 std::string const& file);
+
+} // namespace vkt

@@ -1,0 +1,538 @@
+// Reading TIFF with libtiff: pages, strips and tiles of integers and floats of any width that a volume can hold.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/tiff_description.h"
+#include "libvkt/formats/tiff_module.h"
+
+#include <tiffio.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+
+namespace vkt::tiff {
+namespace {
+
+constexpr std::int64_t most_pages = std::int64_t{1} << 20;
+
+/// What libtiff complained of last; there is one file in a process.
+std::string complaint; // NOLINT: the handler has no other place for it
+
+void complain(char const* module, char const* format, va_list arguments) {
+    char line[300];
+    std::vsnprintf(line, sizeof line, format, arguments);
+    complaint = text(module != nullptr ? text(module, ": ") : "", line);
+}
+
+struct Page {
+    std::uint64_t offset = 0;
+    std::uint32_t width = 0, height = 0;
+    std::uint16_t bits = 1, format = SAMPLEFORMAT_UINT, samples = 1, planar = PLANARCONFIG_CONTIG, photometric = 0,
+                  compression = COMPRESSION_NONE;
+    bool tiled = false;
+
+    bool alike(Page const& o) const {
+        return width == o.width && height == o.height && bits == o.bits && format == o.format && samples == o.samples;
+    }
+};
+
+/// What so many bytes can at most become.
+double densest(std::uint16_t compression) {
+    switch (compression) {
+    case COMPRESSION_NONE:
+        return 1;
+    case COMPRESSION_PACKBITS:
+        return 64;
+    case COMPRESSION_LZW:
+        return 4096;
+    case COMPRESSION_DEFLATE:
+    case COMPRESSION_ADOBE_DEFLATE:
+        return 1032;
+    default:
+        return 1e5;
+    }
+}
+
+/// libtiff makes single precision of ratios: the decimal that it most likely was.
+double as_written(float ratio) {
+    std::array<char, 40> digits{};
+    auto const end = std::to_chars(digits.data(), digits.data() + digits.size(), ratio).ptr;
+    double value = 0;
+    std::from_chars(digits.data(), end, value);
+    return value;
+}
+
+class TiffFile : public GridsParser {
+public:
+    explicit TiffFile(std::string const& path) : path_(path) {
+        TIFFSetErrorHandler(complain);
+        TIFFSetWarningHandler(nullptr);
+        tiff_ = TIFFOpen(path.c_str(), "rO"); // tables of strips are read as they are needed
+        if (tiff_ == nullptr) fail(text("libtiff cannot open it: ", complaint));
+    }
+    ~TiffFile() override {
+        if (tiff_ != nullptr) TIFFClose(tiff_);
+    }
+    TiffFile(TiffFile const&) = delete;
+    TiffFile& operator=(TiffFile const&) = delete;
+
+    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    void read(std::int64_t volume, Box const& box, std::byte* to) override;
+
+private:
+    struct Plane {
+        std::size_t page = 0;
+        std::uint16_t sample = 0;
+    };
+
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
+        throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
+    }
+    Page page_here();
+    void read_pages(std::vector<std::string>& not_read);
+    DataType type_of(Page const& page) const;
+    void check_size(Page const& page, std::int64_t planes) const;
+    void read_geometry(Header& header, TiffDescription const& about);
+    void arrange(TiffDescription const& about, ParsedGrids& grids);
+    void find_places(ParsedGrids& grids, TiffDescription const& about);
+    bool dense_at(Page const& page, std::int64_t& place);
+    void go_to(std::size_t page);
+    std::byte const* unit(std::size_t page, std::uint32_t index, std::size_t bytes);
+    void copy_row(Page const& page, std::byte const* row, std::uint32_t first, std::uint32_t count,
+                  std::uint16_t sample, std::byte* to) const;
+
+    std::string path_;
+    TIFF* tiff_ = nullptr;
+    std::vector<Page> pages_;
+    std::vector<Plane> planes_; ///< slices of all volumes
+    std::string description_;
+    double resolution_x_ = 0, resolution_y_ = 0;
+    std::uint16_t resolution_unit_ = RESUNIT_INCH;
+    Index3 dims_;
+    DataType type_ = DataType::uint8;
+    std::size_t here_ = static_cast<std::size_t>(-1); ///< page of libtiff
+    std::size_t held_page_ = static_cast<std::size_t>(-1);
+    std::uint32_t held_unit_ = 0;
+    std::vector<std::byte> held_; ///< a strip or tile, decoded
+};
+
+Page TiffFile::page_here() {
+    Page p;
+    p.offset = TIFFCurrentDirOffset(tiff_);
+    TIFFGetField(tiff_, TIFFTAG_IMAGEWIDTH, &p.width);
+    TIFFGetField(tiff_, TIFFTAG_IMAGELENGTH, &p.height);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_BITSPERSAMPLE, &p.bits);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_SAMPLEFORMAT, &p.format);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_SAMPLESPERPIXEL, &p.samples);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_PLANARCONFIG, &p.planar);
+    TIFFGetField(tiff_, TIFFTAG_PHOTOMETRIC, &p.photometric);
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_COMPRESSION, &p.compression);
+    p.tiled = TIFFIsTiled(tiff_) != 0;
+    if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
+    return p;
+}
+
+void TiffFile::read_pages(std::vector<std::string>& not_read) {
+    std::int64_t number = 0;
+    std::int64_t others = 0;
+    do {
+        if (++number > most_pages) fail(text("it has more than ", most_pages, " pages"));
+        std::uint32_t kind = 0;
+        TIFFGetField(tiff_, TIFFTAG_SUBFILETYPE, &kind);
+        Page const page = page_here();
+        if (page.width == 0 || page.height == 0) fail(text("page ", number - 1, " has no extent"));
+        bool const full = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) == 0;
+        if (!pages_.empty() && (!full || !page.alike(pages_.front()))) {
+            if (++others <= 8)
+                not_read.push_back(text("page ", number - 1, full ? "" : " (reduced or a mask)", " of ",
+                                        static_cast<std::int64_t>(page.width), " by ",
+                                        static_cast<std::int64_t>(page.height), " pixels"));
+            continue;
+        }
+        if (pages_.empty()) {
+            char const* words = nullptr;
+            if (TIFFGetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, &words) != 0 && words != nullptr) description_ = words;
+            float x = 0, y = 0;
+            if (TIFFGetField(tiff_, TIFFTAG_XRESOLUTION, &x) != 0 &&
+                TIFFGetField(tiff_, TIFFTAG_YRESOLUTION, &y) != 0) {
+                resolution_x_ = as_written(x);
+                resolution_y_ = as_written(y);
+            }
+            TIFFGetFieldDefaulted(tiff_, TIFFTAG_RESOLUTIONUNIT, &resolution_unit_);
+        }
+        pages_.push_back(page);
+    } while (TIFFReadDirectory(tiff_) != 0);
+    if (others > 8) not_read.push_back(text(others - 8, " more pages of other sizes"));
+    // libtiff ends the walk at the first page that it cannot read, too: then there is one more that it could not enter.
+    if (TIFFLastDirectory(tiff_) == 0) fail(text("page ", number, " cannot be read: ", complaint));
+    here_ = static_cast<std::size_t>(-1);
+}
+
+DataType TiffFile::type_of(Page const& page) const {
+    int const bits = page.bits;
+    if (page.compression == COMPRESSION_SGILOG || page.compression == COMPRESSION_SGILOG24 ||
+        page.compression == COMPRESSION_OJPEG)
+        fail("its pages are encoded for display, as LogLuv or old JPEG", "convert it first: tiffcp -c zip");
+    if (page.photometric == PHOTOMETRIC_YCBCR && page.compression != COMPRESSION_JPEG)
+        fail("its colours are subsampled (YCbCr)", "convert it first: tiff2rgba");
+    if (!TIFFIsCODECConfigured(page.compression))
+        fail(text("its compression, number ", static_cast<int>(page.compression), ", is unknown to this libtiff"),
+             "convert it first: tiffcp -c zip");
+    switch (page.format) {
+    case SAMPLEFORMAT_IEEEFP:
+        if (bits == 16) return DataType::float16;
+        if (bits == 32) return DataType::float32;
+        if (bits == 64) return DataType::float64;
+        break;
+    case SAMPLEFORMAT_INT:
+        if (bits == 8) return DataType::int8;
+        if (bits == 16) return DataType::int16;
+        if (bits == 32) return DataType::int32;
+        if (bits == 64) return DataType::int64;
+        break;
+    case SAMPLEFORMAT_UINT:
+    case SAMPLEFORMAT_VOID:
+        if (bits == 64) return DataType::uint64;
+        if (bits >= 1 && bits <= 32)
+            return bits <= 8 ? DataType::uint8 : bits <= 16 ? DataType::uint16 : DataType::uint32;
+        break;
+    default:
+        fail("its values are complex numbers; a volume has one number in each voxel",
+             "take a part of them with tifffile");
+    }
+    fail(text("its values have ", bits, " bits, which no type of voxel has"));
+}
+
+/// Nothing is allocated for pages that the file cannot hold.
+void TiffFile::check_size(Page const& page, std::int64_t planes) const {
+    std::error_code error;
+    auto const size = static_cast<double>(std::filesystem::file_size(path_, error));
+    if (error) return;
+    double const decoded = static_cast<double>(page.width) * page.height * page.bits / 8 * static_cast<double>(planes);
+    if (decoded > size * densest(page.compression) + 64)
+        fail(text("ended early: ", planes, " planes of ", static_cast<std::int64_t>(page.width), " by ",
+                  static_cast<std::int64_t>(page.height), " pixels are ", bytes_text(decoded), ", the file has ",
+                  bytes_text(size)));
+}
+
+void TiffFile::read_geometry(Header& header, TiffDescription const& about) {
+    auto const spacing = [](double resolution, double unit) {
+        double const s = unit / resolution;
+        return resolution > 0 && std::isfinite(s) && s > 0 ? s : 1;
+    };
+    std::string unit = about.unit;
+    bool const counted = about.kind == TiffDescription::Kind::imagej; // pixels per unit of the description
+    if (resolution_x_ > 0 && resolution_y_ > 0) {
+        double per = 1;
+        if (!counted || (unit.empty() && resolution_unit_ != RESUNIT_NONE)) {
+            per = resolution_unit_ == RESUNIT_CENTIMETER ? 10 : resolution_unit_ == RESUNIT_INCH ? 25.4 : 1;
+            if (per != 1 && about.kind != TiffDescription::Kind::ome) unit = "mm";
+        }
+        header.geometry.spacing.x = spacing(resolution_x_, per);
+        header.geometry.spacing.y = spacing(resolution_y_, per);
+    }
+    if (about.kind == TiffDescription::Kind::ome) header.geometry.spacing = {1, 1, 1};
+    if (about.spacing_x) header.geometry.spacing.x = *about.spacing_x;
+    if (about.spacing_y) header.geometry.spacing.y = *about.spacing_y;
+    if (about.spacing_z) header.geometry.spacing.z = *about.spacing_z;
+    if (!unit.empty() && unit.find('"') == std::string::npos)
+        header.attributes["space units"] = text("\"", unit, "\" \"", unit, "\" \"", unit, "\"");
+    if (about.values) header.values = *about.values;
+    header.units = about.value_unit;
+}
+
+/// Which page and sample each slice of each volume is.
+void TiffFile::arrange(TiffDescription const& about, ParsedGrids& grids) {
+    Page const& first = pages_.front();
+    auto const count = static_cast<std::int64_t>(pages_.size());
+    std::int64_t slices = about.slices, channels = about.channels, frames = about.frames;
+    bool const one_block = about.kind == TiffDescription::Kind::imagej && count == 1 && about.images > 1;
+    std::int64_t const there = one_block ? about.images : count;
+    if (slices == 0) slices = there;
+    if (about.pages.empty() && slices * channels * frames != there) {
+        if (slices * channels * frames > there)
+            fail(text("ended early: its description speaks of ", slices * channels * frames, " pages, the file holds ",
+                      there));
+        slices = there;
+        channels = frames = 1;
+    }
+    std::int64_t const samples = first.samples;
+    check_size(first, there * samples);
+    grids.volumes = frames * channels * samples;
+    dims_ = {first.width, first.height, slices};
+    static char const* const rgb[] = {"red", "green", "blue", "alpha"};
+    bool const colours = first.photometric == PHOTOMETRIC_RGB || first.photometric == PHOTOMETRIC_YCBCR;
+    for (std::int64_t t = 0; t < frames; ++t)
+        for (std::int64_t c = 0; c < channels; ++c)
+            for (std::int64_t s = 0; s < samples; ++s) {
+                for (std::int64_t z = 0; z < slices; ++z) {
+                    std::int64_t const page =
+                        !about.pages.empty() ? about.pages[static_cast<std::size_t>((t * channels + c) * slices + z)]
+                        : about.kind == TiffDescription::Kind::imagej ? (t * slices + z) * channels + c
+                                                                      : t * slices + z;
+                    planes_.push_back({static_cast<std::size_t>(page), static_cast<std::uint16_t>(s)});
+                }
+                std::map<std::string, std::string> said;
+                std::int64_t const channel = c * samples + s;
+                if (channels * samples > 1) {
+                    bool const named = channel < std::ssize(about.channel_names) &&
+                                       !about.channel_names[static_cast<std::size_t>(channel)].empty();
+                    said["channel"] = named              ? about.channel_names[static_cast<std::size_t>(channel)]
+                                      : colours && s < 4 ? std::string(rgb[s])
+                                                         : to_text(channel);
+                }
+                if (frames > 1) {
+                    said["sequence position"] = to_text(static_cast<double>(t) * about.interval.value_or(1));
+                    said["sequence step"] = to_text(about.interval.value_or(1));
+                    if (about.interval) said["sequence units"] = "\"s\"";
+                }
+                if (grids.volumes > 1) grids.attributes.push_back(std::move(said));
+            }
+}
+
+/// The page's voxels lie in the file as they are wanted, in one piece.
+bool TiffFile::dense_at(Page const& page, std::int64_t& place) {
+    if (page.compression != COMPRESSION_NONE || page.tiled || page.samples != 1 || page.bits % 8 != 0 ||
+        page.bits == 24)
+        return false;
+    std::uint16_t order = FILLORDER_MSB2LSB;
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_FILLORDER, &order);
+    if (order != FILLORDER_MSB2LSB) return false;
+    std::uint32_t const strips = TIFFNumberOfStrips(tiff_);
+    std::uint64_t next = TIFFGetStrileOffset(tiff_, 0);
+    place = static_cast<std::int64_t>(next);
+    std::uint64_t const row = std::uint64_t{page.width} * page.bits / 8;
+    std::uint32_t rows = 0;
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_ROWSPERSTRIP, &rows);
+    rows = std::min(rows, page.height);
+    if (rows == 0) return false;
+    for (std::uint32_t i = 0; i < strips; ++i) {
+        if (TIFFGetStrileOffset(tiff_, i) != next) return false;
+        next += row * std::min<std::uint64_t>(rows, page.height - std::uint64_t{i} * rows);
+    }
+    std::error_code error;
+    std::uint64_t const size = std::filesystem::file_size(path_, error);
+    if (!error && next > size)
+        fail(text("ended early: a page's voxels end at byte ", static_cast<std::int64_t>(next), " of ",
+                  static_cast<std::int64_t>(size)));
+    return place > 0;
+}
+
+void TiffFile::find_places(ParsedGrids& grids, TiffDescription const& about) {
+    std::vector<std::int64_t> of_page(pages_.size());
+    for (std::size_t i = 0; i < pages_.size(); ++i) {
+        go_to(i);
+        if (!dense_at(pages_[i], of_page[i])) return;
+    }
+    bool const one_block = about.kind == TiffDescription::Kind::imagej && pages_.size() == 1 && about.images > 1;
+    auto const slice =
+        static_cast<std::int64_t>(pages_.front().width) * pages_.front().height * pages_.front().bits / 8;
+    for (Plane const& plane : planes_)
+        grids.places.push_back(one_block ? of_page[0] + static_cast<std::int64_t>(plane.page) * slice
+                                         : of_page[plane.page]);
+    grids.big_endian = TIFFIsBigEndian(tiff_) != 0;
+}
+
+ParsedGrids TiffFile::open(std::string const& variable, bool /*force_uniform*/) {
+    ParsedGrids grids;
+    read_pages(grids.not_read);
+    Page const& first = pages_.front();
+    type_ = type_of(first);
+    TiffDescription const about =
+        tiff_description(description_, static_cast<std::int64_t>(pages_.size()), first.samples, path_);
+    grids.not_read.insert(grids.not_read.end(), about.not_read.begin(), about.not_read.end());
+    arrange(about, grids);
+    Header& header = grids.header;
+    header.dims = dims_;
+    header.dtype = type_;
+    read_geometry(header, about);
+    if (first.photometric == PHOTOMETRIC_MINISWHITE) header.attributes["photometric"] = "min is white";
+    if (first.photometric == PHOTOMETRIC_PALETTE) header.attributes["photometric"] = "palette";
+    // What vkt wrote has what TIFF has no place for, as long as the rest is still as it was written.
+    if (about.ours && about.ours->dims == header.dims && about.ours->dtype == header.dtype &&
+        about.ours->kind == Kind::structured) {
+        auto const near = [](double a, double b) { return std::abs(a - b) <= 1e-5 * std::abs(b); };
+        bool same = true;
+        for (int a = 0; a < 3; ++a) same = same && near(header.geometry.spacing[a], about.ours->geometry.spacing[a]);
+        Header ours = *about.ours;
+        ours.dry_run = ours.timing = false;
+        if (!same) ours.geometry = header.geometry;
+        header = std::move(ours);
+    }
+    for (auto const& plane : planes_)
+        if (plane.page >= pages_.size() && !(about.images > 1 && pages_.size() == 1))
+            fail(text("has no page ", static_cast<std::int64_t>(plane.page)));
+    find_places(grids, about);
+    if (grids.places.empty() && about.images > 1 && pages_.size() == 1)
+        fail(text("its description speaks of ", about.images, " pages, the file holds one"));
+    if (!variable.empty()) { // one of the channels
+        auto const named = [&](std::size_t v) {
+            if (v >= grids.attributes.size()) return false;
+            auto const found = grids.attributes[v].find("channel");
+            return found != grids.attributes[v].end() && found->second == variable;
+        };
+        ParsedGrids chosen = grids;
+        std::vector<Plane> planes;
+        chosen.attributes.clear();
+        chosen.places.clear();
+        chosen.volumes = 0;
+        auto const slices = static_cast<std::size_t>(dims_.z);
+        for (std::size_t v = 0; v < static_cast<std::size_t>(grids.volumes); ++v) {
+            if (!named(v)) continue;
+            ++chosen.volumes;
+            chosen.attributes.push_back(grids.attributes[v]);
+            for (std::size_t z = v * slices; z < (v + 1) * slices; ++z) {
+                planes.push_back(planes_[z]);
+                if (!grids.places.empty()) chosen.places.push_back(grids.places[z]);
+            }
+        }
+        if (chosen.volumes == 0) {
+            std::vector<std::string> names;
+            for (auto const& said : grids.attributes)
+                if (auto const found = said.find("channel");
+                    found != said.end() && std::find(names.begin(), names.end(), found->second) == names.end())
+                    names.push_back(found->second);
+            throw Error(ErrorKind::usage, text("'", path_, "' has no channel '", variable, "'",
+                                               names.empty() ? "" : text("; it holds ", join(names, ", "))));
+        }
+        planes_ = std::move(planes);
+        return chosen;
+    }
+    return grids;
+}
+
+void TiffFile::go_to(std::size_t page) {
+    if (here_ == page) return;
+    complaint.clear();
+    if (TIFFSetSubDirectory(tiff_, pages_[page].offset) == 0)
+        fail(text("page ", static_cast<std::int64_t>(page), " cannot be read: ", complaint));
+    if (pages_[page].photometric == PHOTOMETRIC_YCBCR && pages_[page].compression == COMPRESSION_JPEG)
+        TIFFSetField(tiff_, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
+    here_ = page;
+}
+
+/// A strip or tile, decoded.
+std::byte const* TiffFile::unit(std::size_t page, std::uint32_t index, std::size_t bytes) {
+    if (held_page_ == page && held_unit_ == index && held_.size() == bytes) return held_.data();
+    held_page_ = static_cast<std::size_t>(-1);
+    held_.resize(bytes);
+    complaint.clear();
+    auto const size = static_cast<tmsize_t>(bytes);
+    tmsize_t const got = pages_[page].tiled ? TIFFReadEncodedTile(tiff_, index, held_.data(), size)
+                                            : TIFFReadEncodedStrip(tiff_, index, held_.data(), size);
+    if (got < size)
+        fail(text("damaged: ", pages_[page].tiled ? "tile " : "strip ", static_cast<std::int64_t>(index), " of page ",
+                  static_cast<std::int64_t>(page), " cannot be decoded", complaint.empty() ? "" : ": ", complaint));
+    held_page_ = page;
+    held_unit_ = index;
+    return held_.data();
+}
+
+void TiffFile::copy_row(Page const& page, std::byte const* row, std::uint32_t first, std::uint32_t count,
+                        std::uint16_t sample, std::byte* to) const {
+    std::size_t const per_pixel = page.planar == PLANARCONFIG_SEPARATE ? 1 : page.samples;
+    std::size_t const element = size_of(type_);
+    if (page.bits == 8 * element) {
+        std::byte const* from = row + (first * per_pixel + sample) * element;
+        if (per_pixel == 1) {
+            std::memcpy(to, from, count * element);
+            return;
+        }
+        for (std::uint32_t i = 0; i < count; ++i)
+            std::memcpy(to + i * element, from + i * per_pixel * element, element);
+        return;
+    }
+    for (std::uint32_t i = 0; i < count; ++i) {
+        std::size_t bit = ((first + i) * per_pixel + sample) * page.bits;
+        std::uint32_t value = 0;
+        if (page.bits == 24) { // libtiff has put its bytes into the order of this machine
+            std::byte const* const p = row + bit / 8;
+            value = std::to_integer<std::uint32_t>(p[0]) | std::to_integer<std::uint32_t>(p[1]) << 8 |
+                    std::to_integer<std::uint32_t>(p[2]) << 16;
+        } else {
+            for (int left = page.bits; left > 0; --left, ++bit)
+                value = value << 1 | (std::to_integer<std::uint32_t>(row[bit / 8]) >> (7 - bit % 8) & 1u);
+        }
+        if (element == 1) {
+            to[i] = static_cast<std::byte>(value);
+        } else if (element == 2) {
+            auto const narrow = static_cast<std::uint16_t>(value);
+            std::memcpy(to + i * 2, &narrow, 2);
+        } else {
+            std::memcpy(to + i * 4, &value, 4);
+        }
+    }
+}
+
+void TiffFile::read(std::int64_t volume, Box const& box, std::byte* to) {
+    std::size_t const element = size_of(type_);
+    Index3 const size = box.dims();
+    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
+        Plane const plane = planes_[static_cast<std::size_t>(volume * dims_.z + z)];
+        go_to(plane.page);
+        Page const& page = pages_[plane.page];
+        auto const y0 = static_cast<std::uint32_t>(box.lower.y), y1 = static_cast<std::uint32_t>(box.upper.y);
+        auto const x0 = static_cast<std::uint32_t>(box.lower.x), x1 = static_cast<std::uint32_t>(box.upper.x);
+        std::uint16_t const apart = page.planar == PLANARCONFIG_SEPARATE ? plane.sample : std::uint16_t{0};
+        std::uint16_t const within = page.planar == PLANARCONFIG_SEPARATE ? std::uint16_t{0} : plane.sample;
+        std::byte* const slice = to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * element;
+        auto const place = [&](std::uint32_t x, std::uint32_t y) {
+            return slice + (static_cast<std::size_t>(y - y0) * static_cast<std::size_t>(size.x) + (x - x0)) * element;
+        };
+        if (page.tiled) {
+            std::uint32_t width = 0, height = 0;
+            TIFFGetField(tiff_, TIFFTAG_TILEWIDTH, &width);
+            TIFFGetField(tiff_, TIFFTAG_TILELENGTH, &height);
+            auto const bytes = static_cast<std::size_t>(TIFFTileSize64(tiff_));
+            auto const row = static_cast<std::size_t>(TIFFTileRowSize64(tiff_));
+            if (width == 0 || height == 0 || bytes == 0 || row * height > bytes)
+                fail("damaged: its tiles have no size");
+            for (std::uint32_t ty = y0 / height * height; ty < y1; ty += height)
+                for (std::uint32_t tx = x0 / width * width; tx < x1; tx += width) {
+                    std::byte const* const tile = unit(plane.page, TIFFComputeTile(tiff_, tx, ty, 0, apart), bytes);
+                    std::uint32_t const from = std::max(tx, x0), until = std::min(tx + width, x1);
+                    for (std::uint32_t y = std::max(ty, y0); y < std::min(ty + height, y1); ++y)
+                        copy_row(page, tile + (y - ty) * row, from - tx, until - from, within, place(from, y));
+                }
+            continue;
+        }
+        std::uint32_t rows = 0;
+        TIFFGetFieldDefaulted(tiff_, TIFFTAG_ROWSPERSTRIP, &rows);
+        rows = std::min(rows, page.height);
+        auto const row = static_cast<std::size_t>(TIFFScanlineSize64(tiff_));
+        if (rows == 0 || row == 0) fail("damaged: its strips have no rows");
+        for (std::uint32_t sy = y0 / rows * rows; sy < y1; sy += rows) {
+            std::uint32_t const here = std::min(rows, page.height - sy);
+            std::byte const* const strip =
+                unit(plane.page, TIFFComputeStrip(tiff_, sy, apart), row * std::size_t{here});
+            for (std::uint32_t y = std::max(sy, y0); y < std::min(sy + rows, y1); ++y)
+                copy_row(page, strip + (y - sy) * row, x0, x1 - x0, within, place(x0, y));
+        }
+    }
+}
+
+} // namespace
+
+std::unique_ptr<GridsParser> open(std::string const& path) { return std::make_unique<TiffFile>(path); }
+
+} // namespace vkt::tiff
+
+namespace vkt {
+namespace {
+TiffFunctions const functions{tiff::writer};
+ParserHandler parse(std::string const& path) {
+    return answer_about_grids([path] { return tiff::open(path); });
+}
+} // namespace
+} // namespace vkt
+
+extern "C" {
+__attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_tiff;
+vkt::ModuleExport const vkt_module_tiff{VKT_VERSION, &vkt::functions, &vkt::parse};
+}

@@ -1,0 +1,464 @@
+// VTK's XML images: .vti, read from one or several pieces and written, and .pvti, whose pieces are files.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/tree_file.h"
+#include "libvkt/formats/vti_file.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <map>
+#include <optional>
+
+#include <omp.h>
+
+namespace vkt {
+namespace {
+
+using Extent = std::array<std::int64_t, 6>;
+
+Index3 lower_of(Extent const& e) { return {e[0], e[2], e[4]}; }
+/// Points of an extent, or its cells; a direction without extent has one layer of either.
+Index3 dims_of(Extent const& e, bool cells) {
+    Index3 d{e[1] - e[0] + 1, e[3] - e[2] + 1, e[5] - e[4] + 1};
+    for (int a = 0; cells && a < 3; ++a)
+        if (d[a] > 1) --d[a];
+    return d;
+}
+
+/// One file with pieces, and the arrays that were asked for of them.
+struct OpenFile {
+    std::unique_ptr<ByteSource> bytes;
+    VtiStructure structure;
+};
+
+std::unique_ptr<OpenFile> open_file(std::unique_ptr<ByteSource> bytes) {
+    auto result = std::make_unique<OpenFile>();
+    result->bytes = seekable_bytes(std::move(bytes));
+    if (!result->bytes->seekable()) throw Error(ErrorKind::data, text("'", result->bytes->name(), "' is empty"));
+    result->structure = read_vti_structure(*result->bytes);
+    return result;
+}
+
+class VtiSource : public Source {
+public:
+    VtiSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) : main_(open_file(std::move(bytes))) {
+        choose(options);
+        for (VtiPiece const& piece : main_->structure.pieces) {
+            Part part;
+            part.extent = piece.extent;
+            part.piece = &piece;
+            part.file = main_.get();
+            if (main_->structure.parallel) part.path = beside(main_->structure.name, piece.source, options.trust_paths);
+            parts_.push_back(std::move(part));
+        }
+        check_covered();
+    }
+
+    bool next_volume() override {
+        if (index_ + 1 >= wanted_.components) return false;
+        ++index_;
+        if (wanted_.components > 1) header_.attributes["channel"] = to_text(index_);
+        return true;
+    }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    std::vector<std::string> not_read() const override { return main_->structure.not_read; }
+    void finish() override {}
+
+    void read(AnyView out) override {
+        if (out.box.empty()) return;
+        if (!box_of(header_.dims).contains(out.box))
+            throw Error(ErrorKind::failure, text("region ", out.box, " is outside of '", main_->structure.name, "'"));
+        if (!choices_.empty()) choose_variable(choices_, "", main_->structure.name);
+        for (Part& part : parts_) {
+            Index3 const lower = lower_of(part.extent) - lower_of(main_->structure.whole);
+            Box const box{lower, lower + dims_of(part.extent, wanted_.cells)};
+            Box const common = intersect(box, out.box);
+            if (!common.empty()) read_part(part, box, out.part(common));
+        }
+    }
+
+private:
+    struct Part {
+        Extent extent{};
+        VtiPiece const* piece = nullptr;
+        OpenFile* file = nullptr;
+        std::string path; ///< of a file of its own, opened when it is needed
+        std::unique_ptr<OpenFile> own;
+        std::unique_ptr<VtiData> data;
+    };
+
+    [[noreturn]] void fail(std::string const& what) const {
+        throw Error(ErrorKind::data, text("'", main_->structure.name, "': ", what));
+    }
+
+    std::vector<VtiArray> const& arrays() const {
+        return main_->structure.parallel ? main_->structure.declared : main_->structure.pieces.front().arrays;
+    }
+
+    void choose(ReadOptions const& options) {
+        std::vector<AmrVariable> all;
+        for (VtiArray const& array : arrays()) {
+            AmrVariable v;
+            v.name = array.name;
+            v.dtype = array.type;
+            all.push_back(v);
+        }
+        VtiStructure const& s = main_->structure;
+        std::size_t chosen = 0;
+        // Of several, the one that its writer calls the scalars.
+        auto const active = [&] {
+            for (bool const cells : {false, true})
+                for (std::size_t i = 0; i < arrays().size(); ++i)
+                    if (arrays()[i].cells == cells && !arrays()[i].name.empty() &&
+                        arrays()[i].name == (cells ? s.active_cells : s.active_points))
+                        return std::optional(i);
+            return std::optional<std::size_t>();
+        };
+        if (all.empty()) fail("holds no array of numbers");
+        if (options.variable.empty() && all.size() > 1) {
+            if (auto const found = active())
+                chosen = *found;
+            else
+                choices_ = all;
+        } else {
+            chosen = choose_variable(all, options.variable, s.name);
+        }
+        wanted_ = arrays()[chosen];
+        header_.dims = dims_of(s.whole, wanted_.cells);
+        header_.dtype = wanted_.type;
+        header_.geometry = s.geometry;
+        for (int a = 0; a < 3; ++a)
+            if (header_.dims[a] < 1 || header_.dims[a] > max_extent) fail("its extent holds no points");
+        Index3 const lower = lower_of(s.whole);
+        Vec3 first{static_cast<double>(lower.x), static_cast<double>(lower.y), static_cast<double>(lower.z)};
+        Index3 const points = dims_of(s.whole, false);
+        for (int a = 0; a < 3; ++a)
+            if (wanted_.cells && points[a] > 1) first[a] += 0.5;
+        header_.geometry.origin = index_to_world(s.geometry, first);
+        if (s.ours && s.ours->kind == Kind::structured && s.ours->dims == header_.dims &&
+            s.ours->dtype == header_.dtype && same_geometry(s.ours->geometry, header_.geometry) &&
+            wanted_.components == 1) {
+            header_ = *s.ours;
+            header_.dry_run = header_.timing = false;
+        } else {
+            header_.attributes["variable"] = wanted_.name;
+        }
+        if (all.size() > 1) {
+            std::vector<std::string> names;
+            for (std::size_t i = 0; i < all.size(); ++i) {
+                VtiArray const& array = arrays()[i];
+                names.push_back(array.name);
+                header_.attributes["variable " + array.name] =
+                    text(array.type, array.components > 1 ? text(" x ", array.components) : "",
+                         array.cells ? ", cells" : ", points");
+            }
+            header_.attributes["variables"] = join(names, " ");
+        }
+        header_ = in_utf8(std::move(header_));
+        try {
+            check(header_);
+        } catch (Error const& error) {
+            fail(error.what());
+        }
+    }
+
+    /// Every voxel must be in some piece. Pieces may overlap (ghosts), so that counting is not enough then.
+    void check_covered() const {
+        Box const whole = box_of(header_.dims);
+        std::int64_t sum = 0;
+        for (Part const& part : parts_) {
+            Index3 const lower = lower_of(part.extent) - lower_of(main_->structure.whole);
+            Box const box{lower, lower + dims_of(part.extent, wanted_.cells)};
+            if (box.empty()) continue;
+            if (!whole.contains(box)) fail("a piece lies outside of the whole extent");
+            if (__builtin_add_overflow(sum, box.voxels(), &sum)) fail("its pieces overlap without end");
+        }
+        if (sum < whole.voxels()) fail("its pieces do not fill the whole extent");
+    }
+
+    void open_part(Part& part) {
+        if (part.data) return;
+        if (!part.path.empty()) {
+            // A few files are open at a time.
+            if (++opened_ > 8)
+                for (Part& other : parts_)
+                    if (other.own) {
+                        other.data.reset();
+                        other.own.reset();
+                    }
+            part.own = open_file(open_bytes(part.path));
+            part.file = part.own.get();
+            if (part.own->structure.parallel) fail(text("its piece '", part.path, "' is no file with voxels"));
+            part.piece = nullptr;
+            for (VtiPiece const& piece : part.own->structure.pieces)
+                if (piece.extent == part.extent) part.piece = &piece;
+            if (part.piece == nullptr) fail(text("its piece '", part.path, "' has another extent"));
+        }
+        for (VtiArray const& array : part.piece->arrays)
+            if (array.name == wanted_.name && array.cells == wanted_.cells) {
+                if (array.type != wanted_.type || array.components != wanted_.components)
+                    fail(text("array '", printable(array.name), "' differs in type between pieces"));
+                Index3 const dims = dims_of(part.extent, wanted_.cells);
+                std::int64_t bytes = 0;
+                if (__builtin_mul_overflow(dims.x * dims.y * dims.z,
+                                           wanted_.components * static_cast<std::int64_t>(size_of(wanted_.type)),
+                                           &bytes))
+                    fail("claims more bytes than any file can have");
+                part.data = std::make_unique<VtiData>(*part.file->bytes, part.file->structure, array, bytes);
+                return;
+            }
+        fail(text("a piece has no array '", printable(wanted_.name), "'"));
+    }
+
+    void read_part(Part& part, Box const& box, AnyView const& out) {
+        open_part(part);
+        auto const element = static_cast<std::int64_t>(size_of(wanted_.type));
+        Index3 const dims = box.dims(), size = out.dims();
+        auto const voxel = [&](std::int64_t x, std::int64_t y, std::int64_t z) {
+            return ((z - box.lower.z) * dims.y + (y - box.lower.y)) * dims.x + (x - box.lower.x);
+        };
+        bool const rows = size.x == dims.x && out.row == size.x, slices = rows && size.y == dims.y;
+        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z) {
+            std::int64_t const together = slices ? size.y : 1;
+            for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; y += together) {
+                std::int64_t const n = size.x * together;
+                std::byte* const to = out.at(out.box.lower.x, y, z);
+                std::int64_t const first = voxel(out.box.lower.x, y, z);
+                if (wanted_.components == 1) {
+                    part.data->read(first * element, to, n * element);
+                    continue;
+                }
+                // A part of the components of a row at a time.
+                std::int64_t const all = wanted_.components * element;
+                std::int64_t const portion = std::max<std::int64_t>((std::int64_t{1} << 20) / all, 1);
+                for (std::int64_t i = 0; i < n; i += portion) {
+                    std::int64_t const count = std::min(portion, n - i);
+                    scratch_.resize(static_cast<std::size_t>(count * all));
+                    part.data->read((first + i) * all, scratch_.data(), count * all);
+                    for (std::int64_t k = 0; k < count; ++k)
+                        std::memcpy(to + (i + k) * element, scratch_.data() + k * all + index_ * element,
+                                    static_cast<std::size_t>(element));
+                }
+            }
+        }
+    }
+
+    std::unique_ptr<OpenFile> main_;
+    std::vector<AmrVariable> choices_;
+    VtiArray wanted_;
+    Header header_;
+    std::vector<Part> parts_;
+    int opened_ = 0;
+    std::int64_t index_ = -1; ///< component
+    std::vector<std::byte> scratch_;
+};
+
+std::unique_ptr<Source> open_vti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    return std::make_unique<VtiSource>(std::move(bytes), options);
+}
+
+// --- Writing --------------------------------------------------------------------------------------------------------
+
+char const* vtk_type(DataType type) {
+    switch (type) {
+    case DataType::uint8:
+        return "UInt8";
+    case DataType::int8:
+        return "Int8";
+    case DataType::uint16:
+        return "UInt16";
+    case DataType::int16:
+        return "Int16";
+    case DataType::uint32:
+        return "UInt32";
+    case DataType::int32:
+        return "Int32";
+    case DataType::uint64:
+        return "UInt64";
+    case DataType::int64:
+        return "Int64";
+    case DataType::float32:
+        return "Float32";
+    case DataType::float64:
+        return "Float64";
+    case DataType::float16:
+        break;
+    }
+    return nullptr;
+}
+
+std::string xml_escaped(std::string const& words) {
+    std::string result;
+    for (char const c : words) {
+        if (c == '&')
+            result += "&amp;";
+        else if (c == '<')
+            result += "&lt;";
+        else if (c == '>')
+            result += "&gt;";
+        else if (c == '"')
+            result += "&quot;";
+        else if (static_cast<unsigned char>(c) < ' ')
+            result += ' ';
+        else
+            result += c;
+    }
+    return result;
+}
+
+/// Appended raw data, in blocks of zlib if compressed, behind a header whose length is known before.
+class VtiWriter : public VolumeWriter {
+public:
+    VtiWriter(std::string const& path, WriteOptions const& options)
+        : file_(path, options.force), compress_(options.compress),
+          threads_(options.threads.value_or(default_threads())) {
+        if (compress_ && file_.in_place())
+            throw Error(ErrorKind::usage, "a compressed .vti cannot go to a pipe, since its sizes come first",
+                        "write a file");
+    }
+
+    void begin(Header const& header) override {
+        if (header.kind != Kind::structured)
+            throw Error(ErrorKind::usage, ".vti files cannot hold bricks", "make a grid of them first: vkt resample");
+        if (vtk_type(header.dtype) == nullptr)
+            throw Error(ErrorKind::usage, text(".vti files cannot hold ", header.dtype),
+                        "convert first: vkt convert --dtype float32");
+        if (std::exchange(begun_, true))
+            throw Error(ErrorKind::usage, "a .vti file holds one volume",
+                        "write one file each: name it like out_%04d.vti");
+        size_ = static_cast<std::int64_t>(header.bytes());
+        file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
+        put(head(in_utf8(header)));
+        if (!compress_) {
+            std::uint64_t const size = header.bytes();
+            file_.write(&size, sizeof size);
+            return;
+        }
+        std::int64_t const blocks = (size_ + block - 1) / block;
+        table_.assign(static_cast<std::size_t>(blocks) + 3, 0);
+        table_[0] = static_cast<std::uint64_t>(blocks);
+        table_[1] = static_cast<std::uint64_t>(block);
+        table_[2] = static_cast<std::uint64_t>(size_ % block);
+        table_at_ = written_;
+        file_.write(table_.data(), table_.size() * 8);
+    }
+
+    void write(std::byte const* voxels, std::size_t n) override {
+        if (!compress_) return file_.write(voxels, n);
+        held_.insert(held_.end(), voxels, voxels + n);
+        if (std::ssize(held_) >= block * 4 * threads_) pack(false);
+    }
+
+    void end() override {
+        if (compress_) pack(true);
+        put("\n  </AppendedData>\n</VTKFile>\n");
+    }
+
+    void close() override {
+        if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
+        if (compress_) file_.write_at(table_at_, table_.data(), table_.size() * 8);
+        file_.commit();
+    }
+
+private:
+    static constexpr std::int64_t block = std::int64_t{1} << 20;
+
+    void put(std::string const& words) {
+        file_.write(words.data(), words.size());
+        written_ += std::ssize(words);
+    }
+
+    std::string head(Header const& h) const {
+        auto const number = [](double v) { return to_text(v); };
+        auto const vector = [&](Vec3 v) { return text(number(v.x), " ", number(v.y), " ", number(v.z)); };
+        auto const& d = h.geometry.direction;
+        std::string const extent = text("0 ", h.dims.x - 1, " 0 ", h.dims.y - 1, " 0 ", h.dims.z - 1);
+        auto const found = h.attributes.find("variable");
+        std::string const name =
+            xml_escaped(found == h.attributes.end() || found->second.empty() ? "values" : found->second);
+        Header kept = h;
+        kept.timing = kept.dry_run = false;
+        std::string const json = one_line(to_json(kept));
+        std::string letters;
+        for (char const c : json) letters += text(static_cast<int>(static_cast<unsigned char>(c)), " ");
+        bool const little = std::endian::native == std::endian::little;
+        return text("<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"",
+                    little ? "LittleEndian" : "BigEndian", "\" header_type=\"UInt64\"",
+                    compress_ ? " compressor=\"vtkZLibDataCompressor\"" : "", ">\n  <ImageData WholeExtent=\"", extent,
+                    "\" Origin=\"", vector(h.geometry.origin), "\" Spacing=\"", vector(h.geometry.spacing),
+                    "\" Direction=\"", vector({d[0].x, d[1].x, d[2].x}), " ", vector({d[0].y, d[1].y, d[2].y}), " ",
+                    vector({d[0].z, d[1].z, d[2].z}),
+                    "\">\n    <FieldData>\n      <Array type=\"String\" Name=\"vkt_header\" NumberOfTuples=\"1\" "
+                    "format=\"ascii\">\n        ",
+                    letters, "0\n      </Array>\n    </FieldData>\n    <Piece Extent=\"", extent,
+                    "\">\n      <PointData Scalars=\"", name, "\">\n        <DataArray type=\"", vtk_type(h.dtype),
+                    "\" Name=\"", name,
+                    "\" format=\"appended\" offset=\"0\"/>\n      </PointData>\n    </Piece>\n  </ImageData>\n  "
+                    "<AppendedData encoding=\"raw\">\n   _");
+    }
+
+    /// Compresses whole blocks, or all that is held.
+    void pack(bool all) {
+        std::int64_t const blocks = all ? (std::ssize(held_) + block - 1) / block : std::ssize(held_) / block;
+        std::vector<std::vector<Bytef>> packed(static_cast<std::size_t>(blocks));
+        std::vector<int> failed(static_cast<std::size_t>(blocks), Z_OK);
+#pragma omp parallel for num_threads(threads_) schedule(dynamic)
+        for (std::int64_t i = 0; i < blocks; ++i) {
+            auto const k = static_cast<std::size_t>(i);
+            auto const n = static_cast<uLong>(std::min(block, std::ssize(held_) - i * block));
+            uLongf size = compressBound(n);
+            packed[k].resize(size);
+            failed[k] =
+                compress2(packed[k].data(), &size, reinterpret_cast<Bytef const*>(held_.data() + i * block), n, 5);
+            packed[k].resize(size);
+        }
+        for (std::size_t i = 0; i < packed.size(); ++i) {
+            if (failed[i] != Z_OK) throw Error(ErrorKind::resources, "no memory for deflate");
+            table_[3 + done_++] = packed[i].size();
+            file_.write(packed[i].data(), packed[i].size());
+        }
+        held_.erase(held_.begin(), held_.begin() + std::min(blocks * block, std::ssize(held_)));
+    }
+
+    OutputFile file_;
+    bool compress_;
+    int threads_;
+    bool begun_ = false;
+    std::int64_t size_ = 0, written_ = 0, table_at_ = 0;
+    std::vector<std::uint64_t> table_;
+    std::size_t done_ = 0;
+    std::vector<std::byte> held_;
+};
+
+std::unique_ptr<Sink> create_vti(std::string const& path, WriteOptions const& options) {
+    if (lower_case(path).ends_with(".pvti"))
+        throw Error(ErrorKind::usage, ".pvti files name parts in other files, and are only read",
+                    text("write one file: ", path.substr(0, path.size() - 5), ".vti"));
+    return slab_sink(std::make_unique<VtiWriter>(path, options));
+}
+
+} // namespace
+
+Format vti_format() {
+    return {"vti",
+            "VTK XML images, whole or in parts",
+            {".vti", ".pvti"},
+            [](std::span<std::byte const> head) {
+                return is_vti(std::string_view(reinterpret_cast<char const*>(head.data()), head.size()));
+            },
+            open_vti,
+            create_vti};
+}
+
+} // namespace vkt

@@ -1,0 +1,684 @@
+// The structure of .vti files by expat, their data by zlib, LZ4 and LZMA.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/vti_file.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/decode.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/raw_source.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <map>
+
+#include <zlib.h>
+#ifdef VKT_HAVE_EXPAT
+#include <expat.h>
+#endif
+#ifdef VKT_HAVE_LZ4
+#include <lz4.h>
+#endif
+#ifdef VKT_HAVE_LZMA
+#include <lzma.h>
+#endif
+
+namespace vkt {
+namespace {
+
+[[maybe_unused]] constexpr std::size_t most_arrays = 4096, most_pieces = std::size_t{1} << 20;
+constexpr std::int64_t most_blocks = std::int64_t{1} << 28;
+
+[[noreturn]] void damaged(std::string const& name, std::string const& what, std::string const& hint = {}) {
+    throw Error(ErrorKind::data, text("'", name, "': ", what), hint);
+}
+
+#ifdef VKT_HAVE_EXPAT
+
+struct TypeName {
+    char const* name;
+    DataType type;
+};
+constexpr TypeName type_names[] = {{"Int8", DataType::int8},       {"UInt8", DataType::uint8},
+                                   {"Int16", DataType::int16},     {"UInt16", DataType::uint16},
+                                   {"Int32", DataType::int32},     {"UInt32", DataType::uint32},
+                                   {"Int64", DataType::int64},     {"UInt64", DataType::uint64},
+                                   {"Float32", DataType::float32}, {"Float64", DataType::float64}};
+
+std::optional<DataType> type_named(std::string const& name) {
+    for (auto const& entry : type_names)
+        if (name == entry.name) return entry.type;
+    return std::nullopt;
+}
+
+/// Walks through the XML; data stay where they are.
+class StructureReader {
+public:
+    explicit StructureReader(ByteSource& bytes) : bytes_(bytes) { result_.name = bytes.name(); }
+
+    VtiStructure read() {
+        parser_ = XML_ParserCreate(nullptr);
+        if (parser_ == nullptr) throw std::bad_alloc();
+        struct Free {
+            XML_Parser parser;
+            ~Free() { XML_ParserFree(parser); }
+        } const free{parser_};
+        XML_SetUserData(parser_, this);
+        XML_SetElementHandler(
+            parser_,
+            [](void* self, XML_Char const* name, XML_Char const** attributes) {
+                static_cast<StructureReader*>(self)->guarded(&StructureReader::begin, name, attributes);
+            },
+            [](void* self, XML_Char const* name) {
+                static_cast<StructureReader*>(self)->guarded(&StructureReader::end, name, nullptr);
+            });
+        XML_SetCharacterDataHandler(parser_, [](void* self, XML_Char const* s, int n) {
+            auto* const reader = static_cast<StructureReader*>(self);
+            if (reader->keeps_text_ && reader->text_.size() < text_limit)
+                reader->text_.append(s, static_cast<std::size_t>(n));
+        });
+        // Nothing that a document may define is needed.
+        XML_SetStartDoctypeDeclHandler(parser_, [](void* self, XML_Char const*, XML_Char const*, XML_Char const*, int) {
+            auto* const reader = static_cast<StructureReader*>(self);
+            reader->guarded(&StructureReader::refuse_definitions, nullptr, nullptr);
+        });
+        constexpr std::size_t block = std::size_t{256} << 10;
+        std::int64_t position = 0;
+        while (!stopped_) {
+            void* const buffer = XML_GetBuffer(parser_, block);
+            if (buffer == nullptr) throw std::bad_alloc();
+            auto const n = static_cast<std::size_t>(std::min<std::int64_t>(block, bytes_.size() - position));
+            bytes_.read_at(position, buffer, n);
+            position += static_cast<std::int64_t>(n);
+            auto const status = XML_ParseBuffer(parser_, static_cast<int>(n), n == 0 || position == bytes_.size());
+            if (failure_) std::rethrow_exception(failure_);
+            if (stopped_) break;
+            if (status != XML_STATUS_OK) {
+                XML_Error const code = XML_GetErrorCode(parser_);
+                bool const early =
+                    position == bytes_.size() && (code == XML_ERROR_NO_ELEMENTS || code == XML_ERROR_UNCLOSED_TOKEN ||
+                                                  code == XML_ERROR_PARTIAL_CHAR);
+                damaged(result_.name, text(early ? "ended early" : "damaged", " at line ",
+                                           static_cast<std::int64_t>(XML_GetCurrentLineNumber(parser_)), ": ",
+                                           XML_ErrorString(code)));
+            }
+            if (position == bytes_.size()) break;
+        }
+        finish();
+        return std::move(result_);
+    }
+
+private:
+    static constexpr std::size_t text_limit = std::size_t{16} << 20;
+    using Attributes = std::map<std::string, std::string>;
+
+    /// C code lies between what throws and who catches.
+    void guarded(void (StructureReader::*what)(char const*, char const**), char const* name, char const** attributes) {
+        if (failure_) return;
+        try {
+            (this->*what)(name, attributes);
+        } catch (...) {
+            failure_ = std::current_exception();
+            XML_StopParser(parser_, XML_FALSE);
+        }
+    }
+
+    void refuse_definitions(char const*, char const**) {
+        damaged(result_.name, "defines entities of its own, which no VTK file needs");
+    }
+
+    std::vector<double> numbers(Attributes& a, char const* key, std::size_t n) const {
+        std::vector<double> values;
+        for (std::string const& word : words_of(a[key])) {
+            auto const value = number_in(word);
+            if (!value || !std::isfinite(*value)) break;
+            values.push_back(*value);
+        }
+        if (values.size() != n)
+            damaged(result_.name,
+                    text(key, "=\"", a[key].substr(0, 80), "\" is not ", static_cast<std::int64_t>(n), " numbers"));
+        return values;
+    }
+
+    std::array<std::int64_t, 6> extent(Attributes& a, char const* key) const {
+        std::vector<double> const v = numbers(a, key, 6);
+        std::array<std::int64_t, 6> result{};
+        for (std::size_t i = 0; i < 6; ++i) {
+            if (std::abs(v[i]) > static_cast<double>(max_extent) || v[i] != std::floor(v[i]))
+                damaged(result_.name, text(key, "=\"", a[key].substr(0, 80), "\" is no extent"));
+            result[i] = static_cast<std::int64_t>(v[i]);
+        }
+        return result;
+    }
+
+    void begin(char const* element, char const** list) {
+        std::string const name = element;
+        Attributes a;
+        for (; *list != nullptr; list += 2) a.emplace(list[0], list[1]);
+        if (++depth_ == 1) return root(name, a);
+        if (name == "ImageData" || name == "PImageData") return image(a);
+        if (name == "Piece") return piece(a);
+        if (name == "PointData" || name == "PPointData" || name == "CellData" || name == "PCellData") {
+            data_ = true;
+            cells_ = name == "CellData" || name == "PCellData";
+            if (a.count("Scalars") > 0) (cells_ ? result_.active_cells : result_.active_points) = a["Scalars"];
+        }
+        if (name == "FieldData") fields_ = true;
+        if (name == "DataArray" || name == "PDataArray" || name == "Array") array(name, a);
+        if (name == "AppendedData") appended(a);
+    }
+
+    void end(char const* element, char const**) {
+        std::string const name = element;
+        --depth_;
+        if (name == "PointData" || name == "PPointData" || name == "CellData" || name == "PCellData") data_ = false;
+        if (name == "FieldData") fields_ = false;
+        if (name != "DataArray" && name != "Array") return;
+        if (inline_) {
+            result_.pieces.back().arrays.back().end = XML_GetCurrentByteIndex(parser_);
+            inline_ = false;
+        }
+        if (keeps_text_) ours();
+    }
+
+    void root(std::string const& name, Attributes& a) {
+        if (name != "VTKFile")
+            damaged(result_.name,
+                    text("is XML, but no VTK file: its first element is ", printable(name.substr(0, 40))));
+        std::string const& type = a["type"];
+        if (type != "ImageData" && type != "PImageData")
+            damaged(result_.name, text("holds ", printable(type.substr(0, 40)), ", not ImageData, which volumes are"),
+                    "in ParaView: Resample To Image");
+        result_.parallel = type == "PImageData";
+        result_.big_endian = a["byte_order"] == "BigEndian";
+        std::string const& width = a["header_type"];
+        if (!width.empty() && width != "UInt32" && width != "UInt64")
+            damaged(result_.name, text("header_type=\"", printable(width.substr(0, 40)), "\" is unknown"));
+        result_.wide_header = width == "UInt64";
+        std::string const& compressor = a["compressor"];
+        using Compressor = VtiStructure::Compressor;
+        if (compressor == "vtkZLibDataCompressor")
+            result_.compressor = Compressor::zlib;
+        else if (compressor == "vtkLZ4DataCompressor")
+            result_.compressor = Compressor::lz4;
+        else if (compressor == "vtkLZMADataCompressor")
+            result_.compressor = Compressor::lzma;
+        else if (!compressor.empty())
+            damaged(result_.name, text("its compressor, ", printable(compressor.substr(0, 60)), ", is unknown"));
+    }
+
+    void image(Attributes& a) {
+        seen_ = true;
+        result_.whole = extent(a, "WholeExtent");
+        std::vector<double> const origin = numbers(a, "Origin", 3), spacing = numbers(a, "Spacing", 3);
+        std::vector<double> direction{1, 0, 0, 0, 1, 0, 0, 0, 1};
+        if (a.count("Direction") > 0) direction = numbers(a, "Direction", 9);
+        Geometry& g = result_.geometry;
+        for (int axis = 0; axis < 3; ++axis) {
+            auto const i = static_cast<std::size_t>(axis);
+            g.origin[axis] = origin[i];
+            double const s = spacing[i] == 0 ? 1 : spacing[i]; // of a single slice, which has no next one
+            set_axis(g, axis, Vec3{direction[i], direction[3 + i], direction[6 + i]} * s,
+                     text("'", result_.name, "': the direction"));
+        }
+    }
+
+    void piece(Attributes& a) {
+        if (!seen_) damaged(result_.name, "has a piece outside of its image");
+        if (result_.pieces.size() == most_pieces) damaged(result_.name, "has more pieces than can be");
+        VtiPiece p;
+        p.extent = extent(a, "Extent");
+        p.source = a["Source"];
+        result_.pieces.push_back(std::move(p));
+    }
+
+    void array(std::string const& element, Attributes& a) {
+        if (fields_) {
+            keeps_text_ = a["Name"] == "vkt_header" && a["format"] == "ascii";
+            text_.clear();
+            return;
+        }
+        if (!data_) return;
+        std::string const& words = a["type"];
+        auto const type = type_named(words);
+        bool const first = element == "PDataArray" || result_.pieces.size() <= 1;
+        if (!type || element == "Array") {
+            if (first) result_.not_read.push_back(text("array '", a["Name"], "' of type ", words));
+            return;
+        }
+        VtiArray one;
+        one.name = a["Name"];
+        one.type = *type;
+        one.cells = cells_;
+        if (a.count("NumberOfComponents") > 0) {
+            auto const n = integer_in(a["NumberOfComponents"]);
+            if (!n || *n < 1 || *n > 65536)
+                damaged(result_.name, text("array '", printable(one.name), "' has no number of components"));
+            one.components = *n;
+        }
+        if (element == "PDataArray") {
+            if (result_.declared.size() < most_arrays) result_.declared.push_back(std::move(one));
+            return;
+        }
+        if (result_.pieces.empty() || result_.pieces.back().arrays.size() >= most_arrays)
+            damaged(result_.name, "has an array outside of a piece, or too many");
+        std::string const& format = a["format"];
+        if (format == "appended") {
+            one.format = VtiArray::Format::appended;
+            auto const offset = integer_in(a["offset"]);
+            if (!offset || *offset < 0) damaged(result_.name, text("array '", printable(one.name), "' has no offset"));
+            one.begin = *offset;
+        } else {
+            if (format != "ascii" && format != "binary")
+                damaged(result_.name, text("array '", printable(one.name), "' has the unknown format '",
+                                           printable(format.substr(0, 40)), "'"));
+            one.format = format == "ascii" ? VtiArray::Format::ascii : VtiArray::Format::binary;
+            one.begin = XML_GetCurrentByteIndex(parser_) + XML_GetCurrentByteCount(parser_);
+            one.end = one.begin;
+            inline_ = true;
+        }
+        result_.pieces.back().arrays.push_back(std::move(one));
+    }
+
+    void appended(Attributes& a) {
+        std::string const& encoding = a["encoding"];
+        if (encoding != "raw" && encoding != "base64")
+            damaged(result_.name,
+                    text("its appended data have the unknown encoding '", printable(encoding.substr(0, 40)), "'"));
+        result_.appended_base64 = encoding == "base64";
+        std::int64_t at = XML_GetCurrentByteIndex(parser_) + XML_GetCurrentByteCount(parser_);
+        // What follows need not be XML.
+        stopped_ = true;
+        XML_StopParser(parser_, XML_FALSE);
+        for (int i = 0; i < 4096 && at < bytes_.size(); ++i, ++at) {
+            char c = 0;
+            bytes_.read_at(at, &c, 1);
+            if (c == '_') {
+                result_.appended = at + 1;
+                return;
+            }
+            if (c != ' ' && (c < '\t' || c > '\r')) break;
+        }
+        damaged(result_.name, "its appended data do not begin with '_'");
+    }
+
+    /// Characters as numbers, which is how VTK writes strings.
+    void ours() {
+        keeps_text_ = false;
+        std::string json;
+        for (std::string const& word : words_of(text_)) {
+            auto const c = integer_in(word);
+            if (!c || *c < 0 || *c > 255) return;
+            if (*c == 0) break;
+            json += static_cast<char>(*c);
+        }
+        try {
+            result_.ours = header_from_json(json);
+        } catch (Error const&) { // another program has changed it
+        }
+    }
+
+    void finish() {
+        if (!seen_) damaged(result_.name, "has no image");
+        if (result_.pieces.empty()) damaged(result_.name, "has no piece");
+    }
+
+    ByteSource& bytes_;
+    VtiStructure result_;
+    XML_Parser parser_ = nullptr;
+    std::exception_ptr failure_;
+    int depth_ = 0;
+    bool seen_ = false, data_ = false, cells_ = false, fields_ = false, inline_ = false, keeps_text_ = false,
+         stopped_ = false;
+    std::string text_;
+};
+
+#endif
+
+int base64_value(unsigned char c) {
+    if (c >= 'A' && c <= 'Z') return c - 'A';
+    if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+    if (c >= '0' && c <= '9') return c - '0' + 52;
+    return c == '+' ? 62 : c == '/' ? 63 : -1;
+}
+
+bool is_blank(unsigned char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+
+/// Bytes that lie in the file plain or in base64, from `begin` on, at most to `end`.
+class Encoded {
+public:
+    Encoded(ByteSource const& bytes, std::string const& name, std::int64_t begin, std::int64_t end, bool base64)
+        : bytes_(bytes), name_(name), begin_(begin), end_(end), base64_(base64) {}
+
+    /// Bytes that can be there at most.
+    std::int64_t most() const { return base64_ ? (end_ - begin_) / 4 * 3 + 3 : end_ - begin_; }
+
+    void read(std::int64_t position, std::byte* to, std::int64_t n) {
+        if (position < 0 || n < 0 || position > most() || n > most() - position) early();
+        if (!base64_) {
+            bytes_.read_at(begin_ + position, to, static_cast<std::size_t>(n));
+            return;
+        }
+        constexpr std::int64_t portion = std::int64_t{192} << 10; // a multiple of 3
+        while (n > 0) {
+            std::int64_t const group = position / 3, skip = position % 3;
+            std::int64_t const count = std::min(n, portion - skip), groups = (skip + count + 2) / 3;
+            if (begin_ + 4 * group + 4 * groups > end_) early();
+            letters_.resize(static_cast<std::size_t>(4 * groups));
+            bytes_.read_at(begin_ + 4 * group, letters_.data(), letters_.size());
+            decoded_.resize(static_cast<std::size_t>(3 * groups));
+            std::int64_t const got = decode();
+            if (got < skip + count) early();
+            std::memcpy(to, decoded_.data() + skip, static_cast<std::size_t>(count));
+            to += count;
+            position += count;
+            n -= count;
+        }
+    }
+
+private:
+    [[noreturn]] void early() const { damaged(name_, "ended early: an array is incomplete"); }
+
+    /// Bytes that the letters stand for.
+    std::int64_t decode() {
+        std::int64_t got = 0;
+        for (std::size_t g = 0; g < letters_.size(); g += 4) {
+            std::uint32_t value = 0;
+            int letters = 0;
+            for (std::size_t i = 0; i < 4; ++i) {
+                int const digit = base64_value(letters_[g + i]);
+                if (digit < 0 && letters_[g + i] != '=') damaged(name_, "an array is no base64");
+                if (digit >= 0 && letters != static_cast<int>(i)) damaged(name_, "an array is no base64");
+                if (digit >= 0) ++letters;
+                value = value << 6 | static_cast<std::uint32_t>(std::max(digit, 0));
+            }
+            for (int i = 0; i < letters - 1; ++i)
+                decoded_[static_cast<std::size_t>(got++)] = static_cast<std::byte>(value >> (16 - 8 * i));
+            if (letters < 4) break;
+        }
+        return got;
+    }
+
+    ByteSource const& bytes_;
+    std::string const& name_;
+    std::int64_t begin_, end_;
+    bool base64_;
+    std::vector<unsigned char> letters_;
+    std::vector<std::byte> decoded_;
+};
+
+} // namespace
+
+bool is_vti(std::string_view head) {
+    std::size_t const at = head.find("<VTKFile");
+    if (at == std::string_view::npos) return false;
+    std::size_t const end = head.find('>', at);
+    std::string_view const tag = head.substr(at, end == std::string_view::npos ? end : end - at);
+    return tag.find("ImageData\"") != std::string_view::npos || tag.find("ImageData'") != std::string_view::npos;
+}
+
+VtiStructure read_vti_structure(ByteSource& bytes) {
+#ifdef VKT_HAVE_EXPAT
+    return StructureReader(bytes).read();
+#else
+    throw Error(ErrorKind::failure, text("'", bytes.name(), "': this build cannot read VTK's XML files"),
+                "build vkt with libexpat1-dev");
+#endif
+}
+
+class VtiData::Impl {
+public:
+    Impl(ByteSource const& bytes, VtiStructure const& structure, VtiArray const& array, std::int64_t size)
+        : bytes_(bytes), s_(structure), array_(array), size_(size), element_(size_of(array.type)) {
+        if (array.format == VtiArray::Format::ascii) {
+            read_ascii();
+            return;
+        }
+        std::int64_t begin = array.begin, end = array.end;
+        bool const appended = array.format == VtiArray::Format::appended, base64 = !appended || s_.appended_base64;
+        if (appended) {
+            if (s_.appended < 0) damaged(s_.name, "has no appended data, of which an array speaks");
+            if (array.begin > bytes.size() - s_.appended)
+                damaged(s_.name, text("ended early: array '", printable(array.name), "' begins behind its end"));
+            begin = s_.appended + array.begin;
+            end = bytes.size();
+        }
+        if (base64 && !appended) begin = plain_base64(begin, end);
+        ByteSource const& from = unwrapped_ ? *unwrapped_ : bytes_;
+        open(from, begin, end, base64);
+    }
+
+    void read(std::int64_t position, std::byte* to, std::int64_t n) {
+        if (position < 0 || n < 0 || position > size_ - n)
+            throw Error(ErrorKind::failure, text("'", s_.name, "': bytes outside of an array"));
+        if (!values_.empty()) {
+            std::memcpy(to, values_.data() + position, static_cast<std::size_t>(n));
+            return;
+        }
+        std::byte* const first = to;
+        std::int64_t const all = n;
+        if (s_.compressor == VtiStructure::Compressor::none) {
+            encoded_->read(data_ + position, to, n);
+        } else {
+            while (n > 0) {
+                std::int64_t const block = position / block_size_, inside = position % block_size_;
+                std::vector<std::byte> const& decoded = this->block(block);
+                std::int64_t const count = std::min(n, std::ssize(decoded) - inside);
+                std::memcpy(to, decoded.data() + inside, static_cast<std::size_t>(count));
+                to += count;
+                position += count;
+                n -= count;
+            }
+        }
+        if (element_ > 1 && s_.big_endian != (std::endian::native == std::endian::big))
+            swap_bytes(first, static_cast<std::size_t>(all) / element_, element_);
+    }
+
+private:
+    /// Letters without blanks between them can be read anywhere; others are copied together.
+    std::int64_t plain_base64(std::int64_t begin, std::int64_t& end) {
+        char c = 0;
+        while (begin < end && (bytes_.read_at(begin, &c, 1), is_blank(static_cast<unsigned char>(c)))) ++begin;
+        while (begin < end && (bytes_.read_at(end - 1, &c, 1), is_blank(static_cast<unsigned char>(c)))) --end;
+        std::string letters;
+        std::string block;
+        bool blanks = false;
+        for (std::int64_t at = begin; at < end && (at < begin + 65536 || blanks); at += std::ssize(block)) {
+            block.resize(static_cast<std::size_t>(std::min<std::int64_t>(65536, end - at)));
+            bytes_.read_at(at, block.data(), block.size());
+            for (char const letter : block)
+                if (is_blank(static_cast<unsigned char>(letter)))
+                    blanks = true;
+                else
+                    letters += letter;
+        }
+        if (!blanks) return begin;
+        end = std::ssize(letters);
+        // As bytes that can be read anywhere.
+        unwrapped_ = text_bytes(letters);
+        return 0;
+    }
+
+    static std::unique_ptr<ByteSource> text_bytes(std::string const& letters);
+
+    std::uint64_t header_word(Encoded& from, std::int64_t index) const {
+        std::size_t const width = s_.wide_header ? 8 : 4;
+        std::array<std::byte, 8> raw{};
+        from.read(index * static_cast<std::int64_t>(width), raw.data(), static_cast<std::int64_t>(width));
+        return word_of(raw.data(), width);
+    }
+
+    std::uint64_t word_of(std::byte const* raw, std::size_t width) const {
+        std::uint64_t value = 0;
+        for (std::size_t i = 0; i < width; ++i)
+            value = value << 8 | std::to_integer<std::uint64_t>(raw[s_.big_endian ? i : width - 1 - i]);
+        return value;
+    }
+
+    void open(ByteSource const& from, std::int64_t begin, std::int64_t end, bool base64) {
+        std::int64_t const width = s_.wide_header ? 8 : 4;
+        Encoded head(from, s_.name, begin, end, base64);
+        // Where what follows a header of n bytes begins, if that is encoded by itself.
+        auto const behind = [&](std::int64_t n) { return begin + (base64 ? (n + 2) / 3 * 4 : n); };
+        if (s_.compressor == VtiStructure::Compressor::none) {
+            check_size(header_word(head, 0));
+            // Some writers encode the number of bytes by itself, others with the data.
+            char last = 0;
+            if (base64) from.read_at(behind(width) - 1, &last, 1);
+            bool const apart = last == '=';
+            encoded_.emplace(from, s_.name, apart ? behind(width) : begin, end, base64);
+            data_ = apart ? 0 : width;
+            return;
+        }
+        std::uint64_t const blocks = header_word(head, 0), size = header_word(head, 1), last = header_word(head, 2);
+        if (blocks == 0 || blocks > static_cast<std::uint64_t>(most_blocks) ||
+            static_cast<std::int64_t>(blocks + 3) * width > head.most())
+            damaged(s_.name, text("array '", printable(array_.name), "' claims ", blocks, " blocks"));
+        auto const n = static_cast<std::int64_t>(blocks);
+        // The last block may be a part of one, also where it is the only one: then blocks are larger than the array.
+        std::uint64_t stated = 0;
+        if (size == 0 || last > size || __builtin_mul_overflow(size, last == 0 ? blocks : blocks - 1, &stated) ||
+            __builtin_add_overflow(stated, last, &stated))
+            damaged(s_.name, text("array '", printable(array_.name), "' claims blocks of sizes that cannot be"));
+        check_size(stated);
+        block_size_ = static_cast<std::int64_t>(std::min(size, static_cast<std::uint64_t>(size_)));
+        std::vector<std::byte> table(static_cast<std::size_t>((n + 3) * width));
+        head.read(0, table.data(), std::ssize(table));
+        std::int64_t const data = behind((n + 3) * width);
+        std::int64_t position = 0;
+        starts_.reserve(static_cast<std::size_t>(n) + 1);
+        for (std::int64_t i = 0; i < n; ++i) {
+            starts_.push_back(position);
+            std::uint64_t const bytes = word_of(table.data() + (i + 3) * width, static_cast<std::size_t>(width));
+            if (bytes > static_cast<std::uint64_t>(end - begin))
+                damaged(s_.name, "ended early: an array is incomplete");
+            position += static_cast<std::int64_t>(bytes);
+        }
+        starts_.push_back(position);
+        encoded_.emplace(from, s_.name, data, end, base64);
+        if (position > encoded_->most()) damaged(s_.name, "ended early: an array is incomplete");
+        // Nothing is allocated that so few bytes cannot become.
+        double const densest = s_.compressor == VtiStructure::Compressor::lzma ? 1e5 : 1032;
+        if (static_cast<double>(size_) > densest * static_cast<double>(position) + 64)
+            damaged(s_.name, text("array '", printable(array_.name), "' is compressed to fewer bytes than can be"));
+    }
+
+    void check_size(std::uint64_t stated) const {
+        if (stated != static_cast<std::uint64_t>(size_))
+            damaged(s_.name,
+                    text("array '", printable(array_.name), "' has ", stated, " bytes, its extent needs ", size_));
+    }
+
+    std::vector<std::byte> const& block(std::int64_t index) {
+        for (Block& held : held_)
+            if (held.index == index) return held.bytes;
+        Block& held = held_[next_++ % held_.size()];
+        held.index = -1;
+        auto const i = static_cast<std::size_t>(index);
+        std::int64_t const size = std::min(block_size_, size_ - index * block_size_);
+        packed_.resize(static_cast<std::size_t>(starts_[i + 1] - starts_[i]));
+        encoded_->read(starts_[i], packed_.data(), std::ssize(packed_));
+        held.bytes.resize(static_cast<std::size_t>(size));
+        if (!unpack(held.bytes))
+            damaged(s_.name, text("damaged compressed data in array '", printable(array_.name), "'"));
+        held.index = index;
+        return held.bytes;
+    }
+
+    bool unpack(std::vector<std::byte>& to) {
+        switch (s_.compressor) {
+        case VtiStructure::Compressor::zlib: {
+            uLongf size = to.size();
+            return uncompress(reinterpret_cast<Bytef*>(to.data()), &size,
+                              reinterpret_cast<Bytef const*>(packed_.data()), packed_.size()) == Z_OK &&
+                   size == to.size();
+        }
+        case VtiStructure::Compressor::lz4:
+#ifdef VKT_HAVE_LZ4
+            if (packed_.size() > LZ4_MAX_INPUT_SIZE || to.size() > LZ4_MAX_INPUT_SIZE) return false;
+            return LZ4_decompress_safe(reinterpret_cast<char const*>(packed_.data()),
+                                       reinterpret_cast<char*>(to.data()), static_cast<int>(packed_.size()),
+                                       static_cast<int>(to.size())) == static_cast<int>(to.size());
+#else
+            throw Error(ErrorKind::failure, text("'", s_.name, "' is compressed with LZ4, which this build lacks"),
+                        "build vkt with liblz4-dev");
+#endif
+        case VtiStructure::Compressor::lzma: {
+#ifdef VKT_HAVE_LZMA
+            std::uint64_t memory = std::uint64_t{1} << 30;
+            std::size_t in = 0, out = 0;
+            return lzma_stream_buffer_decode(&memory, 0, nullptr, reinterpret_cast<std::uint8_t const*>(packed_.data()),
+                                             &in, packed_.size(), reinterpret_cast<std::uint8_t*>(to.data()), &out,
+                                             to.size()) == LZMA_OK &&
+                   out == to.size();
+#else
+            throw Error(ErrorKind::failure, text("'", s_.name, "' is compressed with LZMA, which this build lacks"),
+                        "build vkt with liblzma-dev");
+#endif
+        }
+        case VtiStructure::Compressor::none:
+            break;
+        }
+        return false;
+    }
+
+    /// Numbers as text can only be found by reading all before them.
+    void read_ascii();
+
+    ByteSource const& bytes_;
+    VtiStructure const& s_;
+    VtiArray const& array_;
+    std::int64_t size_;
+    std::size_t element_;
+    std::unique_ptr<ByteSource> unwrapped_;
+    std::optional<Encoded> encoded_;
+    std::int64_t data_ = 0, block_size_ = 1;
+    std::vector<std::int64_t> starts_;
+    struct Block {
+        std::int64_t index = -1;
+        std::vector<std::byte> bytes;
+    };
+    std::array<Block, 4> held_;
+    std::size_t next_ = 0;
+    std::vector<std::byte> packed_;
+    std::vector<std::byte> values_; ///< of text
+};
+
+std::unique_ptr<ByteSource> VtiData::Impl::text_bytes(std::string const& letters) {
+    return seekable_bytes(
+        std::make_unique<ByteSource>("an array", [&letters, at = std::size_t{0}](std::byte* to, std::size_t n) mutable {
+            std::size_t const count = std::min(n, letters.size() - at);
+            std::memcpy(to, letters.data() + at, count);
+            at += count;
+            return count;
+        }));
+}
+
+void VtiData::Impl::read_ascii() {
+    if (least_encoded_bytes(Encoding::text, size_, array_.type) > array_.end - array_.begin)
+        damaged(s_.name, text("ended early: array '", printable(array_.name), "' has too few values"));
+    ByteSource words(s_.name, [this, at = array_.begin](std::byte* to, std::size_t n) mutable {
+        auto const count = std::min<std::int64_t>(static_cast<std::int64_t>(n), array_.end - at);
+        bytes_.read_at(at, to, static_cast<std::size_t>(count));
+        at += count;
+        return static_cast<std::size_t>(count);
+    });
+    auto const stream = decode(words, Encoding::text, array_.type);
+    values_.resize(static_cast<std::size_t>(size_));
+    std::byte more{};
+    std::size_t const got = stream->read(values_.data(), values_.size());
+    if (got < values_.size() || stream->read(&more, 1) > 0)
+        damaged(s_.name, text("array '", printable(array_.name), "' has ", got < values_.size() ? "fewer" : "more",
+                              " values than its extent"));
+}
+
+VtiData::VtiData(ByteSource const& bytes, VtiStructure const& structure, VtiArray const& array, std::int64_t size)
+    : impl_(std::make_unique<Impl>(bytes, structure, array, size)) {}
+VtiData::~VtiData() = default;
+void VtiData::read(std::int64_t position, std::byte* to, std::int64_t n) { impl_->read(position, to, n); }
+
+} // namespace vkt

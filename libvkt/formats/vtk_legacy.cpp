@@ -1,0 +1,361 @@
+// VTK's legacy files (.vtk) of structured points: lines of text, and numbers as text or big-endian bytes.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/core/volume.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/tree_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace vkt {
+namespace {
+
+constexpr std::string_view magic = "# vtk DataFile Version";
+
+struct TypeName {
+    char const* name;
+    DataType type;
+};
+constexpr TypeName type_names[] = {{"unsigned_char", DataType::uint8}, {"char", DataType::int8},
+                                   {"signed_char", DataType::int8},    {"unsigned_short", DataType::uint16},
+                                   {"short", DataType::int16},         {"unsigned_int", DataType::uint32},
+                                   {"int", DataType::int32},           {"unsigned_long", DataType::uint64},
+                                   {"long", DataType::int64},          {"float", DataType::float32},
+                                   {"double", DataType::float64},      {"vtkidtype", DataType::int64},
+                                   {"vtktypeint64", DataType::int64},  {"vtktypeuint64", DataType::uint64}};
+
+struct LegacyArray {
+    std::string name;
+    DataType type = DataType::uint8;
+    std::int64_t components = 1;
+    bool cells = false;
+    std::int64_t position = 0;
+    bool shares = false; ///< bytes as text, written as parts of 255
+};
+
+class Reader {
+public:
+    explicit Reader(ByteSource& bytes) : bytes_(bytes) {}
+
+    void read() {
+        std::string const first = line();
+        if (!first.starts_with(magic)) fail("does not begin as a VTK file does");
+        line(); // a title
+        std::string const form = lower_case(trimmed(line()));
+        if (form != "ascii" && form != "binary") fail("is neither ASCII nor BINARY");
+        ascii_ = form == "ascii";
+        while (auto const words = next_words()) statement(*words);
+        if (arrays.empty()) fail("holds no array of numbers");
+    }
+
+    Index3 dims{0, 0, 0};
+    Geometry geometry;
+    std::vector<LegacyArray> arrays;
+    std::vector<std::string> not_read;
+    bool ascii() const { return ascii_; }
+
+    Index3 extent(bool cells) const {
+        Index3 d = dims;
+        for (int a = 0; cells && a < 3; ++a)
+            if (d[a] > 1) --d[a];
+        return d;
+    }
+
+    /// Where the next `n` words end.
+    std::int64_t skip_words(std::int64_t n) {
+        bool inside = false;
+        while (true) {
+            auto const ahead = bytes_.peek(std::size_t{16} << 10);
+            if (ahead.empty()) {
+                if (n > (inside ? 1 : 0)) fail("ended early: an array is incomplete");
+                return bytes_.position();
+            }
+            for (std::size_t i = 0; i < ahead.size(); ++i) {
+                char const c = static_cast<char>(ahead[i]);
+                bool const blank = c == ' ' || (c >= '\t' && c <= '\r');
+                if (blank && inside && --n == 0) {
+                    bytes_.skip(static_cast<std::int64_t>(i));
+                    return bytes_.position();
+                }
+                inside = !blank;
+            }
+            bytes_.skip(std::ssize(ahead));
+        }
+    }
+
+private:
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
+        throw Error(ErrorKind::data, text("'", bytes_.name(), "': ", what), hint);
+    }
+    std::string line() {
+        auto result = bytes_.read_line();
+        if (!result) fail("ended early: its header is incomplete");
+        return *result;
+    }
+    std::optional<std::vector<std::string>> next_words() {
+        while (auto const read = bytes_.read_line()) {
+            auto words = words_of(*read);
+            if (!words.empty()) return words;
+        }
+        return std::nullopt;
+    }
+
+    std::vector<double> numbers(std::vector<std::string> const& words) const {
+        std::vector<double> values;
+        for (std::size_t i = 1; i < words.size(); ++i) {
+            auto const value = number_in(words[i]);
+            if (!value || !std::isfinite(*value))
+                fail(text(words[0], " has '", printable(words[i].substr(0, 40)), "', which is no number"));
+            values.push_back(*value);
+        }
+        if (values.size() != 3) fail(text(words[0], " needs three numbers"));
+        return values;
+    }
+
+    std::int64_t integer(std::string const& word) const {
+        auto const value = integer_in(word);
+        if (!value || *value < 0 || *value > max_extent)
+            fail(text("'", printable(word.substr(0, 40)), "' is no count"));
+        return *value;
+    }
+
+    void statement(std::vector<std::string> const& words) {
+        std::string const key = lower_case(words[0]);
+        if (key == "dataset") {
+            if (words.size() < 2 || lower_case(words[1]) != "structured_points")
+                fail(text("holds ", words.size() < 2 ? "nothing" : printable(words[1].substr(0, 40)),
+                          ", not STRUCTURED_POINTS, which volumes are"),
+                     "in ParaView: Resample To Image, saved as .vti");
+        } else if (key == "dimensions") {
+            std::vector<double> const v = numbers(words);
+            for (int a = 0; a < 3; ++a) {
+                double const d = v[static_cast<std::size_t>(a)];
+                if (d < 1 || d > static_cast<double>(max_extent) || d != std::floor(d))
+                    fail("DIMENSIONS are no extents");
+                dims[a] = static_cast<std::int64_t>(d);
+            }
+            Header sound;
+            sound.dims = dims;
+            sound.dtype = DataType::float64;
+            try {
+                check(sound);
+            } catch (Error const& error) {
+                fail(error.what());
+            }
+        } else if (key == "spacing" || key == "aspect_ratio") {
+            std::vector<double> const v = numbers(words);
+            for (int a = 0; a < 3; ++a) {
+                double const s = v[static_cast<std::size_t>(a)];
+                Vec3 axis;
+                axis[a] = s == 0 ? 1 : s;
+                set_axis(geometry, a, axis, "spacing");
+            }
+        } else if (key == "origin") {
+            std::vector<double> const v = numbers(words);
+            geometry.origin = {v[0], v[1], v[2]};
+        } else if (key == "point_data" || key == "cell_data") {
+            if (words.size() != 2) fail(text(words[0], " needs a count"));
+            if (dims.x == 0) fail("has data before DIMENSIONS");
+            cells_ = key == "cell_data";
+            Index3 const d = extent(cells_);
+            count_ = integer(words[1]);
+            if (count_ != d.x * d.y * d.z) fail(text(words[0], " ", count_, " does not fit its DIMENSIONS"));
+        } else if (key == "scalars") {
+            if (words.size() < 3) fail("SCALARS needs a name and a type");
+            std::int64_t const components = words.size() > 3 ? integer(words[3]) : 1;
+            // A table follows in its own line, which old files leave out.
+            auto const ahead = bytes_.peek(12);
+            if (ahead.size() == 12 &&
+                lower_case(std::string_view(reinterpret_cast<char const*>(ahead.data()), 12)) == "lookup_table")
+                line();
+            array(words[1], words[2], components);
+        } else if (key == "vectors" || key == "normals") {
+            if (words.size() < 3) fail(text(words[0], " needs a name and a type"));
+            array(words[1], words[2], 3);
+        } else if (key == "tensors") {
+            if (words.size() < 3) fail("TENSORS needs a name and a type");
+            array(words[1], words[2], 9);
+        } else if (key == "texture_coordinates") {
+            if (words.size() < 4) fail("TEXTURE_COORDINATES needs a name, dimensions and a type");
+            array(words[1], words[3], integer(words[2]));
+        } else if (key == "color_scalars") {
+            if (words.size() < 3) fail("COLOR_SCALARS needs a name and a count");
+            std::size_t const before = arrays.size();
+            array(words[1], "unsigned_char", integer(words[2]));
+            if (arrays.size() > before) arrays.back().shares = ascii_;
+        } else if (key == "lookup_table") {
+            if (words.size() < 3) return;
+            skip(4 * integer(words[2]), 1);
+        } else if (key == "field") {
+            if (words.size() < 3) fail("FIELD needs a name and a count");
+            fields_ = integer(words[2]);
+        } else if (key == "metadata") {
+            while (auto const read = bytes_.read_line())
+                if (trimmed(*read).empty()) break;
+        } else if (fields_ > 0 && words.size() == 4) {
+            --fields_;
+            std::int64_t const components = integer(words[1]), tuples = integer(words[2]);
+            auto const type = type_named(words[3]);
+            if (!type) fail(text("field '", printable(words[0]), "' has the unknown type ", printable(words[3])));
+            if (count_ > 0 && tuples == count_)
+                array(words[0], words[3], components);
+            else
+                skip(product(components, tuples), size_of(*type));
+        } else {
+            fail(text("'", printable(words[0].substr(0, 40)), "' is no keyword of structured points"));
+        }
+    }
+
+    std::optional<DataType> type_named(std::string const& word) const {
+        for (auto const& entry : type_names)
+            if (lower_case(word) == entry.name) return entry.type;
+        return std::nullopt;
+    }
+
+    std::int64_t product(std::int64_t a, std::int64_t b) const {
+        std::int64_t result = 0;
+        if (__builtin_mul_overflow(a, b, &result)) fail("claims more values than any file can have");
+        return result;
+    }
+
+    void skip(std::int64_t values, std::size_t size) {
+        if (values == 0) return;
+        if (ascii_) {
+            skip_words(values);
+            return;
+        }
+        std::int64_t const bytes = product(values, static_cast<std::int64_t>(size));
+        if (bytes > bytes_.size() - bytes_.position())
+            fail(text("ended early: an array of ", bytes, " bytes, ", bytes_.size() - bytes_.position(), " found"));
+        bytes_.seek(bytes_.position() + bytes);
+    }
+
+    void array(std::string const& name, std::string const& type_word, std::int64_t components) {
+        if (count_ == 0) fail("has an array before POINT_DATA or CELL_DATA");
+        if (components < 1) fail(text("array '", printable(name), "' has no components"));
+        auto const type = type_named(type_word);
+        if (!type)
+            fail(text("array '", printable(name), "' has the type ", printable(type_word.substr(0, 40)),
+                      ", which volumes do not have"));
+        LegacyArray one{name, *type, components, cells_, bytes_.position()};
+        skip(product(count_, components), size_of(*type));
+        if (components == 1)
+            arrays.push_back(std::move(one));
+        else
+            not_read.push_back(text("array '", name, "' of ", components, " components"));
+    }
+
+    ByteSource& bytes_;
+    bool ascii_ = false, cells_ = false;
+    std::int64_t count_ = 0, fields_ = 0;
+};
+
+/// The chosen array, with what the file holds besides.
+class LegacySource : public Source {
+public:
+    LegacySource(std::unique_ptr<Source> voxels, std::vector<AmrVariable> choices, std::vector<std::string> not_read,
+                 std::string name, bool shares)
+        : voxels_(std::move(voxels)), choices_(std::move(choices)), not_read_(std::move(not_read)),
+          name_(std::move(name)), shares_(shares), header_(voxels_->header()) {
+        if (shares_) header_.dtype = DataType::uint8;
+    }
+
+    bool next_volume() override { return voxels_->next_volume(); }
+    Header const& header() const override { return header_; }
+    Access access() const override { return voxels_->access(); }
+    std::vector<std::string> not_read() const override { return not_read_; }
+    void finish() override { voxels_->finish(); }
+    void read(AnyView out) override {
+        if (!choices_.empty()) choose_variable(choices_, "", name_);
+        if (!shares_) return voxels_->read(out);
+        Header part = voxels_->header();
+        part.dims = out.dims();
+        Volume values(part);
+        voxels_->read(values.mutable_view().moved_to(out.box.lower));
+        float const* from = values.view().as<float>().data;
+        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
+            for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; ++y) {
+                auto* const to = reinterpret_cast<std::uint8_t*>(out.at(out.box.lower.x, y, z));
+                for (std::int64_t x = 0; x < part.dims.x; ++x, ++from)
+                    to[x] = static_cast<std::uint8_t>(std::lround(255 * (*from > 0 ? std::min(*from, 1.0F) : 0.0F)));
+            }
+    }
+
+private:
+    std::unique_ptr<Source> voxels_;
+    std::vector<AmrVariable> choices_;
+    std::vector<std::string> not_read_;
+    std::string name_;
+    bool shares_;
+    Header header_;
+};
+
+std::unique_ptr<Source> open_legacy(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    bytes = seekable_bytes(std::move(bytes));
+    std::string const name = bytes->name();
+    Reader reader(*bytes);
+    reader.read();
+    std::vector<AmrVariable> all;
+    for (LegacyArray const& array : reader.arrays) {
+        all.emplace_back();
+        all.back().name = array.name;
+        all.back().dtype = array.type;
+    }
+    bool const open = options.variable.empty() && all.size() > 1;
+    LegacyArray const& chosen = reader.arrays[open ? 0 : choose_variable(all, options.variable, name)];
+    RawLayout layout;
+    layout.header.dims = reader.extent(chosen.cells);
+    layout.header.dtype = chosen.shares ? DataType::float32 : chosen.type;
+    layout.header.geometry = reader.geometry;
+    Vec3 first;
+    for (int a = 0; a < 3; ++a)
+        if (chosen.cells && reader.dims[a] > 1) first[a] = 0.5;
+    layout.header.geometry.origin = index_to_world(reader.geometry, first);
+    layout.header.attributes["variable"] = chosen.name;
+    if (all.size() > 1) {
+        std::vector<std::string> names;
+        for (LegacyArray const& array : reader.arrays) {
+            names.push_back(array.name);
+            layout.header.attributes["variable " + array.name] = text(array.type, array.cells ? ", cells" : ", points");
+        }
+        layout.header.attributes["variables"] = join(names, " ");
+    }
+    layout.header = in_utf8(std::move(layout.header));
+    layout.big_endian = true;
+    bytes->seek(chosen.position);
+    if (reader.ascii()) {
+        // No further than its last number, behind which words follow.
+        std::int64_t const end = reader.skip_words(layout.header.voxels());
+        bytes->seek(chosen.position);
+        std::shared_ptr<ByteSource> const file = std::move(bytes);
+        bytes = std::make_unique<ByteSource>(name, [file, end](std::byte* to, std::size_t n) {
+            std::int64_t const left = end - file->position();
+            return left <= 0 ? 0 : file->read(to, std::min(n, static_cast<std::size_t>(left)));
+        });
+        layout.encoding = Encoding::text;
+    }
+    return std::make_unique<LegacySource>(raw_source(std::move(bytes), std::move(layout)),
+                                          open ? all : std::vector<AmrVariable>(), reader.not_read, name,
+                                          chosen.shares);
+}
+
+} // namespace
+
+Format vtk_format() {
+    return {"vtk",
+            "VTK legacy files of structured points",
+            {".vtk"},
+            [](std::span<std::byte const> head) {
+                return head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0;
+            },
+            open_legacy,
+            nullptr};
+}
+
+} // namespace vkt

@@ -1,0 +1,209 @@
+#!/usr/bin/env bats
+# DICOM: voxels and places equal to those that pydicom and SimpleITK find; gaps, slants and damage refused.
+load helper
+
+setup_more() {
+    python_with pydicom numpy
+    cat >common.py <<'END'
+import json, os, subprocess, sys, numpy, pydicom
+from pydicom.dataset import Dataset, FileDataset
+from pydicom.sequence import Sequence
+from pydicom.uid import generate_uid, ExplicitVRLittleEndian, ImplicitVRLittleEndian, ExplicitVRBigEndian, RLELossless
+def infos(name, *options):
+    info = json.loads(subprocess.check_output(f"vkt read {' '.join(options)} {name} | vkt info --json", shell=True))
+    return info if isinstance(info, list) else [info]
+def voxels(name, *options):
+    raw = subprocess.check_output(f"vkt read {name} {' '.join(options)} | vkt write - --format raw", shell=True)
+    return numpy.frombuffer(raw, infos(name, *options)[0]["dtype"])
+series, study = generate_uid(), generate_uid()
+def base(path, pixels, uid=None, number=4, bits=16, syntax=ExplicitVRLittleEndian, slope=1, intercept=-1024, modality="CT"):
+    meta = pydicom.dataset.FileMetaDataset()
+    meta.MediaStorageSOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
+    meta.MediaStorageSOPInstanceUID = generate_uid()
+    meta.TransferSyntaxUID = syntax
+    d = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
+    d.is_little_endian = syntax != ExplicitVRBigEndian
+    d.is_implicit_VR = syntax == ImplicitVRLittleEndian
+    d.SOPClassUID, d.SOPInstanceUID = meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID
+    d.PatientName, d.PatientID, d.PatientBirthDate = "Secret^Person", "S-4711", "19700101"
+    d.StudyInstanceUID, d.SeriesInstanceUID, d.SeriesNumber = study, uid or series, number
+    d.Modality = modality
+    d.Rows, d.Columns = pixels.shape[-2:]
+    d.SamplesPerPixel, d.PhotometricInterpretation = 1, "MONOCHROME2"
+    d.BitsAllocated = pixels.dtype.itemsize * 8
+    d.BitsStored = min(bits, d.BitsAllocated); d.HighBit = d.BitsStored - 1
+    d.PixelRepresentation = int(pixels.dtype.kind == "i")
+    d.RescaleSlope, d.RescaleIntercept = slope, intercept
+    data = pixels if d.is_little_endian else pixels.byteswap()
+    d.PixelData = data.tobytes()
+    d["PixelData"].VR = "OW" if pixels.dtype.itemsize > 1 else "OB"
+    return d
+def slices(folder, data, places, orientation=(1, 0, 0, 0, 1, 0), origin=(-5, 6, 7), aside=0, **options):
+    os.makedirs(folder, exist_ok=True)
+    a, b = numpy.array(orientation[:3]), numpy.array(orientation[3:])
+    n = numpy.cross(a, b)
+    order = numpy.random.default_rng(9).permutation(len(data))
+    for k, i in enumerate(order):
+        d = base(f"{folder}/{k}", data[i], **options)
+        d.ImageOrientationPatient = [float(v) for v in orientation]
+        d.ImagePositionPatient = [round(float(v), 6) for v in numpy.array(origin) + n * places[i] + a * aside * i]
+        d.PixelSpacing = [0.75, 0.5]
+        d.SliceThickness = 2
+        d.InstanceNumber = int(k + 1)
+        d.save_as(f"{folder}/{k}")
+END
+    /usr/bin/python3 - <<'END'
+from common import *
+slices("try", numpy.zeros((2, 4, 4), "u2"), [0, 1])
+END
+    vkt info try 2>err >/dev/null || { grep -q 'without it' err && skip 'built without GDCM'; cat err >&2; false; }
+}
+
+@test "series of slices: types, transfer syntaxes, orientations" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(1)
+c, s = 0.8, 0.6
+n = 0
+for code, bits in (("u1", 8), ("u2", 16), ("i2", 16), ("u2", 12), ("i2", 12)):
+    low = -(1 << bits - 1) if code[0] == "i" else 0
+    data = rng.integers(low, low + (1 << bits), (6, 11, 13)).astype(code)
+    for syntax in (ExplicitVRLittleEndian, ImplicitVRLittleEndian, ExplicitVRBigEndian)[:3 if code == "u2" else 1]:
+        for orientation in ((1, 0, 0, 0, 1, 0), (0, 1, 0, 0, 0, -1), (c, s, 0, -s, c, 0))[n % 3:n % 3 + 1]:
+            stored = data if bits != 12 or code[0] == "u" else data & numpy.int16(0x0fff) # sign in the twelfth bit
+            slices(f"f{n}", stored, numpy.arange(6) * 2.5, orientation, syntax=syntax, bits=bits, slope=2)
+            got = voxels(f"f{n}")
+            assert got.dtype == data.dtype and got.tobytes() == data.tobytes(), (code, bits, syntax, orientation)
+            info = infos(f"f{n}")[0]
+            assert info["dims"] == [13, 11, 6] and numpy.allclose(info["spacing"], [0.5, 0.75, 2.5]), info
+            assert numpy.allclose(info["origin"], (-5, 6, 7)), info
+            normal = numpy.cross(orientation[:3], orientation[3:])
+            assert numpy.allclose(info["direction"], [orientation[:3], orientation[3:], normal]), info
+            assert info["slope"] == 2 and info["intercept"] == -1024 and info["units"] == "HU", info
+            assert info["attributes"]["space"] == "left-posterior-superior"
+            n += 1
+part = subprocess.check_output("vkt read f0 --roi 2:9,3:8,1:4 | vkt write - --format raw", shell=True)
+assert part == numpy.ascontiguousarray(voxels("f0").reshape(6, 11, 13)[1:4, 3:8, 2:9]).tobytes()
+END
+}
+
+@test "nothing personal goes anywhere" {
+    /usr/bin/python3 -c '
+from common import *
+slices("f", numpy.zeros((3, 4, 4), "u2"), [0, 1, 2])'
+    for name in a.nrrd a.mha a.nii a.vti a.vkt; do
+        vkt write f $name
+        refute_personal=$(grep -ac 'Secret\|4711\|19700101' $name) || true
+        [ "$refute_personal" -eq 0 ]
+    done
+}
+
+@test "gaps, slants, missing places, several series, doubles" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.arange(5 * 4 * 4, dtype="u2").reshape(5, 4, 4)
+slices("gap", data, [0, 1, 2, 4, 5])
+slices("slant", data, [0, 1, 2, 3, 4], aside=0.2)
+slices("two", data, [0, 1, 2, 3, 4], number=4)
+for i in range(3):
+    d = pydicom.dcmread(f"two/{i}"); d.SeriesInstanceUID = "1.2.3"; d.SeriesNumber = 9; d.save_as(f"two/other{i}")
+slices("twice", data, [0, 1, 2, 3, 4])
+for i in range(5):
+    d = pydicom.dcmread(f"twice/{i}"); d.InstanceNumber += 100; d.PixelData = (d.pixel_array + 500).astype("u2").tobytes(); d.save_as(f"twice/b{i}")
+END
+    fails_with 3 "unequal distances: 2 mm from" vkt stats gap
+    vkt read gap --force-uniform | vkt info --json >info
+    grep -q '1.25' info
+    fails_with 3 "slant" vkt stats slant
+    vkt read slant --force-uniform | vkt info --json | /usr/bin/python3 -c '
+import json, sys, numpy
+i = json.load(sys.stdin)
+assert numpy.allclose(numpy.array(i["direction"][2]) * i["spacing"][2], [0.2, 0, 1]), i'
+    fails_with 2 "holds several variables: 4, 9" vkt stats two
+    [ "$(vkt read two --variable 4 | vkt info --json | grep -c '"dims": \[4, 4, 5\]')" -eq 1 ] || vkt read two --variable 4 | vkt info --json | tr -d ' \n' | grep -q '"dims":\[4,4,5\]'
+    /usr/bin/python3 - <<'END'
+from common import *
+i = infos("twice")
+assert len(i) == 2 and i[0]["dims"] == [4, 4, 5], i
+data = numpy.arange(5 * 4 * 4, dtype="u2")
+assert voxels("twice").tobytes() == data.tobytes() + (data + 500).astype("u2").tobytes()
+END
+}
+
+@test "several frames, places of their own, slopes that differ, RLE" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(3)
+data = rng.integers(0, 4000, (6, 8, 9)).astype("u2")
+d = base("multi.dcm", data); d.NumberOfFrames = 6; d.SpacingBetweenSlices = 3; d.PixelSpacing = [2, 1]; d.save_as("multi.dcm")
+assert voxels("multi.dcm").tobytes() == data.tobytes()
+assert infos("multi.dcm")[0]["spacing"] == [1, 2, 3]
+# Enhanced: a place for each frame, in any order.
+order = rng.permutation(6)
+d = base("enhanced.dcm", data[order]); d.NumberOfFrames = 6
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+shared = Dataset()
+shared.PlaneOrientationSequence = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0])
+shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1], SliceThickness=4)
+d.SharedFunctionalGroupsSequence = Sequence([shared])
+frames = []
+for i in order:
+    f = Dataset(); f.PlanePositionSequence = item(ImagePositionPatient=[1, 2, float(10 + 4 * i)]); frames.append(f)
+d.PerFrameFunctionalGroupsSequence = Sequence(frames)
+d.save_as("enhanced.dcm")
+assert voxels("enhanced.dcm").tobytes() == data.tobytes()
+i = infos("enhanced.dcm")[0]
+assert i["spacing"] == [1, 2, 4] and i["origin"] == [1, 2, 10], i
+slices("pet", data, numpy.arange(6))
+for k in range(6):
+    d = pydicom.dcmread(f"pet/{k}"); d.RescaleSlope = k + 1; d.RescaleIntercept = 0; d.save_as(f"pet/{k}")
+got = voxels("pet")
+want = numpy.stack([pydicom.dcmread(f"pet/{k}").pixel_array * float(k + 1) for k in numpy.argsort([pydicom.dcmread(f"pet/{k}").ImagePositionPatient[2] for k in range(6)])])
+assert got.dtype == "float32" and numpy.array_equal(got, want.astype("f4").ravel())
+d = base("rle.dcm", data[0]); d.compress(RLELossless); d.save_as("rle.dcm")
+assert voxels("rle.dcm").tobytes() == data[0].tobytes()
+END
+}
+
+@test "damaged files end in an error and never in a crash" {
+    /usr/bin/python3 - <<'END'
+import random
+from common import *
+data = numpy.arange(5 * 16 * 16, dtype="u2").reshape(5, 16, 16)
+slices("f", data, [0, 1, 2, 3, 4])
+good = open("f/0", "rb").read()
+random.seed(7)
+for i in range(60):
+    bad = bytearray(good)
+    for _ in range(random.randint(1, 6)): bad[random.randrange(132, len(bad))] = random.randrange(256)
+    if i % 3 == 0: bad = bad[:random.randrange(140, len(bad))]
+    open("bad.dcm", "wb").write(bad)
+    run = subprocess.run(["vkt", "stats", "bad.dcm"], capture_output=True, timeout=60)
+    assert run.returncode in (0, 1, 2, 3, 5), (i, run.returncode, run.stderr)
+open("short.dcm", "wb").write(good[:-100])
+END
+    fails_with 3 "short.dcm" vkt stats short.dcm
+    mkdir empty && fails_with 4 "holds no DICOM files" vkt stats empty
+}
+
+@test "the sample, against SimpleITK" {
+    needs_data dicom/ct_head_phantom_5mm
+    python_with SimpleITK
+    /usr/bin/python3 - "$VKT_DATA/dicom/ct_head_phantom_5mm" <<'END'
+from common import *
+import SimpleITK
+reader = SimpleITK.ImageSeriesReader()
+reader.SetFileNames(reader.GetGDCMSeriesFileNames(sys.argv[1]))
+image = reader.Execute()
+i = infos(sys.argv[1])[0]
+assert i["dims"] == list(image.GetSize()) and numpy.allclose(i["spacing"], image.GetSpacing()), i
+assert numpy.allclose(i["origin"], image.GetOrigin()), (i["origin"], image.GetOrigin())
+assert numpy.allclose(numpy.array(i["direction"]).T.ravel(), image.GetDirection())
+got = voxels(sys.argv[1]) * i.get("slope", 1) + i.get("intercept", 0)
+assert numpy.array_equal(got, SimpleITK.GetArrayFromImage(image).ravel())
+END
+    vkt write "$VKT_DATA/dicom/ct_head_phantom_5mm" a.nrrd && vkt diff "$VKT_DATA/dicom/ct_head_phantom_5mm" a.nrrd
+}

@@ -1,0 +1,93 @@
+#!/usr/bin/env bats
+# HDF5 datasets: voxels equal to h5py's, also of NetCDF-4 and MATLAB's files; regions, choices, damage.
+load helper
+
+setup_more() {
+    python_with h5py numpy
+    cat >common.py <<'END'
+import json, subprocess, sys, h5py, numpy
+def infos(name):
+    info = json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+    return info if isinstance(info, list) else [info]
+def voxels(name, *options):
+    return subprocess.check_output(f"vkt read {name} {' '.join(options)} | vkt write - --format raw", shell=True)
+END
+    /usr/bin/python3 -c '
+import h5py, numpy
+h5py.File("try.h5", "w")["a"] = numpy.zeros((2, 2, 2))'
+    vkt info try.h5 2>err >/dev/null || { grep -q 'without it' err && skip 'built without HDF5'; cat err >&2; false; }
+}
+
+@test "types, byte orders, layouts, filters, one to four dimensions" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(1)
+n = 0
+for code in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8"):
+    for order in "<>":
+        data = (rng.normal(size=(7, 12, 13)) * 50).astype(order + code)
+        native = data.astype(code)
+        with h5py.File(f"a{n}.h5", "w") as f:
+            f["plain"] = data
+            f.create_dataset("group/chunked", data=data, chunks=(3, 5, 4))
+            f.create_dataset("group/packed", data=data, chunks=(2, 12, 13), compression="gzip", shuffle=True)
+        for name in ("plain", "group/chunked", "group/packed"):
+            assert infos(f"a{n}.h5:/{name}")[0]["dtype"] == native.dtype.name, (code, order)
+            assert voxels(f"a{n}.h5:/{name}") == native.tobytes(), (code, order, name)
+            assert voxels(f"a{n}.h5", "--variable", name, "--roi 2:9,3:11,1:6") == numpy.ascontiguousarray(native[1:6, 3:11, 2:9]).tobytes()
+        n += 1
+for shape in ((9,), (4, 9), (2, 3, 4, 5), (1, 1, 2, 3, 4, 5)):
+    data = rng.normal(size=shape)
+    with h5py.File("s.h5", "w") as f: f["a"] = data
+    assert voxels("s.h5") == data.tobytes(), shape
+    assert len(infos("s.h5")) == (2 if len(shape) > 3 else 1)
+with h5py.File("b.h5", "w") as f: f["mask"] = rng.normal(size=(3, 4, 5)) > 0
+assert infos("b.h5")[0]["dtype"] in ("int8", "uint8") and len(voxels("b.h5")) == 60
+END
+}
+
+@test "coordinates, packing and units of NetCDF-4; sizes of elements; a user block" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.arange(60, dtype="i2").reshape(3, 4, 5)
+with h5py.File("n.nc", "w") as f:
+    f["t"] = data
+    for i, (name, at) in enumerate((("z", [10, 12, 14]), ("y", [3.5, 3, 2.5, 2]), ("x", [0, 1, 2, 3, 4]))):
+        f[name] = numpy.array(at, "f8"); f[name].make_scale(name); f[name].attrs["units"] = "km"
+        f["t"].dims[i].attach_scale(f[name])
+    f["t"].attrs.update({"scale_factor": 0.5, "add_offset": 100.0, "units": "K", "long_name": "temperature"})
+i = infos("n.nc")[0]
+assert i["spacing"] == [1, 0.5, 2] and i["origin"] == [0, 3.5, 10] and i["direction"][1] == [0, -1, 0], i
+assert i["slope"] == 0.5 and i["intercept"] == 100 and i["units"] == "K", i
+assert i["attributes"]["space units"] == '"km" "km" "km"' and voxels("n.nc") == data.tobytes()
+with h5py.File("e.h5", "w", userblock_size=512) as f:
+    f["a"] = data; f["a"].attrs["element_size_um"] = [2.0, 0.5, 0.25]
+assert infos("e.h5")[0]["spacing"] == [0.25, 0.5, 2] and voxels("e.h5") == data.tobytes()
+END
+}
+
+@test "several datasets, none, damage" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import random
+data = numpy.arange(600, dtype="i2").reshape(10, 6, 10)
+with h5py.File("two.h5", "w") as f:
+    f["first"] = data; f["g/second"] = data.astype("f4"); f["words"] = "text"; f["list"] = numpy.arange(5)
+with h5py.File("none.h5", "w") as f: f["words"] = "text"
+with h5py.File("c.h5", "w") as f: f.create_dataset("a", data=data, chunks=(2, 6, 10), compression="gzip")
+good = open("c.h5", "rb").read()
+random.seed(8)
+for i in range(60):
+    bad = bytearray(good)
+    for _ in range(random.randint(1, 6)): bad[random.randrange(8, len(bad))] = random.randrange(256)
+    if i % 3 == 0: bad = bad[:random.randrange(100, len(bad))]
+    open("bad.h5", "wb").write(bad)
+    run = subprocess.run(["vkt", "stats", "bad.h5"], capture_output=True, timeout=120)
+    assert run.returncode in (0, 1, 2, 3, 5), (i, run.returncode, run.stderr)
+END
+    fails_with 2 "holds several variables: /first, /g/second" vkt stats two.h5
+    fails_with 2 "did you mean '/first'" vkt read two.h5 --variable /fist
+    [ "$(vkt read two.h5 --variable list | vkt dump | tr -d '\n' | grep -o '{ .*')" = '{  [0] {0.0, 1.0, 2.0, 3.0, 4.0}}' ]
+    fails_with 3 "holds no dataset of numbers" vkt stats none.h5
+    fails_with 4 "cannot open 'absent.h5:/a'" vkt stats absent.h5:/a
+}

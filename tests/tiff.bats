@@ -1,0 +1,213 @@
+#!/usr/bin/env bats
+# TIFF stacks: voxels and spacing equal to tifffile's, both ways, and damage refused.
+load helper
+
+setup_more() {
+    python_with tifffile numpy
+    vkt make noise --dims 2 2 2 -o probe.tif 2>err || { grep -q 'without it' err && skip 'built without TIFF'; cat err >&2; false; }
+    cat >voxels.py <<'END'
+import json, subprocess, numpy
+def infos(name, *options):
+    info = json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+    return info if isinstance(info, list) else [info]
+def voxels(name, *options):
+    info = infos(name)
+    raw = subprocess.check_output(f"vkt read '{name}' {' '.join(options)} | vkt write - --format raw", shell=True)
+    return numpy.frombuffer(raw, info[0]["dtype"])
+END
+}
+
+@test "what tifffile wrote: types, byte orders, BigTIFF, strips, tiles, compressions" {
+    /usr/bin/python3 - <<'END'
+import tifffile, numpy
+from voxels import *
+rng = numpy.random.default_rng(1)
+n = 0
+def check(name, data):
+    got = voxels(name)
+    assert got.dtype == data.dtype.newbyteorder("="), (name, got.dtype)
+    assert got.tobytes() == data.astype(got.dtype).tobytes(), name
+    # A part of it is that part.
+    part = subprocess.check_output(f"vkt read {name} --roi 3:19,5:30,1:3 | vkt write - --format raw", shell=True)
+    assert part == numpy.ascontiguousarray(data.astype(got.dtype)[1:3, 5:30, 3:19]).tobytes(), (name, "part")
+for code in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8"):
+    data = (rng.normal(size=(4, 37, 41)) * 50).astype(code)
+    for order in "<>":
+        for options in ({}, {"bigtiff": True}, {"rowsperstrip": 5}, {"tile": (16, 32)}):
+            name = f"t{n}.tif"; n += 1
+            tifffile.imwrite(name, data, byteorder=order, photometric="minisblack", **options)
+            check(name, data)
+data = (rng.normal(size=(4, 37, 41)) * 50).astype("i2")
+for compression in ("zlib", "zlib+"):
+    for order in "<>":
+        for options in ({}, {"rowsperstrip": 7}, {"tile": (16, 16)}):
+            name = f"c{n}.tif"; n += 1
+            tifffile.imwrite(name, data, byteorder=order, photometric="minisblack", compression="zlib",
+                             predictor=compression.endswith("+"), **options)
+            check(name, data)
+print(n)
+END
+}
+
+@test "libtiff's own compressions, and values of few bits" {
+    command -v tiffcp >/dev/null || skip 'no tiffcp'
+    vkt make noise --dims 40 30 3 --dtype uint8 --seed 3 -o a.tif
+    vkt write a.tif a.raw
+    for codec in lzw packbits zip lzma zstd none; do
+        tiffcp -c $codec a.tif $codec.tif || continue
+        vkt read $codec.tif | vkt write - --format raw | cmp - a.raw
+        tiffcp -t -w 16 -l 16 -c $codec a.tif tiled_$codec.tif
+        vkt read tiled_$codec.tif | vkt write - --format raw | cmp - a.raw
+    done
+    [ -e lzw.tif ] && [ -e packbits.tif ]
+    /usr/bin/python3 - <<'END'
+import struct, numpy, subprocess
+from voxels import *
+# One bit and twelve bits a value, by hand: no writer at hand makes them.
+rng = numpy.random.default_rng(2)
+for bits in (1, 2, 4, 12):
+    data = rng.integers(0, 1 << bits, (6, 10))
+    rows = b""
+    for row in data:
+        line = "".join(format(v, f"0{bits}b") for v in row)
+        line += "0" * (-len(line) % 8)
+        rows += bytes(int(line[i:i + 8], 2) for i in range(0, len(line), 8))
+    tags = [(256, 4, 1, 10), (257, 4, 1, 6), (258, 3, 1, bits), (259, 3, 1, 1), (262, 3, 1, 1), (273, 4, 1, 8),
+            (277, 3, 1, 1), (278, 4, 1, 6), (279, 4, 1, len(rows))]
+    pad = b"\0" * (len(rows) % 2)
+    ifd = struct.pack("<H", len(tags)) + b"".join(struct.pack("<HHII", *t) for t in tags) + struct.pack("<I", 0)
+    open(f"b{bits}.tif", "wb").write(b"II*\0" + struct.pack("<I", 8 + len(rows) + len(pad)) + rows + pad + ifd)
+    got = voxels(f"b{bits}.tif")
+    assert got.tobytes() == data.astype("u1" if bits < 9 else "u2").tobytes(), bits
+END
+}
+
+@test "hyperstacks and spacing: ImageJ's, OME's, colours" {
+    /usr/bin/python3 - <<'END'
+import tifffile, numpy
+from voxels import *
+rng = numpy.random.default_rng(3)
+data = rng.integers(0, 60000, (2, 5, 3, 20, 30)).astype("u2") # T Z C Y X
+tifffile.imwrite("ij.tif", data, imagej=True, resolution=(4.0, 2.0),
+                 metadata={"spacing": 1.5, "unit": "um", "finterval": 0.25, "axes": "TZCYX"})
+info = infos("ij.tif")
+assert len(info) == 6 and all(i["dims"] == [30, 20, 5] for i in info), info[0]["dims"]
+assert info[0]["spacing"] == [0.25, 0.5, 1.5], info[0]["spacing"]
+assert info[0]["attributes"]["space units"] == '"um" "um" "um"'
+assert [i["attributes"]["channel"] for i in info] == ["0", "1", "2"] * 2
+assert [float(i["attributes"]["sequence position"]) for i in info] == [0, 0, 0, .25, .25, .25]
+assert voxels("ij.tif").tobytes() == data.transpose(0, 2, 1, 3, 4).tobytes()
+assert voxels("ij.tif", "--variable 1").tobytes() == data[:, :, 1].tobytes()
+ome = data.transpose(0, 2, 1, 3, 4)
+tifffile.imwrite("ome.tif", ome, ome=True, metadata={"axes": "TCZYX", "PhysicalSizeX": 0.3, "PhysicalSizeXUnit": "µm",
+    "PhysicalSizeY": 0.3, "PhysicalSizeYUnit": "µm", "PhysicalSizeZ": 2.0, "PhysicalSizeZUnit": "µm",
+    "Channel": {"Name": ["DAPI", "GFP", "RFP"]}})
+info = infos("ome.tif")
+assert len(info) == 6 and info[0]["spacing"] == [0.3, 0.3, 2.0] and info[0]["dims"] == [30, 20, 5], info[0]
+assert [i["attributes"]["channel"] for i in info] == ["DAPI", "GFP", "RFP"] * 2
+assert voxels("ome.tif").tobytes() == ome.tobytes()
+assert voxels("ome.tif", "--variable GFP").tobytes() == ome[:, 1].tobytes()
+rgb = rng.integers(0, 255, (4, 20, 30, 3)).astype("u1")
+for planar in ("contig", "separate"):
+    stored = rgb if planar == "contig" else rgb.transpose(0, 3, 1, 2)
+    tifffile.imwrite("rgb.tif", stored, photometric="rgb", planarconfig=planar)
+    assert voxels("rgb.tif").tobytes() == rgb.transpose(3, 0, 1, 2).tobytes(), planar
+    assert [i["attributes"]["channel"] for i in infos("rgb.tif")] == ["red", "green", "blue"]
+tifffile.imwrite("cm.tif", rgb[..., 0], photometric="minisblack", resolution=(20, 10), resolutionunit="CENTIMETER")
+assert infos("cm.tif")[0]["spacing"] == [0.5, 1, 1]
+END
+}
+
+@test "what vkt wrote is what tifffile reads, with ImageJ's description; all of the header comes back" {
+    vkt make noise --dims 30 20 6 --dtype uint16 | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 --slope 0.5 --intercept -7 --units HU -o a.nrrd
+    vkt write a.nrrd a.tif
+    vkt write a.nrrd c.tif --compress
+    [ "$(stat -c %s c.tif)" -gt 0 ]
+    for name in a c; do
+        vkt diff a.nrrd $name.tif
+        vkt info $name.tif --json >info && grep -q '"slope": 0.5' info && grep -q '"units": "HU"' info
+        vkt history $name.tif | grep -q noise
+    done
+    for type in uint8 int8 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 30 20 6 --dtype $type -o $type.tif
+        vkt write $type.tif c_$type.tif --compress
+        vkt write $type.tif $type.raw
+        vkt diff $type.tif c_$type.tif
+    done
+    for i in 0 1 2; do vkt make noise --dims 9 8 4 --dtype int16 --seed $i -o v$i.nrrd; done
+    vkt read 'v*.nrrd' | vkt write s.tif
+    [ "$(vkt info s.tif --json | grep -c '"dims"')" -eq 3 ]
+    vkt read s.tif | vkt write - --format raw >s.raw
+    vkt read 'v*.nrrd' | vkt write - --format raw | cmp - s.raw
+    /usr/bin/python3 - <<'END'
+import tifffile, numpy
+with tifffile.TiffFile("a.tif") as f:
+    assert f.is_imagej and f.imagej_metadata["slices"] == 6 and f.imagej_metadata["spacing"] == 2, f.imagej_metadata
+    assert f.pages[0].tags["XResolution"].value == (2, 1) and f.pages[0].tags["YResolution"].value == (4, 1)
+    assert f.asarray().shape == (6, 20, 30)
+for name in "uint8 int8 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    for prefix in ("", "c_"):
+        try: a = tifffile.imread(prefix + name + ".tif")
+        except (ValueError, ImportError) as e:
+            if prefix and "imagecodecs" in str(e): continue  # no predictors without it
+            raise
+        assert a.dtype == name and a.tobytes() == open(name + ".raw", "rb").read(), prefix + name
+assert tifffile.imread("s.tif").shape == (3, 4, 8, 9)
+assert tifffile.imread("s.tif").tobytes() == open("s.raw", "rb").read()
+END
+}
+
+@test "pipes, standard input, names, and refusals" {
+    vkt make noise --dims 9 8 4 --dtype int16 -o a.tif
+    vkt diff a.tif - <a.tif
+    cat a.tif | vkt diff a.tif -
+    fails_with 2 "cannot be written to a pipe" bash -c 'vkt write a.tif - --format tiff | cat; exit "${PIPESTATUS[0]}"'
+    cp a.tif b && vkt diff a.tif b
+    fails_with 4 "exists" vkt write b a.tif
+    vkt make amr --blocks 100 -o t.vkt
+    fails_with 2 "cannot hold bricks" vkt write t.vkt t.tif
+    [ ! -e t.tif ]
+}
+
+@test "damaged TIFF files end in an error and never in a crash" {
+    vkt make noise --dims 30 20 6 --dtype uint16 -o a.tif
+    vkt write a.tif c.tif --compress
+    /usr/bin/python3 - <<'END'
+import random, subprocess, struct
+random.seed(5)
+for name in ("a.tif", "c.tif"):
+    good = open(name, "rb").read()
+    for i in range(60):
+        bad = bytearray(good)
+        for _ in range(random.randint(1, 6)):
+            at = random.randrange(8) if random.random() < .1 else random.randrange(len(bad))
+            bad[at] = random.randrange(256)
+        if i % 3 == 0: bad = bad[:random.randrange(8, len(bad))]
+        open("bad.tif", "wb").write(bad)
+        run = subprocess.run(["vkt", "stats", "bad.tif"], capture_output=True, timeout=60)
+        assert run.returncode in (0, 1, 2, 3), (i, run.returncode, run.stderr)
+        assert run.returncode == 0 or b"bad.tif" in run.stderr, run.stderr
+# Extents that no such file can hold.
+tags = [(256, 4, 1, 2**31 - 1), (257, 4, 1, 2**31 - 1), (258, 3, 1, 16), (259, 3, 1, 1), (262, 3, 1, 1), (273, 4, 1, 8),
+        (277, 3, 1, 1), (278, 4, 1, 2**31 - 1), (279, 4, 1, 64)]
+ifd = struct.pack("<H", len(tags)) + b"".join(struct.pack("<HHII", *t) for t in tags) + struct.pack("<I", 0)
+open("huge.tif", "wb").write(b"II*\0" + struct.pack("<I", 72) + bytes(64) + ifd)
+END
+    fails_with 3 "'huge.tif': ended early" vkt stats huge.tif
+}
+
+@test "the samples" {
+    needs_data tiff/brain.tiff
+    /usr/bin/python3 - "$VKT_DATA" <<'END'
+import glob, sys, tifffile
+from voxels import *
+base = sys.argv[1] + "/tiff/"
+assert voxels(base + "brain.tiff").tobytes() == tifffile.imread(base + "brain.tiff").tobytes()
+for name in sorted(glob.glob(base + "banana/*.tif")):
+    a = tifffile.imread(name)
+    assert voxels(name).tobytes() == a.astype("<u2").tobytes(), name
+    info = infos(name)[0]
+    assert info["spacing"][:2] == [0.390625, 0.390625] and info["attributes"]["space units"].startswith('"mm"'), info
+END
+    vkt write "$VKT_DATA/tiff/brain.tiff" b.tif && vkt diff "$VKT_DATA/tiff/brain.tiff" b.tif
+}

@@ -1,0 +1,234 @@
+#!/usr/bin/env bats
+# VTK's images, .vti, .pvti and .vtk: voxels and places equal to VTK's, both ways, and damage refused.
+load helper
+
+setup_more() {
+    python_with vtkmodules numpy
+    cat >common.py <<'END'
+import json, subprocess, sys, numpy
+from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLImageDataWriter
+from vtkmodules.vtkIOParallelXML import vtkXMLPImageDataWriter
+from vtkmodules.vtkIOLegacy import vtkStructuredPointsReader, vtkStructuredPointsWriter
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.util import numpy_support
+def infos(name):
+    info = json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+    return info if isinstance(info, list) else [info]
+def voxels(name, *options):
+    dtype = infos(name)[0]["dtype"] if not options else None
+    raw = subprocess.check_output(f"vkt read {name} {' '.join(options)} | vkt write - --format raw", shell=True)
+    return numpy.frombuffer(raw, dtype) if dtype else raw
+def image(array, name="scalars", spacing=(1, 1, 1), origin=(0, 0, 0), direction=None, lower=(0, 0, 0), cells=False):
+    result = vtkImageData()
+    size = [n + (1 if cells else 0) for n in array.shape[2::-1]]
+    result.SetExtent(*[v for l, n in zip(lower, size) for v in (l, l + n - 1)])
+    result.SetSpacing(spacing); result.SetOrigin(origin)
+    if direction is not None: result.SetDirectionMatrix(direction)
+    flat = array.reshape(-1, *array.shape[3:])
+    data = numpy_support.numpy_to_vtk(flat, deep=True)
+    data.SetName(name)
+    (result.GetCellData() if cells else result.GetPointData()).SetScalars(data)
+    return result
+def place(info):
+    m = numpy.eye(4)
+    for a in range(3): m[:3, a] = numpy.array(info["direction"][a]) * info["spacing"][a]
+    m[:3, 3] = info["origin"]
+    return m
+END
+}
+
+@test "what VTK wrote: ascii, base64, raw appended; no compressor, zlib, LZ4, LZMA; header types, byte orders, types" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(1)
+n = 0
+turned = (0, -1, 0, 1, 0, 0, 0, 0, 1)
+for code in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"):
+    data = (rng.normal(size=(5, 23, 19)) * 50).astype(code)
+    picture = image(data, spacing=(0.5, 2, 3), origin=(-1, 7, 100), direction=turned, lower=(2, -3, 1))
+    for mode in ("Ascii", "Binary", "Appended", "AppendedBase64"):
+        for compressor in ("None", "ZLib", "LZ4", "LZMA"):
+            if code not in ("u1", "i2", "f4") and compressor in ("LZ4", "LZMA"): continue
+            for big in (False, True):
+                for wide in (False, True):
+                    if wide and code != "i2": continue
+                    w = vtkXMLImageDataWriter()
+                    w.SetFileName("a.vti"); w.SetInputData(picture)
+                    getattr(w, "SetDataModeTo" + mode.replace("Base64", ""))()
+                    if mode.startswith("Appended"): w.SetEncodeAppendedData(mode.endswith("64"))
+                    getattr(w, "SetCompressorTypeTo" + compressor)()
+                    w.SetBlockSize(1024)
+                    (w.SetByteOrderToBigEndian if big else w.SetByteOrderToLittleEndian)()
+                    (w.SetHeaderTypeToUInt64 if wide else w.SetHeaderTypeToUInt32)()
+                    w.Write()
+                    got = voxels("a.vti")
+                    what = (code, mode, compressor, big, wide)
+                    assert got.dtype == data.dtype and got.tobytes() == data.tobytes(), what
+                    part = voxels("a.vti", "--roi", "3:11,5:20,1:4")
+                    assert part == numpy.ascontiguousarray(data[1:4, 5:20, 3:11]).tobytes(), what
+                    n += 1
+    m = numpy.array(turned, float).reshape(3, 3) @ numpy.diag((0.5, 2, 3))
+    want = numpy.eye(4); want[:3, :3] = m; want[:3, 3] = numpy.array((-1, 7, 100)) + m @ (2, -3, 1)
+    assert numpy.allclose(place(infos("a.vti")[0]), want, atol=1e-12)
+assert n > 150, n
+END
+}
+
+@test "several arrays, cells, components, pieces" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(2)
+points = rng.normal(size=(5, 6, 7)).astype("f4")
+picture = image(points, "density")
+more = numpy_support.numpy_to_vtk(rng.integers(0, 9, 210).astype("i2"), deep=True); more.SetName("label")
+picture.GetPointData().AddArray(more)
+cells = rng.normal(size=(4, 5, 6)).astype("f8")
+of_cells = numpy_support.numpy_to_vtk(cells.ravel(), deep=True); of_cells.SetName("rate")
+picture.GetCellData().AddArray(of_cells)
+vectors = rng.normal(size=(210, 3)).astype("f4")
+v = numpy_support.numpy_to_vtk(vectors, deep=True); v.SetName("flow")
+picture.GetPointData().AddArray(v)
+def write(p, name):
+    w = vtkXMLImageDataWriter(); w.SetFileName(name); w.SetInputData(p); w.Write()
+write(picture, "a.vti")
+assert voxels("a.vti").tobytes() == points.tobytes() # the active scalars
+assert voxels("a.vti", "--variable rate") == cells.tobytes()
+assert voxels("a.vti", "--variable flow") == vectors.T.tobytes()
+picture.GetPointData().SetActiveScalars(None)
+write(picture, "b.vti")
+p = vtkXMLPImageDataWriter()
+p.SetFileName("p.pvti"); p.SetInputData(image(points, "density", spacing=(2, 3, 4))); p.SetNumberOfPieces(4)
+p.SetStartPiece(0); p.SetEndPiece(3); p.Write()
+assert voxels("p.pvti").tobytes() == points.tobytes()
+assert infos("p.pvti")[0]["spacing"] == [2, 3, 4]
+assert voxels("p.pvti", "--roi", "1:5,2:6,2:5") == numpy.ascontiguousarray(points[2:5, 2:6, 1:5]).tobytes()
+END
+    vkt info a.vti | grep -q 'variable rate: float64, cells'
+    fails_with 2 "holds several variables: density, label, flow, rate" vkt stats b.vti
+    fails_with 2 "did you mean 'rate'" vkt read a.vti --variable rote
+    sed -i 's/Source="p_0/Source="..\/p_0/' p.pvti
+    fails_with 3 "trust-paths" vkt stats p.pvti
+    sed -i 's/Source="..\/p_0/Source="p_9/' p.pvti
+    fails_with 4 "p_9" vkt stats p.pvti
+}
+
+@test "pieces in one file, by hand" {
+    cat >two.vti <<'END'
+<VTKFile type="ImageData" version="0.1" byte_order="LittleEndian">
+<ImageData WholeExtent="0 3 0 1 0 0" Origin="0 0 0" Spacing="1 1 1">
+<Piece Extent="0 1 0 1 0 0"><PointData Scalars="a"><DataArray type="Int16" Name="a" format="ascii">1 2 5 6</DataArray></PointData></Piece>
+<Piece Extent="2 3 0 1 0 0"><PointData Scalars="a"><DataArray type="Int16" Name="a" format="ascii">
+3 4 7
+8</DataArray></PointData></Piece>
+</ImageData></VTKFile>
+END
+    [ "$(vkt dump two.vti | tr -d '\n' | grep -o '{ .*')" = '{  [0] {1.0, 2.0, 3.0, 4.0}  [1] {5.0, 6.0, 7.0, 8.0}}' ]
+    sed 's/7$/7 9/' two.vti >many.vti && fails_with 3 "more values" vkt stats many.vti
+    sed 's/^8/ /' two.vti >few.vti && fails_with 3 "few" vkt stats few.vti
+    sed 's/2 3 0 1 0 0"><P/2 2 0 1 0 0"><P/' two.vti >gap.vti && fails_with 3 "do not fill" vkt stats gap.vti
+}
+
+@test "what vkt wrote is what VTK reads; all of the header comes back" {
+    for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float32 float64; do
+        vkt make noise --dims 30 20 6 --dtype $type | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 -o $type.vti
+        vkt write $type.vti c_$type.vti --compress
+        vkt write $type.vti $type.raw
+        vkt diff $type.vti c_$type.vti
+    done
+    vkt make noise --dims 9 8 7 --dtype int16 | vkt set --slope 0.5 --intercept -7 --units HU --attribute 'who=a < b & "c"' -o h.vti
+    vkt info h.vti --json >info
+    grep -q '"slope": 0.5' info && grep -q '"units": "HU"' info && grep -q 'a < b &' info
+    vkt history h.vti | grep -q noise
+    vkt make noise --dims 9 8 7 --dtype float16 -o f.vkt
+    fails_with 2 "cannot hold float16" vkt write f.vkt f.vti
+    /usr/bin/python3 - <<'END'
+from common import *
+for name in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float32 float64".split():
+    for prefix in ("", "c_"):
+        r = vtkXMLImageDataReader(); r.SetFileName(prefix + name + ".vti"); r.Update()
+        out = r.GetOutput()
+        assert out.GetDimensions() == (30, 20, 6) and out.GetSpacing() == (0.5, 0.25, 2) and out.GetOrigin() == (-3, 4, 5)
+        a = numpy_support.vtk_to_numpy(out.GetPointData().GetScalars())
+        assert a.dtype == name and a.tobytes() == open(name + ".raw", "rb").read(), prefix + name
+r = vtkXMLImageDataReader(); r.SetFileName("h.vti"); r.Update()
+assert r.GetOutput().GetFieldData().GetAbstractArray("vkt_header").GetValue(0).startswith("{")
+END
+}
+
+@test "legacy files: text and binary, types, several arrays, cells" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(4)
+for code in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"):
+    data = (rng.normal(size=(5, 23, 19)) * 50).astype(code)
+    if code[0] == "f": data = numpy.round(data * 4) / 4 # so that a few digits are all
+    for binary in (False, True):
+        w = vtkStructuredPointsWriter()
+        w.SetFileName("a.vtk"); w.SetInputData(image(data, spacing=(0.5, 2, 3), origin=(-1, 7, 100)))
+        (w.SetFileTypeToBinary if binary else w.SetFileTypeToASCII)()
+        w.Write()
+        got = voxels("a.vtk")
+        assert got.dtype == data.dtype and got.tobytes() == data.tobytes(), (code, binary)
+        assert voxels("a.vtk", "--roi", "3:11,5:20,1:4") == numpy.ascontiguousarray(data[1:4, 5:20, 3:11]).tobytes()
+        info = infos("a.vtk")[0]
+        assert info["spacing"] == [0.5, 2, 3] and info["origin"] == [-1, 7, 100], info
+points = rng.integers(0, 99, (5, 6, 7)).astype("f4")
+picture = image(points, "density")
+more = numpy_support.numpy_to_vtk(rng.integers(0, 9, 210).astype("i2"), deep=True); more.SetName("label")
+picture.GetPointData().AddArray(more)
+cells = rng.integers(0, 99, (4, 5, 6)).astype("f8")
+of_cells = numpy_support.numpy_to_vtk(cells.ravel(), deep=True); of_cells.SetName("rate")
+picture.GetCellData().SetScalars(of_cells)
+for binary in (False, True):
+    w = vtkStructuredPointsWriter(); w.SetFileName("m.vtk"); w.SetInputData(picture)
+    (w.SetFileTypeToBinary if binary else w.SetFileTypeToASCII)()
+    w.Write()
+    assert voxels("m.vtk", "--variable density") == points.tobytes()
+    assert voxels("m.vtk", "--variable rate") == cells.tobytes()
+    assert voxels("m.vtk", "--variable label") == numpy_support.vtk_to_numpy(more).tobytes()
+END
+    fails_with 2 "holds several variables" vkt stats m.vtk
+    head -c 900 a.vtk >short.vtk
+    fails_with 3 "short.vtk" vkt stats short.vtk
+    sed 's/STRUCTURED_POINTS/POLYDATA/' a.vtk >poly.vtk
+    fails_with 3 "holds POLYDATA, not STRUCTURED_POINTS" vkt stats poly.vtk
+}
+
+@test "damaged files end in an error and never in a crash" {
+    vkt make noise --dims 30 20 6 --dtype uint16 -o a.vti
+    vkt write a.vti c.vti --compress
+    /usr/bin/python3 - <<'END'
+import random
+from common import *
+data = numpy.arange(600, dtype="i2").reshape(5, 10, 12)
+w = vtkXMLImageDataWriter(); w.SetFileName("b.vti"); w.SetInputData(image(data)); w.SetDataModeToBinary(); w.Write()
+w = vtkStructuredPointsWriter(); w.SetFileName("l.vtk"); w.SetInputData(image(data)); w.SetFileTypeToASCII(); w.Write()
+random.seed(6)
+for name in ("a.vti", "c.vti", "b.vti", "l.vtk"):
+    good = open(name, "rb").read()
+    for i in range(40):
+        bad = bytearray(good)
+        for _ in range(random.randint(1, 6)): bad[random.randrange(min(len(bad), 3000))] = random.randrange(256)
+        if i % 3 == 0: bad = bad[:random.randrange(8, len(bad))]
+        open("bad" + name[-4:], "wb").write(bad)
+        run = subprocess.run(["vkt", "stats", "bad" + name[-4:]], capture_output=True, timeout=60)
+        assert run.returncode in (0, 1, 2, 3, 4), (name, i, run.returncode, run.stderr)
+END
+    sed 's/WholeExtent="0 29 0 19 0 5"/WholeExtent="0 999999999 0 999999999 0 9999"/; s/Extent="0 29 0 19 0 5">/Extent="0 999999999 0 999999999 0 9999">/' a.vti >huge.vti
+    fails_with 3 "huge.vti" vkt stats huge.vti
+    printf '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="ImageData">&b;</VTKFile>' >bomb.vti
+    fails_with 3 "entities" vkt stats bomb.vti
+    printf '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"></VTKFile>' >grid.vtu
+    fails_with 3 "VTK XML file" vkt stats grid.vtu
+}
+
+@test "the sample" {
+    needs_data vti/hydrogen.vti
+    /usr/bin/python3 - "$VKT_DATA/vti/hydrogen.vti" <<'END'
+from common import *
+r = vtkXMLImageDataReader(); r.SetFileName(sys.argv[1]); r.Update()
+a = numpy_support.vtk_to_numpy(r.GetOutput().GetPointData().GetArray(0))
+assert voxels(sys.argv[1]).tobytes() == a.tobytes()
+END
+    vkt write "$VKT_DATA/vti/hydrogen.vti" again.vti && vkt diff "$VKT_DATA/vti/hydrogen.vti" again.vti
+}
