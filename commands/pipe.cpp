@@ -1,6 +1,8 @@
 // vkt pipe: a whole pipeline in one process.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "shell/budget.h"
+#include "shell/log.h"
 #include "shell/options.h"
 #include "shell/run.h"
 
@@ -51,11 +53,13 @@ int pipe(std::vector<std::string> const& words) {
         throw Error(ErrorKind::usage, "missing pipeline", "e.g. vkt pipe 'read a.nrrd | flip x | write b.nrrd'");
     std::string line;
     Common common;
-    Parameters shared;
+    Parameters shared, own;
+    std::optional<double> tolerance;
+    own.option("tolerance", tolerance, "E", "largest error of the result, a physical value, divided among the stages");
     shared.positional("pipeline", line, "the stages, quoted as one word");
     common.declare(shared,
                    {.volume_output = true, .file_output = true, .report = true, .report_file = true, .input = true});
-    parse_words(words, {&shared});
+    parse_words(words, {&shared, &own});
     std::vector<Verb> verbs;
     for (auto& words_of_stage : stages_of(line)) {
         verbs.push_back(find_verb(words_of_stage));
@@ -79,6 +83,11 @@ int pipe(std::vector<std::string> const& words) {
             throw Error(ErrorKind::usage,
                         text("--output of '", stages[i].verb().name, "' would end the pipeline there"),
                         "only the last stage has an output");
+    if (tolerance) {
+        bool const tells = common.explain || common.dry_run || common.verbose;
+        for (auto const& choice : divide_budget(stages, *tolerance))
+            if (tells) Log().answer(text("vkt pipe:   ", choice));
+    }
     return run(stages);
 }
 
@@ -89,10 +98,15 @@ Command pipe_command() {
     command.texts = {
         "Run a pipeline in one process: same result, no voxels through pipes.",
         "vkt pipe [options] 'STAGE | STAGE | …'\nOptions beside the pipeline are given to all stages that have them "
-        "(--threads, --memory, --dry-run, …), those about the output (-o, --force, --format, …) to the last.",
+        "(--threads, --memory, --dry-run, …), those about the output (-o, --force, --format, …) to the last.\n"
+        "      --tolerance E           divides an error of E, a physical value, among the stages so that the whole "
+        "costs least",
         {{"Read, crop and write without copying through pipes",
           "vkt pipe 'read volume.nrrd | crop --roi :,:,10:20 | write part.nrrd'"},
-         {"What would happen", "vkt pipe --dry-run 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};
+         {"What would happen", "vkt pipe --dry-run 'read volume.nrrd | filter gaussian --sigma 2 | stats'"},
+         {"As cheap as an error of one level of 256 allows",
+          "vkt make noise --dims 24 24 24 --dtype uint8 -o levels.nrrd && vkt pipe --tolerance 1 --explain 'convert "
+          "levels.nrrd --dtype float32 | filter gaussian --sigma 2 | filter gaussian --sigma 3 | stats'"}}};
     command.body = pipe;
     return command;
 }

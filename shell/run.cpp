@@ -98,7 +98,9 @@ public:
 private:
     void relabel(Header& header) const override {
         // A file that knows its own past needs no step that says it was read.
-        if (!header.history) header.history = History{words_, {}};
+        if (header.history) return;
+        mark_as_given(header);
+        header.history = History{words_, {}};
     }
     std::vector<std::string> words_;
 };
@@ -295,7 +297,8 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         ipc::StreamOptions options;
         options.stage = stage.stage();
         options.transport = stage.common().resolved_transport();
-        options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole();
+        // A window shows what is there before all of it is.
+        options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole() && !window_;
         options.piece = piece_limit(execution_of(stage));
         bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
         auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
@@ -402,7 +405,12 @@ void Runner::check_ends() {
         last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
     bool const to_terminal = (volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") &&
                              output_is_terminal() && !dry_run_;
-    window_ = to_terminal && picture && last_.consumer()->shows();
+    bool const shows = picture && last_.consumer()->shows();
+    bool const forced = shows && last_.own_parameters().given("window");
+    if (forced && last_.common_parameters().given("output"))
+        throw Error(ErrorKind::usage, "--window and -o exclude each other",
+                    "s saves the picture that the window shows");
+    window_ = shows && (to_terminal || (forced && !dry_run_));
     if (window_)
         viewer::require_display();
     else if (to_terminal)

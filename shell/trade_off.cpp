@@ -132,8 +132,9 @@ public:
             return;
         }
         Box const allowed = request.roi.empty() ? box_of(header.dims) : request.roi.resolve(header.dims);
-        // A part, the reference, results and what stages hold on the way: some dozens of bytes a voxel.
-        Box const held = middle_part(allowed, std::min(16.8e6, static_cast<double>(execution_.memory) / 128));
+        // A part, the reference, results and what stages hold on the way: some dozens of bytes a voxel, and as much
+        // again for the code that all of the settings take.
+        Box const held = middle_part(allowed, std::min(16.8e6, static_cast<double>(execution_.memory) / 224));
         if (!request.roi.empty() && !(held == allowed))
             throw Error(ErrorKind::resources,
                         text("--roi: ", allowed.voxels(), " voxels are more than --memory allows"),

@@ -137,6 +137,7 @@ page = open(sys.argv[1]).read()
 promised = re.findall(r"^\.Va (\w+)", page[page.index("Fl -json"):], re.M)
 info, one = json.load(open("info")), json.load(open("one"))
 own = {"level", "cell_width", "not_read"} # of the objects in level_list, and of files with more than is read
+own |= {"at_most", "values", "because"} # of the object that says of an error
 assert len(promised) > 12 and not set(promised) - own - set(info), set(promised) - set(info)
 for key in ("dims", "levels", "bricks", "cells", "holes", "level_list"): assert info[key] == one[key], key
 assert sum(l["bricks"] for l in info["level_list"]) == info["bricks"]

@@ -7,7 +7,10 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -42,6 +45,17 @@ void to_utf8(History& history) {
 }
 
 [[noreturn]] void malformed(std::string const& what) { throw Error(ErrorKind::data, text("the header's ", what)); }
+
+constexpr std::array<char const*, 4> certainties{"exact", "bound", "estimate", "unknown"};
+
+Json to_value(VolumeError const& error) {
+    Json result;
+    result["kind"] = certainties[static_cast<std::size_t>(error.kind)];
+    if (error.kind == Certainty::bound || error.kind == Certainty::estimate) result["at_most"] = error.at_most;
+    if (error.values) result["values"] = Json::array({error.values->low, error.values->high});
+    if (!error.because.empty()) result["because"] = error.because;
+    return result;
+}
 
 Json const& member(Json const& object, char const* key) {
     auto const found = object.find(key);
@@ -130,6 +144,29 @@ History history(Json const& value, std::size_t depth) {
     return result;
 }
 
+VolumeError volume_error(Json const& value) {
+    if (!value.is_object()) malformed("\"error\" is not an object");
+    VolumeError error;
+    std::string const kind = string(member(value, "kind"), "error");
+    auto const known = std::ranges::find(certainties, kind);
+    // What a later version knows to say is not understood here.
+    if (known == certainties.end()) return VolumeError::lost(text("its kind, '", kind, "', is not known here"));
+    error.kind = static_cast<Certainty>(known - certainties.begin());
+    if (error.kind == Certainty::bound || error.kind == Certainty::estimate) {
+        error.at_most = number(member(value, "at_most"), "error");
+        if (!std::isfinite(error.at_most) || error.at_most < 0)
+            malformed("\"error\" is not a finite number that is at least 0");
+    }
+    if (auto const i = value.find("values"); i != value.end()) {
+        if (!i->is_array() || i->size() != 2) malformed("\"error\" has \"values\" that are not two numbers");
+        error.values = ValueInterval{number((*i)[0], "error"), number((*i)[1], "error")};
+        if (!error.values->finite() || error.values->low > error.values->high)
+            malformed("\"error\" has \"values\" that are no range");
+    }
+    if (auto const i = value.find("because"); i != value.end()) error.because = string(*i, "error");
+    return error;
+}
+
 void read_optional(Json const& object, Header& header) {
     if (auto const i = object.find("units"); i != object.end()) header.units = string(*i, "units");
     if (auto const i = object.find("attributes"); i != object.end()) {
@@ -141,6 +178,7 @@ void read_optional(Json const& object, Header& header) {
         header.part = Part{index(member(*i, "global_dims"), "part"), index(member(*i, "offset"), "part"),
                            index(member(*i, "halo"), "part")};
     }
+    if (auto const i = object.find("error"); i != object.end()) header.error = volume_error(*i);
     if (auto const i = object.find("history"); i != object.end()) header.history = folded(history(*i, 0));
     header.dry_run = boolean(object, "dry_run");
     header.timing = boolean(object, "timing");
@@ -200,11 +238,53 @@ void check(Header const& header) {
         throw Error(ErrorKind::data, "the value map's slope or intercept is not finite, or the slope is zero");
 }
 
+std::string to_json(VolumeError const& error) {
+    return with_escapes(to_value(error).dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+VolumeError volume_error_from_json(std::string_view json) {
+    check_nesting(json);
+    Json const object = Json::parse(json, nullptr, false);
+    if (object.is_discarded()) malformed("\"error\" is not an object");
+    return volume_error(object);
+}
+
+std::string to_sentence(VolumeError const& error, std::string const& units) {
+    if (error.exact()) return "exact";
+    if (!error.known()) return error.because.empty() ? "unknown" : text("unknown: ", error.because);
+    // Two digits that are not below the number, but for what rounding added to it.
+    std::array<char, 32> digits{};
+    for (double v = error.at_most;; v *= 1.01) {
+        std::snprintf(digits.data(), digits.size(), "%.2g", v);
+        if (!(std::strtod(digits.data(), nullptr) < error.at_most * (1 - 1e-9))) break;
+    }
+    std::string const amount = text(digits.data(), units.empty() ? "" : " ", units);
+    return error.kind == Certainty::bound ? text("within ", amount, " of exact")
+                                          : text("about ", amount, " from exact");
+}
+
+std::optional<ValueInterval> values_of(DataType type, ValueMap const& map) {
+    if (!is_integer(type)) return {};
+    double const first = map.physical(lowest_of(type)), last = map.physical(highest_of(type));
+    return ValueInterval{std::min(first, last), std::max(first, last)};
+}
+
+std::optional<ValueInterval> values_of(Header const& header) {
+    auto const limit = values_of(header.dtype, header.values);
+    if (!header.error.values) return limit;
+    return limit ? header.error.values->within(*limit) : header.error.values;
+}
+
+void mark_as_given(Header& header) {
+    if (header.error.silent() && !header.history) header.error = VolumeError::given();
+}
+
 Header in_utf8(Header header) {
     header.units = in_utf8(header.units);
     std::map<std::string, std::string> attributes;
     for (auto const& [key, value] : header.attributes) attributes[in_utf8(key)] = in_utf8(value);
     header.attributes = std::move(attributes);
+    header.error.because = in_utf8(header.error.because);
     if (header.history) to_utf8(*header.history);
     return header;
 }
@@ -233,6 +313,7 @@ std::string to_json(Header const& given) {
         result["part"]["offset"] = to_value(header.part->offset);
         result["part"]["halo"] = to_value(header.part->halo);
     }
+    if (!header.error.silent()) result["error"] = to_value(header.error);
     if (header.dry_run) result["dry_run"] = true;
     if (header.timing) result["timing"] = true;
     if (header.history) result["history"] = to_value(folded(*header.history));

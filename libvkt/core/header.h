@@ -5,6 +5,7 @@
 #include "libvkt/core/geometry.h"
 #include "libvkt/core/history.h"
 #include "libvkt/core/types.h"
+#include "libvkt/core/volume_error.h"
 
 #include <cmath>
 #include <map>
@@ -55,6 +56,7 @@ struct Header {
     std::string units;                             ///< of the physical values, e.g. "HU"
     std::map<std::string, std::string> attributes; ///< free key/value pairs that travel along
     std::optional<Part> part;
+    VolumeError error; ///< of the voxels; operations and the engine see to it that it is never kept by mistake
     std::optional<History> history;
     std::int64_t brick_count = 0; ///< hierarchical: how many bricks follow
     std::int64_t cell_count = 0;  ///< hierarchical: how many cells these bricks hold
@@ -73,6 +75,21 @@ inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
 
 /// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
 void check(Header const& header);
+
+/// The error as one JSON object, and the reverse, which throws Error{data}.
+std::string to_json(VolumeError const& error);
+VolumeError volume_error_from_json(std::string_view text);
+/// "exact", "within 0.3 HU of exact", "about 0.3 HU from exact", or "unknown: " and why.
+std::string to_sentence(VolumeError const& error, std::string const& units);
+
+/// Physical values that the voxels of a volume lie between, as its header knows it: by the type if that is an integer,
+/// by what earlier stages found. None for floats of which nothing is known.
+std::optional<ValueInterval> values_of(Header const& header);
+/// Those that integers of a type can stand for; none for floats.
+std::optional<ValueInterval> values_of(DataType type, ValueMap const& map);
+
+/// Marks the voxels of a file as given, unless the header says how they were made.
+void mark_as_given(Header& header);
 
 /// The header with all of its text in UTF-8 (see text.h), as streams and files carry it: what goes through a pipe and
 /// what does not says the same.

@@ -62,9 +62,7 @@ constexpr std::array aliases{
 
 } // namespace
 
-std::size_t size_of(DataType type) { return traits(type).size; }
 std::string_view name_of(DataType type) { return traits(type).name; }
-bool is_integer(DataType type) { return traits(type).integer; }
 bool is_signed(DataType type) { return traits(type).is_signed; }
 double lowest_of(DataType type) { return traits(type).lowest; }
 double highest_of(DataType type) { return traits(type).highest; }

@@ -74,9 +74,13 @@ enum class DataType : std::uint8_t {
 
 inline constexpr int data_type_count = 11;
 
-std::size_t size_of(DataType type);      ///< bytes per voxel
+/// Bytes per voxel. Inlined, as is_integer: both are asked for once a piece of a row.
+[[gnu::always_inline]] constexpr std::size_t size_of(DataType type) {
+    constexpr std::uint8_t bytes[data_type_count] = {1, 1, 2, 2, 4, 4, 8, 8, 2, 4, 8};
+    return bytes[static_cast<std::size_t>(type)];
+}
 std::string_view name_of(DataType type); ///< canonical name, "uint8" … "float64"
-bool is_integer(DataType type);
+[[gnu::always_inline]] constexpr bool is_integer(DataType type) { return type < DataType::float16; }
 bool is_signed(DataType type);    ///< floats are signed
 double lowest_of(DataType type);  ///< smallest finite value
 double highest_of(DataType type); ///< largest finite value (rounded to double for 64-bit integers)
@@ -108,5 +112,10 @@ enum class Axis : std::uint8_t { x, y, z };
     }
     return -1;
 }
+
+/// Axes along which a copy reverses the order of the voxels.
+struct Mirror {
+    bool x = false, y = false, z = false;
+};
 
 } // namespace vkt

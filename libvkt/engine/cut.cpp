@@ -34,8 +34,9 @@ std::int64_t times(std::size_t bytes, std::size_t unit) { return static_cast<std
 class Sizes {
 public:
     Sizes(Operation& operation, Plan const& plan, std::span<Header const> inputs, std::vector<bool> const& lent,
-          Execution const& execution)
-        : operation_(operation), plan_(plan), inputs_(inputs), lent_(lent), execution_(execution) {}
+          Execution const& execution, bool cuts_along_x = false)
+        : operation_(operation), plan_(plan), inputs_(inputs), lent_(lent), execution_(execution),
+          cuts_along_x_(cuts_along_x) {}
 
     Index3 dims() const { return plan_.output.dims; }
 
@@ -54,6 +55,12 @@ public:
             for (std::int64_t y : {std::int64_t{0}, (n.y - cut.rows) / 2, n.y - cut.rows})
                 for (std::size_t i = 0; i < inputs_.size(); ++i)
                     if (!lent(i)) work.window[i] = std::max(work.window[i], wanted(i, piece(cut, y, z)));
+        if (cuts_along_x_) {
+            Index3 const middle{n.x / 2, n.y / 2, n.z / 2};
+            for (std::size_t i = 0; i < inputs_.size(); ++i)
+                work.window[i] = std::min(
+                    work.window[i], std::max(execution_.memory / 4, wanted(i, {middle, middle + Index3{1, 1, 1}})));
+        }
         for (std::size_t const window : work.window) work.bytes += window;
         return work;
     }
@@ -119,6 +126,9 @@ private:
     std::span<Header const> inputs_;
     std::vector<bool> const& lent_;
     Execution const& execution_;
+    /// Pieces that look at more than a quarter of the memory are cut on, down to single voxels: the engine does so for
+    /// what jumps.
+    bool cuts_along_x_;
 };
 
 } // namespace
@@ -197,23 +207,24 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     }
     std::size_t const row = row_bytes(plan.output);
     std::size_t const most = std::min(piece_limit(execution), natural_bytes(execution));
-    auto const in_pieces = [&](int least, std::size_t allowed) {
+    auto const in_pieces_of = [&](Sizes const& of, int least, std::size_t allowed) {
         Cut piece = cut;
         for (bool first = true;; first = false) {
             // At first the rows of a slice that is too large itself, then ever fewer.
             if (!first || piece.rows == n.y) {
-                if (piece.rows == 1) return sizes.of({1, 1}, least);
+                if (piece.rows == 1) return of.of({1, 1}, least);
                 piece.rows = (piece.rows + 1) / 2;
             }
             piece.slices = std::clamp<std::int64_t>(times(most, row * static_cast<std::size_t>(piece.rows)), 1, n.z);
             if (plan.slab_hint > 0) piece.slices = std::min(piece.slices, plan.slab_hint);
             for (std::int64_t const slices : {piece.slices, std::int64_t{1}}) {
                 piece.slices = slices;
-                WorkPlan work = sizes.within(allowed, piece, least);
+                WorkPlan work = of.within(allowed, piece, least);
                 if (work.bytes <= allowed) return work;
             }
         }
     };
+    auto const in_pieces = [&](int least, std::size_t allowed) { return in_pieces_of(sizes, least, allowed); };
     // Half is left to pieces in flight, three at each end. Where nothing else does, the rest is what these leave.
     std::size_t const in_flight = 3 * (inputs.size() + 1) * piece_limit(execution);
     std::size_t const rest =
@@ -221,6 +232,8 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     WorkPlan work = in_pieces(execution.threads, limit);
     if (work.bytes > limit) work = in_pieces(1, limit);
     if (work.bytes > limit) work = in_pieces(1, rest);
+    if (work.bytes > rest && plan.access == Access::random)
+        work = in_pieces_of(Sizes(operation, plan, inputs, lent, execution, true), 1, rest);
     if (work.bytes > rest)
         beyond(text(operation.name(), " on these volumes"), static_cast<double>(work.bytes + budget(execution) - rest),
                execution);

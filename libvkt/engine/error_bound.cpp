@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -17,6 +18,12 @@ void ErrorBound::limit(DataType type, double slope, std::optional<double> stored
     }
     double const stored = range * (highest - lowest) + magnitude * std::max(-lowest, highest);
     in_values = stored * std::abs(slope) + absolute;
+}
+
+ErrorPassing ErrorPassing::jumps(std::optional<ValueInterval> values) {
+    ErrorPassing passing = computed(std::numeric_limits<double>::infinity(), values);
+    passing.storing = Storing::whole;
+    return passing;
 }
 
 double storing_error(DataType type) {

@@ -51,6 +51,7 @@ struct Plan {
     std::int64_t slab_hint = 0;  ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
     std::string method;          ///< name of the chosen method, e.g. "direct FIR, radius 8"
     ErrorBound error;            ///< exact: permutation, integer or correctly rounded result
+    ErrorPassing passing;        ///< what becomes of the inputs' errors; unknown unless the operation says it
     double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
     std::size_t state_bytes = 0; ///< memory held whatever the regions are that run() is given; see also fit()
 };

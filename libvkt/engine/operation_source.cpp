@@ -6,7 +6,9 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/prepared.h"
 #include "libvkt/engine/stopwatch.h"
+#include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -91,8 +93,29 @@ std::string input_placeholder(std::size_t i, bool explicit_word) {
     return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));
 }
 
+/// The current volume of a source that stays in other hands, as a sequence of its own.
+class OperationSource::Current : public Source {
+public:
+    explicit Current(Source& source) : source_(source) {}
+    bool next_volume() override { return !std::exchange(begun_, true); }
+    Header const& header() const override { return source_.header(); }
+    Access access() const override { return source_.access(); }
+    void read(AnyView out) override { source_.read(out); }
+    std::optional<ConstView> borrow(Box const& region) override { return source_.borrow(region); }
+    void expect(Box const& region) override { source_.expect(region); }
+    std::int64_t natural_slab() const override { return source_.natural_slab(); }
+    Space space() const override { return source_.space(); }
+    void finish() override { source_.finish(); }
+
+private:
+    Source& source_;
+    bool begun_ = false;
+};
+
 bool OperationSource::Input::next_volume() {
     spool_.reset();
+    preparing_.reset();
+    prepared_.reset();
     bool const more = source_->next_volume();
     volumes_ += more ? 1 : 0;
     return more;
@@ -124,13 +147,28 @@ void OperationSource::Input::finish() {
 }
 
 void OperationSource::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
-    auto spool = std::make_unique<Spool>(source_->header(), in_memory, execution, info);
-    spool->fill(*source_, execution);
+    Source& from = preparing_ ? *preparing_ : *source_;
+    auto spool = std::make_unique<Spool>(from.header(), in_memory, execution, info);
+    spool->fill(from, execution);
     spool_ = std::move(spool);
+    preparing_.reset();
+}
+
+void OperationSource::Input::prepare(Operation& by, Execution const& execution, StageInfo const& info) {
+    StageInfo quiet;
+    quiet.name = info.name;
+    quiet.label = info.label;
+    quiet.times = info.times;
+    std::vector<std::unique_ptr<Source>> inputs;
+    inputs.push_back(std::make_unique<Current>(*source_));
+    preparing_ = attach(std::move(inputs), by, execution, std::move(quiet));
+    preparing_->next_volume();
+    prepared_ = preparing_->header();
 }
 
 bool OperationSource::Input::in_memory() {
-    return access() == Access::random && space() == Space::host && borrow(box_of(header().dims)).has_value();
+    return !prepared_ && access() == Access::random && space() == Space::host &&
+           borrow(box_of(header().dims)).has_value();
 }
 
 OperationSource::OperationSource(std::vector<std::unique_ptr<Source>> inputs, Operation& operation,
@@ -175,6 +213,7 @@ void OperationSource::plan_volume() {
         plan_.output.timing = headers.front().timing;
     }
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
+    settle_error(headers, false);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     if (plan_.output.dry_run) return;
     if (plan_.output.kind == Kind::hierarchical) {
@@ -190,8 +229,28 @@ void OperationSource::plan_volume() {
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
     if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    auto* const prepared = dynamic_cast<Prepared*>(&operation_);
+    if (Operation* const first = prepared != nullptr ? prepared->preparation() : nullptr) {
+        inputs_.front()->prepare(*first, requested_, info_);
+        headers.front() = inputs_.front()->header();
+    }
     prepare_inputs(headers);
-    if (plan_.scans) scan();
+    if (plan_.scans) {
+        scan();
+        settle_error(headers, true);
+    }
+}
+
+/// No header keeps the error of another: whatever the operation copied is replaced.
+void OperationSource::settle_error(std::vector<Header> const& headers, bool scanned) {
+    // The value map of a range that is looked for, and with it the step of integers, is not known before.
+    bool const later = plan_.scans && !scanned && is_integer(plan_.output.dtype) &&
+                       plan_.passing.storing == ErrorPassing::Storing::computes;
+    if (later && plan_.passing.known) {
+        plan_.output.error = VolumeError::lost(text(operation_.name(), " has to read all voxels to know it"));
+        return;
+    }
+    plan_.output.error = travelled(headers, plan_, operation_.name());
 }
 
 /// Chooses how to work within the budget, before anything is read, and spools what then cannot be read as it comes.
@@ -204,7 +263,7 @@ void OperationSource::prepare_inputs(std::vector<Header> const& headers) {
         bool const scanned =
             plan_.scans && !operation_.footprint(box_of(plan_.output.dims), static_cast<int>(i)).empty();
         bool const again = scanned || plan_.access == Access::random || plan_.boundary == Boundary::wrap;
-        bool const keeps = again && inputs_[i]->access() == Access::forward;
+        bool const keeps = inputs_[i]->prepared() || (again && inputs_[i]->access() == Access::forward);
         // Tables that an operation needs have precedence over a volume that may as well lie in a file.
         bool const held = keeps && headers[i].bytes() <= in_memory && plan_.state_bytes <= requested_.memory / 8;
         if (held) spooled += headers[i].bytes();
@@ -268,6 +327,7 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
     check(plan_.output);
     plan_.output.timing = headers.front().timing;
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
+    settle_error(headers, true);
     if (info_.on_plan) info_.on_plan(plan_, headers);
 }
 
@@ -285,8 +345,10 @@ void OperationSource::make_tree() {
         throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
     std::optional<History> const history = plan_.output.history;
     bool const timing = plan_.output.timing;
+    VolumeError const error = plan_.output.error;
     plan_.output = result.header();
     plan_.output.history = history;
+    plan_.output.error = error;
     plan_.output.timing = timing;
     result.header() = plan_.output;
     if (info_.times) info_.times->voxels += result.header().voxels();

@@ -31,6 +31,8 @@ public:
     void finish() override;
 
 private:
+    class Current;
+
     /// An input as the operation sees it: the source itself, or a spool of its current volume.
     class Input : public Source {
     public:
@@ -38,7 +40,7 @@ private:
         bool next_volume() override;
         /// After the end of a sequence of one volume: that volume again, if it can be had.
         bool repeat();
-        Header const& header() const override { return source_->header(); }
+        Header const& header() const override { return prepared_ ? *prepared_ : source_->header(); }
         Access access() const override { return spool_ ? Access::random : source_->access(); }
         void read(AnyView out) override;
         std::optional<ConstView> borrow(Box const& region) override;
@@ -50,6 +52,9 @@ private:
         void finish() override;
         /// Reads all of the current volume and keeps it, in memory up to so many bytes.
         void spool(std::size_t in_memory, Execution const& execution, StageInfo const& info);
+        /// The current volume becomes what an operation makes of it. It has to be spooled before it is read.
+        void prepare(Operation& by, Execution const& execution, StageInfo const& info);
+        bool prepared() const { return prepared_.has_value(); }
         /// True if all of the volume lies in memory already.
         bool in_memory();
 
@@ -57,11 +62,14 @@ private:
 
     private:
         std::unique_ptr<Source> source_;
+        std::unique_ptr<Source> preparing_; ///< until it is spooled
+        std::optional<Header> prepared_;
         std::unique_ptr<Spool> spool_;
         std::int64_t volumes_ = 0;
     };
 
     void plan_volume();
+    void settle_error(std::vector<Header> const& headers, bool scanned);
     void prepare_inputs(std::vector<Header> const& headers);
     void compute_bands();
     void plan_tree(std::vector<Header> const& headers);

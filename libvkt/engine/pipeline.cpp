@@ -108,6 +108,11 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
     if (cut.rows < header.dims.y) {
         std::int64_t const step = operation.scan_step(part.dims());
         cut.rows = std::max(cut.rows / step, std::int64_t{1}) * step;
+    } else if (source.space() == Space::host && source.borrow(part)) {
+        // What lies in memory as a whole has no way through the caches to keep to: fewer, larger pieces.
+        std::size_t const slice = static_cast<std::size_t>(header.dims.x * header.dims.y) * size_of(header.dtype);
+        auto const most = static_cast<std::int64_t>(piece_limit(execution) / slice);
+        cut.slices = std::max(cut.slices, std::min(8 * cut.slices, most));
     }
     source.expect(part);
     for_each_piece(part, cut, [&](Box const& box) {

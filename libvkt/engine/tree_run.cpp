@@ -11,6 +11,7 @@
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/spool.h"
 #include "libvkt/engine/stopwatch.h"
+#include "libvkt/engine/travelled.h"
 
 #include <algorithm>
 #include <array>
@@ -675,7 +676,10 @@ std::size_t bricks_in_flight(Header const& header, Execution const& execution) {
 
 TreeRun::TreeRun(Operation& operation, std::vector<BrickSequence> inputs, Execution const& execution,
                  StageInfo const& info, TreeOptions const& options, std::optional<Plan> planned)
-    : work_(work_of(operation, std::move(inputs), on_host(execution), info, options, std::move(planned))) {}
+    : headers_(headers_of(inputs)),
+      work_(work_of(operation, std::move(inputs), on_host(execution), info, options, std::move(planned))) {
+    work_->plan.output.error = travelled(headers_, work_->plan, operation.name());
+}
 
 Plan const& TreeRun::plan() const { return work_->plan; }
 BrickSequence TreeRun::bricks(Header header) { return work_->bricks(std::move(header), work_); }

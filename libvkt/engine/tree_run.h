@@ -73,6 +73,7 @@ public:
     class Work;
 
 private:
+    std::vector<Header> headers_; ///< of the inputs
     std::shared_ptr<Work> work_;
 };
 

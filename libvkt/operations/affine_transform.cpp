@@ -177,13 +177,19 @@ Plan AffineTransform::plan(std::span<Header const> inputs) {
         throw Error(ErrorKind::usage, error.what(), error.hint());
     }
     OntoValues values{type_, type_};
+    Background background;
     if (boundary_)
         values.border = input.values.stored(boundary_->value);
     else
-        values.background = background_in(plan.output, background_, input);
+        background = background_in(plan.output, background_, input);
+    values.background = background.stored;
+    other_background_.reset();
+    if (background.other) other_background_ = plan.output.values.physical(background.stored);
     ResampleMethod const method = method_ ? static_cast<ResampleMethod>(*method_) : ResampleMethod::automatic;
     onto_.emplace(placement, region_dims_, box_.dims(), method, boundary_, values);
+    preparation_ = in_place_ ? nullptr : onto_->take_coefficients();
     onto_->describe(plan);
+    onto_->pass(input, plan);
     if (in_place_) plan.shift.reset();
     return plan;
 }
@@ -239,7 +245,11 @@ std::vector<Remark> AffineTransform::remarks() const {
     std::int64_t const voxels = n.x * n.y * n.z;
     std::vector<Remark> result = store_remarks(losses_, voxels, type_);
     if (onto_ && onto_->outside() > 0)
-        result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background"), false});
+        result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background",
+                               other_background_
+                                   ? text(" ", *other_background_, ", the nearest to what was meant that can be stored")
+                                   : ""),
+                          false});
     return result;
 }
 

@@ -5,6 +5,7 @@
 #include "libvkt/core/affine.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/prepared.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/resample_method.h"
@@ -29,13 +30,14 @@ template <> struct EnumNames<SamplingMethod> {
 /// Resamples a volume whose content is moved: onto its own grid, one that holds all of it, or another volume's; or
 /// inside a region, which is then treated as a volume of its own. The type stays, rounded half to even and saturated.
 /// Maps under which all voxels fall on voxels move bytes.
-class AffineTransform : public Operation, public Tunable {
+class AffineTransform : public Operation, public Tunable, public Prepared {
 public:
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
     std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
+    Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
@@ -61,6 +63,8 @@ private:
     Index3 region_dims_;
     bool in_place_ = false; ///< only the region moves
     std::optional<Onto> onto_;
+    Operation* preparation_ = nullptr;
+    std::optional<double> other_background_; ///< physical, if it is another than was meant
     Losses losses_;
     DataType type_ = DataType::uint8;
     Buffer window_;

@@ -87,6 +87,7 @@ private:
     struct Operand;
     /// As many as the operation takes; the first is standard input where one is missing.
     std::vector<std::string> operands() const;
+    void pass(std::span<Header const> inputs, Plan& plan) const;
     void choose_values(std::vector<Header const*> const& headers, Header& output);
     void choose_type(std::vector<Header const*> const& headers, Header& output);
     bool rounds_twice(Operand const& u, Operand const& v) const;

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/bilateral.h"
 
+#include "libvkt/engine/travelled.h"
+
 #include <cmath>
 
 namespace vkt {
@@ -65,7 +67,11 @@ void BilateralFilter::prepare(Header const& in, Plan& plan) {
         count *= static_cast<double>(2 * rule_.radius[axis] + 1);
     }
     reach_ = rule_.radius;
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
+    plan.passing.gain = {HUGE_VAL};
+    plan.passing.because = "its weights follow the values";
     if (reach_ == Index3{}) {
+        plan.passing = {}; // that of a copy
         plan.shift = Index3{};
         plan.method = "copy";
         plan.cost = 0;

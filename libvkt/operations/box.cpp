@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/box.h"
 
+#include "libvkt/engine/travelled.h"
 #include "libvkt/operations/kernels/box_window.h"
 
 #include <cmath>
@@ -53,7 +54,9 @@ void BoxMean::prepare(Header const& in, Plan& plan) {
     require_border_voxel(in);
     reach_ = radius_.voxels;
     type_ = in.dtype;
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
     if (reach_ == Index3{}) {
+        plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
         plan.cost = 0;

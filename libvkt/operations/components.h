@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/execution.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/bits.h"
 
 #include <optional>

@@ -40,7 +40,11 @@ Plan Convert::plan(std::span<Header const> inputs) {
     plan.output = input_;
     plan.output.dtype = type_;
     copies_ = !range && type_ == input_.dtype;
+    plan.passing = ErrorPassing::computed(1, values_of(input_));
+    plan.passing.storing = range ? ErrorPassing::Storing::computes : ErrorPassing::Storing::converts;
+    plan.passing.clips = is_integer(type_);
     if (copies_) {
+        plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
         plan.cost = 0;

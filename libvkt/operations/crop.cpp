@@ -65,6 +65,7 @@ Plan Crop::plan(std::span<Header const> inputs) {
     Plan plan;
     plan.output = in;
     plan.method = "copy";
+    plan.passing = ErrorPassing::moved(in.error.values);
     plan.cost = 0;
     if (in.kind == Kind::hierarchical) { // bricks are kept whole, the grid stays
         plan.output.attributes["roi"] = to_text(box_);

@@ -61,7 +61,8 @@ void Diff::parameters(Parameters& p) {
     p.option("tolerance", tolerance, "T", "largest absolute difference that counts as equal (0)");
     p.flag("geometry", geometry, "also fail if origin, spacing or direction differ");
     p.flag("ssim", ssim, "also the mean structural similarity: Gaussian window of 11 voxels, sigma 1.5");
-    p.option("ssim-range", ssim_range, "R", "range of the data for it (that of the first volume)");
+    p.option("ssim-range", ssim_range, "R",
+             "range of the data for it (that of the first volume; if it is constant, the largest difference)");
     p.flag("mutual-information", information, "also the mutual information, plain (nats) and normalised");
     p.option("bins", bins, "N", "bins of each volume for it, 2 to 1024 (64)");
 }
@@ -127,7 +128,9 @@ Report Diff::compared(Measurement& to) {
     satisfied_ = satisfied_ && r.same_dims && r.max_abs <= tolerance && (!geometry || r.same_geometry);
     Report report = report_of(r);
     if (ssim) {
-        double const range = !several_passes ? std::nan("") : ssim_range.value_or(r.range);
+        // Of a constant volume there is no range; differences from it have one.
+        double const of_data = r.range > 0 ? r.range : r.max_abs;
+        double const range = !several_passes ? std::nan("") : ssim_range.value_or(of_data);
         report.add("ssim", several_passes ? structural_similarity(a, b, range, execution) : range);
         report.add("ssim_range", range);
     }

@@ -3,6 +3,7 @@
 #include "libvkt/operations/distance.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/bits.h"
 #include "libvkt/operations/kernels/distance.h"
 #include "libvkt/operations/kernels/fill.h"
@@ -130,6 +131,8 @@ Plan Distance::plan(std::span<Header const> inputs) {
         plan.error.kind = ErrorBound::Kind::bound;
         plan.error.absolute = std::sqrt(dot(size, size)) * (whole_ ? 0x1.0001p-24 : 0x1p-23);
     }
+    plan.passing = ErrorPassing::jumps(ValueInterval{0, std::sqrt(dot(size, size))});
+    plan.passing.storing = ErrorPassing::Storing::computes;
     std::int64_t const longest = std::max(dims.y, dims.z);
     plan.state_bytes = static_cast<std::size_t>(longest + 40) * 16 * (whole_ ? 4 : 8) * 4 + 65536;
     return plan;

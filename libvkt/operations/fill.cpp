@@ -43,6 +43,10 @@ Plan Fill::plan(std::span<Header const> inputs) {
     stored_ = inputs[0].values == ValueMap{} ? value_ : Number(inputs[0].values.stored(value_.value));
     type_ = inputs[0].dtype;
     plan.method = "constant";
+    auto values = values_of(inputs[0]);
+    if (values) values = values->with(inputs[0].values.physical(stored_.value));
+    plan.passing = ErrorPassing::moved(values);
+    plan.passing.more = std::abs(inputs[0].values.slope) * storing_loss(type_, stored_);
     plan.cost = 0;
     return plan;
 }

@@ -44,6 +44,9 @@ Plan FillHoles::plan(std::span<Header const> inputs) {
     Plan plan;
     plan.output = input_;
     plan.scans = true;
+    plan.passing = ErrorPassing::jumps();
+    if (!is_integer(input_.dtype)) plan.passing = {};
+    if (value) plan.passing = {};
     plan.method = text("runs and union-find, holes ", connectivity, "-connected");
     plan.cost = 2;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine

@@ -29,6 +29,7 @@ Plan Flip::plan(std::span<Header const> inputs) {
     }
     plan.access = axis_ == Axis::z && box_.dims().z > 1 ? Access::random : Access::forward;
     plan.method = "mirrored copy";
+    plan.passing = ErrorPassing::moved(values_of(inputs[0]));
     plan.cost = 0;
     return plan;
 }

@@ -3,7 +3,9 @@
 #include "libvkt/operations/gaussian.h"
 
 #include "libvkt/amr/tree.h"
+#include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
 
 #include <cmath>
 
@@ -281,7 +283,9 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
     }
     if (!plan.error.exact() && !is_uniform(in)) plan.error = ErrorBound::none_known();
     plan.error.limit(in.dtype, in.values.slope, constant ? std::optional(border) : std::nullopt);
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan)); // the weights are positive
     if (copies_) {
+        plan.passing.storing = ErrorPassing::Storing::moves;
         plan.shift = Index3{};
         plan.method = "copy";
         return plan;

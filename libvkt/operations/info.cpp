@@ -68,6 +68,7 @@ Report report_of(Description const& description) {
     line("direction", text(g.direction[0], "  ", g.direction[1], "  ", g.direction[2]));
     if (header.values != ValueMap{}) line("values", text(header.values.slope, " * stored + ", header.values.intercept));
     line("units", header.units);
+    line("error", to_sentence(header.error, header.units));
     if (header.part)
         line("part", text(header.part->offset, " of ", header.part->global_dims, ", halo ", header.part->halo));
     for (std::string const& what : description.not_read) line("not read", what);

@@ -57,6 +57,7 @@ Plan Label::plan(std::span<Header const> inputs) {
     plan.output.units.clear();
     plan.output.attributes.erase("background");
     plan.scans = true;
+    plan.passing = ErrorPassing::jumps();
     plan.method = text("runs and union-find, ", connectivity, "-connected");
     plan.cost = 2;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/linear_filter.h"
 
+#include "libvkt/engine/travelled.h"
+
 #include <cmath>
 
 namespace vkt {
@@ -144,6 +146,12 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
         steps * std::max(1.0, weight.magnitude * std::abs(in.values.slope)) *
             (storing_floor(wide ? DataType::float64 : DataType::float32) + storing_floor(plan.output.dtype));
     plan.error.limit(in.dtype, in.values.slope, std::nullopt);
+    auto const values = values_read(in, plan);
+    plan.passing = ErrorPassing::summed(weight.magnitude, values);
+    if (has_region()) { // outside of it values stay, in the type of the result
+        plan.passing = ErrorPassing::summed(std::max(1.0, weight.magnitude), values);
+        if (!keeps_type_) plan.passing.more = values ? values->reach() * stored : stored > 0 ? HUGE_VAL : 0;
+    }
 }
 
 std::vector<Knob> LinearFilter::knobs() const {

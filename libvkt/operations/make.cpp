@@ -90,6 +90,7 @@ Plan MakeField::plan(std::span<Header const>) {
     plan.output.geometry.spacing = spacing;
     plan.output.geometry.origin = origin;
     plan.method = "generated";
+    plan.passing = ErrorPassing::moved({}); // given
     plan.access = Access::forward;
     return plan;
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/median.h"
 
+#include "libvkt/engine/travelled.h"
 #include "libvkt/operations/kernels/median.h"
 
 namespace vkt {
@@ -36,9 +37,10 @@ void Median::check() const {
     radius_.check(most_radius);
 }
 
-void Median::prepare(Header const&, Plan& plan) {
+void Median::prepare(Header const& in, Plan& plan) {
     Index3 const edges = radius_.edges();
     reach_ = radius_.voxels;
+    plan.passing = ErrorPassing::moved(values_read(in, plan)); // an order statistic
     if (reach_ == Index3{}) {
         plan.shift = Index3{};
         plan.method = "copy";

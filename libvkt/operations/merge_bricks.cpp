@@ -59,11 +59,23 @@ public:
                                   ", which should be ", expected.geometry.origin, " and ", expected.geometry.spacing),
                              "what is done to bricks must keep their place: compare them with vkt info");
         history_ = history_ && header.history == header_.history;
+        if (header.error == header_.error) return;
+        // Of bricks that come one after another the header has gone out when the second is seen.
+        if (told_ && header_.error.exact())
+            throw data_error(text("'", brick.name,
+                                  "' is no brick of this volume: its voxels are not exact, as those of '", first_.name,
+                                  "' are"),
+                             "write the bricks to files, and merge those");
+        header_.error = VolumeError::lost("bricks of a volume differ in it");
     }
 
     /// The header of the whole. Bricks with the same past hand it on.
-    Header whole(StageInfo const& info) const {
+    Header whole(StageInfo const& info, bool all_seen) const {
+        told_ = !all_seen;
         Header whole = header_;
+        if (told_ && !whole.error.exact())
+            whole.error = VolumeError::lost("bricks that come one by one may differ in it");
+        if (told_) whole.error.values.reset();
         whole.dims = first_.place.whole;
         whole.geometry = geometry_;
         if (whole.part) {
@@ -83,9 +95,10 @@ public:
 
 private:
     PlacedBrick first_;
-    Header header_;
+    mutable Header header_;
     Geometry geometry_; ///< of the whole
     mutable bool history_ = true;
+    mutable bool told_ = false; ///< the header of the whole
 };
 
 /// Throws Error{data} unless the bricks, in order, hold every voxel of their layer, or of the volume, once.
@@ -215,7 +228,7 @@ MergedFiles::MergedFiles(std::vector<BrickFile> files, OpenBrick open, Execution
         return std::tuple(i.z, i.y, i.x) < std::tuple(j.z, j.y, j.x);
     });
     Cover(bricks_, bricks_.front().place.whole);
-    header_ = common.whole(info);
+    header_ = common.whole(info, true);
 }
 
 Source& MergedFiles::opened(std::size_t brick) {
@@ -301,7 +314,7 @@ bool MergedStream::next_volume() {
         return false;
     }
     common_ = Common(source_->header(), brick_);
-    header_ = common_.whole(info_);
+    header_ = common_.whole(info_, false);
     layer_end_ = 0;
     if (header_.dry_run) { // only headers follow
         std::int64_t voxels = brick_.place.core.voxels();

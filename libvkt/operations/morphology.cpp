@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/morphology.h"
 
+#include "libvkt/engine/travelled.h"
 #include "libvkt/operations/box.h"
 #include "libvkt/operations/kernels/box_window.h"
 
@@ -80,6 +81,14 @@ void Morphology::prepare(Header const& in, Plan& plan) {
     plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
     plan.method = shape_ == WindowShape::box ? text("windows, ", 2 * r.x + 1, "x", 2 * r.y + 1, "x", 2 * r.z + 1)
                                              : text("chords of a ball, radius ", r.x, ",", r.y, ",", r.z);
+    auto values = values_read(in, plan);
+    plan.passing = ErrorPassing::moved(values);
+    if (subtracts()) { // the greater and the less may be off in opposite directions
+        if (values) values = ValueInterval{0, values->width()};
+        plan.passing = ErrorPassing::computed(2, values);
+        plan.passing.storing = ErrorPassing::Storing::whole;
+        if (has_region()) plan.passing = {};
+    }
     if (subtracts() && !is_integer(type_)) {
         plan.error.kind = ErrorBound::Kind::bound;
         plan.error.range = storing_error(type_);

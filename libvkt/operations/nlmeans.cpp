@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/nlmeans.h"
 
+#include "libvkt/engine/travelled.h"
+
 #include <bit>
 #include <cmath>
 
@@ -110,6 +112,9 @@ void NlMeans::prepare(Header const& in, Plan& plan) {
         return;
     }
     reach_ = patch_.voxels + search_.voxels;
+    plan.passing = ErrorPassing::averaged(1, values_read(in, plan));
+    plan.passing.gain = {HUGE_VAL};
+    plan.passing.because = "its weights follow the values";
     bool const estimates = noise_ && noise_->automatic;
     plan.scans = estimates;
     if (estimates) plan.state_bytes = (std::size_t{1} << 16) * 8;
@@ -141,7 +146,8 @@ void NlMeans::filter(ConstView in, AnyView out, Execution const& execution) {
 
 std::vector<Remark> NlMeans::remarks() const {
     std::vector<Remark> result = LocalFilter::remarks();
-    if (copies_) result.push_back({"no noise was found: the volume stays as it is; say --strength or --noise", false});
+    if (copies_)
+        result.push_back({text("no noise was found: the volume stays as it is; say --strength or --noise"), false});
     return result;
 }
 

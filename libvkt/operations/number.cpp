@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/number.h"
 
+#include "libvkt/engine/error_bound.h"
 #include "libvkt/kernel/numeric.h"
 
 #include <cmath>
@@ -68,6 +69,14 @@ bool fits(DataType type, Number const& number) {
                     *number.whole >= std::numeric_limits<T>::lowest() && *number.whole <= std::numeric_limits<T>::max();
     });
     return result;
+}
+
+double storing_loss(DataType type, Number const& number) {
+    if (!std::isfinite(number.value)) return 0;
+    if (is_integer(type)) return number.whole ? 0 : 0.5;
+    if (type == DataType::float64 || (type == DataType::float32 && static_cast<float>(number.value) == number.value))
+        return 0;
+    return storing_error(type) * std::abs(number.value) + storing_floor(type);
 }
 
 } // namespace vkt

@@ -32,6 +32,8 @@ template <> struct ValueText<Number> : OneWord {
 
 /// The voxel that stores a number: halves to even, saturated, NaN to 0 in integers.
 std::array<std::byte, 8> voxel_bytes(DataType type, Number const& number);
+/// How far that voxel is at most from the number, in steps of the type; what is saturated is as it should be.
+double storing_loss(DataType type, Number const& number);
 /// True if that voxel neither saturates nor becomes infinite; NaN fits everywhere.
 bool fits(DataType type, Number const& number);
 

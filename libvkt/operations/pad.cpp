@@ -92,6 +92,14 @@ Plan Pad::plan(std::span<Header const> inputs) {
             throw Error(ErrorKind::usage,
                         text("--by: the result would have ", plan.output.dims[axis], " voxels along an axis"));
     plan.method = "copy, " + enum_name(boundary.boundary);
+    auto values = values_of(in);
+    if (boundary.boundary == Boundary::border) {
+        if (values) values = values->with(in.values.physical(stored_.value));
+        plan.passing = ErrorPassing::moved(values);
+        plan.passing.more = std::abs(in.values.slope) * storing_loss(type_, stored_);
+    } else {
+        plan.passing = ErrorPassing::moved(values);
+    }
     plan.cost = 0;
     return plan;
 }

@@ -61,8 +61,14 @@ Plan Paste::plan(std::span<Header const> inputs) {
     plan.output = into_;
     plan.method = "copy";
     plan.cost = 0;
+    auto values = values_of(part_);
+    auto const around = values_of(into_);
+    plan.passing = ErrorPassing::moved(values && around ? std::optional(values->with(*around)) : std::nullopt);
+    plan.passing.storing = ErrorPassing::Storing::converts;
+    plan.passing.passed = std::max(part_.error.at_most, into_.error.at_most);
     if (!(part_.values == into_.values)) {
         plan.method = "copy, values mapped";
+        plan.passing.storing = ErrorPassing::Storing::computes;
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 1e-15 + storing_error(into_.dtype);
     }

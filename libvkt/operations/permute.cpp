@@ -115,6 +115,7 @@ Plan Permute::plan(std::span<Header const> inputs) {
     // Slices of the result that are made of columns take whole cache lines of the input.
     if (axes_[2] == 0) plan.slab_hint = static_cast<std::int64_t>(128 / size_of(in.dtype));
     plan.method = "permuting copy";
+    plan.passing = ErrorPassing::moved(values_of(in));
     plan.cost = 0;
     return plan;
 }

@@ -65,6 +65,16 @@ Plan Project::plan(std::span<Header const> inputs) {
         plan.error.magnitude = n * 0x1p-52 + storing_error(out.dtype);
         break;
     }
+    auto const values = values_of(in);
+    bool const picks = kind == Projection::max || kind == Projection::min || kind == Projection::median;
+    plan.passing = picks ? ErrorPassing::moved(values) : ErrorPassing::averaged(1, values);
+    if (kind == Projection::std) // as a function of n values it changes by no more than the largest of their changes
+        plan.passing = ErrorPassing::computed(std::sqrt(n / std::max(1.0, n - 1)),
+                                              values ? std::optional(ValueInterval{0, values->width()}) : std::nullopt);
+    if (kind == Projection::sum) {
+        plan.passing = ErrorPassing::summed(n, values);
+        if (is_integer(type_)) plan.passing.storing = ErrorPassing::Storing::whole;
+    }
     bool const sorts = kind == Projection::median;
     plan.method = sorts ? "sorted lines" : "one pass, an accumulator a pixel";
     plan.scans = !sorts;

@@ -38,6 +38,7 @@ Plan Refine::plan(std::span<Header const> inputs) {
                        enum_name(options.method));
     plan.error.kind = ErrorBound::Kind::bound;
     plan.error.absolute = options.tolerance;
+    plan.passing = ErrorPassing::averaged(1, values_of(inputs.front()));
     plan.cost = 16;
     plan.state_bytes = inputs.front().bytes() + static_cast<std::size_t>(inputs.front().voxels() / 7) * sizeof(double);
     return plan;

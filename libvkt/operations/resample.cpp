@@ -4,8 +4,10 @@
 
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
+#include "libvkt/engine/travelled.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/kernels/resample.h"
 
@@ -224,6 +226,7 @@ Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
     reconstructor_.reset();
     onto_.reset();
+    preparation_ = nullptr;
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
@@ -271,6 +274,11 @@ Plan Resample::plan(std::span<Header const> inputs) {
     if (algorithm_ == Algorithm::copy) plan.shift = Index3{};
     plan.method = describe();
     plan.error = error_of(input, plan.output);
+    plan.passing =
+        ErrorPassing::averaged(tables_[0].gain() * tables_[1].gain() * tables_[2].gain(), values_read(input, plan));
+    if (algorithm_ == Algorithm::copy || algorithm_ == Algorithm::nearest)
+        plan.passing.storing = ErrorPassing::Storing::moves;
+    if (algorithm_ == Algorithm::convert) plan.passing.storing = ErrorPassing::Storing::converts;
     plan.cost = algorithm_ == Algorithm::copy || algorithm_ == Algorithm::convert || algorithm_ == Algorithm::nearest
                     ? 0
                     : multiply_adds(tables_, static_cast<double>(from_.x) / static_cast<double>(to_.x));
@@ -338,7 +346,9 @@ Plan Resample::plan_onto(Header const& input, Placement const& placement) {
     else
         values.background = background_in(plan.output);
     onto_.emplace(placement, from_, to_, method.value_or(ResampleMethod::automatic), boundary, values);
+    preparation_ = onto_->take_coefficients();
     onto_->describe(plan);
+    onto_->pass(input, plan);
     return plan;
 }
 
@@ -465,6 +475,11 @@ Plan Resample::plan_tree(Header const& input) {
         if (!plan.error.exact())
             plan.error.magnitude = std::max(plan.error.magnitude, storing_error(plan.output.dtype));
     }
+    // A reconstruction is a definition: its weights are positive and sum to 1.
+    auto values = values_read(input, plan);
+    if (values) values = values->with(input.values.physical(stored_background_));
+    plan.passing = mask ? ErrorPassing::moved(ValueInterval{0, 1}) : ErrorPassing::averaged(1, values);
+    if (mask) plan.passing.gain = {0};
     checked(plan.output);
     return plan;
 }

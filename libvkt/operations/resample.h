@@ -5,6 +5,7 @@
 #include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/boundary_rule.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/prepared.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/remarks.h"
@@ -48,7 +49,7 @@ template <> struct ValueText<WantedDims> {
 /// pass: a row of output is the weighted sum of the input rows in its footprint, then of their voxels; about one
 /// multiply-add per input voxel when shrinking. --like puts the volume onto another's grid, see Onto. Hierarchical
 /// volumes become structured ones: basis, nearest, average or auto, see Reconstruction; basis by default.
-class Resample : public Operation, public Tunable {
+class Resample : public Operation, public Tunable, public Prepared {
 public:
     std::optional<Vec3> scale;
     std::optional<WantedDims> dims;
@@ -72,6 +73,7 @@ public:
     std::vector<Knob> knobs() const override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
+    Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
     /// Sums of columns, which every thread has of its own, and inputs whose axes changed places.
     std::size_t fit(Index3 largest, Execution const& execution) override;
@@ -104,6 +106,7 @@ private:
     Index3 from_, to_;
     ReferenceVolume like_;     ///< the grid of the result
     std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
+    Operation* preparation_ = nullptr;
     std::array<WeightTable, 3> tables_;
     Algorithm algorithm_ = Algorithm::copy;
     double scale_value_ = 1, offset_value_ = 0; ///< from stored input values to stored output values

@@ -3,13 +3,15 @@
 #include "libvkt/operations/resample_onto.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/affine.h"
-#include "libvkt/operations/kernels/bspline.h"
 #include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/kernels/permute.h"
 #include "libvkt/operations/kernels/resample.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -136,15 +138,21 @@ Onto::Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, s
         plan_turned();
 }
 
-double background_in(Header const& output, std::optional<double> given, Header const& input) {
+Background background_in(Header const& output, std::optional<double> given, Header const& input) {
     double physical = given.value_or(0);
     if (auto const known = input.attributes.find("background"); !given && known != input.attributes.end())
         if (is_number(known->second)) physical = parse_double(known->second);
     double const stored = output.values.stored(physical);
-    if (is_integer(output.dtype) && !(stored >= lowest_of(output.dtype) && stored <= highest_of(output.dtype)))
+    if (!is_integer(output.dtype)) return {stored};
+    bool const held = stored >= lowest_of(output.dtype) && stored <= highest_of(output.dtype);
+    if (!given && stored == stored) {
+        double const nearest = std::clamp(std::nearbyint(stored), lowest_of(output.dtype), highest_of(output.dtype));
+        return {nearest, std::abs(nearest - stored) > 1e-9 * std::max(1.0, std::abs(stored))};
+    }
+    if (!held)
         throw Error(ErrorKind::usage, text("the background ", physical, " cannot be stored in ", output.dtype),
                     "choose another --background, or another type: vkt convert --dtype");
-    return stored;
+    return {stored};
 }
 
 void Onto::plan_aligned() {
@@ -208,11 +216,15 @@ void Onto::plan_turned() {
     if (degree == 0) return;
     bool const wide = values_.in == DataType::float64 || (is_integer(values_.in) && size_of(values_.in) >= 4) ||
                       std::abs(values_.border) > highest_of(DataType::float32) / 1000;
-    coefficient_type_ = wide ? DataType::float64 : DataType::float32;
-    prefilter_ = SplinePrefilter(degree, wide ? 1e-14 : 1e-8);
-    filter_weights_.assign(prefilter_.weight.begin(), prefilter_.weight.end());
+    spline_.type = wide ? DataType::float64 : DataType::float32;
+    spline_.prefilter = SplinePrefilter(degree, wide ? 1e-14 : 1e-8);
+    filter_weights_.assign(spline_.prefilter.weight.begin(), spline_.prefilter.weight.end());
+    spline_.boundary = sampling_.boundary.value_or(Boundary::clamp);
+    spline_.border = values_.border;
     // From there on all voxels that a coefficient is made of are the same along the axis.
-    sampling_.beyond = prefilter_.radius + 1;
+    sampling_.beyond = spline_.prefilter.radius + 1;
+    bool const folds = spline_.boundary == Boundary::wrap || spline_.boundary == Boundary::mirror;
+    spline_.margin = folds ? 0 : sampling_.beyond;
 }
 
 /// Positions are good to 1e-9 voxels, and a voxel's width changes a value by no more than a few ranges; the rest is the
@@ -228,12 +240,12 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
     else
         gain = gain_of(sampling_.interpolant);
     error.magnitude = 2 * gain * (steps * 0x1p-53 + storing_error(output.dtype));
-    if (!placement_.aligned && prefilter_.radius > 0) {
-        double const g = prefilter_.gain;
-        error.range += 1.5 * prefilter_.cut * g * g; // weights that sum to 0, of which each axis has some
+    if (!placement_.aligned && spline_.prefilter.radius > 0) {
+        double const g = spline_.prefilter.gain;
+        error.range += 1.5 * spline_.prefilter.cut * g * g; // weights that sum to 0, of which each axis has some
         error.magnitude +=
-            3 * g * g * g * (storing_error(coefficient_type_) + static_cast<double>(prefilter_.radius + 2) * 0x1p-52);
-        error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(coefficient_type_);
+            3 * g * g * g * (storing_error(spline_.type) + static_cast<double>(spline_.prefilter.radius + 2) * 0x1p-52);
+        error.absolute += std::abs(output.values.slope) * 3 * g * g * g * storing_floor(spline_.type);
     } else if (!placement_.aligned && sampling_.single) { // three roundings a step, and those of the fractions
         error.range += 3 * 0x1p-24;
         error.magnitude += 9 * 0x1p-24;
@@ -248,6 +260,27 @@ ErrorBound Onto::error_of(Header const& output, double steps) const {
     return error;
 }
 
+/// Sum of the magnitudes of all weights that a voxel of the result is made with.
+double Onto::gain() const {
+    if (!placement_.aligned) {
+        double const g = spline_.prefilter.radius > 0 ? spline_.prefilter.gain : 1;
+        return gain_of(sampling_.interpolant) * g * g * g;
+    }
+    double gain = 1;
+    for (WeightTable const& table : tables_) gain *= table.gain();
+    return gain;
+}
+
+void Onto::pass(Header const& input, Plan& plan) const {
+    bool const moves = algorithm_ != Algorithm::weighted && algorithm_ != Algorithm::turned;
+    auto values = values_read(input, plan);
+    if (values) values = values->with(plan.output.values.physical(values_.background));
+    plan.passing = ErrorPassing::averaged(moves ? 1 : gain(), values);
+    if (!moves) return;
+    plan.passing.storing =
+        algorithm_ == Algorithm::convert ? ErrorPassing::Storing::converts : ErrorPassing::Storing::moves;
+}
+
 void Onto::describe(Plan& plan) const {
     bool const exact = algorithm_ != Algorithm::weighted && algorithm_ != Algorithm::turned;
     if (!placement_.aligned) {
@@ -259,10 +292,10 @@ void Onto::describe(Plan& plan) const {
                            count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");
         if (!exact) plan.error = error_of(plan.output, 64 + 2 * count);
         plan.cost = exact ? 0 : count * cost_of(sampling_.interpolant);
-        if (prefilter_.radius > 0) {
-            plan.method += text(", prefilter of radius ", prefilter_.radius);
-            plan.cost += 3 * static_cast<double>(prefilter_.radius);
-            plan.slab_hint = 4 * prefilter_.radius;
+        if (spline_.prefilter.radius > 0) {
+            plan.method += text(", prefilter of radius ", spline_.prefilter.radius);
+            plan.cost += 3 * static_cast<double>(spline_.prefilter.radius);
+            plan.slab_hint = 4 * spline_.prefilter.radius;
         }
         return;
     }
@@ -334,7 +367,7 @@ Box Onto::sampled(Box const& output) const {
         low = std::floor(low - face_slack) - static_cast<double>(reach.before);
         high = std::floor(high + face_slack) + static_cast<double>(reach.after) + 1;
         bool const leaves = low < 0 || high > n;
-        if (prefilter_.radius > 0) {
+        if (spline_.prefilter.radius > 0) {
             bool const folds =
                 boundary_ && (boundary_->boundary == Boundary::wrap || boundary_->boundary == Boundary::mirror);
             if (!boundary_ && (high <= -beyond || low >= n + beyond)) return {};
@@ -363,40 +396,28 @@ Box Onto::sampled(Box const& output) const {
     return result;
 }
 
-/// The voxels that spline coefficients in a box are made of.
-Box Onto::coefficient_source(Box const& coefficients) const {
-    Boundary const boundary = sampling_.boundary.value_or(Boundary::clamp);
-    Box result;
-    for (int a = 0; a < 3; ++a) {
-        std::int64_t const n = from_[a], low = coefficients.lower[a] - prefilter_.radius,
-                           high = coefficients.upper[a] + prefilter_.radius;
-        std::int64_t& lower = result.lower[a];
-        std::int64_t& upper = result.upper[a];
-        lower = std::clamp<std::int64_t>(low, 0, n - 1);
-        upper = std::clamp<std::int64_t>(high, 1, n);
-        if (low >= 0 && high <= n) continue;
-        if (boundary == Boundary::wrap) lower = 0, upper = n;
-        if (boundary != Boundary::mirror) continue;
-        if (low < 0) upper = std::max(upper, std::min(n, -low));
-        if (high > n) lower = std::min(lower, std::max<std::int64_t>(0, 2 * n - high));
-        if (low < -n || high > 2 * n) lower = 0, upper = n;
-    }
-    return result;
-}
-
 Box Onto::turned_footprint(Box const& output) const {
     Box const looked_at = sampled(output);
-    return prefilter_.radius == 0 || looked_at.empty() ? looked_at : coefficient_source(looked_at);
+    if (spline_.prefilter.radius == 0 || looked_at.empty()) return looked_at;
+    if (!preparation_) return spline_.source(looked_at, from_);
+    Index3 const margin{spline_.margin, spline_.margin, spline_.margin};
+    return {looked_at.lower + margin, looked_at.upper + margin};
+}
+
+Operation* Onto::take_coefficients() {
+    if (placement_.aligned || spline_.prefilter.radius == 0) return nullptr;
+    preparation_ = std::make_unique<SplineCoefficients>(spline_);
+    return preparation_.get();
 }
 
 std::size_t Onto::held(Index3 largest) const {
-    if (placement_.aligned || prefilter_.radius == 0) return 0;
-    double bytes = static_cast<double>(size_of(coefficient_type_));
+    if (placement_.aligned || spline_.prefilter.radius == 0 || preparation_) return 0;
+    double bytes = static_cast<double>(size_of(spline_.type));
     for (int b = 0; b < 3; ++b) {
         double extent = 4 + 2 * static_cast<double>(reach_of(sampling_.interpolant).after);
         for (int a = 0; a < 3; ++a)
             extent += std::abs(placement_.map.column[static_cast<std::size_t>(a)][b]) * static_cast<double>(largest[a]);
-        if (b < 2) extent += 2 * static_cast<double>(prefilter_.radius);
+        if (b < 2) extent += 2 * static_cast<double>(spline_.prefilter.radius);
         bytes *= std::min(extent, static_cast<double>(from_[b] + 2 * sampling_.beyond));
     }
     return static_cast<std::size_t>(bytes);
@@ -409,21 +430,13 @@ void Onto::run_spline(ConstView in, AnyView out, Losses& losses, Execution const
         anything.interpolant = Interpolant::nearest;
         return affine_sample(in, out, anything, losses, outside_, execution);
     }
-    Box const source = coefficient_source(box);
-    Box held = box;
-    for (int a = 0; a < 2; ++a) {
-        held.lower[a] = std::min(box.lower[a], source.lower[a]);
-        held.upper[a] = std::max(box.upper[a], source.upper[a]);
+    if (preparation_) {
+        Index3 const margin{spline_.margin, spline_.margin, spline_.margin};
+        return affine_sample(in.moved_to(in.box.lower - margin), out, sampling_, losses, outside_, execution);
     }
-    coefficients_.reserve(static_cast<std::size_t>(held.voxels()) * size_of(coefficient_type_));
-    AnyView const coefficients = dense_view(coefficients_.write(Space::host), coefficient_type_, held);
-    SplineFilter filter;
-    filter.weight = filter_weights_.data();
-    filter.radius = prefilter_.radius;
-    filter.dims = from_;
-    filter.boundary = sampling_.boundary.value_or(Boundary::clamp);
-    filter.border = values_.border;
-    bspline_coefficients(in, coefficients, box, source, filter, execution);
+    coefficients_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(spline_.type));
+    AnyView const coefficients = dense_view(coefficients_.write(Space::host), spline_.type, box);
+    spline_coefficients(spline_, filter_weights_, from_, in, coefficients, wider_, execution);
     affine_sample(coefficients, out, sampling_, losses, outside_, execution);
 }
 
@@ -431,7 +444,7 @@ void Onto::run(ConstView in, AnyView out, Losses& losses, Execution const& execu
     if (out.box.empty()) return;
     if (placement_.aligned) return run_aligned(in, out, losses, execution);
     if (algorithm_ == Algorithm::turned_nearest) return affine_nearest(in, out, sampling_, outside_, execution);
-    if (prefilter_.radius > 0) return run_spline(in, out, losses, execution);
+    if (spline_.prefilter.radius > 0) return run_spline(in, out, losses, execution);
     affine_sample(in, out, sampling_, losses, outside_, execution);
 }
 

@@ -8,9 +8,10 @@
 #include "libvkt/operations/kernels/affine.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_weights.h"
-#include "libvkt/operations/spline.h"
+#include "libvkt/operations/spline_coefficients.h"
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -49,22 +50,34 @@ struct OntoValues {
     double border = 0;            ///< stored in the input, for Boundary::border
 };
 
-/// The background as it is stored in the output: as given, else what the input names as its own, else 0. Throws
-/// Error{usage} if the type cannot hold it.
-double background_in(Header const& output, std::optional<double> given, Header const& input);
+/// What lies outside, as it is stored in the output.
+struct Background {
+    double stored = 0;
+    bool other = false; ///< it is not the one that was meant, but the nearest that can be stored
+};
+
+/// The background as given, else what the input names as its own, else 0; of these two the nearest that the type can
+/// hold under the output's value map. Throws Error{usage} if the type cannot hold the given one.
+Background background_in(Header const& output, std::optional<double> given, Header const& input);
 
 /// Puts a volume onto a grid. Along aligned axes, with weights in tables, each axis on its own, as on grids of the same
 /// extent; axes that changed places are put back first. Turned grids are sampled by an interpolant at any position;
 /// where their voxels are wider than the input's the mean of several samples is taken, except for nearest and linear.
-/// Splines are made of coefficients that are computed for every region anew. Without a boundary rule the voxels at the
-/// faces continue for half a voxel, and beyond there is background.
+/// Splines are made of coefficients that are computed once for all of the input, or for every region anew. Without a
+/// boundary rule the voxels at the faces continue for half a voxel, and beyond there is background.
 class Onto {
 public:
     Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, std::optional<BoundaryRule> boundary,
          OntoValues const& values);
 
+    /// From now on footprint() and run() take the coefficients that the returned operation makes of the input, for
+    /// splines on turned grids; null for all others. See Prepared.
+    Operation* take_coefficients();
+
     /// Method, error, cost, state, shift and order of access.
     void describe(Plan& plan) const;
+    /// How errors of the input pass into plan.output, as described.
+    void pass(Header const& input, Plan& plan) const;
     Box footprint(Box const& output) const;
     /// Bytes held for regions of this extent: the input with its axes in order, and what every thread sums up.
     std::size_t fit(Index3 largest, Execution const& execution) const;
@@ -78,10 +91,10 @@ private:
     enum class Algorithm : std::uint8_t { copy, convert, nearest, weighted, turned_nearest, turned };
 
     ErrorBound error_of(Header const& output, double steps) const;
+    double gain() const;
     void plan_aligned();
     void plan_turned();
     Box sampled(Box const& output) const;
-    Box coefficient_source(Box const& coefficients) const;
     Box turned_footprint(Box const& output) const;
     void run_spline(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     void run_aligned(ConstView in, AnyView out, Losses& losses, Execution const& execution);
@@ -94,13 +107,13 @@ private:
     OntoValues values_;
     Algorithm algorithm_ = Algorithm::turned;
     std::array<WeightTable, 3> tables_; ///< aligned: of the output's axes
-    Box inner_;                 ///< aligned: output voxels with centres in the input, or that follow the boundary
-    AffineSampling sampling_;   ///< turned
-    SplinePrefilter prefilter_; ///< … by a spline
+    Box inner_;               ///< aligned: output voxels with centres in the input, or that follow the boundary
+    AffineSampling sampling_; ///< turned
+    SplineRule spline_;       ///< … by a spline
     std::vector<double> filter_weights_;
-    DataType coefficient_type_ = DataType::float32;
+    std::unique_ptr<SplineCoefficients> preparation_; ///< if coefficients are taken
     std::int64_t outside_ = 0;
-    Buffer ordered_, scratch_, coefficients_;
+    Buffer ordered_, scratch_, coefficients_, wider_;
 };
 
 } // namespace vkt

@@ -59,6 +59,8 @@ Plan Scan::plan(std::span<Header const> inputs) {
         plan.error.absolute = voxels * mapping * std::abs(in.values.intercept);
         plan.error.limit(in.dtype, in.values.slope, std::nullopt);
     }
+    plan.passing = ErrorPassing::summed(voxels, values_of(in));
+    if (is_integer(plan.output.dtype)) plan.passing.storing = ErrorPassing::Storing::whole;
     plan.state_bytes = static_cast<std::size_t>(n.x * (n.y + 1)) * state_.bytes_each();
     return plan;
 }

@@ -107,6 +107,16 @@ Plan SetHeader::plan(std::span<Header const> inputs) {
         throw Error(ErrorKind::usage, e.what());
     }
     plan.method = "header only";
+    // The voxels mean other values, and so do the exact ones.
+    auto values = values_of(input);
+    if (values) {
+        double const first = h.values.physical(input.values.stored(values->low)),
+                     last = h.values.physical(input.values.stored(values->high));
+        values = ValueInterval{std::min(first, last), std::max(first, last)};
+    }
+    if (h.values == input.values) values = input.error.values;
+    plan.passing = ErrorPassing::moved(values);
+    plan.passing.gain = {h.values == input.values ? 1 : std::abs(h.values.slope / input.values.slope)};
     plan.cost = 0;
     return plan;
 }
@@ -168,6 +178,7 @@ Plan DeclareStructured::plan(std::span<Header const>) {
     if (dist) plan.output.geometry.spacing = *dist;
     if (is_integer(type())) plan.output.values = value_map_of(voxel_mapping.value_or(VoxelMapping{}), type());
     plan.method = "zeros";
+    plan.passing = ErrorPassing::moved({}); // given
     plan.cost = 0;
     return plan;
 }

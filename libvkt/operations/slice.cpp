@@ -69,6 +69,7 @@ Plan Slice::plan(std::span<Header const> inputs) {
     plan.output = with_axes(cut, axes_);
     plan.method = "copy";
     plan.cost = 0;
+    plan.passing = ErrorPassing::moved(values_of(in));
     if (!range) {
         if (across == 2) plan.shift = plane_.lower;
         return plan;

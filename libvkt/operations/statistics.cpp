@@ -108,6 +108,13 @@ void Moments::append(Moments const& next, bool exact) {
 void Product::multiply(Product const& next) {
     mantissa *= next.mantissa;
     exponent += next.exponent;
+    auto const size = std::abs(mantissa);
+    if (size >= 1 && size < 4) { // as products of normal ones are
+        if (size < 2) return;
+        mantissa *= 0.5;
+        exponent += 1;
+        return;
+    }
     int by = 0;
     mantissa = 2 * std::frexp(mantissa, &by);
     exponent = mantissa == 0 ? 0 : exponent + by - 1;
@@ -232,7 +239,7 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     if (quantiles_) add_to_quantiles(part, execution);
     if (!first_pass_) return;
     Index3 const n = box.dims();
-    std::int64_t const bands = bands_in_slice(n);
+    std::int64_t const bands = bands_in_slice(n, part.type);
     bands_.resize(static_cast<std::size_t>(bands * n.z));
     if (!origin_.known) origin_ = first_finite(part);
     band_statistics(part, origin_, product_map(), bands_.data(), execution);
@@ -299,7 +306,7 @@ void Statistics::merge_extremes(ConstView slab, Range const& range) {
 void Statistics::merge_extremes(ConstView slab) {
     bool const integer = is_integer(input_.dtype);
     Index3 const lower = slab.box.lower;
-    std::int64_t const rows = rows_in_band(slab.dims()), per_slice = bands_in_slice(slab.dims());
+    std::int64_t const rows = rows_in_band(slab.dims(), slab.type), per_slice = bands_in_slice(slab.dims(), slab.type);
     bool new_min = false, new_max = false;
     for (std::size_t i = 0; i < bands_.size(); ++i) {
         Range const& range = bands_[i].range;

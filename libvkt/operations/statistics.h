@@ -71,13 +71,16 @@ struct BandStatistics {
     Product product; ///< of the finite physical values, if asked for
 };
 
-/// Short rows are summed several at a time, so that they cost no more than long ones. How many depends on their length
-/// alone, so that slabs do not matter.
-inline std::int64_t rows_in_band(Index3 dims) {
-    constexpr std::int64_t voxels = 4096;
+/// Short rows are summed several at a time, so that they cost no more than long ones; of small voxels, which cost
+/// little, more. How many depends on their length and type alone, so that slabs do not matter.
+inline std::int64_t rows_in_band(Index3 dims, DataType type) {
+    std::int64_t const voxels = is_integer(type) && size_of(type) <= 2 ? 16384 : 4096;
     return std::clamp<std::int64_t>(voxels / dims.x, 1, dims.y);
 }
-inline std::int64_t bands_in_slice(Index3 dims) { return (dims.y + rows_in_band(dims) - 1) / rows_in_band(dims); }
+inline std::int64_t bands_in_slice(Index3 dims, DataType type) {
+    std::int64_t const rows = rows_in_band(dims, type);
+    return (dims.y + rows - 1) / rows;
+}
 
 /// An extreme value and the first voxel in x-fastest order that has it.
 struct Extreme {
@@ -156,7 +159,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     void enter_level(Index3 cell_width, Index3 first) override;
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }
-    std::int64_t scan_step(Index3 part) const override { return rows_in_band(part); }
+    std::int64_t scan_step(Index3 part) const override { return rows_in_band(part, input_.dtype); }
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }

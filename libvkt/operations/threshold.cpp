@@ -47,6 +47,7 @@ Plan Threshold::plan(std::span<Header const> inputs) {
     plan.output.dtype = DataType::uint8;
     plan.output.values = {};
     plan.output.units.clear();
+    plan.passing = ErrorPassing::jumps(ValueInterval{0, 1});
     plan.method = otsu ? "histogram first, then comparison" : "comparison";
     plan.scans = otsu;
     if (otsu) found_ = std::make_unique<Otsu>(in.dtype, in.values.slope < 0);

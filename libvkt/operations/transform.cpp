@@ -57,7 +57,7 @@ Origin origin_of(Expression const& expression) {
     return of.back();
 }
 
-Values values_of(Header const& header) {
+Values stored_values(Header const& header) {
     if (!is_integer(header.dtype) || !(header.values == ValueMap{})) return {false, -HUGE_VAL, HUGE_VAL};
     return {true, lowest_of(header.dtype), highest_of(header.dtype)};
 }
@@ -67,7 +67,7 @@ Values values_of(Header const& header) {
 /// Positions in trees may be halves; those of a level whose cells are one wide are not.
 std::vector<Values> Transform::values(std::span<Header const> inputs, Expression const& parsed, bool whole) const {
     std::vector<Values> volumes, positions;
-    for (Header const& header : inputs) volumes.push_back(values_of(header));
+    for (Header const& header : inputs) volumes.push_back(stored_values(header));
     for (int axis = 0; axis < 3; ++axis)
         positions.push_back({whole, 0, static_cast<double>(inputs[0].dims[axis] * level_width_[axis] - 1)});
     return vkt::values_of(parsed, volumes, positions);

@@ -108,6 +108,7 @@ Plan Watershed::plan(std::span<Header const> inputs) {
     plan.output.units.clear();
     plan.output.attributes.erase("background");
     plan.whole = true;
+    plan.passing = ErrorPassing::jumps();
     plan.cost = 100;
     plan.method = text("flooding from ",
                        markers     ? "markers"

@@ -1,0 +1,133 @@
+# Errors that travel: what stages say of their results is true, adds up, and is lost aloud.
+load helper
+
+# error_of FILE: its error as JSON.
+error_of() { vkt info "$1" --json | /usr/bin/python3 -c 'import json, sys; print(json.dumps(json.load(sys.stdin)["error"], sort_keys=True))'; }
+
+setup_more() {
+    python_with numpy scipy
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(3)
+r.integers(0, 256, (6, 7, 8), np.uint8).tofile('b_8x7x6_uint8.raw')
+r.random((6, 7, 8), np.float32).tofile('f_8x7x6_float32.raw')"
+}
+
+@test "500 random pipelines: no error is larger than the header says, half of them are within 10x" {
+    library=$(find "$VKT_BUILD" -name libvkt.so | head -1)
+    [ -n "$library" ] || skip "a static library has no C API to load"
+    /usr/bin/python3 "$VKT_ROOT/tests/travelling_errors.py" "$library" 500 >report || { cat report >&2; false; }
+    cat report >&3
+}
+
+@test "a file is given; filters add their bound, in the file's units, and info says it" {
+    [ "$(error_of b_8x7x6_uint8.raw)" = '{"kind": "exact"}' ]
+    vkt set b_8x7x6_uint8.raw --slope 2 --units HU | vkt filter box --radius 1 | vkt info >info
+    grep -qx 'error      within 1 HU of exact' info
+    vkt convert b_8x7x6_uint8.raw --dtype float32 -o exact.nrrd
+    vkt info exact.nrrd | grep -qx 'error      exact'
+}
+
+@test "NRRD, MetaImage, NIfTI, streams and shared memory keep it, and another stage goes on from there" {
+    vkt filter box b_8x7x6_uint8.raw --radius 1 -o a.vkt
+    error_of a.vkt >want
+    grep -q '"at_most": 0.5' want
+    for name in a.nrrd a.nhdr a.mha a.nii; do
+        vkt write a.vkt $name
+        error_of $name | diff want -
+        vkt flip x $name | vkt filter box --radius 1 -o twice.vkt --force
+        error_of twice.vkt | grep -q '"at_most": 1.0'
+    done
+    vkt write a.vkt shm:errors-$$
+    error_of shm:errors-$$ >there
+    vkt shm remove shm:errors-$$
+    diff want there
+}
+
+@test "the same through pipes and in one process" {
+    vkt filter gaussian b_8x7x6_uint8.raw --sigma 1 | vkt arith mul - 0.3 | vkt convert --dtype float32 -o pipes.vkt
+    vkt pipe 'read b_8x7x6_uint8.raw | filter gaussian --sigma 1 | arith mul - 0.3 | convert --dtype float32 | write one.vkt'
+    diff <(error_of pipes.vkt) <(error_of one.vkt)
+}
+
+@test "what nobody knows is said to be unknown, and stays so" {
+    vkt filter gaussian b_8x7x6_uint8.raw --sigma 1 | vkt threshold --above 100 -o mask.nrrd
+    error_of mask.nrrd | grep -q '"kind": "unknown"'
+    error_of mask.nrrd | grep -q 'threshold jumps'
+    vkt flip x mask.nrrd | vkt info | grep -q '^error *unknown: threshold jumps'
+    # Of exact voxels a mask is exact.
+    vkt threshold b_8x7x6_uint8.raw --above 100 | vkt info | grep -qx 'error      exact'
+    # Whatever has a past and says nothing of errors, as files of older versions.
+    printf 'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nvkt history:={"command":["filter","box"]}\n\nabcdefgh' >old.nrrd
+    vkt info old.nrrd | grep -qx 'error      unknown'
+    vkt flip x old.nrrd | vkt info | grep -q '^error *unknown'
+    # Floats may be anything.
+    vkt filter gaussian f_8x7x6_float32.raw --sigma 1 | vkt info | grep -q '^error *unknown: .*float volume'
+    vkt arith clamp f_8x7x6_float32.raw 0 1 | vkt filter gaussian --sigma 1 | vkt info | grep -q '^error *within .* of exact'
+    # An expression says nothing of how it passes errors on.
+    vkt transform 'v / 3' b_8x7x6_uint8.raw | vkt info | grep -q '^error *unknown: how transform passes errors on'
+}
+
+@test "an estimate stays one" {
+    vkt filter bilateral b_8x7x6_uint8.raw --sigma 1 --range-sigma 20 -o e.vkt
+    error_of e.vkt | grep -q '"kind": "estimate"'
+    vkt filter box e.vkt --radius 1 | vkt info | grep -q '^error *about .* from exact'
+}
+
+@test "a header with an error that is none is refused, one of a later kind unknown" {
+    vkt flip x b_8x7x6_uint8.raw -o good.vkt
+    /usr/bin/python3 - <<'END'
+import subprocess
+line = 'NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nvkt error:=%s\n\nabcdefgh'
+for i, text in enumerate(['{"kind": "bound", "at_most": -1}', '{"kind": "bound"}', '[]', 'x', '{"kind": "certain"}',
+                          '{"kind": "bound", "at_most": 1e999}', '{"kind": "exact", "values": [2, 1]}']):
+    open(f"{i}.nrrd", "w").write(line % text)
+    said = subprocess.run(["vkt", "info", f"{i}.nrrd"], capture_output=True, text=True, check=True).stdout
+    assert "\nerror      unknown" in said, (text, said)
+END
+}
+
+@test "series of volumes that differ in it do not keep the first one's" {
+    vkt filter box b_8x7x6_uint8.raw --radius 1 -o s_0.vkt
+    vkt filter box s_0.vkt --radius 1 -o s_1.vkt
+    vkt read 's_*.vkt' | vkt write - both.nrrd
+    vkt info both.nrrd | grep -c '^error *unknown' | grep -qx 2
+}
+
+@test "a budget is divided among the stages, the result keeps to it, and more of it costs less" {
+    vkt make noise --seed 4 --dims 30 30 30 --dtype uint8 -o in.nrrd
+    pipeline='convert in.nrrd --dtype float32 | filter gaussian --sigma 2 | filter gaussian --sigma 4 --boundary clamp'
+    vkt pipe "$pipeline | convert --dtype float64" -o loose.nrrd --tolerance 5 2>loose
+    vkt pipe "$pipeline" -o tight.nrrd --tolerance 0.001 -v 2>tight
+    grep -q 'filter gaussian --tolerance' tight
+    grep -q 'the result is within' tight
+    /usr/bin/python3 - <<'END'
+import json, re, subprocess
+import numpy as np
+from scipy.ndimage import gaussian_filter
+def volume(name):
+    info = json.loads(subprocess.check_output(["vkt", "info", name, "--json"]))
+    subprocess.run(["vkt", "write", name, "x.npy", "--force"], check=True)
+    return info, np.load("x.npy").astype(np.float64)
+given = volume("in.nrrd")[1]
+want = gaussian_filter(gaussian_filter(given, 2, mode="reflect", truncate=12), 4, mode="nearest", truncate=12)
+for name, budget in (("loose.nrrd", 5), ("tight.nrrd", 0.001)):
+    info, got = volume(name)
+    stated = info["error"]["at_most"]
+    assert stated <= budget, (stated, budget)
+    assert np.abs(got - want).max() <= stated, (name, np.abs(got - want).max(), stated)
+# What was chosen stands in the history, and the looser budget chose looser.
+def shares(name):
+    steps = subprocess.check_output(["vkt", "history", name], text=True)
+    return [float(s) for s in re.findall(r"--tolerance ([0-9.e+-]+)%", steps)]
+loose, tight = shares("loose.nrrd"), shares("tight.nrrd")
+assert len(loose) == len(tight) == 2 and max(tight) < min(loose), (loose, tight)
+END
+}
+
+@test "a budget that cannot be kept, or of an error that nobody knows, is refused" {
+    fails_with 2 "at best" vkt pipe --tolerance 0.1 'filter gaussian b_8x7x6_uint8.raw --sigma 1 | flip x'
+    fails_with 2 "float volume" vkt pipe --tolerance 0.1 'filter gaussian f_8x7x6_float32.raw --sigma 1 | flip x'
+    fails_with 2 "begins with no file" vkt pipe --tolerance 0.1 'flip x | flip y' <b_8x7x6_uint8.raw
+    fails_with 2 "at best" vkt pipe --tolerance 0.1 'filter gaussian b_8x7x6_uint8.raw --sigma 1 --tolerance 1% | flip x'
+}
