@@ -6,6 +6,7 @@
 #include "shell/command.h"
 #include "shell/pictures.h"
 #include "shell/picturing.h"
+#include "shell/viewer/arriving.h"
 #include "shell/viewer/viewer.h"
 
 #include "libvkt/core/text.h"
@@ -21,40 +22,77 @@ namespace {
 /// What the window asks for.
 class WindowScene : public viewer::Scene {
 public:
-    WindowScene(Volumes& volumes, Context& context, render::RenderSettings asked, render::Background background)
-        : volumes_(volumes), context_(context), asked_(std::move(asked)), background_(background) {}
+    WindowScene(Source& source, Context& context, render::RenderSettings asked, render::Background background)
+        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context),
+          volumes_(source, context.execution(), [this] { return opened_.open(); }) {}
 
     std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
     render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
-                       std::stop_token const& stop) override {
-        return volumes_.renderer().render(settings, &report, stop);
+                       std::stop_token const& stop, render::Accumulation* accumulation) override {
+        auto const renderer = volumes_.renderer();
+        render::RenderSettings s = settings;
+        if (renderer == nullptr) { // nothing has come yet
+            render::Image image{s.width, s.height, {}};
+            for (int i = 0; i < s.width * s.height; ++i) image.pixels.insert(image.pixels.end(), {0, 0, 0, 1});
+            return image;
+        }
+        if (volumes_.partial()) {
+            // The place of the whole, so that what comes does not move what is there.
+            Header const& header = volumes_.header();
+            render::Camera const camera =
+                render::make_camera(s.camera, render::corners_of(header.geometry, box_of(header.dims)),
+                                    static_cast<double>(s.width) / s.height);
+            viewer::View view = viewer::initial_view(s);
+            view.camera = camera;
+            s = viewer::settings_of(s, view);
+            s.clip = {};
+        }
+        return renderer->render(s, &report, stop, accumulation);
     }
     std::string save(render::Image const& image, render::RenderReport const& report,
                      viewer::View const& view) override {
         std::string path = viewer::free_picture_name(input());
-        StageInfo stage = context_.stage_info();
-        stage.words = viewer::words_of(stage.words, asked_, view);
-        write_picture(path, false, {image, report, background_}, volumes_.header(), stage, context_);
+        write_picture(path, false, {image, report, background_}, volumes_.header(), stage_of(view), context_);
         return path;
     }
+    std::string command(viewer::View const& view) override {
+        StageInfo stage = stage_of(view);
+        if (stage.words.empty()) return "with --no-history there is no command line";
+        return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
+                    viewer::free_picture_name(input()));
+    }
     bool next() override { return volumes_.next(); }
+    viewer::Arrival arrive() override { return volumes_.arrive(); }
+    std::shared_ptr<render::Renderer const> volume() override {
+        return volumes_.partial() ? nullptr : volumes_.renderer();
+    }
+    void magnify(Box const& part) override { volumes_.magnify(part, context_.stage_info()); }
 
 private:
     std::string input() const {
         std::string const name = context_.stage_info().input_names.front();
         return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
     }
+    StageInfo stage_of(viewer::View const& view) const {
+        StageInfo stage = context_.stage_info();
+        stage.words = viewer::words_of(stage.words, asked_, view);
+        return stage;
+    }
 
-    Volumes& volumes_;
     Context& context_;
     render::RenderSettings asked_;
     render::Background background_;
+    Volumes opened_;
+    viewer::ArrivingVolumes volumes_;
 };
 
 /// One picture per volume, or a window. The options are those of render::SettingsParameters.
 class Render : public Consumer, public Tunable, public Picturing {
 public:
-    void parameters(Parameters& list) override { options_.declare(list); }
+    void parameters(Parameters& list) override {
+        options_.declare(list);
+        list.flag("window", window_, "show it in a window, also where standard output is no terminal").not_in_history();
+    }
     void check() const override { options_.check(); }
     bool writes() const override { return true; }
     std::vector<std::string> suffixes() const override { return {".png"}; }
@@ -69,13 +107,13 @@ public:
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         render::RenderSettings const settings = options_.settings();
         render::Background const background = options_.background();
-        Volumes volumes(*inputs.front(), context);
         if (context.window()) {
-            WindowScene scene(volumes, context, settings, background);
+            WindowScene scene(*inputs.front(), context, settings, background);
             if (scene.next())
                 viewer::show(scene, settings, background, [&](std::string const& line) { context.note(line); });
             return 0;
         }
+        Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
         for (std::int64_t number = 0; volumes.next(); ++number) {
             render::RenderReport report;
@@ -163,6 +201,7 @@ private:
     }
 
     render::SettingsParameters options_;
+    bool window_ = false; ///< of interest to the framework only
 };
 
 } // namespace
@@ -174,9 +213,11 @@ Command render_command() {
          "as light "
          "in a cloud. Without options the colours, opacities and the camera are chosen from the data. The picture is a "
          "PNG file "
-         "that holds its own recipe. Without -o, on a terminal, a window shows the volume instead: drag to turn it, "
-         "drag with the right button or with shift to move it, wheel to zoom; keys r (reset), c (next colours), s "
-         "(save), n (next volume), q (quit).\n\n"
+         "that holds its own recipe. Without -o, on a terminal, or with --window, a window shows the volume instead, "
+         "as "
+         "soon as its first slices are there: drag to turn it, drag with the right button or with shift to move it, "
+         "wheel to zoom; panels beside it edit transfer function, surfaces, integrator, camera and clip box; keys h "
+         "(all keys), s (save), p (print the command that draws what is seen), q (quit).\n\n"
          "Hierarchical (AMR) volumes are marched as they are, with steps as long as their cells are large; the other "
          "algorithms take what vkt resample makes of them.",
          {{"In a window, everything chosen from the data", "vkt render volume.nrrd"},

@@ -29,6 +29,8 @@ std::size_t drawn_size(Header const& header) {
     }
 }
 
+} // namespace
+
 void check_memory(Header const& header, Execution const& execution) {
     std::size_t const bytes = bytes_to_draw(header);
     if (bytes <= execution.memory) return;
@@ -37,8 +39,6 @@ void check_memory(Header const& header, Execution const& execution) {
                      bytes_text(static_cast<double>(execution.memory))),
                 "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
 }
-
-} // namespace
 
 std::size_t bytes_to_draw(Header const& header) {
     if (header.kind == Kind::hierarchical) {
@@ -124,13 +124,18 @@ bool Volumes::another() {
     return *another_;
 }
 
-bool Volumes::next() {
+bool Volumes::open() {
     if (!another()) return false;
     check_memory(source_.header(), context_.execution());
+    another_.reset();
+    return true;
+}
+
+bool Volumes::next() {
+    if (!open()) return false;
     renderer_.reset();
     header_ = source_.header();
     renderer_ = std::make_unique<render::Renderer>(load(source_, context_.execution()), context_.execution());
-    another_.reset();
     return true;
 }
 
@@ -145,7 +150,7 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
                                      {"Camera", render::camera_text(r.camera)},
                                      {"Method", r.method},
                                      {"Unit distance", to_text(r.unit)},
-                                     {"Transfer function", r.transfer}});
+                                     {"Transfer function", render::transfer_to_json(r.transfer)}});
     if (r.missing > 0) context.lossy(text(r.missing, " voxels are not a number and show nothing"));
     if (r.infinite > 0) context.lossy(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
     for (auto const& line : r.lossy) context.lossy(line);

@@ -12,6 +12,9 @@
 
 namespace vkt::shell {
 
+/// Throws Error{resources} if drawing such a volume takes more than the budget.
+void check_memory(Header const& header, Execution const& execution);
+
 /// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
 std::size_t bytes_to_draw(Header const& header);
 
@@ -26,7 +29,9 @@ public:
     /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
     /// that are only planned are described and passed over.
     bool another();
-    /// Loads the next one; without one, the last one stays. Throws Error{resources} beyond the budget.
+    /// Moves on to the next one without loading it. Throws Error{resources} beyond the budget.
+    bool open();
+    /// Loads the next one; without one, the last one stays. Throws the same.
     bool next();
     render::Renderer const& renderer() const { return *renderer_; }
     Header const& header() const { return header_; }

@@ -471,7 +471,7 @@ assert (levels('file.png') == levels('$name.png')).all() and levels('file.png').
     # A volume of one opaque value is a picture of its colour.
     shown() { vkt make constant --dims 4 4 4 --value "$2" | vkt render --size 3 --domain 0:1 --opacity 1 --colormap "$1" --fit volume --zoom 9 -o "$1-$2.png" --force; }
     places=$(/usr/bin/python3 -c 'print(*("%.6f" % (i / 9) for i in range(10)))')
-    for map in viridis coolwarm bone; do
+    for map in viridis coolwarm bone magma inferno plasma turbo; do
         for at in $places; do shown $map $at; done
     done
     /usr/bin/python3 -c "$levels
@@ -479,6 +479,13 @@ import vtk
 # R's viridis(10), from the package viridisLite.
 viridis = '440154 482878 3E4A89 31688E 26828E 1F9E89 35B779 6DCD59 B4DE2C FDE725'.split()
 want = {'viridis': [[int(c[i:i + 2], 16) for i in (0, 2, 4)] for c in viridis]}
+# The same of magma, inferno, plasma and turbo.
+for name, colors in {
+        'magma': '000004 180F3E 451077 721F81 9F2F7F CD4071 F1605D FD9567 FEC98D FCFDBF',
+        'inferno': '000004 1B0C42 4B0C6B 781C6D A52C60 CF4446 ED6925 FB9A06 F7D03C FCFFA4',
+        'plasma': '0D0887 47039F 7301A8 9C179E BD3786 D8576B ED7953 FA9E3B FDC926 F0F921',
+        'turbo': '30123B 4662D7 36AAF9 1AE4B6 72FE5E C7EF34 FABA39 F66B19 CB2A04 7A0403'}.items():
+    want[name] = [[int(c[i:i + 2], 16) for i in (0, 2, 4)] for c in colors.split()]
 # Moreland's map, as VTK computes it at each of the 33 places where it was published, with lines between.
 f = vtk.vtkColorTransferFunction(); f.SetColorSpaceToDiverging()
 f.AddRGBPoint(0, 0.230, 0.299, 0.754); f.AddRGBPoint(1, 0.706, 0.016, 0.150)
@@ -494,7 +501,7 @@ for name in want:
     got = np.array([levels('%s-%.6f.png' % (name, t))[1, 1] for t in at])
     off = np.abs(got - np.array(want[name])).max()
     print(name, off)
-    assert off < 2 if name == 'bone' else off <= 1.1, (name, got, want[name])
+    assert off < 2 if name in ('bone', 'magma', 'inferno', 'plasma', 'turbo') else off <= 1.1, (name, got, want[name])
 "
 }
 

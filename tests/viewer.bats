@@ -215,6 +215,181 @@ PY
     [ "$SECONDS" -le 5 ]
 }
 
+# command_of: what p has printed last, as the shell reads it.
+command_of() { tr -d '\r' <log | sed -n 's/^vkt render: \(vkt .*\)$/\1/p' | tail -n 1; }
+
+# screenshot X Y WIDTH HEIGHT FILE: what the screen shows there, relative to the window, as a binary PPM.
+screenshot() {
+    eval "$(xdotool getwindowgeometry --shell "$window")"
+    sleep 0.4
+    /usr/bin/python3 - "$((X + $1))" "$((Y + $2))" "$3" "$4" "$5" <<'PY'
+import struct, sys
+raw = open('screen/Xvfb_screen0', 'rb').read() # XWD: big-endian words, then colours, then rows of BGRX
+h = struct.unpack('>25I', raw[:100])
+start, stride = h[0] + 12 * h[19], h[12]
+x, y, w, t = (int(a) for a in sys.argv[1:5])
+rows = b''
+for j in range(y, y + t):
+    row = raw[start + j * stride + 4 * x:start + j * stride + 4 * (x + w)]
+    rows += b''.join(row[4 * i + 2:4 * i + 3] + row[4 * i + 1:4 * i + 2] + row[4 * i:4 * i + 1] for i in range(w))
+open(sys.argv[5], 'wb').write(b'P6 %d %d 255\n' % (w, t) + rows)
+PY
+}
+
+# shows_picture PNG WIDTH HEIGHT: the screen has the picture, pixel for pixel, at the window's upper left.
+shows_picture() {
+    xdotool mousemove 790 690 # the pointer is on the screen, too
+    screenshot 0 0 "$2" "$3" seen.ppm
+    /usr/bin/python3 - "$1" <<'PY'
+import sys, numpy, vtk
+from vtk.util.numpy_support import vtk_to_numpy
+def levels(reader, name):
+    reader.SetFileName(name); reader.Update()
+    d = reader.GetOutput().GetDimensions()
+    return vtk_to_numpy(reader.GetOutput().GetPointData().GetScalars()).reshape(d[1], d[0], 3).astype(int)
+seen, wanted = levels(vtk.vtkPNMReader(), 'seen.ppm'), levels(vtk.vtkPNGReader(), sys.argv[1])
+worst = abs(seen - wanted).max()
+print('largest difference', worst)
+assert wanted.max() > 60 and worst <= 1
+PY
+}
+
+# presses KEY: the keyboard of the window.
+presses() { xdotool key "$1"; sleep 0.3; }
+
+@test "p prints the command that draws what is on the screen" {
+    python_with vtk numpy
+    with_display
+    opens
+    xdotool mousemove --window "$window" 160 120 mousedown 1
+    for _ in {1..6}; do xdotool mousemove_relative 7 4; done
+    xdotool mouseup 1
+    presses bracketright
+    sleep 0.5
+    titled ' ms'
+    presses p
+    titled 'the command is in the terminal'
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == *--eye*--step*' -o block_24x18x30_uint8.png' ]]
+    eval "$said"
+    shows_picture block_24x18x30_uint8.png 320 240
+    # Surfaces, and what is scattered, too. A name that is taken is not said again.
+    presses i
+    titled 'implicit-iso, automatic colours, [0-9]+ ms.*'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    [[ "$said" == *implicit-iso*' -o block_24x18x30_uint8-2.png' && "$said" != *--step* ]]
+    eval "$said"
+    shows_picture block_24x18x30_uint8-2.png 320 240
+    quits
+}
+
+@test "knots in the editor change the picture; undo and redo" {
+    python_with vtk numpy
+    with_display
+    opens
+    vkt render $volume --size 320x240 -o before.png
+    shows_picture before.png 320 240
+    # A click above the histogram makes a knot.
+    xdotool mousemove --window "$window" 520 60
+    sleep 0.3
+    xdotool click 1
+    titled 'edited colours, [0-9]+ ms'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == *--colormap\ tissue\ --opacity*--domain* ]]
+    eval "$said"
+    shows_picture block_24x18x30_uint8.png 320 240
+    run ! cmp -s <(pixels_of before.png) <(pixels_of block_24x18x30_uint8.png)
+    xdotool mousemove --window "$window" 100 100
+    presses ctrl+z
+    titled 'automatic colours, [0-9]+ ms.*'
+    shows_picture before.png 320 240
+    presses ctrl+y
+    titled 'edited colours, [0-9]+ ms.*'
+    shows_picture block_24x18x30_uint8.png 320 240
+    quits
+}
+
+@test "paths add up on the screen to the picture of all of them" {
+    python_with vtk numpy
+    with_display
+    opens -ra multi-scattering --spp 6
+    vkt render $volume --size 320x240 -ra multi-scattering --spp 6 -o expected.png
+    shows_picture expected.png 320 240
+    saves block_24x18x30_uint8.png
+    cmp <(pixels_of block_24x18x30_uint8.png) <(pixels_of expected.png)
+    quits
+}
+
+@test "a part in a box is resampled finer, and its command makes the same picture" {
+    with_display
+    opens
+    presses b
+    xdotool mousemove --window "$window" 130 90 mousedown 1
+    for _ in {1..6}; do xdotool mousemove_relative 10 8; done
+    xdotool mouseup 1
+    sleep 0.3
+    presses Return
+    for _ in {1..100}; do
+        [[ "$(xdotool getwindowname "$window")" != *'(24 18 30)'* ]] && break
+        sleep 0.1
+    done
+    titled ' ms'
+    saves block_24x18x30_uint8.png
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == *crop*--roi*resample*--scale*render* ]]
+    eval "$said"
+    cmp <(pixels_of block_24x18x30_uint8.png) <(pixels_of block_24x18x30_uint8-2.png)
+    presses BackSpace
+    titled '.24.* ms'
+    presses s
+    titled 'saved block_24x18x30_uint8-3.png'
+    vkt render $volume --size 320x240 -o whole.png
+    cmp <(pixels_of block_24x18x30_uint8-3.png) <(pixels_of whole.png)
+    quits
+}
+
+@test "a volume that comes slowly is shown while it comes" {
+    with_display
+    vkt make noise --dims 64 64 64 --dtype uint8 -o noise.nrrd
+    cat >slow.py <<'PY'
+import sys, time
+data = sys.stdin.buffer.read()
+for i in range(8):
+    sys.stdout.buffer.write(data[i * len(data) // 8:(i + 1) * len(data) // 8])
+    sys.stdout.buffer.flush()
+    time.sleep(0.5)
+PY
+    on_terminal "bash -c 'vkt read noise.nrrd --transport pipe | /usr/bin/python3 slow.py | vkt render --size 64'" &
+    command=$!
+    finds_window ' at [0-9]+ of 64 slices'
+    titled ' ms'
+    saves volume.png
+    quits
+    vkt render noise.nrrd --size 64 -o expected.png
+    cmp <(pixels_of volume.png) <(pixels_of expected.png)
+}
+
+@test "--window opens one where standard output is no terminal" {
+    with_display
+    vkt render $volume --size 64 --window >out 2>log 3>&- &
+    command=$!
+    finds_window
+    quits
+    [ ! -s out ]
+    fails_with 2 'exclude each other' vkt render $volume --window -o a.png
+    unset DISPLAY
+    fails_with 2 'no window: ' vkt render $volume --window
+}
+
 @test "without a display one line says what to do" {
     command -v script >/dev/null || skip "script is not installed"
     unset DISPLAY WAYLAND_DISPLAY

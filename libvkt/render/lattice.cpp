@@ -92,6 +92,21 @@ template <class T> void convert(ConstView voxels, Range const& range, Lattice& l
 
 } // namespace
 
+double Lattice::at(Index3 voxel) const {
+    std::int64_t const i =
+        voxel.x + lattice_padding + (voxel.y + lattice_padding) * view.row + (voxel.z + lattice_padding) * view.slice;
+    switch (view.type) {
+    case LatticeType::uint8:
+        return static_cast<std::uint8_t const*>(view.data)[i];
+    case LatticeType::uint16:
+        return static_cast<std::uint16_t const*>(view.data)[i];
+    case LatticeType::int16:
+        return static_cast<std::int16_t const*>(view.data)[i];
+    default:
+        return static_cast<double>(static_cast<float const*>(view.data)[i]);
+    }
+}
+
 Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution) {
     Lattice lattice;
     lattice.dims = voxels.dims();

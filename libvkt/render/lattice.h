@@ -22,6 +22,9 @@ struct Lattice {
     bool missing = false; ///< has NaN
     Histogram histogram;  ///< of physical values
     CellGrid cells;
+
+    /// The sampled value of a voxel of the volume.
+    double at(Index3 voxel) const;
 };
 
 /// Throws Error{data} for volumes without any finite voxel, Error{resources} beyond memory.

@@ -11,6 +11,8 @@
 #include <chrono>
 #include <cmath>
 #include <exception>
+#include <limits>
+#include <mutex>
 
 namespace vkt::render {
 
@@ -109,7 +111,47 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
     return intersect(box, box_of(dims));
 }
 
+/// All that decides a Prepared.
+struct PreparedFor {
+    bool surfaces;
+    std::optional<TransferFunction> transfer;
+    std::vector<double> lut;
+    std::string colormap, opacity, domain, unit;
+    double opacity_scale, shade;
+    std::vector<double> isos, iso_colors, iso_opacities;
+    friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
+};
+PreparedFor prepared_for(RenderSettings const& s) {
+    return {s.algorithm == Algorithm::implicit_iso,
+            s.transfer,
+            s.lut,
+            s.colormap,
+            s.opacity,
+            s.domain,
+            s.unit,
+            s.opacity_scale,
+            s.shade,
+            s.isos,
+            s.iso_colors,
+            s.iso_opacities};
+}
+
 } // namespace
+
+struct Renderer::Prepared {
+    PreparedFor made_for;
+    Appearance appearance;
+    std::vector<Knot> knots;
+    TransferTable table;
+    CellVisibility cells;
+    Tree::Visibility bricks;
+};
+
+struct Renderer::Cache {
+    std::mutex mutex;
+    std::shared_ptr<Prepared const> last;
+    std::int64_t made = 0;
+};
 
 void check(RenderSettings const& s) {
     auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
@@ -126,6 +168,14 @@ void check(RenderSettings const& s) {
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
         if (!std::isfinite(v)) refuse("an iso-value is not finite");
+    std::size_t const surfaces = std::max<std::size_t>(1, s.isos.size());
+    auto const unit_range = [](std::vector<double> const& list) {
+        return std::all_of(list.begin(), list.end(), [](double v) { return v >= 0 && v <= 1; });
+    };
+    if (!s.iso_colors.empty() && (s.iso_colors.size() != 3 * surfaces || !unit_range(s.iso_colors)))
+        refuse("--iso-color takes R G B from 0 to 1 for each iso-value");
+    if (!s.iso_opacities.empty() && (s.iso_opacities.size() != surfaces || !unit_range(s.iso_opacities)))
+        refuse("--iso-opacity takes an opacity from 0 to 1 for each iso-value");
 }
 
 Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
@@ -135,7 +185,56 @@ Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(v
         tree_.emplace(volume, execution_);
     else
         lattice_ = make_lattice(volume.view(), header_.values, execution_);
+    cache_ = std::make_shared<Cache>();
     prepare_seconds_ = seconds_since(start);
+}
+
+Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
+    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    execution_.threads = std::max(1, execution.threads);
+    auto const start = Clock::now();
+    lattice_ = make_lattice(voxels, header_.values, execution_);
+    prepare_seconds_ = seconds_since(start);
+}
+
+std::int64_t Renderer::preparations() const {
+    std::lock_guard const lock(cache_->mutex);
+    return cache_->made;
+}
+
+std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings const& settings) const {
+    std::lock_guard const lock(cache_->mutex);
+    PreparedFor wanted = prepared_for(settings);
+    if (cache_->last && cache_->last->made_for == wanted) return cache_->last;
+    cache_->last.reset(); // its memory is needed for the next
+    Appearance appearance = appearance_of(settings);
+    std::vector<Knot> knots =
+        knots_of(appearance.transfer, header_.values, rescaling(), appearance.unit, settings.opacity_scale);
+    TransferTable table(knots);
+    CellVisibility cells;
+    Tree::Visibility bricks;
+    if (tree_)
+        bricks = tree_->classify(table);
+    else
+        cells =
+            wanted.surfaces ? classify_cells(lattice_.cells, appearance.isos) : classify_cells(lattice_.cells, table);
+    cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
+                                                             std::move(table), std::move(cells), std::move(bricks)});
+    ++cache_->made;
+    return cache_->last;
+}
+
+double Renderer::value_at(Vec3 index) const {
+    constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
+    Index3 at;
+    for (int axis = 0; axis < 3; ++axis) {
+        double const i = std::floor(index[axis] + 0.5);
+        if (!(i >= 0 && i < static_cast<double>(header_.dims[axis]))) return nothing;
+        at[axis] = static_cast<std::int64_t>(i);
+    }
+    double const sampled = tree_ ? tree_->value_at({index.x + 0.5, index.y + 0.5, index.z + 0.5}) : lattice_.at(at);
+    Rescaling const& r = rescaling();
+    return header_.values.physical(sampled / r.scale + r.offset);
 }
 
 Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) const {
@@ -186,8 +285,18 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
         if (!met)
             appearance.lossy.push_back(
                 text("no surface of ", iso, " is there: the values are ", least, " to ", greatest));
-        appearance.isos.push_back({static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
-                                   static_cast<float>(k.blue)});
+        std::size_t const i = appearance.isos.size();
+        IsoView view{static_cast<float>(value), static_cast<float>(k.red), static_cast<float>(k.green),
+                     static_cast<float>(k.blue)};
+        if (!settings.iso_colors.empty()) {
+            auto const linear = [&](std::size_t c) {
+                return static_cast<float>(srgb_to_linear(settings.iso_colors[3 * i + c]));
+            };
+            view.red = linear(0), view.green = linear(1), view.blue = linear(2);
+        }
+        if (!settings.iso_opacities.empty()) view.alpha = static_cast<float>(settings.iso_opacities[i]);
+        appearance.isos.push_back(view);
+        appearance.iso_values.push_back(iso);
     }
     return appearance;
 }
@@ -220,7 +329,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     Geometry const& g = header_.geometry;
     double const first = tree_ ? 0.5 : lattice_padding;
     scene.frame = frame_of(camera, g, first, settings.width, settings.height);
-    Box const shown = tree_ ? tree_->region() : box_of(header_.dims);
+    Box shown = tree_ ? tree_->region() : box_of(header_.dims);
+    if (!settings.clip.empty()) shown = intersect(shown, settings.clip.resolve(header_.dims));
     auto const place = [&](Index3 i) {
         double const low = first - 0.5;
         return Double3{low + static_cast<double>(i.x), low + static_cast<double>(i.y), low + static_cast<double>(i.z)};
@@ -266,26 +376,28 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     return scene;
 }
 
-Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop) const {
+Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop,
+                       Accumulation* accumulation) const {
     check(settings);
     if (tree_ && (settings.algorithm != Algorithm::ray_marching || settings.exact))
         refuse(text(settings.exact ? "--exact" : text("--render-algo ", enum_name(settings.algorithm)),
                     " is for structured volumes, and this one is hierarchical"),
                "vkt resample makes a structured volume of it");
     auto const start = Clock::now();
-    Appearance const appearance = appearance_of(settings);
-    std::vector<Knot> const knots =
-        knots_of(appearance.transfer, header_.values, rescaling(), appearance.unit, settings.opacity_scale);
-    TransferTable const table(knots);
+    std::shared_ptr<Prepared const> const ready = prepared(settings);
+    Appearance const& appearance = ready->appearance;
+    std::vector<Knot> const& knots = ready->knots;
+    TransferTable const& table = ready->table;
+    CellVisibility const& cells = ready->cells;
+    Tree::Visibility const& bricks = ready->bricks;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
-    CellVisibility cells;
-    Tree::Visibility bricks;
-    if (tree_)
-        bricks = tree_->classify(table);
-    else
-        cells = surfaces ? classify_cells(lattice_.cells, appearance.isos) : classify_cells(lattice_.cells, table);
     Box content = tree_ ? tree_->region() : box_of(header_.dims);
     if (settings.camera.fit == Fit::content) content = tree_ ? bricks.content : visible_box(cells, header_.dims);
+    if (!settings.clip.empty()) {
+        Box const clip = settings.clip.resolve(header_.dims);
+        Box const within = intersect(content, clip);
+        content = within.empty() ? clip : within;
+    }
     Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
                                       static_cast<double>(settings.width) / settings.height);
     SceneView scene = scene_of(settings, appearance, camera);
@@ -298,6 +410,16 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
                                   : settings.exact                                    ? Integrator::exact
                                                                                       : Integrator::march;
+
+    if (accumulation != nullptr && integrator == Integrator::scatter) {
+        if (accumulation->samples == 0)
+            accumulation->sums.assign(
+                4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height), 0);
+        scene.first_sample = settings.first_sample + accumulation->samples;
+        scene.sums = accumulation->sums.data();
+        scene.before = accumulation->samples;
+        accumulation->samples += settings.samples;
+    }
 
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
@@ -331,7 +453,9 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->camera = camera;
         report->unit = appearance.unit;
         report->domain = appearance.domain;
-        report->transfer = transfer_to_json(appearance.transfer);
+        report->transfer = appearance.transfer;
+        report->isos = appearance.iso_values;
+        report->shade = appearance.shade;
         report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
@@ -340,9 +464,9 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->missing = histogram().missing, report->infinite = histogram().infinite;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-            : integrator == Integrator::scatter
-                ? text("delta tracking, isotropic, ", settings.samples, " paths per pixel, seed ", settings.seed)
-            : settings.exact ? "exact, piece by piece between the points of the transfer function"
+            : integrator == Integrator::scatter ? text("delta tracking, isotropic, ", scene.before + settings.samples,
+                                                       " paths per pixel, seed ", settings.seed)
+            : settings.exact                    ? "exact, piece by piece between the points of the transfer function"
                              : text("ray marching, step ", settings.step, tree_ ? " of the finest cell" : " voxel",
                                     ", shading ", appearance.shade);
         report->prepare_seconds = prepare_seconds_;

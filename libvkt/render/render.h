@@ -4,6 +4,7 @@
 
 #include "libvkt/core/execution.h"
 #include "libvkt/core/parameters.h"
+#include "libvkt/core/roi.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/render/camera.h"
 #include "libvkt/render/image.h"
@@ -11,6 +12,7 @@
 #include "libvkt/render/transfer.h"
 #include "libvkt/render/tree.h"
 
+#include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -45,6 +47,10 @@ struct RenderSettings {
 
     // Iso-surfaces: physical values; none: one is chosen from the data.
     std::vector<double> isos;
+    std::vector<double> iso_colors;    ///< sRGB r g b of each; none: those of the transfer function
+    std::vector<double> iso_opacities; ///< of each, in [0,1]; none: 1
+
+    Roi clip; ///< voxels that are shown, in hierarchical volumes finest cells; empty: all
 
     // Multiple scattering.
     int samples = 64;     ///< paths per pixel
@@ -59,13 +65,22 @@ struct RenderSettings {
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
 
+/// Light of all paths of a picture so far, so that later passes add to it: what many passes give is, bit for bit, what
+/// one pass of as many paths gives.
+struct Accumulation {
+    std::vector<double> sums; ///< four per pixel
+    int samples = 0;          ///< paths per pixel in them
+};
+
 /// Facts about a picture, for reports.
 struct RenderReport {
     Camera camera;
     std::string method; ///< one line: algorithm and its knobs
     double unit = 0;    ///< world units
     Domain domain;
-    std::string transfer;                   ///< as JSON
+    TransferFunction transfer;
+    std::vector<double> isos;               ///< physical values of the surfaces that were looked for
+    double shade = 0;                       ///< strength of gradient shading
     std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
     std::int64_t samples = 0;               ///< values that were looked up
@@ -82,12 +97,22 @@ class Renderer {
 public:
     /// Throws Error{data} for volumes without finite voxels.
     Renderer(Volume const& volume, Execution const& execution);
+    /// The same for voxels that lie elsewhere: those of a structured volume with this header.
+    Renderer(Header header, ConstView voxels, Execution const& execution);
 
     /// Throws Error{usage} for settings out of range and for what a hierarchical volume cannot be asked: anything but
     /// ray marching, and the exact reference. Asked to stop, it returns soon and the picture is incomplete.
-    Image render(RenderSettings const& settings, RenderReport* report = nullptr,
-                 std::stop_token const& stop = {}) const;
+    /// With an accumulation, multi-scattering adds settings.samples paths to those that are in it and shows all of
+    /// them; a pass that was asked to stop leaves it unusable.
+    Image render(RenderSettings const& settings, RenderReport* report = nullptr, std::stop_token const& stop = {},
+                 Accumulation* accumulation = nullptr) const;
     Histogram const& histogram() const { return tree_ ? tree_->histogram() : lattice_.histogram; }
+    /// Physical value of the voxel or cell at a continuous index; NaN outside, and where there is no data. In types
+    /// other than uint8, uint16 and int16, to the precision of floats.
+    double value_at(Vec3 index) const;
+    Header const& header() const { return header_; }
+    /// Times that what follows from transfer function and volume alone was made: cells, tables, ranges.
+    std::int64_t preparations() const;
 
 private:
     /// What the settings mean for this volume.
@@ -97,20 +122,26 @@ private:
         double unit = 1;
         double shade = 0;
         std::vector<IsoView> isos;      ///< in sampled values
+        std::vector<double> iso_values; ///< physical
         std::vector<std::string> lossy; ///< surfaces that are not there
     };
+    struct Prepared;
     Rescaling const& rescaling() const { return tree_ ? tree_->rescaling() : lattice_.rescaling; }
     Appearance appearance_of(RenderSettings const& settings) const;
     /// What was asked for and cannot be seen, one line each.
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
+    /// What does not change when only the camera moves: of the last picture, if it still holds.
+    std::shared_ptr<Prepared const> prepared(RenderSettings const& settings) const;
 
     Header header_;
     Execution execution_;
     Lattice lattice_;          ///< of a structured volume
     std::optional<Tree> tree_; ///< of a hierarchical one
     double prepare_seconds_ = 0;
+    struct Cache;
+    std::shared_ptr<Cache> cache_;
 };
 
 Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution,

@@ -92,14 +92,18 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("rgba-lookup-table", s.lut, "R G B A",
                 "transfer function: colour and opacity, 0 to 1, equally spaced over the domain")
         .alias("lut");
-    list.option("transfer", transfer_file_, "FILE", "transfer function from a JSON file");
+    list.option("transfer", transfer_file_, "FILE",
+                "transfer function from a JSON file, also one of ParaView's; or the JSON itself");
     list.option("colormap", s.colormap, "NAME", text(join(colormap_names(), ", "), "; append :reverse"));
     list.option("opacity", s.opacity, "A,A,...", "opacities over the domain, or VALUE:A pairs, or auto");
     list.option("domain", s.domain, "LO:HI", "values that the colours span; also minmax, p1:p99 (percentiles), auto");
     list.option("unit-distance", s.unit, "DISTANCE",
                 "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
     list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
-    list.option("shade", shading_, "SHADING", "light at the camera: auto shades iso-surfaces and automatic colours");
+    list.option("shade", shading_, "SHADING",
+                "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
+        .choices = {"auto", "none", "gradient"};
+    list.option("clip-box", s.clip, "REGION", "show only this part, named as --roi of vkt crop names it");
 
     list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
     list.flag("exact", s.exact,
@@ -107,6 +111,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.flag("no-skip", no_skip_, "ray marching: sample empty space too; the picture is the same");
 
     list.option("iso", s.isos, "VALUE", "implicit-iso: values of the surfaces (default: chosen from the data)");
+    list.option("iso-color", s.iso_colors, "R G B", "implicit-iso: colour of each surface, 0 to 1");
+    list.option("iso-opacity", s.iso_opacities, "A", "implicit-iso: opacity of each surface, 0 to 1 (default: 1)");
 
     list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
@@ -116,32 +122,55 @@ void SettingsParameters::declare(Parameters& list) {
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
 
+namespace {
+
+struct Use {
+    char const* option;
+    bool march, iso, scatter;
+};
+constexpr std::array<Use, 16> uses{{{"step", true, false, false},
+                                    {"exact", true, false, false},
+                                    {"no-skip", true, false, false},
+                                    {"shade", true, true, false},
+                                    {"iso", false, true, false},
+                                    {"iso-color", false, true, false},
+                                    {"iso-opacity", false, true, false},
+                                    {"unit-distance", true, false, true},
+                                    {"opacity", true, false, true},
+                                    {"opacity-scale", true, false, true},
+                                    {"spp", false, false, true},
+                                    {"first-sample", false, false, true},
+                                    {"seed", false, false, true},
+                                    {"albedo", false, false, true},
+                                    {"light", false, false, true},
+                                    {"emission", false, false, true}}};
+
+/// "auto" is below 0: chosen by the renderer.
+double read_shading(std::string const& word) {
+    if (word == "auto") return -1;
+    if (word == "none") return 0;
+    if (word == "gradient") return 1;
+    double const strength = is_number(word) ? parse_double(word) : -1;
+    if (strength >= 0 && strength <= 1) return strength;
+    std::string const near = nearest_name(word, {"auto", "none", "gradient"});
+    refuse(text("--shade: '", word, "' is not one of auto, none, gradient and no strength from 0 to 1"),
+           near.empty() ? "" : text("did you mean '", near, "'?"));
+}
+
+} // namespace
+
+bool applies(std::string_view option, Algorithm algorithm) {
+    auto const use = std::find_if(uses.begin(), uses.end(), [&](Use const& u) { return u.option == option; });
+    if (use == uses.end()) return true;
+    return algorithm == Algorithm::ray_marching   ? use->march
+           : algorithm == Algorithm::implicit_iso ? use->iso
+                                                  : use->scatter;
+}
+
 void SettingsParameters::refuse_misfits() const {
-    struct Use {
-        char const* option;
-        bool march, iso, scatter;
-    };
-    static constexpr std::array<Use, 14> uses{{{"step", true, false, false},
-                                               {"exact", true, false, false},
-                                               {"no-skip", true, false, false},
-                                               {"shade", true, true, false},
-                                               {"iso", false, true, false},
-                                               {"unit-distance", true, false, true},
-                                               {"opacity", true, false, true},
-                                               {"opacity-scale", true, false, true},
-                                               {"spp", false, false, true},
-                                               {"first-sample", false, false, true},
-                                               {"seed", false, false, true},
-                                               {"albedo", false, false, true},
-                                               {"light", false, false, true},
-                                               {"emission", false, false, true}}};
-    for (Use const& use : uses) {
-        bool const fits = algorithm_ == Algorithm::ray_marching   ? use.march
-                          : algorithm_ == Algorithm::implicit_iso ? use.iso
-                                                                  : use.scatter;
-        if (!fits && list_->given(use.option))
+    for (Use const& use : uses)
+        if (!applies(use.option, algorithm_) && list_->given(use.option))
             refuse(text("--", use.option, " does not apply to --render-algo ", enum_name(algorithm_)));
-    }
     auto const exclude = [&](std::string_view a, std::string_view b) {
         if (list_->given(a) && list_->given(b)) refuse(text("--", a, " and --", b, " exclude each other"));
     };
@@ -207,6 +236,8 @@ void SettingsParameters::check() const {
     try_out("opacity-scale", [](S& to, S const& from) { to.opacity_scale = from.opacity_scale; });
     try_out("step", [](S& to, S const& from) { to.step = from.step; });
     try_out("iso", [](S& to, S const& from) { to.isos = from.isos; });
+    try_out("iso-color", [](S& to, S const& from) { to.isos = from.isos, to.iso_colors = from.iso_colors; });
+    try_out("iso-opacity", [](S& to, S const& from) { to.isos = from.isos, to.iso_opacities = from.iso_opacities; });
     try_out("albedo", [](S& to, S const& from) { to.albedo = from.albedo; });
     try_out("first-sample", [](S& to, S const& from) { to.first_sample = from.first_sample; });
     in_name_of("spp", [&] {
@@ -225,14 +256,15 @@ RenderSettings SettingsParameters::settings() const {
     (void)background();
     s.skip = !no_skip_;
     s.seed = static_cast<std::uint64_t>(seed_);
-    s.shade = shading_ == Shading::none || s.exact ? 0 : shading_ == Shading::gradient ? 1 : -1;
+    s.shade = s.exact ? 0 : read_shading(shading_);
     std::vector<double> const light = read_color("light", light_, 3);
     s.light = {light[0], light[1], light[2]};
     if (!s.colormap.empty()) (void)colormap(s.colormap, 0);
     if (!s.lut.empty()) (void)transfer_from_lut(s.lut, 0, 1);
     if (!transfer_file_.empty()) {
         // Once: a pipe gives it to the first who asks.
-        if (!transfer_) transfer_ = transfer_from_json(read_text_file(transfer_file_));
+        bool const inlined = transfer_file_.starts_with('{') || transfer_file_.starts_with('[');
+        if (!transfer_) transfer_ = transfer_from_json(inlined ? transfer_file_ : read_text_file(transfer_file_));
         s.transfer = transfer_;
     }
     render::check(s);
@@ -242,6 +274,59 @@ RenderSettings SettingsParameters::settings() const {
 Background SettingsParameters::background() const {
     std::vector<double> const c = read_color("background", background_, 4);
     return {{c[0], c[1], c[2]}, c.size() == 4 ? c[3] : 1.0};
+}
+
+std::vector<OptionWords> options_of(RenderSettings const& s) {
+    std::vector<OptionWords> options;
+    RenderSettings const plain;
+    auto const add = [&](char const* name, std::vector<std::string> values) {
+        if (applies(name, s.algorithm)) options.push_back({name, std::move(values)});
+    };
+    auto const triple = [](Vec3 v) { return text(v.x, ",", v.y, ",", v.z); };
+    auto const numbers = [](std::vector<double> const& list) {
+        return collect(list, [](double v) { return to_text(v); });
+    };
+    if (s.algorithm != plain.algorithm) add("render-algo", {enum_name(s.algorithm)});
+    if (s.width != plain.width || s.height != plain.height) add("size", {text(s.width, "x", s.height)});
+
+    if (s.transfer) add("transfer", {transfer_to_json(*s.transfer)});
+    if (!s.transfer && !s.lut.empty()) add("rgba-lookup-table", numbers(s.lut));
+    if (!s.transfer && s.lut.empty() && !s.colormap.empty()) add("colormap", {s.colormap});
+    if (!s.transfer && s.lut.empty() && s.opacity != plain.opacity) add("opacity", {s.opacity});
+    if (!s.transfer && s.domain != plain.domain) add("domain", {s.domain});
+    if (!s.unit.empty()) add("unit-distance", {s.unit});
+    if (s.opacity_scale != 1) add("opacity-scale", {to_text(s.opacity_scale)});
+
+    CameraRequest const& c = s.camera;
+    if (c.eye) add("eye", {triple(*c.eye)});
+    if (!c.eye && c.view != plain.camera.view) add("view", {c.view});
+    if (!c.eye && c.azimuth) add("azimuth", {to_text(*c.azimuth)});
+    if (!c.eye && c.elevation) add("elevation", {to_text(*c.elevation)});
+    if (c.target) add("target", {triple(*c.target)});
+    if (c.up) add("up", {triple(*c.up)});
+    bool const flat = c.projection == Projection::orthographic;
+    if (!flat && (c.eye || c.fov != plain.camera.fov)) add("fov", {to_text(c.fov)});
+    if (c.zoom != 1) add("zoom", {to_text(c.zoom)});
+    if (flat) add("projection", {enum_name(c.projection)});
+    if (flat && c.span) add("span", {to_text(*c.span)});
+    if (!c.eye && c.fit != plain.camera.fit) add("fit", {enum_name(c.fit)});
+
+    bool const exact = s.exact && s.algorithm == Algorithm::ray_marching;
+    if (exact) add("exact", {});
+    if (!exact && s.shade >= 0) add("shade", {s.shade == 0 ? "none" : s.shade == 1 ? "gradient" : to_text(s.shade)});
+    if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
+    if (!exact && !s.skip) add("no-skip", {});
+    if (!s.isos.empty()) add("iso", numbers(s.isos));
+    if (!s.iso_colors.empty()) add("iso-color", numbers(s.iso_colors));
+    if (!s.iso_opacities.empty()) add("iso-opacity", numbers(s.iso_opacities));
+    if (s.samples != plain.samples) add("spp", {to_text(s.samples)});
+    if (s.first_sample != 0) add("first-sample", {to_text(s.first_sample)});
+    if (s.seed != 0) add("seed", {text(s.seed)});
+    if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
+    if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
+    if (s.emission) add("emission", {});
+    if (!s.clip.empty()) add("clip-box", {s.clip.text});
+    return options;
 }
 
 std::string report_text(RenderReport const& r) {

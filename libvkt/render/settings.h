@@ -7,8 +7,6 @@
 
 namespace vkt::render {
 
-enum class Shading : std::uint8_t { automatic, none, gradient };
-
 /// Declares the options and turns them into settings. Must outlive and stay with the list it declared into.
 class SettingsParameters {
 public:
@@ -25,8 +23,7 @@ private:
 
     Parameters* list_ = nullptr;
     Algorithm algorithm_ = Algorithm::ray_marching;
-    Shading shading_ = Shading::automatic;
-    std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1";
+    std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1", shading_ = "auto";
     RenderSettings settings_;
     mutable std::optional<TransferFunction> transfer_; ///< what the file holds, once it is read
     std::int64_t seed_ = 0;
@@ -36,14 +33,17 @@ private:
 /// One line: method, sizes, shares, times.
 std::string report_text(RenderReport const& report);
 
-} // namespace vkt::render
-
-namespace vkt {
-template <> struct EnumNames<render::Shading> {
-    static std::vector<std::pair<render::Shading, char const*>> all() {
-        return {{render::Shading::automatic, "auto"},
-                {render::Shading::none, "none"},
-                {render::Shading::gradient, "gradient"}};
-    }
+/// An option as a command line has it: its name without dashes and the words that follow it.
+struct OptionWords {
+    std::string name;
+    std::vector<std::string> values;
+    friend bool operator==(OptionWords const&, OptionWords const&) = default;
 };
-} // namespace vkt
+
+/// The options of `vkt render` that make these settings, bit for bit; what no option is needed for is left out, as is
+/// what does not apply to the algorithm. A transfer function is given as its JSON.
+std::vector<OptionWords> options_of(RenderSettings const& settings);
+/// Whether the option has a meaning for the algorithm.
+bool applies(std::string_view option, Algorithm algorithm);
+
+} // namespace vkt::render

@@ -32,6 +32,7 @@ struct TransferFunction {
 
     /// Throws Error{usage}: no points, values not finite, alpha or colour outside [0,1]. Sorts by value.
     void check_and_sort();
+    friend bool operator==(TransferFunction const&, TransferFunction const&) = default;
 };
 
 /// Largest extinction times unit distance: alpha = 1 transmits 1e-7 of the light over the unit distance.
@@ -45,9 +46,15 @@ double extinction_of(double alpha);
 TransferFunction transfer_from_lut(std::vector<double> const& rgba, double lower, double upper);
 
 /// {"points": [[value, r, g, b, a], …], "unit": u, "colors": "srgb" | "linear", "domain": [lo, hi]}. With a domain,
-/// values of the points run from 0 to 1 over it. Throws Error{data}.
+/// values of the points run from 0 to 1 over it. Also a list of presets as ParaView exports them, of which the first
+/// counts: colours from "RGBPoints", opacities from "Points" (without: rising from 0 to 1). Throws Error{data}.
 TransferFunction transfer_from_json(std::string const& json);
 std::string transfer_to_json(TransferFunction const& transfer);
+/// What ParaView imports as a preset of this name. Its opacities run in straight lines where ours bend, so that there
+/// are points between.
+std::string transfer_to_paraview(TransferFunction const& transfer, std::string const& name);
+/// alpha between two others as it runs there, in a straight line of extinctions: share 0 gives a, 1 gives b.
+double alpha_between(double a, double b, double share);
 
 /// How stored values become those that rays sample, which are floats: (stored - offset) * scale. The scale is a power
 /// of two, so that it rounds nothing; it keeps values of any size where floats are precise.

@@ -216,6 +216,11 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     return result;
 }
 
+double Tree::value_at(Vec3 position) const {
+    TreeSample const s = sampler_.sample(position);
+    return s.weight > 0 ? static_cast<double>(s.value) : std::numeric_limits<double>::quiet_NaN();
+}
+
 TreeView Tree::view(Visibility const& visibility) const {
     double extent = 0;
     for (int a = 0; a < 3; ++a) extent = std::max(extent, static_cast<double>(region_.upper[a]));

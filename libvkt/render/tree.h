@@ -39,6 +39,8 @@ public:
     };
     Visibility classify(TransferTable const& table) const;
     TreeView view(Visibility const& visibility) const;
+    /// The sampled value at a position in finest cells; NaN where there is no data.
+    double value_at(Vec3 position) const;
     std::size_t brick_count() const { return sampler_.bricks().size(); }
 
 private:

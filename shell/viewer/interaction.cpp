@@ -1,4 +1,4 @@
-// Camera movements, views as settings and as words, effort.
+// Camera movements, lines and places in pictures, effort.
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/interaction.h"
 
@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <numbers>
 
 namespace vkt::shell::viewer {
@@ -30,9 +31,8 @@ Vec3 turned(Vec3 v, Vec3 axis, double angle) {
     return v * c + cross(axis, v) * s + axis * (dot(axis, v) * (1 - c));
 }
 
-struct Axes {
-    Vec3 right, up;
-};
+} // namespace
+
 Axes axes_of(Camera const& camera) {
     Vec3 const forward = unit(camera.target - camera.eye);
     Vec3 side = cross(forward, camera.up);
@@ -40,19 +40,16 @@ Axes axes_of(Camera const& camera) {
     if (!(dot(side, side) > 1e-12 * dot(camera.up, camera.up)))
         side = cross(forward, std::abs(forward.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{0, 1, 0});
     Vec3 const right = unit(side);
-    return {right, cross(right, forward)};
+    return {right, cross(right, forward), forward};
 }
 
-/// What the picture spans vertically at the target, in the world.
 double span_of(Camera const& camera) {
     if (camera.projection == Projection::orthographic) return camera.height;
     return 2 * std::tan(camera.fov * std::numbers::pi / 360) * length(camera.target - camera.eye);
 }
 
-} // namespace
-
 Camera orbit(Camera const& camera, Movement movement) {
-    auto const [right, up] = axes_of(camera);
+    auto const [right, up, forward] = axes_of(camera);
     // To the right by hand is to the left for the eye; the camera's up direction goes along.
     auto const turn = [&, right = right, up = up](Vec3 v) {
         return turned(turned(v, up, -movement.x * std::numbers::pi), right, -movement.y * std::numbers::pi);
@@ -64,7 +61,7 @@ Camera orbit(Camera const& camera, Movement movement) {
 }
 
 Camera pan(Camera const& camera, Movement movement) {
-    auto const [right, up] = axes_of(camera);
+    auto const [right, up, forward] = axes_of(camera);
     double const span = span_of(camera);
     Vec3 const shift = right * (-movement.x * span) + up * (movement.y * span);
     Camera result = camera;
@@ -84,68 +81,161 @@ Camera zoom(Camera const& camera, double notches, Camera const& home) {
     return result;
 }
 
-View initial_view(RenderSettings const& asked) { return {asked.width, asked.height, asked.colormap, {}}; }
-
-RenderSettings settings_of(RenderSettings const& asked, View const& view) {
-    RenderSettings s = asked;
-    s.width = view.width, s.height = view.height;
-    s.colormap = view.colormap;
-    if (!view.camera) return s;
-    render::CameraRequest request;
-    request.eye = view.camera->eye, request.target = view.camera->target, request.up = view.camera->up;
-    request.projection = view.camera->projection;
-    if (request.projection == Projection::perspective)
-        request.fov = view.camera->fov;
-    else
-        request.span = view.camera->height;
-    s.camera = request;
-    return s;
+Camera fly(Camera const& camera, double steps) {
+    Vec3 const shift = axes_of(camera).forward * (0.05 * steps * span_of(camera));
+    Camera result = camera;
+    result.eye = camera.eye + shift;
+    result.target = camera.target + shift;
+    return result;
 }
 
-std::vector<std::string> words_of(std::vector<std::string> const& asked_words, RenderSettings const& asked,
-                                  View const& view) {
-    std::vector<std::string> without, with;
-    if (view.width != asked.width || view.height != asked.height) {
-        without.emplace_back("--size");
-        with.insert(with.end(), {"--size", text(view.width, "x", view.height)});
-    }
-    if (view.colormap != asked.colormap) {
-        without.emplace_back("--colormap");
-        if (!view.colormap.empty()) with.insert(with.end(), {"--colormap", view.colormap});
-    }
-    if (view.camera) {
-        auto const triple = [](Vec3 v) { return text(v.x, ",", v.y, ",", v.z); };
-        Camera const& c = *view.camera;
-        for (char const* name : {"--view", "--azimuth", "--elevation", "--eye", "--target", "--up", "--zoom", "--fov",
-                                 "--span", "--projection", "--fit"})
-            without.emplace_back(name);
-        with.insert(with.end(), {"--eye", triple(c.eye), "--target", triple(c.target), "--up", triple(c.up)});
-        if (c.projection == Projection::perspective)
-            with.insert(with.end(), {"--fov", to_text(c.fov)});
-        else
-            with.insert(with.end(), {"--projection", "orthographic", "--span", to_text(c.height)});
-    }
-    if (asked_words.empty()) return {}; // no history is wanted
-    // All of the options left out have one value.
-    std::vector<std::string> words{asked_words.front()};
-    words.insert(words.end(), with.begin(), with.end());
-    for (std::size_t i = 1; i < asked_words.size(); ++i) {
-        if (std::find(without.begin(), without.end(), asked_words[i]) != without.end())
-            ++i;
-        else
-            words.push_back(asked_words[i]);
-    }
-    return words;
+Camera axis_view(Camera const& camera, int axis, bool behind) {
+    Camera result = camera;
+    double const distance = length(camera.eye - camera.target);
+    Vec3 side{0, 0, 0};
+    side[axis] = behind ? -distance : distance;
+    result.eye = camera.target + side;
+    // Along z, the picture is turned as the named views of the command line are.
+    result.up = axis == 2 ? Vec3{0, behind ? -1.0 : 1.0, 0} : Vec3{0, 0, 1};
+    return result;
 }
 
-bool has_colormap(RenderSettings const& asked) { return !asked.transfer && asked.lut.empty(); }
+Camera projected(Camera const& camera, Projection projection) {
+    if (camera.projection == projection) return camera;
+    Camera result = camera;
+    double const span = span_of(camera);
+    result.projection = projection;
+    if (projection == Projection::orthographic) {
+        result.height = span;
+    } else {
+        double const distance = span / (2 * std::tan(camera.fov * std::numbers::pi / 360));
+        result.eye = camera.target - axes_of(camera).forward * distance;
+    }
+    return result;
+}
 
-std::string next_colormap(std::string const& current, std::string const& asked) {
-    std::vector<std::string> names{asked};
-    for (std::string const& name : render::colormap_names())
-        if (name != asked) names.push_back(name);
-    auto const found = std::find(names.begin(), names.end(), current);
-    return found == names.end() || found + 1 == names.end() ? names.front() : *(found + 1);
+Camera aimed_at(Camera const& camera, Vec3 point) {
+    if (!(length(point - camera.eye) > 0)) return camera;
+    Camera result = camera;
+    // Without perspective everything is seen along the same direction.
+    if (camera.projection == Projection::orthographic) result.eye = camera.eye + (point - camera.target);
+    result.target = point;
+    return result;
+}
+
+Line line_under(Camera const& camera, double x, double y, double aspect) {
+    auto const [right, up, forward] = axes_of(camera);
+    double const u = 2 * x - 1, v = 1 - 2 * y;
+    if (camera.projection == Projection::orthographic)
+        return {camera.eye + right * (u * aspect * camera.height / 2) + up * (v * camera.height / 2), forward};
+    double const half = std::tan(camera.fov * std::numbers::pi / 360);
+    return {camera.eye, unit(forward + right * (u * aspect * half) + up * (v * half))};
+}
+
+std::optional<std::array<double, 2>> place_of(Camera const& camera, Vec3 point, double aspect) {
+    auto const [right, up, forward] = axes_of(camera);
+    Vec3 const to = point - camera.eye;
+    double half = camera.height / 2;
+    if (camera.projection == Projection::perspective) {
+        double const depth = dot(to, forward);
+        if (!(depth > 0)) return std::nullopt;
+        half = std::tan(camera.fov * std::numbers::pi / 360) * depth;
+    }
+    return std::array<double, 2>{(dot(to, right) / (half * aspect) + 1) / 2, (1 - dot(to, up) / half) / 2};
+}
+
+double round_length(double limit) {
+    if (!(limit > 0) || !std::isfinite(limit)) return 0;
+    double const power = std::pow(10, std::floor(std::log10(limit)));
+    for (double const times : {5.0, 2.0})
+        if (times * power <= limit) return times * power;
+    return power;
+}
+
+std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
+                              render::TransferFunction const& transfer, double unit_distance,
+                              std::vector<double> const& isos) {
+    Geometry const& g = volume.header().geometry;
+    Index3 const dims = volume.header().dims;
+    Vec3 const origin = world_to_index(g, line.origin),
+               along = world_to_index(g, line.origin + line.direction) - origin;
+    double near = 0, far = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis) {
+        double const low = -0.5, high = static_cast<double>(dims[axis]) - 0.5;
+        if (along[axis] == 0) {
+            if (origin[axis] < low || origin[axis] > high) return std::nullopt;
+            continue;
+        }
+        double const a = (low - origin[axis]) / along[axis], b = (high - origin[axis]) / along[axis];
+        near = std::max(near, std::min(a, b)), far = std::min(far, std::max(a, b));
+    }
+    if (!(near < far)) return std::nullopt;
+    TransferEdit const edit = edit_of(transfer, "");
+    constexpr int steps = 1024;
+    double depth = 0, before = std::numeric_limits<double>::quiet_NaN();
+    for (int i = 0; i < steps; ++i) {
+        double const t = std::lerp(near, far, (i + 0.5) / steps);
+        double const value = volume.value_at(origin + along * t);
+        if (!isos.empty()) {
+            for (double const iso : isos)
+                if ((before < iso) != (value < iso) && !std::isnan(before) && !std::isnan(value))
+                    return line.origin + line.direction * t;
+            before = value;
+            continue;
+        }
+        if (std::isnan(value)) continue;
+        depth += render::extinction_of(alpha_at(edit, value)) * (far - near) / steps / unit_distance;
+        if (depth >= std::numbers::ln2) return line.origin + line.direction * t;
+    }
+    return std::nullopt;
+}
+
+std::optional<Box> part_in_box(Camera const& camera, std::array<double, 4> const& box, double aspect,
+                               render::Renderer const& volume, render::RenderReport const& report) {
+    double const x0 = std::min(box[0], box[2]), x1 = std::max(box[0], box[2]);
+    double const y0 = std::min(box[1], box[3]), y1 = std::max(box[1], box[3]);
+    if (!(x1 - x0 > 1e-3 && y1 - y0 > 1e-3) || report.transfer.points.empty()) return std::nullopt;
+    // What is seen in the box, on a grid of lines: its middle depth is what the box is about.
+    std::vector<double> depths;
+    Vec3 const forward = axes_of(camera).forward;
+    constexpr int lines = 9;
+    for (int j = 0; j < lines; ++j)
+        for (int i = 0; i < lines; ++i) {
+            Line const line =
+                line_under(camera, std::lerp(x0, x1, (i + 0.5) / lines), std::lerp(y0, y1, (j + 0.5) / lines), aspect);
+            if (auto const p = point_met(line, volume, report.transfer, report.unit, report.isos))
+                depths.push_back(dot(*p - camera.eye, forward));
+        }
+    if (depths.empty()) return std::nullopt;
+    std::nth_element(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2), depths.end());
+    double const depth = depths[depths.size() / 2];
+    Geometry const& g = volume.header().geometry;
+    Index3 const dims = volume.header().dims;
+    std::array<double, 3> least{1e300, 1e300, 1e300}, greatest{-1e300, -1e300, -1e300};
+    std::array<Vec3, 4> corners;
+    for (std::size_t c = 0; c < 4; ++c) {
+        Line const line = line_under(camera, c % 2 == 0 ? x0 : x1, c < 2 ? y0 : y1, aspect);
+        double const to_origin = dot(line.origin - camera.eye, forward);
+        corners[c] = line.origin + line.direction * ((depth - to_origin) / dot(line.direction, forward));
+    }
+    double const half = std::max(length(corners[1] - corners[0]), length(corners[2] - corners[0])) / 2;
+    for (Vec3 const& corner : corners)
+        for (double const along : {-half, half}) {
+            Vec3 const index = world_to_index(g, corner + forward * along);
+            for (int axis = 0; axis < 3; ++axis) {
+                auto const a = static_cast<std::size_t>(axis);
+                least[a] = std::min(least[a], index[axis]), greatest[a] = std::max(greatest[a], index[axis]);
+            }
+        }
+    Box part;
+    for (int axis = 0; axis < 3; ++axis) {
+        auto const a = static_cast<std::size_t>(axis);
+        auto const extent = static_cast<double>(dims[axis]);
+        part.lower[axis] = static_cast<std::int64_t>(std::clamp(std::floor(least[a] + 0.5), 0.0, extent));
+        part.upper[axis] = static_cast<std::int64_t>(std::clamp(std::ceil(greatest[a] + 0.5), 0.0, extent));
+    }
+    if (part.empty()) return std::nullopt;
+    return part;
 }
 
 double least_effort(RenderSettings const& full) {
@@ -194,6 +284,15 @@ double refined_effort(double effort, double seconds) {
     constexpr double quick = 0.3;
     double const next = 4 * effort;
     return seconds / effort <= quick || next > 0.5 ? 1 : next;
+}
+
+int next_paths(int done, int wanted, int last, double seconds) {
+    constexpr double pass = 0.25;
+    int const left = wanted - done;
+    if (last <= 0) return std::min(1, left);
+    double const affordable = pass * last / std::max(seconds, 1e-6);
+    // One measurement is trusted only so far.
+    return std::clamp(static_cast<int>(std::min(affordable, 4.0 * last)), 1, std::max(left, 1));
 }
 
 std::string free_picture_name(std::string const& input_name) {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include "libvkt/render/render.h"
+#include "shell/viewer/view.h"
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,22 +25,43 @@ render::Camera pan(render::Camera const& camera, Movement movement);
 /// Notches of the wheel: positive ones enlarge. Stays within a thousandth and a thousand times what `home` spans.
 render::Camera zoom(render::Camera const& camera, double notches, render::Camera const& home);
 
-/// What the user has changed since the command line.
-struct View {
-    int width = 0, height = 0; ///< of the picture
-    std::string colormap;
-    std::optional<render::Camera> camera; ///< none: the one that the command line asks for
-};
-View initial_view(render::RenderSettings const& asked);
-render::RenderSettings settings_of(render::RenderSettings const& asked, View const& view);
-/// The words of a command line (verb, options, inputs) that draws the view.
-std::vector<std::string> words_of(std::vector<std::string> const& asked_words, render::RenderSettings const& asked,
-                                  View const& view);
+/// Both together forwards, a share of what the picture spans per step; through things, if need be.
+render::Camera fly(render::Camera const& camera, double steps);
+/// From the side of an axis (0 to 2), `behind`: from its lower end; as far away and with the same lens.
+render::Camera axis_view(render::Camera const& camera, int axis, bool behind);
+/// The same picture in the middle, with or without perspective.
+render::Camera projected(render::Camera const& camera, render::Projection projection);
+/// The camera turned so that it looks at the point, from where it stands; what is turned around then.
+render::Camera aimed_at(render::Camera const& camera, Vec3 point);
 
-/// True if the colours come from a map and not from a transfer function of the user's own.
-bool has_colormap(render::RenderSettings const& asked);
-/// The map after the current one: all in turn, then the one that was asked for.
-std::string next_colormap(std::string const& current, std::string const& asked);
+/// A line in the world. direction has length 1.
+struct Line {
+    Vec3 origin, direction;
+};
+/// What lies under a place of the picture: x and y in [0,1] from the upper left corner; aspect is width by height.
+Line line_under(render::Camera const& camera, double x, double y, double aspect);
+/// Where a point of the world is in the picture; none behind the camera.
+std::optional<std::array<double, 2>> place_of(render::Camera const& camera, Vec3 point, double aspect);
+/// World length from the bottom to the top of the picture at the target.
+double span_of(render::Camera const& camera);
+/// 1, 2 or 5 times a power of ten, the greatest not above the limit: length of a scale bar.
+double round_length(double limit);
+/// Directions of the picture in the world, of length 1.
+struct Axes {
+    Vec3 right, up, forward;
+};
+Axes axes_of(render::Camera const& camera);
+
+/// The first place along the line where light is held back by half, by the transfer function and the values that
+/// `value_at` tells (NaN: none); none if there is none.
+std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
+                              render::TransferFunction const& transfer, double unit, std::vector<double> const& isos);
+
+/// The part of a volume, in voxels or finest cells, that lies behind a box x0, y0, x1, y1 of the picture (0 to 1):
+/// across as far as the box reaches at the depth of what is seen in it, and as deep as it is wide. None if nothing is
+/// seen there.
+std::optional<Box> part_in_box(render::Camera const& camera, std::array<double, 4> const& box, double aspect,
+                               render::Renderer const& volume, render::RenderReport const& report);
 
 /// Effort is the share of the work of a full picture, in [least_effort, 1]. The least is an eighth of the pixels each
 /// way with the longest steps or one path a pixel.
@@ -55,6 +78,9 @@ double next_effort(double effort, double seconds, double target, double least);
 /// The effort of the next pass over a view that stands still: at once 1 if that is quick, else in steps that together
 /// cost a third more and show something on the way.
 double refined_effort(double effort, double seconds);
+/// Paths a pixel of the next pass that adds to those there are: a few at once, then as many as take a quarter of a
+/// second. `seconds` is what the last pass of `last` paths took.
+int next_paths(int done, int wanted, int last, double seconds);
 
 /// "NAME.png" or the first of "NAME-2.png", "NAME-3.png", … that is still free.
 std::string free_picture_name(std::string const& input_name);

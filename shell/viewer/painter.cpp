@@ -41,23 +41,23 @@ void Painter::show(View view) {
     changed_.notify_all();
 }
 
-void Painter::save() {
+void Painter::add_task(Task task) {
     {
         std::lock_guard const lock(mutex_);
-        tasks_.emplace_back(wanted_);
-        saving_ = true;
+        bool const again = task.kind == Task::Kind::next && !tasks_.empty() && tasks_.back().kind == Task::Kind::next;
+        task.request = wanted_;
+        if (task.kind == Task::Kind::save) saving_ = true;
+        // What is drawn now is of no use any more, or need not be waited for.
+        if (task.kind != Task::Kind::save) refinement_.request_stop();
+        if (!again) tasks_.push_back(std::move(task));
     }
     changed_.notify_all();
 }
 
-void Painter::next() {
-    {
-        std::lock_guard const lock(mutex_);
-        if (tasks_.empty() || tasks_.back()) tasks_.emplace_back(std::nullopt);
-        refinement_.request_stop();
-    }
-    changed_.notify_all();
-}
+void Painter::save() { add_task({Task::Kind::save, {}, {}}); }
+void Painter::next() { add_task({Task::Kind::next, {}, {}}); }
+void Painter::say_command() { add_task({Task::Kind::command, {}, {}}); }
+void Painter::magnify(Box const& part) { add_task({Task::Kind::magnify, {}, part}); }
 
 std::optional<Frame> Painter::take() {
     std::lock_guard const lock(mutex_);
@@ -80,30 +80,42 @@ bool Painter::saving() const {
 
 void Painter::work() {
     try {
+        arrival_ = scene_.arrive();
         for (;;) {
             std::unique_lock lock(mutex_);
-            changed_.wait(lock,
-                          [&] { return quit_ || !tasks_.empty() || wanted_.number != shown_ || shown_effort_ < 1; });
+            changed_.wait(lock, [&] {
+                return quit_ || !tasks_.empty() || wanted_.number != shown_ || shown_effort_ < 1 || !arrival_.complete;
+            });
             if (quit_ && !saving_) return;
             if (!tasks_.empty()) {
-                std::optional<Request> const task = std::move(tasks_.front());
-                tasks_.pop_front();
-                lock.unlock();
-                if (!task) {
-                    go_on();
+                // A picture is one of the whole volume.
+                if (!arrival_.complete && tasks_.front().kind == Task::Kind::save) {
+                    lock.unlock();
+                    arrival_ = scene_.arrive();
                     continue;
                 }
-                save_picture(*task);
-                lock.lock();
-                saving_ = std::any_of(tasks_.begin(), tasks_.end(), [](auto const& t) { return t.has_value(); });
-                wake_(); // the window stops saying that something is being saved
+                Task const task = std::move(tasks_.front());
+                tasks_.pop_front();
+                lock.unlock();
+                do_task(task);
                 continue;
             }
             Request const request = wanted_;
             refinement_ = std::stop_source();
             lock.unlock();
             bool const fresh = request.number != shown_;
-            draw_frame(request, fresh ? effort_ : refined_effort(shown_effort_, shown_seconds_));
+            if (!fresh && !arrival_.complete) {
+                Arrival const now = scene_.arrive();
+                bool const more = now.slices != arrival_.slices || now.complete;
+                arrival_ = now;
+                if (more) show_anew();
+                continue;
+            }
+            bool const scattering = request.view.look.algorithm == render::Algorithm::multi_scattering;
+            if (!fresh && scattering)
+                draw_more_paths(request);
+            else
+                draw_frame(request, fresh ? effort_ : refined_effort(shown_effort_, shown_seconds_));
         }
     } catch (...) {
         std::lock_guard const lock(mutex_);
@@ -112,10 +124,40 @@ void Painter::work() {
     wake_();
 }
 
-Painter::Picture Painter::draw(render::RenderSettings const& settings, std::stop_token const& stop) {
+void Painter::do_task(Task const& task) {
+    switch (task.kind) {
+    case Task::Kind::next:
+        go_on();
+        return;
+    case Task::Kind::command:
+        tell(scene_.command(task.request.view));
+        return;
+    case Task::Kind::magnify:
+        // Too large a part is no reason to lose the window.
+        try {
+            scene_.magnify(task.part);
+            show_anew();
+        } catch (Error const& error) {
+            tell(error.what());
+        }
+        return;
+    case Task::Kind::save:
+        save_picture(task.request);
+        {
+            std::lock_guard const lock(mutex_);
+            saving_ =
+                std::any_of(tasks_.begin(), tasks_.end(), [](Task const& t) { return t.kind == Task::Kind::save; });
+        }
+        wake_(); // the window stops saying that something is being saved
+        return;
+    }
+}
+
+Painter::Picture Painter::draw(render::RenderSettings const& settings, std::stop_token const& stop,
+                               render::Accumulation* accumulation) {
     auto const start = std::chrono::steady_clock::now();
     Picture picture;
-    picture.image = scene_.draw(settings, picture.report, stop);
+    picture.image = scene_.draw(settings, picture.report, stop, accumulation);
     picture.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return picture;
 }
@@ -127,22 +169,53 @@ void Painter::draw_frame(Request const& request, double effort) {
         std::lock_guard const lock(mutex_);
         stop = refinement_.get_token();
     }
-    Picture picture = draw(reduced(settings_of(asked_, request.view), effort), stop);
+    render::RenderSettings const full = settings_of(asked_, request.view);
+    effort = std::max(effort, least_effort(full)); // which differs from algorithm to algorithm
+    Picture picture = draw(reduced(full, effort), stop);
     if (stop.stop_requested()) return;
-    if (fresh) effort_ = next_effort(effort, picture.seconds, target_, least_effort(asked_));
+    if (fresh) {
+        effort_ = next_effort(effort, picture.seconds, target_, least_effort(full));
+        paths_ = {};
+        last_pass_ = 0;
+    }
     publish(request, std::move(picture), effort);
+}
+
+void Painter::draw_more_paths(Request const& request) {
+    std::stop_token stop;
+    {
+        std::lock_guard const lock(mutex_);
+        stop = refinement_.get_token();
+    }
+    render::RenderSettings settings = settings_of(asked_, request.view);
+    int const wanted = settings.samples;
+    settings.samples = next_paths(paths_.samples, wanted, last_pass_, last_pass_seconds_);
+    Picture picture = draw(settings, stop, &paths_);
+    if (stop.stop_requested()) {
+        paths_ = {};
+        last_pass_ = 0;
+        return;
+    }
+    last_pass_ = settings.samples, last_pass_seconds_ = picture.seconds;
+    publish(request, std::move(picture), paths_.samples >= wanted ? 1 : paths_.samples / static_cast<double>(wanted));
 }
 
 void Painter::publish(Request const& request, Picture picture, double effort) {
     shown_ = request.number;
     shown_effort_ = effort;
     shown_seconds_ = picture.seconds;
-    Frame frame{request.view,          scene_.name(),
-                picture.report.camera, picture.image.width,
-                picture.image.height,  render::to_bytes(picture.image, background_),
-                picture.seconds,       effort};
+    Frame frame;
+    frame.view = request.view, frame.name = scene_.name();
+    frame.camera = picture.report.camera;
+    frame.width = picture.image.width, frame.height = picture.image.height;
+    frame.rgb = render::to_bytes(picture.image, background_);
+    frame.seconds = picture.seconds, frame.effort = effort;
+    frame.paths = paths_.samples;
+    frame.report = picture.report;
+    frame.volume = scene_.volume();
+    frame.arrival = arrival_;
     full_.reset();
-    if (effort >= 1) full_ = std::move(picture);
+    if (effort >= 1 && arrival_.complete) full_ = std::move(picture);
     {
         std::lock_guard const lock(mutex_);
         frame_ = std::move(frame);
@@ -153,7 +226,14 @@ void Painter::publish(Request const& request, Picture picture, double effort) {
 void Painter::save_picture(Request const& request) {
     // A file that cannot be written is no reason to lose the window.
     try {
-        if (request.number != shown_ || !full_) publish(request, draw(settings_of(asked_, request.view), {}), 1);
+        if (request.number != shown_ || !full_) {
+            render::RenderSettings settings = settings_of(asked_, request.view);
+            bool const scattering = settings.algorithm == render::Algorithm::multi_scattering;
+            // Those paths that are there already need not be drawn again.
+            if (!scattering || request.number != shown_) paths_ = {};
+            settings.samples -= scattering ? paths_.samples : 0;
+            publish(request, draw(settings, {}, scattering ? &paths_ : nullptr), 1);
+        }
         tell("saved " + scene_.save(full_->image, full_->report, request.view));
     } catch (Error const& error) {
         tell(error.what());
@@ -165,9 +245,14 @@ void Painter::go_on() {
         tell("this is the last volume");
         return;
     }
+    arrival_ = scene_.arrive();
+    show_anew();
+}
+
+void Painter::show_anew() {
     full_.reset(); // what was asked to be saved meanwhile is a picture of this volume
     std::lock_guard const lock(mutex_);
-    ++wanted_.number; // the same view of something else
+    ++wanted_.number;
 }
 
 void Painter::tell(std::string message) {

@@ -9,6 +9,7 @@
 #include <deque>
 #include <exception>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -26,7 +27,11 @@ struct Frame {
     int width = 0, height = 0;
     std::vector<unsigned char> rgb; ///< rows from the top
     double seconds = 0;
-    double effort = 1; ///< 1: the full picture
+    double effort = 1;           ///< 1: the full picture
+    int paths = 0;               ///< a pixel so far, of multiple scattering
+    render::RenderReport report; ///< of this picture
+    std::weak_ptr<render::Renderer const> volume;
+    Arrival arrival;
 };
 
 /// Every view that is asked for is first drawn with the effort that meets the target time; such a frame is never given
@@ -45,6 +50,10 @@ public:
     void save();
     /// Goes on to the next volume.
     void next();
+    /// Tells the command line of the view that was last asked for, as a message that begins with "vkt ".
+    void say_command();
+    /// Shows a part of the volume finer; an empty box: all of it.
+    void magnify(Box const& part);
     /// Ends the work: pictures that are being saved are finished, all else is given up.
     void finish();
 
@@ -65,13 +74,26 @@ private:
         double seconds = 0;
     };
 
+    /// What keys ask for, in their order.
+    struct Task {
+        enum class Kind { save, next, command, magnify } kind;
+        Request request;
+        Box part;
+    };
+
     void work();
-    Picture draw(render::RenderSettings const& settings, std::stop_token const& stop);
+    void do_task(Task const& task);
+    Picture draw(render::RenderSettings const& settings, std::stop_token const& stop,
+                 render::Accumulation* accumulation = nullptr);
     void draw_frame(Request const& request, double effort);
+    void draw_more_paths(Request const& request);
     void publish(Request const& request, Picture picture, double effort);
     void save_picture(Request const& request);
     void go_on();
+    /// The same view of something else.
+    void show_anew();
     void tell(std::string message);
+    void add_task(Task task);
 
     Scene& scene_;
     render::RenderSettings asked_;
@@ -82,7 +104,7 @@ private:
     mutable std::mutex mutex_; ///< guards what follows
     std::condition_variable changed_;
     Request wanted_;
-    std::deque<std::optional<Request>> tasks_; ///< as keys were hit: pictures to save; empty: on to the next volume
+    std::deque<Task> tasks_;
     bool quit_ = false, saving_ = false;
     std::stop_source refinement_; ///< stops a pass over the same view
     std::stop_source drawing_;    ///< stops everything that is not saved
@@ -91,8 +113,12 @@ private:
     std::exception_ptr failure_;
 
     // Of the worker thread alone.
-    std::int64_t shown_ = 0;      ///< number of the request that the last frame answers
-    double shown_effort_ = 0;     ///< of that frame
+    std::int64_t shown_ = 0;     ///< number of the request that the last frame answers
+    double shown_effort_ = 0;    ///< of that frame
+    Arrival arrival_;            ///< of the volume
+    render::Accumulation paths_; ///< of that request, once its full picture is begun
+    int last_pass_ = 0;          ///< paths a pixel
+    double last_pass_seconds_ = 0;
     double shown_seconds_ = 0;    ///< that it took
     double effort_ = 1;           ///< of the next first frame
     std::optional<Picture> full_; ///< the full picture of that request, if it was drawn

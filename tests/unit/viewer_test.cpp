@@ -1,5 +1,6 @@
 // The viewer without a window: camera movements, views as settings and words, effort, the painter's thread.
 // SPDX-License-Identifier: MIT
+#include "libvkt/render/settings.h"
 #include "shell/viewer/painter.h"
 #include "tests/unit/render_testing.h"
 
@@ -7,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -111,7 +113,7 @@ TEST(Views, theUntouchedViewIsTheCommandLine) {
 TEST(Views, wordsSayWhatWasChanged) {
     RenderSettings const asked;
     View view = initial_view(asked);
-    view.width = 640, view.colormap = "grey";
+    view.width = 640, view.look.colormap = "grey";
     view.camera = front();
     std::vector<std::string> const words{"render", "--view", "x", "--shade", "none", "--colormap", "heat", "a.nrrd"};
     EXPECT_EQ(join(words_of(words, asked, view), " "),
@@ -244,7 +246,8 @@ TEST(Names, neverThoseInUse) {
 class SlowScene : public Scene {
 public:
     std::string name() const override { return "scene"; }
-    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const& stop) override {
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const& stop,
+                       render::Accumulation*) override {
         auto const until = std::chrono::steady_clock::now() + std::chrono::microseconds(s.width * s.height / 50);
         while (std::chrono::steady_clock::now() < until && !stop.stop_requested())
             std::this_thread::sleep_for(std::chrono::microseconds(200));
@@ -331,7 +334,8 @@ TEST(Painting, whatWasAskedToBeSavedIsSaved) {
 /// Three volumes; drawing and loading wait for leave. Notes of which volume a saved picture is, and what its file says.
 class SteppedScene : public SlowScene {
 public:
-    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const&) override {
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const&,
+                       render::Accumulation*) override {
         drawing = true;
         await(may_draw);
         report.unit = volume;
@@ -407,6 +411,225 @@ TEST(Painting, theLastVolumeStays) {
     painter.save();
     painter.finish();
     EXPECT_EQ(messages(painter), (std::vector<std::string>{"this is the last volume", "saved picture of 2 as 2"}));
+}
+
+/// Draws a real volume; counts the paths of each pass.
+class RealScene : public SlowScene {
+public:
+    explicit RealScene(Volume const& volume) : renderer_(std::make_shared<render::Renderer>(volume, Execution{})) {}
+    render::Image draw(RenderSettings const& s, render::RenderReport& report, std::stop_token const& stop,
+                       render::Accumulation* accumulation) override {
+        if (accumulation != nullptr) passes.push_back(s.samples);
+        return renderer_->render(s, &report, stop, accumulation);
+    }
+    std::string save(render::Image const& image, render::RenderReport const&, View const&) override {
+        kept = image;
+        return "kept.png";
+    }
+    std::shared_ptr<render::Renderer const> volume() override { return renderer_; }
+    std::vector<int> passes;
+    render::Image kept;
+
+private:
+    std::shared_ptr<render::Renderer> renderer_;
+};
+
+TEST(Painting, pathsAddUpToThePictureOfOnePass) {
+    Volume const volume = render::testing::blobs({20, 16, 24}, DataType::uint8);
+    RenderSettings asked;
+    asked.algorithm = render::Algorithm::multi_scattering;
+    asked.width = asked.height = 160, asked.samples = 24;
+    RealScene scene(volume);
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    Frame const first = wait_for(painter, [](Frame const&) { return true; });
+    EXPECT_LT(first.effort, 1);
+    Frame const full = wait_for(painter, [](Frame const& f) { return f.effort == 1; });
+    EXPECT_EQ(full.paths, 24);
+    painter.save();
+    painter.finish();
+    // Nothing was drawn anew, and bit for bit it is what one pass gives.
+    int sum = 0;
+    for (int const n : scene.passes) sum += n;
+    EXPECT_EQ(sum, 24);
+    EXPECT_GT(scene.passes.size(), std::size_t{1});
+    EXPECT_EQ(scene.kept.pixels, render::testing::render_one(volume, asked).image.pixels);
+}
+
+/// Half of its slices are there at first.
+class ArrivingScene : public SteppedScene {
+public:
+    Arrival arrive() override {
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        if (all) return {8, 8, true};
+        return {4, 8, false};
+    }
+    std::atomic<bool> all{false};
+};
+
+TEST(Painting, whatArrivesIsShownAndSavedWhenItIsWhole) {
+    ArrivingScene scene;
+    RenderSettings const asked;
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    Frame const part = wait_for(painter, [](Frame const&) { return true; });
+    EXPECT_EQ(part.arrival.slices, 4);
+    EXPECT_FALSE(part.arrival.complete);
+    painter.save();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_EQ(painter.take_message(), std::nullopt);
+    scene.all = true;
+    Frame const whole = wait_for(painter, [](Frame const& f) { return f.arrival.complete && f.effort == 1; });
+    EXPECT_EQ(whole.width, 512);
+    painter.finish();
+    EXPECT_EQ(messages(painter), std::vector<std::string>{"saved picture of 0 as 0"});
+}
+
+TEST(Cameras, axisViewsAreThoseOfTheCommandLine) {
+    Volume const volume = render::testing::blobs({20, 16, 24}, DataType::uint8);
+    std::array<char const*, 6> const names{"x", "-x", "y", "-y", "z", "-z"};
+    for (int i = 0; i < 6; ++i) {
+        RenderSettings s;
+        s.width = s.height = 8, s.camera.fit = render::Fit::volume;
+        s.camera.view = names[static_cast<std::size_t>(i)];
+        Camera const asked = render::testing::render_one(volume, s).report.camera;
+        Camera const got = axis_view(front(), i / 2, i % 2 == 1);
+        Vec3 const a = asked.eye - asked.target, b = got.eye - got.target;
+        EXPECT_NEAR(dot(a, b), length(a) * length(b), 1e-9) << names[static_cast<std::size_t>(i)];
+        EXPECT_LT(distance(axes_of(asked).up, axes_of(got).up), 1e-9) << names[static_cast<std::size_t>(i)];
+        EXPECT_LT(distance(got.target, front().target), 1e-12);
+    }
+}
+
+TEST(Cameras, linesMeetThePlacesThatTheyComeFrom) {
+    for (Camera const& camera : {front(), flat_front(), orbit(front(), {0.2, 0.1})})
+        for (double const x : {0.0, 0.3, 1.0})
+            for (double const y : {0.1, 0.5, 0.9}) {
+                Line const line = line_under(camera, x, y, 1.5);
+                auto const place = place_of(camera, line.origin + line.direction * 7, 1.5);
+                ASSERT_TRUE(place);
+                EXPECT_NEAR((*place)[0], x, 1e-9);
+                EXPECT_NEAR((*place)[1], y, 1e-9);
+            }
+    EXPECT_FALSE(place_of(front(), {0, -20, 0}, 1));
+}
+
+TEST(Cameras, withoutPerspectiveTheTargetStaysAsLarge) {
+    Camera const flat = projected(front(), Projection::orthographic);
+    EXPECT_NEAR(span_of(flat), span_of(front()), 1e-12);
+    EXPECT_LT(distance(projected(flat, Projection::perspective).eye, front().eye), 1e-9);
+    EXPECT_EQ(round_length(7.3), 5);
+    EXPECT_EQ(round_length(0.02), 0.02);
+    EXPECT_NEAR(round_length(190), 100, 1e-9);
+}
+
+/// A box of 100 in nothing, its near face at y = 12 in index space.
+Volume box_volume() {
+    Header header;
+    header.dims = {32, 32, 32};
+    Volume volume(header);
+    auto* const data = reinterpret_cast<std::uint8_t*>(volume.mutable_view().data);
+    for (int i = 0; i < 32 * 32 * 32; ++i) {
+        int const x = i % 32, y = i / 32 % 32, z = i / 1024;
+        bool const inside = x >= 12 && x < 20 && y >= 12 && y < 20 && z >= 12 && z < 20;
+        data[i] = inside ? 100 : 0;
+    }
+    return volume;
+}
+
+TEST(Cameras, pointsAndPartsAreFoundWhereThingsAre) {
+    Volume const volume = box_volume();
+    render::Renderer const renderer(volume, {});
+    render::TransferFunction transfer;
+    transfer.points = {{50, {}, 0}, {50, {}, 1}};
+    Camera camera = front();
+    camera.eye = {15.5, -80, 15.5}, camera.target = {15.5, 15.5, 15.5};
+    auto const met = point_met(line_under(camera, 0.5, 0.5, 1), renderer, transfer, 1, {});
+    ASSERT_TRUE(met);
+    EXPECT_NEAR(met->y, 11.5, 0.2);
+    EXPECT_FALSE(point_met(line_under(camera, 0.05, 0.05, 1), renderer, transfer, 1, {}));
+    auto const on_surface = point_met(line_under(camera, 0.5, 0.5, 1), renderer, transfer, 1, {50});
+    ASSERT_TRUE(on_surface);
+    EXPECT_NEAR(on_surface->y, 11.5, 0.2);
+    EXPECT_FALSE(point_met(line_under(camera, 0.5, 0.5, 1), renderer, transfer, 1, {200}));
+
+    render::RenderReport report;
+    report.transfer = transfer, report.unit = 1;
+    // A box around the cube's face, 8 wide at distance 91.5.
+    double const half = 4 / (91.5 * std::tan(15 * std::acos(-1.0) / 180)) / 2;
+    auto const part = part_in_box(camera, {0.5 - half, 0.5 - half, 0.5 + half, 0.5 + half}, 1, renderer, report);
+    ASSERT_TRUE(part);
+    EXPECT_NEAR(static_cast<double>(part->lower.x), 12, 1);
+    EXPECT_NEAR(static_cast<double>(part->upper.x), 20, 1);
+    EXPECT_NEAR(static_cast<double>(part->lower.z), 12, 1);
+    EXPECT_LE(part->lower.y, 12);
+    EXPECT_FALSE(part_in_box(camera, {0.01, 0.01, 0.05, 0.05}, 1, renderer, report));
+    EXPECT_FALSE(part_in_box(camera, {0.5, 0.5, 0.5, 0.5}, 1, renderer, report));
+}
+
+/// What a parser of command lines makes of the words.
+RenderSettings parsed(std::vector<std::string> words) {
+    words.erase(words.begin());
+    render::SettingsParameters options;
+    Parameters list;
+    options.declare(list);
+    read_words(words, {&list});
+    options.check();
+    return options.settings();
+}
+
+TEST(Views, theCommandDrawsWhatIsSeen) {
+    Volume const volume = render::testing::blobs({20, 16, 24}, DataType::uint8);
+    RenderSettings asked;
+    asked.width = 40, asked.height = 32, asked.domain = "0:255", asked.shade = 0, asked.step = 0.25;
+    std::vector<std::string> const words{"render",  "--size", "40x32",  "--domain", "0:255",
+                                         "--shade", "none",   "--step", "0.25"};
+    std::vector<View> views(9, initial_view(asked));
+    TransferEdit edit;
+    edit.lower = 20.5, edit.upper = 200;
+    edit.knots = {{20.5, 0}, {90, 1.0 / 3}, {150, 0.9}};
+    views[0].camera = orbit(front(), {0.1, 0.2});
+    views[0].camera->target = {10, 8, 12}, views[0].camera->eye = {40, -60, 30};
+    views[1].look.transfer = edit;
+    views[2].look.transfer = edit, views[2].look.transfer->logarithmic = true, views[2].look.shade = 0.8;
+    views[3].look.transfer = edit, own_colors(*views[3].look.transfer), views[3].look.unit = "2.5";
+    views[3].look.opacity_scale = 0.3, views[3].look.clip = "2:18,:,4:20";
+    views[4].look.algorithm = render::Algorithm::implicit_iso;
+    views[4].look.surfaces = {{60.25, {1, 0.5, 0.25}, 0.5}, {120, {0.1, 0.2, 0.3}, 1}};
+    views[5].look.algorithm = render::Algorithm::implicit_iso;
+    views[5].look.transfer = edit, views[5].look.opacity_scale = 7;
+    views[6].look.algorithm = render::Algorithm::multi_scattering;
+    views[6].look.samples = 5, views[6].look.albedo = 0.75, views[6].look.emission = true;
+    views[7].look.exact = true, views[7].look.transfer = edit;
+    views[8].width = 24, views[8].look.step = 1.5, views[8].look.colormap = "ember:reverse";
+    for (View const& view : views) {
+        std::vector<std::string> const said = words_of(words, asked, view);
+        RenderSettings const shown = settings_of(asked, view), again = parsed(said);
+        EXPECT_EQ(render::options_of(again), render::options_of(shown)) << join(said, " ");
+        EXPECT_EQ(render::testing::render_one(volume, again).image.pixels,
+                  render::testing::render_one(volume, shown).image.pixels)
+            << join(said, " ");
+    }
+}
+
+TEST(Views, inputsStayBeforeListsOfNumbers) {
+    RenderSettings asked;
+    asked.algorithm = render::Algorithm::implicit_iso;
+    asked.isos = {-3, 4};
+    View view = initial_view(asked);
+    view.look.surfaces = {{5, {1, 1, 1}, 1}};
+    EXPECT_EQ(join(words_of({"render", "7", "--render-algo", "implicit-iso", "--iso", "-3", "4"}, asked, view), " "),
+              "render 7 --iso 5 --iso-color 1 1 1 --render-algo implicit-iso");
+}
+
+TEST(Views, clipBoxesAreWholeVoxels) {
+    Index3 const dims{10, 7, 1};
+    EXPECT_EQ(clip_text({{{0, 1}, {0, 1}, {0, 1}}}, dims), "");
+    EXPECT_EQ(clip_text({{{0.25, 1}, {0, 0.5}, {0.9, 1}}}, dims), "3:10,0:4,:");
+    Shares const back = clip_shares("3:10,0:4,:", dims);
+    EXPECT_EQ(clip_text(back, dims), "3:10,0:4,:");
+    // Never nothing.
+    EXPECT_EQ(clip_text({{{1, 1}, {0, 0}, {0, 1}}}, dims), "9:10,0:1,:");
 }
 
 } // namespace

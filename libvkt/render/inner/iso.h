@@ -101,10 +101,72 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
     } while (outer.leap(distance));
 }
 
+/// A surface element as a light at the eye shows it.
+template <CellSampler S>
+VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso) {
+    Float3 g = sampler.gradient(to_float(ray.entry + ray.direction * t));
+    // A surface is a surface, however faint the gradient: only its direction matters.
+    float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
+    float const most = xy > z ? xy : z;
+    if (most > 0) g = g * (1.0F / most);
+    float const along =
+        dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
+    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
+    return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+}
+
+/// Crossings of a ray with surfaces that light passes, nearest first.
+struct Layers {
+    static constexpr int most = 32; ///< further ones are not seen
+    double t[most];
+    int surface[most];
+    int count = 0;
+
+    VKT_HD bool full() const { return count == most; }
+    VKT_HD void add(double at, int which) {
+        if (full() && !(at < t[most - 1])) return;
+        int i = full() ? most - 1 : count++;
+        for (; i > 0 && at < t[i - 1]; --i) t[i] = t[i - 1], surface[i] = surface[i - 1];
+        t[i] = at, surface[i] = which;
+    }
+};
+
+/// Surfaces of which some let light pass, from the nearest one on.
+template <CellSampler S>
+VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    Layers layers;
+    double furthest = ray.length; // where a surface that lets nothing pass lies, or so many that none is seen behind
+    for (int i = 0; i < scene.iso_count; ++i) {
+        if (!(scene.isos[i].alpha > 0)) continue;
+        bool const opaque = scene.isos[i].alpha >= 1;
+        Ray shorter = ray;
+        shorter.length = furthest;
+        cross_ray(
+            sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
+                layers.add(t, i);
+                if (opaque) furthest = t < furthest ? t : furthest;
+                if (layers.full()) furthest = layers.t[Layers::most - 1];
+                return !opaque && t < furthest;
+            });
+    }
+    Radiance sum{0, 0, 0, 1};
+    for (int k = 0; k < layers.count; ++k) {
+        IsoView const& iso = scene.isos[layers.surface[k]];
+        Radiance const one = lit_surface(sampler, scene, ray, layers.t[k], iso);
+        float const share = sum.transmittance * iso.alpha;
+        sum.red += share * one.red, sum.green += share * one.green, sum.blue += share * one.blue;
+        sum.transmittance *= 1.0F - iso.alpha;
+        if (!(sum.transmittance > 0)) break;
+    }
+    return sum;
+}
+
 /// The nearest surface of all iso-values, shaded by a light at the eye.
 template <CellSampler S>
 VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ++counters.rays;
+    for (int i = 0; i < scene.iso_count; ++i)
+        if (scene.isos[i].alpha < 1) return layers_ray(sampler, scene, ray, counters);
     double nearest = ray.length;
     int surface = -1;
     for (int i = 0; i < scene.iso_count; ++i) {
@@ -121,16 +183,7 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
             });
     }
     if (surface < 0) return {0, 0, 0, 1};
-    Float3 g = sampler.gradient(to_float(ray.entry + ray.direction * nearest));
-    // A surface is a surface, however faint the gradient: only its direction matters.
-    float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
-    float const most = xy > z ? xy : z;
-    if (most > 0) g = g * (1.0F / most);
-    float const along =
-        dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
-    IsoView const& iso = scene.isos[surface];
-    return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+    return lit_surface(sampler, scene, ray, nearest, scene.isos[surface]);
 }
 
 } // namespace vkt::render

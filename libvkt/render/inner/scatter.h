@@ -101,10 +101,14 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
     return {sum[0], sum[1], sum[2], 0};
 }
 
-/// Mean of the paths of one pixel; each has its own place in the pixel.
+/// Mean of the paths of one pixel, those of earlier passes included; each has its own place in the pixel.
 template <Sampler S>
 VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, int y, Counters& counters) {
     double sum[4] = {0, 0, 0, 0};
+    double* const before =
+        scene.sums == nullptr ? nullptr : scene.sums + 4 * (y * static_cast<std::int64_t>(scene.frame.width) + x);
+    if (before != nullptr)
+        for (int c = 0; c < 4; ++c) sum[c] = before[c];
     auto const pixel = static_cast<std::uint32_t>(y * static_cast<std::int64_t>(scene.frame.width) + x);
     bool met = false;
     for (int i = 0; i < scene.samples; ++i) {
@@ -122,7 +126,9 @@ VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, i
         sum[0] += r.red, sum[1] += r.green, sum[2] += r.blue, sum[3] += r.transmittance;
     }
     counters.rays += met;
-    double const mean = 1.0 / scene.samples;
+    if (before != nullptr)
+        for (int c = 0; c < 4; ++c) before[c] = sum[c];
+    double const mean = 1.0 / (scene.before + scene.samples);
     return {static_cast<float>(sum[0] * mean), static_cast<float>(sum[1] * mean), static_cast<float>(sum[2] * mean),
             static_cast<float>(sum[3] * mean)};
 }

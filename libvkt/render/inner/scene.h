@@ -41,6 +41,7 @@ struct ShadeView {
 struct IsoView {
     float value;
     float red, green, blue; ///< linear
+    float alpha = 1;        ///< share of the light from behind that is held back, in [0,1]
 };
 inline constexpr int most_isos = 16;
 
@@ -62,6 +63,8 @@ struct SceneView {
     std::uint64_t seed;
     float albedo, light[3];
     bool emission;
+    double* sums; ///< four per pixel: light of paths before these, to be added to; null: there are none
+    int before;   ///< number of those paths
 };
 
 /// What happened, summed over rays. The report is made of it.

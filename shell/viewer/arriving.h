@@ -1,0 +1,67 @@
+// The volumes of an input for a window: each is shown while it is still on its way, and parts of it may be magnified.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/source.h"
+#include "libvkt/render/render.h"
+#include "shell/viewer/viewer.h"
+
+#include <condition_variable>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+namespace vkt::shell::viewer {
+
+/// A thread of its own reads structured volumes slab by slab, so that slow pipelines upstream keep nobody waiting; what
+/// is there is made ready now and then. All else is called on one thread.
+class ArrivingVolumes {
+public:
+    /// `open` moves the source to the next volume that is to be shown and checks that it fits into memory; false if
+    /// there is none. The source must outlive this.
+    ArrivingVolumes(Source& source, Execution execution, std::function<bool()> open);
+    /// What is read then is not shown any more, but the slab that is on its way is waited for.
+    ~ArrivingVolumes();
+    ArrivingVolumes(ArrivingVolumes const&) = delete;
+    ArrivingVolumes& operator=(ArrivingVolumes const&) = delete;
+
+    bool next();
+    /// Waits a little for something new and makes it ready; throws what went wrong on the reading thread.
+    Arrival arrive();
+    /// Of what is shown: the whole volume's, or that of its part.
+    Header const& header() const;
+    /// Null until the first slices are there.
+    std::shared_ptr<render::Renderer const> renderer() const { return renderer_; }
+    /// Whether only the lower slices are there, of which `renderer` has no more.
+    bool partial() const { return shown_ < header_.dims.z && !complete_; }
+    /// A part as crop and resample make it, with `words` and `names` of the stage that shows it for the history; an
+    /// empty box: the whole volume again.
+    void magnify(Box const& part, StageInfo const& stage);
+
+private:
+    void read();
+    void stop();
+
+    Source& source_;
+    Execution execution_;
+    std::function<bool()> open_;
+    Header header_;
+    Volume volume_;
+    std::shared_ptr<render::Renderer const> renderer_;
+    std::optional<Volume> part_; ///< that is shown instead
+    std::int64_t shown_ = 0;     ///< slices that the renderer has
+    bool complete_ = false;      ///< and it is one of the whole volume
+    double prepare_seconds_ = 0, next_time_ = 0;
+
+    std::thread reader_;
+    mutable std::mutex mutex_; ///< guards what follows
+    std::condition_variable changed_;
+    std::int64_t here_ = 0; ///< slices that were read
+    bool finished_ = false, quit_ = false;
+    std::exception_ptr failure_;
+};
+
+} // namespace vkt::shell::viewer
