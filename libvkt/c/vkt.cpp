@@ -141,6 +141,7 @@ Header header_of(vkt_description const& d) {
     header.values = {d.slope, d.intercept};
     header.units = d.units == nullptr ? "" : d.units;
     if (d.space != nullptr && *d.space != 0) header.attributes["space"] = d.space;
+    mark_as_given(header);
     if (d.hierarchical != 0) throw Error(ErrorKind::usage, "only structured volumes can be created from voxels");
     return header;
 }

@@ -62,18 +62,6 @@ template <class F> void for_each_segment(Execution const& execution, Box const& 
 
 namespace driver {
 
-template <class T, class F> Losses round_segment(std::int64_t n, T* out, F const f) {
-    std::int32_t clipped = 0, nan = 0;
-#pragma omp simd reduction(+ : clipped, nan)
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
-        auto const v = f(i);
-        clipped += is_clipped<T>(v) ? 1 : 0;
-        nan += is_lost_nan<T>(v) ? 1 : 0;
-        out[i] = round_to<T>(v);
-    }
-    return {clipped, nan};
-}
-
 /// Rows that follow one another without gaps in all views may be treated as one.
 template <class... V> bool dense(Box const& box, V const&... views) {
     Index3 const dims = box.dims();
@@ -118,17 +106,18 @@ public:
     RowResult(AnyView out, std::byte* to, bool stream)
         : type_(out.type), to_(to), stream_(stream), direct_(is_stored_as<C>(out.type) && !stream) {}
     C* data() { return direct_ ? reinterpret_cast<C*>(to_) : values_; }
-    /// Call once, when data() is filled.
-    Losses store(std::int64_t n) {
-        if (direct_) return {};
+    Losses store(std::int64_t n) { return store(data(), n); }
+    /// Call one of the two once: if data() is filled, or with other values.
+    Losses store(C const* from, std::int64_t n) {
+        if (from == reinterpret_cast<C*>(to_)) return {};
         std::size_t const bytes = static_cast<std::size_t>(n) * size_of(type_);
-        if (is_stored_as<C>(type_)) {
-            stream_bytes(to_, reinterpret_cast<std::byte const*>(values_), bytes);
+        if (stream_ && is_stored_as<C>(type_)) {
+            stream_bytes(to_, reinterpret_cast<std::byte const*>(from), bytes);
             return {};
         }
-        if (!stream_) return store_row(type_, static_cast<C const*>(values_), to_, n);
+        if (!stream_) return store_row(type_, from, to_, n);
         alignas(64) std::byte stored[row_piece * 8];
-        Losses const losses = store_row(type_, static_cast<C const*>(values_), stored, n);
+        Losses const losses = store_row(type_, from, stored, n);
         stream_bytes(to_, stored, bytes);
         return losses;
     }
@@ -181,32 +170,34 @@ void map_rows(Execution const& execution, AnyView out, Losses& losses, F const& 
               In const&... in) {
     using Result = typename ResultOf<At, C, F, In...>::type;
     bool const stream = is_large(out), one_row = !At && dense(out.box, out, in...) && !out.box.empty();
-    for_each_segment(execution, one_row ? as_one_row(out.box) : out.box,
-                     [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
-                         [[maybe_unused]] alignas(64)
-                             C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
-                         Losses mine;
-                         for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
-                             std::int64_t const m = std::min(row_piece, x + n - begin);
-                             RowResult<Result> result(out, out.at(begin, y, z), stream);
-                             auto const compute = [&](auto const*... values) {
-                                 if constexpr (At && requires { f.row_at(m, begin, y, z, result.data(), values...); })
-                                     f.row_at(m, begin, y, z, result.data(), values...);
-                                 else if constexpr (At)
-                                     apply_at(m, static_cast<double>(begin), static_cast<double>(y),
-                                              static_cast<double>(z), result.data(), f, values...);
-                                 else if constexpr (requires { f.row(m, result.data(), values...); })
-                                     f.row(m, result.data(), values...);
-                                 else
-                                     apply(m, result.data(), f, values...);
-                                 if constexpr (CountsUndefined<F, decltype(*values)...>)
-                                     if (may_be_undefined(f)) mine.undefined += count_undefined<C>(m, f, values...);
-                             };
-                             compute(row_of<C>(in, begin, y, z, m, buffer[k])...);
-                             mine += result.store(m);
-                         }
-                         add(losses, mine);
-                     });
+    for_each_segment(
+        execution, one_row ? as_one_row(out.box) : out.box,
+        [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
+            [[maybe_unused]] alignas(64) C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
+            Losses mine;
+            for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
+                std::int64_t const m = std::min(row_piece, x + n - begin);
+                RowResult<Result> result(out, out.at(begin, y, z), stream);
+                auto const compute = [&](auto const*... values) -> Result const* {
+                    if constexpr (requires { F::is_identity; })
+                        return (values, ...);
+                    else if constexpr (At && requires { f.row_at(m, begin, y, z, result.data(), values...); })
+                        f.row_at(m, begin, y, z, result.data(), values...);
+                    else if constexpr (At)
+                        apply_at(m, static_cast<double>(begin), static_cast<double>(y), static_cast<double>(z),
+                                 result.data(), f, values...);
+                    else if constexpr (requires { f.row(m, result.data(), values...); })
+                        f.row(m, result.data(), values...);
+                    else
+                        apply(m, result.data(), f, values...);
+                    if constexpr (CountsUndefined<F, decltype(*values)...>)
+                        if (may_be_undefined(f)) mine.undefined += count_undefined<C>(m, f, values...);
+                    return result.data();
+                };
+                mine += result.store(compute(row_of<C>(in, begin, y, z, m, buffer[k])...), m);
+            }
+            add(losses, mine);
+        });
 }
 
 } // namespace driver

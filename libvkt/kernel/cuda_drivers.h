@@ -191,13 +191,6 @@ void map_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, 
     counts.add_to(losses);
 }
 
-template <class T, class F, class... In>
-void map_at_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, F const& f, View<In>... in) {
-    driver::DeviceLosses const counts;
-    driver::launch_map<driver::pack_size<T, In...>(), 2, true, true>(box, out, f, counts.get(), in...);
-    counts.add_to(losses);
-}
-
 template <class T, class F>
 void gather_rounded(Execution const&, Box const& box, View<T> out, Losses& losses, F const& f) {
     driver::DeviceLosses const counts;

@@ -22,7 +22,8 @@
 //
 // out.box is what is computed. In and out may be the same memory in map and map_at. A functor that also has
 // undefined(in...) has the voxels counted for which that is true, unless its may_be_undefined() is false; one that has
-// row(n, results, in...), or row_at(n, x, y, z, results, in...) in map_at, is given pieces of rows on CPUs.
+// row(n, results, in...), or row_at(n, x, y, z, results, in...) in map_at, is given pieces of rows on CPUs; one of one
+// input that has is_identity is not called there.
 //
 //     template <class C> struct Inside {
 //         C low, high;
@@ -35,15 +36,6 @@
 
 #include "libvkt/kernel/backend.h"
 #include "libvkt/kernel/numeric.h"
-
-namespace vkt {
-
-/// Axes along which a copy reverses the order of the voxels.
-struct Mirror {
-    bool x = false, y = false, z = false;
-};
-
-} // namespace vkt
 
 #ifdef __CUDACC__
 #include "libvkt/kernel/cuda_map.h"

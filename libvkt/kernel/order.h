@@ -44,11 +44,12 @@ template <class T, class K> VKT_HD K from_key(K key) {
         return key < 0 ? K(key ^ K(U(~top))) : key;
 }
 
-/// Keys of n voxels of a type with as many bytes as K.
+/// Keys of n voxels of a type with as many bytes as K; `to` may be where they lie.
 template <class K> inline void load_keys(DataType type, std::byte const* from, K* to, std::int64_t n) {
     for_each_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
-            std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(K));
+            if (reinterpret_cast<std::byte const*>(to) != from)
+                std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(K));
 #pragma omp simd
             for (std::int64_t i = 0; i < n; ++i) to[i] = to_key<T>(to[i]);
         }

@@ -6,10 +6,6 @@
 #include <stdexcept>
 
 #if defined(__AVX2__)
-// GCC before 13 takes the undefined operands of its own intrinsics for mistakes (its bug 105593).
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
 #include <immintrin.h>
 #endif
 
@@ -41,135 +37,135 @@ template <class T, class C> Losses store_any(C const* from, T* to, std::int64_t 
 /// Of the integers that fit into 16 bits.
 template <class T> constexpr bool is_small = std::is_integral_v<T> && sizeof(T) <= 2;
 
+/// Whole numbers nearest to floats, halves to even: what is no number or beyond an integer becomes the least one, which
+/// is outside of T. So whole numbers tell which voxels are lost.
 #if defined(__AVX512F__)
 
-/// Sixteen floats.
-struct Floats {
-    __m512 v;
+struct Whole {
+    static constexpr std::int64_t lanes = 16;
+    __m512i v;
 
-    template <class T> static Floats load(T const* from) {
-        auto const* const bytes = reinterpret_cast<__m128i const*>(from);
-        auto const* const words = reinterpret_cast<__m256i const*>(from);
-        __m512i wide;
-        if constexpr (std::is_same_v<T, std::uint8_t>) wide = _mm512_cvtepu8_epi32(_mm_loadu_si128(bytes));
-        if constexpr (std::is_same_v<T, std::int8_t>) wide = _mm512_cvtepi8_epi32(_mm_loadu_si128(bytes));
-        if constexpr (std::is_same_v<T, std::uint16_t>) wide = _mm512_cvtepu16_epi32(_mm256_loadu_si256(words));
-        if constexpr (std::is_same_v<T, std::int16_t>) wide = _mm512_cvtepi16_epi32(_mm256_loadu_si256(words));
-        return {_mm512_cvtepi32_ps(wide)};
-    }
-    static Floats load(float const* from) { return {_mm512_loadu_ps(from)}; }
-    void store(float* to) const { _mm512_storeu_ps(to, v); }
+    static Whole of(float const* from) { return {_mm512_cvtps_epi32(_mm512_loadu_ps(from))}; }
+    static Whole of(std::int32_t value) { return {_mm512_set1_epi32(value)}; }
+    Whole operator|(Whole other) const { return {_mm512_or_si512(v, other.v)}; }
+    Whole operator+(Whole other) const { return {_mm512_add_epi32(v, other.v)}; }
+    bool any(std::int32_t bits) const { return _mm512_test_epi32_mask(v, _mm512_set1_epi32(bits)) != 0; }
 };
 
-/// Counts in registers, one loop of at most row_piece voxels long.
-struct Counter {
-    std::int32_t clipped = 0, nan = 0;
-    Losses total() const { return {clipped, nan}; }
-};
+template <class T> void load_floats(T const* from, float* to) {
+    auto const* const bytes = reinterpret_cast<__m128i const*>(from);
+    auto const* const words = reinterpret_cast<__m256i const*>(from);
+    __m512i wide;
+    if constexpr (std::is_same_v<T, std::uint8_t>) wide = _mm512_cvtepu8_epi32(_mm_loadu_si128(bytes));
+    if constexpr (std::is_same_v<T, std::int8_t>) wide = _mm512_cvtepi8_epi32(_mm_loadu_si128(bytes));
+    if constexpr (std::is_same_v<T, std::uint16_t>) wide = _mm512_cvtepu16_epi32(_mm256_loadu_si256(words));
+    if constexpr (std::is_same_v<T, std::int16_t>) wide = _mm512_cvtepi16_epi32(_mm256_loadu_si256(words));
+    _mm512_storeu_ps(to, _mm512_cvtepi32_ps(wide));
+}
 
-template <class T> void store_floats(Floats f, T* to, Counter& count) {
-    constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
-    __mmask16 const above = _mm512_cmp_ps_mask(f.v, _mm512_set1_ps(highest + 0.5F), _CMP_GE_OQ);
-    __mmask16 const below = _mm512_cmp_ps_mask(f.v, _mm512_set1_ps(lowest - 0.5F), _CMP_LT_OQ);
-    __mmask16 const number = _mm512_cmp_ps_mask(f.v, f.v, _CMP_ORD_Q);
-    count.clipped += __builtin_popcount(static_cast<unsigned>(above | below));
-    count.nan += 16 - __builtin_popcount(static_cast<unsigned>(number));
-    __m512 const v = _mm512_maskz_mov_ps(number, f.v);
-    __m512 const limited = _mm512_min_ps(_mm512_max_ps(v, _mm512_set1_ps(lowest)), _mm512_set1_ps(highest));
-    __m512i const whole = _mm512_cvtps_epi32(limited);
-    if constexpr (sizeof(T) == 1)
-        _mm_storeu_si128(reinterpret_cast<__m128i*>(to), _mm512_cvtepi32_epi8(whole));
-    else
-        _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm512_cvtepi32_epi16(whole));
+/// Stores 32 whole numbers of T.
+template <class T> void store_whole(Whole const (&whole)[2], T* to) {
+    for (int i = 0; i < 2; ++i)
+        if constexpr (sizeof(T) == 1)
+            _mm_storeu_si128(reinterpret_cast<__m128i*>(to + 16 * i), _mm512_cvtepi32_epi8(whole[i].v));
+        else
+            _mm256_storeu_si256(reinterpret_cast<__m256i*>(to + 16 * i), _mm512_cvtepi32_epi16(whole[i].v));
 }
 
 #else
 
-struct Floats {
-    __m256 low, high;
+struct Whole {
+    static constexpr std::int64_t lanes = 8;
+    __m256i v;
 
-    template <class T> static __m256 widened(T const* from) {
-        auto const* const bytes = reinterpret_cast<__m128i const*>(from);
-        __m256i wide;
-        if constexpr (std::is_same_v<T, std::uint8_t>) wide = _mm256_cvtepu8_epi32(_mm_loadl_epi64(bytes));
-        if constexpr (std::is_same_v<T, std::int8_t>) wide = _mm256_cvtepi8_epi32(_mm_loadl_epi64(bytes));
-        if constexpr (std::is_same_v<T, std::uint16_t>) wide = _mm256_cvtepu16_epi32(_mm_loadu_si128(bytes));
-        if constexpr (std::is_same_v<T, std::int16_t>) wide = _mm256_cvtepi16_epi32(_mm_loadu_si128(bytes));
-        return _mm256_cvtepi32_ps(wide);
-    }
-    template <class T> static Floats load(T const* from) { return {widened(from), widened(from + 8)}; }
-    static Floats load(float const* from) { return {_mm256_loadu_ps(from), _mm256_loadu_ps(from + 8)}; }
-    void store(float* to) const {
-        _mm256_storeu_ps(to, low);
-        _mm256_storeu_ps(to + 8, high);
-    }
+    static Whole of(float const* from) { return {_mm256_cvtps_epi32(_mm256_loadu_ps(from))}; }
+    static Whole of(std::int32_t value) { return {_mm256_set1_epi32(value)}; }
+    Whole operator|(Whole other) const { return {_mm256_or_si256(v, other.v)}; }
+    Whole operator+(Whole other) const { return {_mm256_add_epi32(v, other.v)}; }
+    bool any(std::int32_t bits) const { return _mm256_testz_si256(v, _mm256_set1_epi32(bits)) == 0; }
 };
 
-struct Counter {
-    __m256i clipped = _mm256_setzero_si256(), nan = _mm256_setzero_si256(); ///< minus the counts, lane by lane
-
-    static std::int64_t sum(__m256i lanes) {
-        alignas(32) std::int32_t v[8];
-        _mm256_store_si256(reinterpret_cast<__m256i*>(v), lanes);
-        std::int64_t total = 0;
-        for (std::int32_t const lane : v) total -= lane;
-        return total;
-    }
-    Losses total() const { return {sum(clipped), sum(nan)}; }
-};
-
-/// Limited to the type and rounded, and counted.
-template <class T> __m256i whole_of(__m256 v, Counter& count) {
-    constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
-    __m256 const above = _mm256_cmp_ps(v, _mm256_set1_ps(highest + 0.5F), _CMP_GE_OQ);
-    __m256 const below = _mm256_cmp_ps(v, _mm256_set1_ps(lowest - 0.5F), _CMP_LT_OQ);
-    __m256 const number = _mm256_cmp_ps(v, v, _CMP_ORD_Q);
-    count.clipped = _mm256_add_epi32(count.clipped, _mm256_castps_si256(_mm256_or_ps(above, below)));
-    count.nan = _mm256_add_epi32(count.nan, _mm256_castps_si256(_mm256_cmp_ps(v, v, _CMP_UNORD_Q)));
-    v = _mm256_and_ps(v, number);
-    v = _mm256_min_ps(_mm256_max_ps(v, _mm256_set1_ps(lowest)), _mm256_set1_ps(highest));
-    return _mm256_cvtps_epi32(v);
+template <class T> void load_floats(T const* from, float* to) {
+    auto const* const bytes = reinterpret_cast<__m128i const*>(from);
+    __m256i wide;
+    if constexpr (std::is_same_v<T, std::uint8_t>) wide = _mm256_cvtepu8_epi32(_mm_loadl_epi64(bytes));
+    if constexpr (std::is_same_v<T, std::int8_t>) wide = _mm256_cvtepi8_epi32(_mm_loadl_epi64(bytes));
+    if constexpr (std::is_same_v<T, std::uint16_t>) wide = _mm256_cvtepu16_epi32(_mm_loadu_si128(bytes));
+    if constexpr (std::is_same_v<T, std::int16_t>) wide = _mm256_cvtepi16_epi32(_mm_loadu_si128(bytes));
+    _mm256_storeu_ps(to, _mm256_cvtepi32_ps(wide));
 }
 
-template <class T> void store_floats(Floats f, T* to, Counter& count) {
-    __m256i const a = whole_of<T>(f.low, count), b = whole_of<T>(f.high, count);
-    constexpr int in_order = 0xd8; // packing works on the halves of the registers
-    if constexpr (std::is_same_v<T, std::uint16_t>) {
-        _mm256_storeu_si256(reinterpret_cast<__m256i*>(to),
-                            _mm256_permute4x64_epi64(_mm256_packus_epi32(a, b), in_order));
+/// Stores 32 whole numbers of T. Packing works on the halves of registers, which are put in order at the end.
+template <class T> void store_whole(Whole const (&whole)[4], T* to) {
+    if constexpr (sizeof(T) == 2) {
+        for (int i = 0; i < 2; ++i) {
+            __m256i const a = whole[2 * i].v, b = whole[2 * i + 1].v;
+            __m256i const words = std::is_signed_v<T> ? _mm256_packs_epi32(a, b) : _mm256_packus_epi32(a, b);
+            _mm256_storeu_si256(reinterpret_cast<__m256i*>(to + 16 * i), _mm256_permute4x64_epi64(words, 0xd8));
+        }
     } else {
-        __m256i const words = _mm256_permute4x64_epi64(_mm256_packs_epi32(a, b), in_order);
-        __m128i const low = _mm256_castsi256_si128(words), high = _mm256_extracti128_si256(words, 1);
-        if constexpr (std::is_same_v<T, std::int16_t>)
-            _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), words);
-        else if constexpr (std::is_same_v<T, std::uint8_t>)
-            _mm_storeu_si128(reinterpret_cast<__m128i*>(to), _mm_packus_epi16(low, high));
-        else
-            _mm_storeu_si128(reinterpret_cast<__m128i*>(to), _mm_packs_epi16(low, high));
+        __m256i const a = _mm256_packs_epi32(whole[0].v, whole[1].v), b = _mm256_packs_epi32(whole[2].v, whole[3].v);
+        __m256i const bytes = std::is_signed_v<T> ? _mm256_packs_epi16(a, b) : _mm256_packus_epi16(a, b);
+        __m256i const order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+        _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_permutevar8x32_epi32(bytes, order));
     }
 }
 
 #endif
 
-constexpr std::int64_t step = 16; ///< floats at a time
+constexpr std::int64_t step = 32; ///< floats at a time
 
 template <class T> void load_small(T const* from, float* to, std::int64_t n) {
     std::int64_t i = 0;
-    for (; i + step <= n; i += step) Floats::load(from + i).store(to + i);
+    for (; i + step <= n; i += step)
+#pragma GCC unroll 4
+        for (std::int64_t j = 0; j < step; j += Whole::lanes) load_floats(from + i + j, to + i + j);
     for (; i < n; ++i) to[i] = static_cast<float>(from[i]);
 }
 
+/// Stores whole steps of the n floats, and says whether all of them were in range; if not, some of them are wrong.
+template <class T> bool store_in_range(float const* from, T* to, std::int64_t n) {
+    // Of a signed type, the least becomes 0: what is outside has bits above those of T either way.
+    constexpr std::int32_t outside = ~static_cast<std::int32_t>(std::numeric_limits<std::make_unsigned_t<T>>::max());
+    Whole const offset = Whole::of(-static_cast<std::int32_t>(std::numeric_limits<T>::lowest()));
+    Whole seen = Whole::of(std::int32_t{0});
+    for (std::int64_t i = 0; i + step <= n; i += step) {
+        Whole whole[step / Whole::lanes];
+#pragma GCC unroll 4
+        for (std::int64_t j = 0; j < step / Whole::lanes; ++j) {
+            whole[j] = Whole::of(from + i + j * Whole::lanes);
+            seen = seen | (std::is_signed_v<T> ? whole[j] + offset : whole[j]);
+        }
+        store_whole(whole, to + i);
+    }
+    return !seen.any(outside);
+}
+
 template <class T> Losses store_small(float const* from, T* to, std::int64_t n) {
-    Counter count;
-    std::int64_t i = 0;
-    for (; i + step <= n; i += step) store_floats(Floats::load(from + i), to + i, count);
-    Losses losses = count.total();
-    if (i < n) losses += store_any(from + i, to + i, n - i);
+    std::int64_t const steps = n / step * step;
+    Losses losses;
+    if (!store_in_range(from, to, steps)) { // once more, limited and counted
+        constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
+        alignas(64) float limited[row_piece];
+        std::int32_t clipped = 0, nan = 0;
+#pragma omp simd reduction(+ : clipped, nan)
+        for (std::int32_t i = 0; i < static_cast<std::int32_t>(steps); ++i) {
+            float v = from[i];
+            clipped += is_clipped<T>(v) ? 1 : 0;
+            nan += v != v ? 1 : 0;
+            v = v == v ? v : 0.0F;
+            v = v > lowest ? v : lowest;
+            limited[i] = v < highest ? v : highest;
+        }
+        store_in_range(static_cast<float const*>(limited), to, steps);
+        losses = {clipped, nan};
+    }
+    if (steps < n) losses += store_any(from + steps, to + steps, n - steps);
     return losses;
 }
 
 #else
-template <class T> constexpr bool is_small = false;
+template <class T> [[maybe_unused]] constexpr bool is_small = false;
 #endif
 
 } // namespace

@@ -104,7 +104,7 @@ struct BrickAverage {
             for (std::int64_t cy = y.first_cell(j); cy < y.last_cell(j); ++cy) {
                 double const s = sz * y.share(j, cy);
                 if (s == 0) continue;
-                load_row(job.type, brick.cells, (cz * brick.dims[1] + cy) * brick.dims[0] + first, n, row);
+                load_cells(job.type, brick.cells, (cz * brick.dims[1] + cy) * brick.dims[0] + first, n, row);
                 for (int i = 0; i < n; ++i) line[i] = madd(s, row[i], line[i]);
                 filled += s;
             }

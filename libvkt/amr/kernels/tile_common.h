@@ -33,7 +33,7 @@ template <class T, class C> inline void load_cells(std::byte const* cells, std::
 }
 
 /// Converts n consecutive cells of a brick, from cell `first` on.
-template <class C> inline void load_row(DataType type, std::byte const* cells, std::int64_t first, int n, C* to) {
+template <class C> inline void load_cells(DataType type, std::byte const* cells, std::int64_t first, int n, C* to) {
     switch (type) {
     case DataType::uint8:
         return load_cells<std::uint8_t>(cells, first, n, to);
@@ -63,7 +63,7 @@ template <class C> inline void load_row(DataType type, std::byte const* cells, s
 /// The same as the job asks for it.
 template <class C>
 inline void load_part(tile::Job const& job, tile::Source const& brick, std::int64_t first, int n, C* to) {
-    if (job.load == tile::Load::values) return load_row(job.type, brick.cells, first, n, to);
+    if (job.load == tile::Load::values) return load_cells(job.type, brick.cells, first, n, to);
     auto const* const from = reinterpret_cast<std::uint64_t const*>(brick.cells) + first;
     int const shift = job.load == tile::Load::high_halves ? 32 : 0;
     std::uint64_t const mask = job.load == tile::Load::low_halves ? 0xffffffffu : ~std::uint64_t{0};

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/affine.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 #include <cmath>
@@ -206,33 +207,53 @@ PositionRow row_of(Affine const& map, Vec3 shift, std::int64_t y, std::int64_t z
     return {line(0), line(1), line(2)};
 }
 
-/// A sample whose voxels all lie in the view.
-template <class T, class Kernel> struct SampleInside {
-    T const* data;
+/// Where the samples of a row look, if all the voxels lie in the view.
+struct Places {
     double lower_x, lower_y, lower_z, row_length, slice_length;
-    std::int64_t row, slice;
     PositionRow at;
 
-    SampleInside(View<T const> const& in, PositionRow const& positions)
-        : data(in.data), lower_x(static_cast<double>(in.lower.x)), lower_y(static_cast<double>(in.lower.y)),
-          lower_z(static_cast<double>(in.lower.z)), row_length(static_cast<double>(in.row)),
-          slice_length(static_cast<double>(in.slice)), row(in.row), slice(in.slice), at(positions) {}
+    Places(ConstView const& in, PositionRow const& positions)
+        : lower_x(static_cast<double>(in.box.lower.x)), lower_y(static_cast<double>(in.box.lower.y)),
+          lower_z(static_cast<double>(in.box.lower.z)), row_length(static_cast<double>(in.row)),
+          slice_length(static_cast<double>(in.slice)), at(positions) {}
 
     /// Where the voxel at the floor of the position of x lies, and the fractions beyond it.
-    VKT_HD std::int64_t place(double x, double& fx, double& fy, double& fz) const {
+    VKT_HD std::int64_t of(double x, double& fx, double& fy, double& fz) const {
         double const px = at.x(x), py = at.y(x), pz = at.z(x);
         double const wx = floor_of(px), wy = floor_of(py), wz = floor_of(pz);
         fx = px - wx, fy = py - wy, fz = pz - wz;
         return integer_of((wx - lower_x) + (wy - lower_y) * row_length + (wz - lower_z) * slice_length);
     }
+};
 
-    VKT_HD double operator()(double x) const {
-        double fx, fy, fz;
-        T const* const c = data + place(x, fx, fy, fz);
-        auto const voxel = [=, this](int i, int j, int k) { return static_cast<double>(c[i + j * row + k * slice]); };
-        return Kernel::value(voxel, fx, fy, fz);
+constexpr std::int32_t strip = 64; ///< samples worked on together
+
+/// The same of a strip of samples.
+struct StripPlaces {
+    double fx[strip], fy[strip], fz[strip];
+    std::int64_t index[strip];
+
+    void find(Places const places, double first, std::int32_t n) {
+#pragma omp simd
+        for (std::int32_t i = 0; i < n; ++i) index[i] = places.of(first + i, fx[i], fy[i], fz[i]);
     }
 };
+
+/// to[i] becomes the voxel so many voxels from a view's first: loads one by one, since hardware that gathers is rare
+/// and not faster.
+void gather(ConstView const& in, std::int64_t const* index, std::int64_t offset, std::int32_t n, double* to) {
+    for_each_type(in.type, [&]<class T>(T) {
+        T const* const data = reinterpret_cast<T const*>(in.data) + offset;
+        for (std::int32_t i = 0; i < n; ++i) to[i] = static_cast<double>(data[index[i]]);
+    });
+}
+
+double voxel_at(ConstView const& in, std::int64_t x, std::int64_t y, std::int64_t z) {
+    double value = 0;
+    for_each_type(in.type,
+                  [&]<class T>(T) { value = static_cast<double>(*reinterpret_cast<T const*>(in.at(x, y, z))); });
+    return value;
+}
 
 /// What a view that begins at `first` has for the voxel i beyond a whole position, -1 if that is the border. A wrapped
 /// volume's may begin and end outside.
@@ -242,9 +263,9 @@ std::int64_t place_of(double whole, int i, std::int64_t n, Boundary boundary, st
     return boundary == Boundary::wrap ? first + fold(at - first, n, boundary) : fold(at, n, boundary);
 }
 
-/// The same anywhere: what lies outside the volume is folded back or is the border.
-template <class T, class Kernel>
-double sample_anywhere(View<T const> const& in, PositionRow const& at, double x, AffineSampling const& rule) {
+/// A sample anywhere: what lies outside the volume is folded back or is the border.
+template <class Kernel>
+double sample_anywhere(ConstView const& in, PositionRow const& at, double x, AffineSampling const& rule) {
     double const px = at.x(x), py = at.y(x), pz = at.z(x);
     double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
@@ -257,66 +278,113 @@ double sample_anywhere(View<T const> const& in, PositionRow const& at, double x,
         return std::clamp(v, -rule.beyond, n - 1 + rule.beyond);
     };
     auto const voxel = [&](int i, int j, int k) {
-        std::int64_t const vx = index(wx, i, rule.dims.x, in.lower.x), vy = index(wy, j, rule.dims.y, in.lower.y),
-                           vz = index(wz, k, rule.dims.z, in.lower.z);
+        std::int64_t const vx = index(wx, i, rule.dims.x, in.box.lower.x),
+                           vy = index(wy, j, rule.dims.y, in.box.lower.y),
+                           vz = index(wz, k, rule.dims.z, in.box.lower.z);
         bool const border = !continued && boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
-        return border ? rule.border : static_cast<double>(in(vx, vy, vz));
+        return border ? rule.border : voxel_at(in, vx, vy, vz);
     };
     return Kernel::value(voxel, px - wx, py - wy, pz - wz);
 }
 
-/// The functor arrives by value, as in the drivers.
-template <class F> void sample_run(std::int64_t x, std::int64_t n, double* to, F const f) {
-    auto const first = static_cast<double>(x);
+/// Samples of a strip by kernels of N^3 voxels, in the order of weighted().
+template <class Kernel, int N> struct StripConvolution {
+    static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
+        double wx[N][strip], wy[N][strip], wz[N][strip], v[N][strip], slice[strip];
+        weights(places.fx, n, wx);
+        weights(places.fy, n, wy);
+        weights(places.fz, n, wz);
+        auto const term = [](double w, double value) { return w == 0 ? 0 : w * value; };
+        std::fill_n(to, n, 0.0);
+        for (int k = 0; k < N; ++k) {
+            std::fill_n(slice, n, 0.0);
+            for (int j = 0; j < N; ++j) {
+                constexpr int first = 1 - N / 2;
+                for (int i = 0; i < N; ++i)
+                    gather(in, places.index, (first + i) + (first + j) * in.row + (first + k) * in.slice, n, v[i]);
 #pragma omp simd
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) to[i] = f(first + i);
-}
-
-/// Linear in strips: positions in vectors, then the loads one by one, then the sums in vectors. As one loop it would
-/// vectorise where there are gathers of 64-bit offsets only.
-template <class T> void sample_run(std::int64_t x, std::int64_t n, double* to, SampleInside<T, Linear> const f) {
-    constexpr std::int32_t strip = 64;
-    double fx[strip], fy[strip], fz[strip], v[8][strip];
-    std::int64_t index[strip];
-    for (std::int64_t begin = 0; begin < n; begin += strip) {
-        auto const m = static_cast<std::int32_t>(std::min<std::int64_t>(strip, n - begin));
-        auto const first = static_cast<double>(x + begin);
+                for (std::int32_t s = 0; s < n; ++s) {
+                    double row = 0;
+                    for (int i = 0; i < N; i += 2) row += term(wx[i][s], v[i][s]) + term(wx[i + 1][s], v[i + 1][s]);
+                    slice[s] += term(wy[j][s], row);
+                }
+            }
 #pragma omp simd
-        for (std::int32_t i = 0; i < m; ++i) index[i] = f.place(first + i, fx[i], fy[i], fz[i]);
-        for (std::int32_t i = 0; i < m; ++i) {
-            T const* const c = f.data + index[i];
-            T const* const d = c + f.slice;
-            v[0][i] = static_cast<double>(c[0]), v[1][i] = static_cast<double>(c[1]);
-            v[2][i] = static_cast<double>(c[f.row]), v[3][i] = static_cast<double>(c[f.row + 1]);
-            v[4][i] = static_cast<double>(d[0]), v[5][i] = static_cast<double>(d[1]);
-            v[6][i] = static_cast<double>(d[f.row]), v[7][i] = static_cast<double>(d[f.row + 1]);
+            for (std::int32_t s = 0; s < n; ++s) to[s] += term(wz[k][s], slice[s]);
         }
-        double* const result = to + begin;
+    }
+
+private:
+    static void weights(double const* fraction, std::int32_t n, double (*w)[strip]) {
 #pragma omp simd
-        for (std::int32_t i = 0; i < m; ++i)
-            result[i] =
-                between(between(between(v[0][i], v[1][i], fx[i]), between(v[2][i], v[3][i], fx[i]), fy[i]),
-                        between(between(v[4][i], v[5][i], fx[i]), between(v[6][i], v[7][i], fx[i]), fy[i]), fz[i]);
+        for (std::int32_t s = 0; s < n; ++s) {
+            double each[N];
+            Kernel::weights(fraction[s], each);
+            for (int i = 0; i < N; ++i) w[i][s] = each[i];
+        }
+    }
+};
+
+struct StripLinear {
+    static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
+        double v[8][strip];
+        for (int corner = 0; corner < 8; ++corner)
+            gather(in, places.index, (corner & 1) + (corner >> 1 & 1) * in.row + (corner >> 2) * in.slice, n,
+                   v[corner]);
+        double const *const fx = places.fx, *const fy = places.fy, *const fz = places.fz;
+#pragma omp simd
+        for (std::int32_t i = 0; i < n; ++i)
+            to[i] = between(between(between(v[0][i], v[1][i], fx[i]), between(v[2][i], v[3][i], fx[i]), fy[i]),
+                            between(between(v[4][i], v[5][i], fx[i]), between(v[6][i], v[7][i], fx[i]), fy[i]), fz[i]);
+    }
+};
+
+struct StripNearest {
+    static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
+        std::int64_t index[strip];
+        double const half = 0.5 - face_slack;
+        for (std::int32_t i = 0; i < n; ++i)
+            index[i] = places.index[i] + (places.fx[i] >= half ? 1 : 0) + (places.fy[i] >= half ? in.row : 0) +
+                       (places.fz[i] >= half ? in.slice : 0);
+        gather(in, index, 0, n, to);
+    }
+};
+
+/// Samples whose voxels all lie in the view, in strips: positions in vectors, then the loads, then the sums in vectors.
+template <class Strip> void sample_run(ConstView const& in, Places const& at, XRange range, double* to) {
+    StripPlaces places;
+    for (std::int64_t x = range.begin; x < range.end; x += strip) {
+        auto const n = static_cast<std::int32_t>(std::min<std::int64_t>(strip, range.end - x));
+        places.find(at, static_cast<double>(x), n);
+        Strip::sample(in, places, n, to + (x - range.begin));
     }
 }
 
 /// Samples of a row for x in `range`; to[0] belongs to its first.
-template <class T, class Kernel>
-void sample_row(View<T const> const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
+template <class Kernel, class Strip>
+void sample_row(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
     XRange const quick = interior(range, at, rule.dims, Kernel::kind);
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t x = begin; x < end; ++x)
-            to[x - range.begin] = sample_anywhere<T, Kernel>(in, at, static_cast<double>(x), rule);
+            to[x - range.begin] = sample_anywhere<Kernel>(in, at, static_cast<double>(x), rule);
     };
     if (quick.begin >= quick.end) return slowly(range.begin, range.end);
     slowly(range.begin, quick.begin);
-    sample_run(quick.begin, quick.end - quick.begin, to + (quick.begin - range.begin), SampleInside<T, Kernel>(in, at));
+    sample_run<Strip>(in, Places(in, at), quick, to + (quick.begin - range.begin));
     slowly(quick.end, range.end);
 }
 
+/// Calls f(T{}) with the storage type, which float holds.
+template <class F> void for_each_single_type(DataType type, F&& f) {
+    for_each_type(type, [&]<class T>(T) {
+        if constexpr (sizeof(T) <= 2 || std::is_same_v<T, float>) f(T{});
+    });
+}
+
 /// Linear in float32 the same way; neighbours along x are loaded together.
-template <class T> void sample_run_single(std::int64_t x, std::int64_t n, float* to, SampleInside<T, Linear> const f) {
-    constexpr std::int32_t strip = 64;
+template <class T>
+void sample_run_single(T const* data, std::int64_t row, std::int64_t slice, Places const f, std::int64_t x,
+                       std::int64_t n, float* to) {
     float fx[strip], fy[strip], fz[strip];
     T pair[4][2 * strip];
     std::int64_t index[strip];
@@ -326,15 +394,15 @@ template <class T> void sample_run_single(std::int64_t x, std::int64_t n, float*
 #pragma omp simd
         for (std::int32_t i = 0; i < m; ++i) {
             double dx, dy, dz;
-            index[i] = f.place(first + i, dx, dy, dz);
+            index[i] = f.of(first + i, dx, dy, dz);
             fx[i] = static_cast<float>(dx), fy[i] = static_cast<float>(dy), fz[i] = static_cast<float>(dz);
         }
         for (std::int32_t i = 0; i < m; ++i) {
-            T const* const c = f.data + index[i];
+            T const* const c = data + index[i];
             std::memcpy(pair[0] + 2 * i, c, 2 * sizeof(T));
-            std::memcpy(pair[1] + 2 * i, c + f.row, 2 * sizeof(T));
-            std::memcpy(pair[2] + 2 * i, c + f.slice, 2 * sizeof(T));
-            std::memcpy(pair[3] + 2 * i, c + f.slice + f.row, 2 * sizeof(T));
+            std::memcpy(pair[1] + 2 * i, c + row, 2 * sizeof(T));
+            std::memcpy(pair[2] + 2 * i, c + slice, 2 * sizeof(T));
+            std::memcpy(pair[3] + 2 * i, c + slice + row, 2 * sizeof(T));
         }
         float* const result = to + begin;
 #pragma omp simd
@@ -358,8 +426,7 @@ void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice,
     }
 }
 
-template <class T>
-void sample_box_single(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses,
+void sample_box_single(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses,
                        std::int64_t& outside, Execution const& execution) {
     for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
         alignas(64) float values[row_piece];
@@ -377,23 +444,24 @@ void sample_box_single(View<T const> const& in, AnyView out, AffineSampling cons
             auto const slowly = [&](std::int64_t begin, std::int64_t end) {
                 for (std::int64_t i = begin; i < end; ++i)
                     values[i - piece.begin] =
-                        static_cast<float>(sample_anywhere<T, Linear>(in, at, static_cast<double>(i), rule));
+                        static_cast<float>(sample_anywhere<Linear>(in, at, static_cast<double>(i), rule));
             };
             XRange const quick = interior(in_it, at, rule.dims, Interpolant::linear);
             if (quick.begin >= quick.end) {
                 slowly(in_it.begin, in_it.end);
             } else {
                 slowly(in_it.begin, quick.begin);
-                SampleInside<T, Linear> const sample(in, at);
+                Places const places(in, at);
                 std::int64_t const m = quick.end - quick.begin;
-                if (parallel) {
+                float* const to = values + (quick.begin - piece.begin);
+                for_each_single_type(in.type, [&]<class T>(T) {
+                    T const* const data = reinterpret_cast<T const*>(in.data);
+                    if (!parallel) return sample_run_single(data, in.row, in.slice, places, quick.begin, m, to);
                     double fx, fy, fz;
-                    std::int64_t const index = sample.place(static_cast<double>(quick.begin), fx, fy, fz);
-                    sample_parallel_single(in.data + index, in.row, in.slice, m, static_cast<float>(fy),
-                                           static_cast<float>(fz), values + (quick.begin - piece.begin));
-                } else {
-                    sample_run_single<T>(quick.begin, m, values + (quick.begin - piece.begin), sample);
-                }
+                    std::int64_t const index = places.of(static_cast<double>(quick.begin), fx, fy, fz);
+                    sample_parallel_single(data + index, in.row, in.slice, m, static_cast<float>(fy),
+                                           static_cast<float>(fz), to);
+                });
                 slowly(quick.end, in_it.end);
             }
             mine += store_row(out.type, static_cast<float const*>(values), out.at(x, y, z), n);
@@ -431,9 +499,9 @@ StillAxis still_axis(Affine const& map) {
 
 /// Linear where an axis stays: tiles of the plane, of several slices at once. The slices are the lanes of the vectors:
 /// the tile's source is turned so that they lie side by side, and weights are the same for all of them.
-template <class T> class SlicesTogether {
+class SlicesTogether {
 public:
-    SlicesTogether(View<T const> const& in, AnyView out, AffineSampling const& rule, StillAxis still)
+    SlicesTogether(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still)
         : in_(in), out_(out), rule_(rule), still_(still), across_(still.axis == 2 ? 1 : 2),
           source_(static_cast<std::size_t>(most_ * most_ * lanes_)),
           result_(static_cast<std::size_t>(tile_ * tile_ * lanes_)) {}
@@ -498,16 +566,19 @@ private:
 
     void load(std::int64_t slice, std::int64_t n) {
         std::int64_t const along = stride_along(), across = stride_across();
-        std::int64_t const lower_along = in_.lower[still_.axis], lower_across = in_.lower[across_];
-        for (std::int64_t v = low_v_; v <= high_v_; ++v) {
-            T const* const from = in_.data + (low_x_ - in_.lower.x) + (v - lower_across) * across +
-                                  (slice + still_.shift - lower_along) * along;
-            float* const to = source_.data() + (v - low_v_) * width_ * lanes_;
-            for (std::int64_t k = 0; k < n; ++k) {
-                T const* const row = from + k * along;
-                for (std::int64_t i = 0; i < width_; ++i) to[i * lanes_ + k] = static_cast<float>(row[i]);
+        Index3 const lower = in_.box.lower;
+        for_each_single_type(in_.type, [&]<class T>(T) {
+            for (std::int64_t v = low_v_; v <= high_v_; ++v) {
+                T const* const from = reinterpret_cast<T const*>(in_.data) + (low_x_ - lower.x) +
+                                      (v - lower[across_]) * across +
+                                      (slice + still_.shift - lower[still_.axis]) * along;
+                float* const to = source_.data() + (v - low_v_) * width_ * lanes_;
+                for (std::int64_t k = 0; k < n; ++k) {
+                    T const* const row = from + k * along;
+                    for (std::int64_t i = 0; i < width_; ++i) to[i * lanes_ + k] = static_cast<float>(row[i]);
+                }
             }
-        }
+        });
     }
 
     void compute(std::int64_t x, std::int64_t row) {
@@ -539,7 +610,7 @@ private:
             for (std::int64_t k = 0; k < n; ++k) {
                 PositionRow const at =
                     still_.axis == 2 ? row_of(rule_.map, {}, v, slice + k) : row_of(rule_.map, {}, slice + k, v);
-                to[k] = static_cast<float>(sample_anywhere<T, Linear>(in_, at, static_cast<double>(i), rule_));
+                to[k] = static_cast<float>(sample_anywhere<Linear>(in_, at, static_cast<double>(i), rule_));
             }
         }
     }
@@ -561,7 +632,7 @@ private:
         float fraction_x, fraction_v;
     };
 
-    View<T const> in_;
+    ConstView in_;
     AnyView out_;
     AffineSampling const& rule_;
     StillAxis still_;
@@ -572,10 +643,9 @@ private:
     std::int64_t low_x_ = 0, high_x_ = 0, low_v_ = 0, high_v_ = 0, width_ = 0;
 };
 
-template <class T>
-void sample_slices_together(View<T const> const& in, AnyView out, AffineSampling const& rule, StillAxis still,
+void sample_slices_together(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still,
                             Losses& losses, std::int64_t& outside, Execution const& execution) {
-    using Tiles = SlicesTogether<T>;
+    using Tiles = SlicesTogether;
     int const across = still.axis == 2 ? 1 : 2;
     Index3 const n = out.dims();
     auto const pieces = [](std::int64_t extent, std::int64_t size) { return (extent + size - 1) / size; };
@@ -596,9 +666,8 @@ void sample_slices_together(View<T const> const& in, AnyView out, AffineSampling
 }
 
 /// Linear in float32, each part of the box in the way that suits it; which one that is depends on no cut.
-template <class T>
-void sample_single(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses,
-                   std::int64_t& outside, Execution const& execution) {
+void sample_single(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+                   Execution const& execution) {
     StillAxis const still = still_axis(rule.map);
     Box part = out.box;
     if (still.axis >= 0) {
@@ -623,8 +692,8 @@ void join_mean(double const* sample, double* to, std::int64_t n, std::int64_t co
     for (std::int64_t i = 0; i < n; ++i) to[i] = between(to[i], sample[i], share);
 }
 
-template <class T, class Kernel>
-void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+template <class Kernel, class Strip>
+void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
                 Execution const& execution) {
     Index3 const k = rule.samples;
     auto const aside = [](std::int64_t i, std::int64_t n) {
@@ -652,7 +721,7 @@ void sample_box(View<T const> const& in, AnyView out, AffineSampling const& rule
                                                rule.map.column[1] * aside(ky, k.y) +
                                                rule.map.column[2] * aside(kz, k.z);
                             PositionRow const at = row_of(rule.map, shift, y, z);
-                            sample_row<T, Kernel>(in, at, in_it, rule, ++count == 1 ? there : sample);
+                            sample_row<Kernel, Strip>(in, at, in_it, rule, ++count == 1 ? there : sample);
                             if (count > 1) join_mean(sample, there, m, count);
                         }
                 if (rule.scale != 1 || rule.offset != 0)
@@ -698,28 +767,24 @@ void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, 
 
 void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
                    Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) {
-        View<T const> const from = in.as<T>();
-        if constexpr (sizeof(T) <= 2 || std::is_same_v<T, float>)
-            if (rule.single) return sample_single<T>(from, out, rule, losses, outside, execution);
-        switch (rule.interpolant) {
-        case Interpolant::nearest:
-            return sample_box<T, Nearest>(from, out, rule, losses, outside, execution);
-        case Interpolant::linear:
-            return sample_box<T, Linear>(from, out, rule, losses, outside, execution);
-        case Interpolant::cubic:
-            return sample_box<T, Cubic>(from, out, rule, losses, outside, execution);
-        case Interpolant::lanczos3:
-            return sample_box<T, Lanczos3>(from, out, rule, losses, outside, execution);
-        case Interpolant::bspline3:
-        case Interpolant::bspline5:
-            if constexpr (std::is_same_v<T, float> || std::is_same_v<T, double>) {
-                if (rule.interpolant == Interpolant::bspline3)
-                    return sample_box<T, BSpline3>(from, out, rule, losses, outside, execution);
-                return sample_box<T, BSpline5>(from, out, rule, losses, outside, execution);
-            }
-        }
-    });
+    auto const sample = [&]<class Kernel, class Strip>() {
+        sample_box<Kernel, Strip>(in, out, rule, losses, outside, execution);
+    };
+    if (rule.single) return sample_single(in, out, rule, losses, outside, execution);
+    switch (rule.interpolant) {
+    case Interpolant::nearest:
+        return sample.template operator()<Nearest, StripNearest>();
+    case Interpolant::linear:
+        return sample.template operator()<Linear, StripLinear>();
+    case Interpolant::cubic:
+        return sample.template operator()<Cubic, StripConvolution<Cubic, 4>>();
+    case Interpolant::lanczos3:
+        return sample.template operator()<Lanczos3, StripConvolution<Lanczos3, 6>>();
+    case Interpolant::bspline3:
+        return sample.template operator()<BSpline3, StripConvolution<BSpline3, 4>>();
+    case Interpolant::bspline5:
+        return sample.template operator()<BSpline5, StripConvolution<BSpline5, 6>>();
+    }
 }
 
 void affine_nearest(ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,

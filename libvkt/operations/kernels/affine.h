@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/affine.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 
 #include <optional>
 

@@ -2,7 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/arithmetic.h"
 
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/rows.h"
 #include "libvkt/operations/kernels/arithmetic_values.h"
+
+#include <algorithm>
 
 namespace vkt {
 
@@ -13,11 +17,12 @@ template <class C> struct Line {
     C slope = C(1), intercept = C(0);
     bool identity = true;
 
-    static Line of(ValueMap const& map) {
+    static Line from(ValueMap const& map) {
         return {static_cast<C>(map.slope), static_cast<C>(map.intercept), map == ValueMap{}};
     }
-    VKT_HD C physical(C v) const {
+    VKT_HD C of(C v) const {
         if constexpr (std::is_floating_point_v<C>) {
+            if (identity) return v; // also -0
             C const value = slope * v + intercept;
             // The product may be beyond C where the sum is not.
             return value - value == 0 ? value : C(2) * (C(0.5) * slope * v + C(0.5) * intercept);
@@ -52,7 +57,7 @@ template <class C> struct Operands {
     }
     VKT_HD C evaluate(C u, C v, C w) const {
         if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) return chosen(u, v, w);
-        C const p = map_a.identity ? u : map_a.physical(u), q = map_b.identity ? v : map_b.physical(v);
+        C const p = map_a.of(u), q = map_b.of(v);
         if (counts_zeros && q == C(0)) return p > C(0) ? highest : p < C(0) ? lowest : C(0);
         C const value = combined_of(op, p, q);
         return stored(value);
@@ -74,56 +79,50 @@ template <class C> struct Operands {
     VKT_HD bool undefined(C, C, C) const { return false; }
     VKT_HD bool may_be_undefined() const { return counts_zeros; }
 
-    // A row at a time.
-    void row(std::int64_t n, C* out, C const* v0) const {
-        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) return choose_row(n, out, v0);
-        loop(
-            n, out, [=, this](std::int64_t i) { return first == 0 ? v0[i] : a; },
-            [=, this](std::int64_t i) { return second == 0 ? v0[i] : b; });
+    // A row at a time, of numbers too; one loop after the other, so that there are not as many as combinations of them.
+    template <class... In> void row(std::int64_t n, C* out, In const*... in) const {
+        C const* const volumes[] = {in...};
+        alignas(64) C buffers[3][row_piece];
+        auto const operand = [&](int k, int volume, C number) -> C const* {
+            if (volume >= 0) return volumes[volume];
+            std::fill_n(buffers[k], n, number);
+            return buffers[k];
+        };
+        C const *u = operand(0, first, a), *v = operand(1, second, b);
+        if (op == ArithmeticOp::clamp || op == ArithmeticOp::where)
+            return choose_row(n, out, u, v, operand(2, third, c));
+        if (!map_a.identity) u = mapped_row(n, map_a, u, buffers[0]);
+        if (!map_b.identity) v = mapped_row(n, map_b, v, buffers[1]);
+        combine_row(n, out, u, v);
+        if (!result.identity) store_row_of(n, out);
     }
-    void row(std::int64_t n, C* out, C const* v0, C const* v1) const {
-        if (op == ArithmeticOp::where) return choose_row(n, out, v0, v1);
-        loop(
-            n, out, [=](std::int64_t i) { return v0[i]; }, [=](std::int64_t i) { return v1[i]; });
-    }
-    void row(std::int64_t n, C* out, C const* v0, C const* v1, C const* v2) const { choose_row(n, out, v0, v1, v2); }
 
 private:
-    template <class... In> void choose_row(std::int64_t n, C* out, In const*... v) const {
+    static C const* mapped_row(std::int64_t n, Line<C> const map, C const* from, C* to) {
+#pragma omp simd
+        for (std::int64_t i = 0; i < n; ++i) to[i] = map.of(from[i]);
+        return to;
+    }
+    void store_row_of(std::int64_t n, C* out) const {
         Operands const f = *this; // see driver::apply
 #pragma omp simd
-        for (std::int64_t i = 0; i < n; ++i) {
-            if constexpr (sizeof...(In) == 3)
-                out[i] = f.chosen(v[i]...);
-            else
-                out[i] = f.chosen_of(v[i]...);
-        }
+        for (std::int64_t i = 0; i < n; ++i) out[i] = f.stored(out[i]);
     }
-    VKT_HD C chosen_of(C v0) const { return chosen(first == 0 ? v0 : a, second == 0 ? v0 : b, third == 0 ? v0 : c); }
-    VKT_HD C chosen_of(C v0, C v1) const {
-        return chosen(first == 0 ? v0 : a,
-                      second < 0    ? b
-                      : second == 0 ? v0
-                                    : v1,
-                      third < 0    ? c
-                      : third == 0 ? v0
-                                   : v1);
-    }
-    template <class U, class V> void loop(std::int64_t n, C* out, U const u, V const v) const {
+    void choose_row(std::int64_t n, C* out, C const* u, C const* v, C const* w) const {
         Operands const f = *this;
-        bool const plain = f.map_a.identity && f.map_b.identity && f.result.identity;
+#pragma omp simd
+        for (std::int64_t i = 0; i < n; ++i) out[i] = f.chosen(u[i], v[i], w[i]);
+    }
+    void combine_row(std::int64_t n, C* out, C const* u, C const* v) const {
+        Operands const f = *this;
+        if (counts_zeros) { // of divisions
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) out[i] = f.template combined<ArithmeticOp::div>(u[i], v[i]);
+            return;
+        }
         with_op(op, [&]<ArithmeticOp o>() {
-            if (plain && !f.counts_zeros) {
 #pragma omp simd
-                for (std::int64_t i = 0; i < n; ++i) out[i] = Combined<o, C>::of(u(i), v(i));
-            } else if (plain) {
-#pragma omp simd
-                for (std::int64_t i = 0; i < n; ++i) out[i] = f.template combined<o>(u(i), v(i));
-            } else {
-#pragma omp simd
-                for (std::int64_t i = 0; i < n; ++i)
-                    out[i] = f.stored(f.template combined<o>(f.map_a.physical(u(i)), f.map_b.physical(v(i))));
-            }
+            for (std::int64_t i = 0; i < n; ++i) out[i] = Combined<o, C>::of(u[i], v[i]);
         });
     }
 };
@@ -145,9 +144,9 @@ void run(ArithmeticTask const& task, std::span<ConstView const> in, AnyView out,
                         number_of<C>(task, 0),
                         number_of<C>(task, 1),
                         number_of<C>(task, 2),
-                        Line<C>::of(task.map[0]),
-                        Line<C>::of(task.map[1]),
-                        Line<C>::of(task.result),
+                        Line<C>::from(task.map[0]),
+                        Line<C>::from(task.map[1]),
+                        Line<C>::from(task.result),
                         task.counts_zeros,
                         static_cast<C>(task.lowest),
                         static_cast<C>(task.highest)};

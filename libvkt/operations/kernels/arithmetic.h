@@ -4,7 +4,7 @@
 
 #include "libvkt/core/header.h"
 #include "libvkt/core/wide.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/arithmetic.h"
 
 #include <array>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/arithmetic_settled.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/arithmetic_values.h"
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/bilateral.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/stencil.h"
 #include "libvkt/operations/kernels/weights.h"
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/bins.h"
 
+#include "libvkt/kernel/kernel.h"
 #include <cmath>
 #include <vector>
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/bits.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/shuffle.h"
 
 namespace vkt {

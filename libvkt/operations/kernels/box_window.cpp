@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/box_window.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
 

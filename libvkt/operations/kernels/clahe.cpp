@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/clahe.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/clahe_window.h"
 
 #include <type_traits>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/convert.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 #include <cmath>
@@ -14,6 +15,7 @@ namespace {
 
 /// Values as they are.
 template <class C> struct Same {
+    [[maybe_unused]] static constexpr bool is_identity = true;
     VKT_HD C operator()(C v) const { return v; }
 };
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/wide.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 
 #include <limits>
 

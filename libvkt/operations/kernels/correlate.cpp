@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/correlate.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/stencil.h"
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/difference.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 #include <cmath>

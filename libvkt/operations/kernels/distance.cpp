@@ -4,6 +4,7 @@
 #include "libvkt/operations/kernels/distance.h"
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/kernel/kernel.h"
 
 #include <algorithm>
 #include <cmath>

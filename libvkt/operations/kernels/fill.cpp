@@ -1,6 +1,7 @@
 // Constant fill.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/fill.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

@@ -1,6 +1,7 @@
 // Mirrored copies.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/flip.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 
 #include "libvkt/operations/kernels/gaussian.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/nested_average.h"
 
 namespace vkt::VKT_BACKEND {
@@ -13,13 +14,11 @@ constexpr std::int64_t strip_bytes = 1024;      ///< … and are not longer than
 constexpr std::int64_t most_slices = 8;         ///< filtered along z together, while their sources are in L1
 constexpr std::int64_t row_group = 8;           ///< rows filtered along y before the first of them is filtered along x
 
-/// What the ring holds: input voxels as they are where that is smaller, else scaled in the compute type.
-template <class T, class C> using Stored = std::conditional_t<(sizeof(T) < sizeof(C)), T, C>;
-
-/// Where things lie. Counts of R in the ring, of C elsewhere.
-template <class R, class C> struct Layout {
-    Layout(GaussianPasses const& passes, Box const& area) {
-        constexpr std::int64_t line_r = 64 / static_cast<std::int64_t>(sizeof(R));
+/// Where things lie. Counts of what the ring holds in the ring, of C elsewhere.
+template <class C> struct Layout {
+    Layout(GaussianPasses const& passes, Box const& area, DataType type)
+        : raw(size_of(type) < sizeof(C)), held_bytes(raw ? size_of(type) : sizeof(C)) {
+        std::int64_t const line_r = 64 / static_cast<std::int64_t>(held_bytes);
         constexpr std::int64_t line_c = 64 / static_cast<std::int64_t>(sizeof(C));
         Index3 const n = area.dims(), r{passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius};
         std::int64_t const rows = gaussian_input(passes, area).dims().y;
@@ -36,12 +35,14 @@ template <class R, class C> struct Layout {
         strip = std::clamp(strips_bytes / (2 * std::max(r.y, r.z) + most_slices) / block_bytes * block_bytes,
                            block_bytes, strip_bytes) /
                 static_cast<std::int64_t>(sizeof(C));
-        taken = std::is_same_v<R, C> ? 0 : (2 * r.z + batch) * (strip + line_c);
+        taken = !raw ? 0 : (2 * r.z + batch) * (strip + line_c);
         pointers = (2 * r.z + batch) + (2 * r.y + row_group) + (2 * r.x + 1) * row_group;
         scratch = round_up(taken + (row_group + 2) * pitch + pointers * 8 / static_cast<std::int64_t>(sizeof(C)), 64);
     }
-    std::size_t ring_bytes() const { return static_cast<std::size_t>(slots * slot + 64) * sizeof(R); }
+    std::size_t ring_bytes() const { return static_cast<std::size_t>(slots * slot + 64) * held_bytes; }
 
+    bool raw; ///< the ring holds input voxels as they are, which is smaller; else scaled in the compute type
+    std::size_t held_bytes;
     std::int64_t slots, slot, ring_pitch; ///< the ring of input slices
     std::int64_t width;                   ///< of a row with its halo
     std::int64_t batch, plane, pitch;     ///< slices filtered along z
@@ -49,10 +50,10 @@ template <class R, class C> struct Layout {
 };
 
 /// Input slices as the passes need them: halo along x folded in, no row twice. Slices stay over from run to run.
-template <class T, class R, class C> class Ring {
+template <class C> class Ring {
 public:
-    Ring(GaussianPasses const& passes, Layout<R, C> const& layout, Box const& area, R* memory)
-        : passes_(passes), layout_(layout), memory_(memory) {
+    Ring(GaussianPasses const& passes, Layout<C> const& layout, Box const& area, ConstView in, std::byte* memory)
+        : passes_(passes), layout_(layout), in_(in), memory_(memory) {
         first_x_ = area.lower.x - passes.taps[0].radius;
         end_x_ = area.upper.x + passes.taps[0].radius;
         Box const rows = gaussian_input(passes, area);
@@ -66,45 +67,54 @@ public:
     /// True if row y is there, perhaps as one that wraps around; others are to be folded.
     bool holds_row(std::int64_t y) const { return y >= first_y_ && y < end_y_; }
 
-    void load(View<T const> in, std::int64_t y, std::int64_t z) {
-        R* const row = at(y, z);
+    void load(std::int64_t y, std::int64_t z) {
         std::int64_t const n = passes_.dims.x;
         std::int64_t const inner = std::clamp<std::int64_t>(0, first_x_, end_x_), outer = std::min(end_x_, n);
-        if constexpr (std::is_same_v<R, C>)
-            load_scaled(&in(inner, y, z), row + (inner - first_x_), outer - inner);
-        else
-            std::memcpy(row + (inner - first_x_), &in(inner, y, z),
-                        static_cast<std::size_t>(outer - inner) * sizeof(T));
-        for (std::int64_t x = first_x_; x < inner; ++x) row[x - first_x_] = outside(in, x, y, z);
-        for (std::int64_t x = outer; x < end_x_; ++x) row[x - first_x_] = outside(in, x, y, z);
+        put(inner, y, z, inner, outer - inner);
+        for (std::int64_t x = first_x_; x < inner; ++x) put_outside(x, y, z);
+        for (std::int64_t x = outer; x < end_x_; ++x) put_outside(x, y, z);
     }
 
-    /// A row from the first column of the halo on.
-    R* at(std::int64_t y, std::int64_t z) const {
-        return memory_ + ((z % layout_.slots + layout_.slots) % layout_.slots) * layout_.slot +
-               (y - first_y_) * layout_.ring_pitch;
+    /// Column x, from the first one of the halo on, of a row.
+    std::byte* at(std::int64_t y, std::int64_t z, std::int64_t x) const {
+        std::int64_t const slot = (z % layout_.slots + layout_.slots) % layout_.slots;
+        std::int64_t const place = slot * layout_.slot + (y - first_y_) * layout_.ring_pitch + x;
+        return memory_ + static_cast<std::size_t>(place) * layout_.held_bytes;
     }
+    /// n voxels from there on, scaled.
+    void scaled(std::byte const* from, C* to, std::int64_t n) const { load_scaled(in_.type, from, to, n); }
 
 private:
-    R outside(View<T const> in, std::int64_t x, std::int64_t y, std::int64_t z) const {
-        std::int64_t const from = fold(x, passes_.dims.x, passes_.boundary);
-        if constexpr (std::is_same_v<R, C>)
-            return C(gaussian_scale) *
-                   (from < 0 ? static_cast<C>(passes_.border_value) : static_cast<C>(in(from, y, z)));
+    /// n voxels of the input from x on, in the columns from `column` on.
+    void put(std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t column, std::int64_t n) {
+        std::byte* const to = at(y, z, column - first_x_);
+        if (layout_.raw)
+            std::memcpy(to, in_.at(x, y, z), static_cast<std::size_t>(n) * layout_.held_bytes);
         else
-            return from < 0 ? R() : in(from, y, z); // source() puts the border value there
+            load_scaled(in_.type, in_.at(x, y, z), reinterpret_cast<C*>(to), n);
+    }
+    void put_outside(std::int64_t x, std::int64_t y, std::int64_t z) {
+        std::int64_t const from = fold(x, passes_.dims.x, passes_.boundary);
+        if (from >= 0) return put(from, y, z, x, 1);
+        std::byte* const to = at(y, z, x - first_x_);
+        C const border = C(gaussian_scale) * static_cast<C>(passes_.border_value);
+        if (layout_.raw)
+            std::memset(to, 0, layout_.held_bytes); // source() puts the border value there
+        else
+            std::memcpy(to, &border, sizeof border);
     }
 
     GaussianPasses const& passes_;
-    Layout<R, C> const& layout_;
-    R* memory_;
+    Layout<C> const& layout_;
+    ConstView in_;
+    std::byte* memory_;
     std::int64_t first_x_, end_x_, first_y_, end_y_;
 };
 
 /// One thread's hands: filters rows out of the ring along z into planes, and out of the planes along y and x.
-template <class T, class R, class C> class Worker {
+template <class C> class Worker {
 public:
-    Worker(GaussianPasses const& passes, Layout<R, C> const& layout, Ring<T, R, C> const& ring, C* planes, C* scratch)
+    Worker(GaussianPasses const& passes, Layout<C> const& layout, Ring<C> const& ring, C* planes, C* scratch)
         : passes_(passes), layout_(layout), ring_(ring), planes_(planes),
           taken_(scratch), taps_{TapView<C>(passes.taps[0]), TapView<C>(passes.taps[1]), TapView<C>(passes.taps[2])} {
         along_y_ = taken_ + layout.taken;
@@ -159,11 +169,7 @@ public:
                 for (std::int64_t x = 0; x < n; ++x) result_[x] = C(4) * along_y_[i * layout_.pitch + x];
             else
                 average<C>(shifted_ + i * (2 * rx + 1), taps_[0], C(2), result_, 0, n);
-            T* const to = &out.as<T>()(out.box.lower.x, y + i, z);
-            if (passes_.clips)
-                tally_ += driver::round_segment(n, to, [from = result_](std::int32_t x) { return from[x]; });
-            else
-                store_values(result_, to, n, stream);
+            tally_ += store_values(static_cast<C const*>(result_), out, out.at(out.box.lower.x, y + i, z), n, stream);
         }
     }
 
@@ -179,40 +185,36 @@ private:
         bool const wraps = passes_.boundary == Boundary::wrap;
         std::int64_t const from = wraps ? z : fold(z, passes_.dims.z, passes_.boundary);
         if (from < 0 && !wraps) return border_;
-        R const* const row = ring_.at(y, from) + x;
-        if constexpr (std::is_same_v<R, C>) {
-            return row;
-        } else {
-            C* const to = taken_ + place * (layout_.strip + 64 / static_cast<std::int64_t>(sizeof(C)));
-            load_scaled(row, to, round_up(n, lane_count<C>));
-            if (passes_.boundary == Boundary::border) {
-                for (std::int64_t i = x; i < std::min(ring_.inner_x(), x + n); ++i) to[i - x] = border_[0];
-                for (std::int64_t i = std::max(ring_.outer_x(), x); i < x + n; ++i) to[i - x] = border_[0];
-            }
-            return to;
+        std::byte const* const row = ring_.at(y, from, x);
+        if (!layout_.raw) return reinterpret_cast<C const*>(row);
+        C* const to = taken_ + place * (layout_.strip + 64 / static_cast<std::int64_t>(sizeof(C)));
+        ring_.scaled(row, to, round_up(n, lane_count<C>));
+        if (passes_.boundary == Boundary::border) {
+            for (std::int64_t i = x; i < std::min(ring_.inner_x(), x + n); ++i) to[i - x] = border_[0];
+            for (std::int64_t i = std::max(ring_.outer_x(), x); i < x + n; ++i) to[i - x] = border_[0];
         }
+        return to;
     }
 
     GaussianPasses const& passes_;
-    Layout<R, C> const& layout_;
-    Ring<T, R, C> const& ring_;
+    Layout<C> const& layout_;
+    Ring<C> const& ring_;
     C *planes_, *taken_, *along_y_, *result_, *border_;
     C const **slices_, **rows_, **shifted_;
     TapView<C> taps_[3];
     Losses tally_;
 };
 
-template <class T, class C>
+template <class C>
 void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
          Execution const& execution) {
-    using R = Stored<T, C>;
     int const threads = threads_for(execution, out.box.voxels());
-    Layout<R, C> const layout(passes, out.box);
+    Layout<C> const layout(passes, out.box, in.type);
     if (!planes.continues(out.box)) planes.forget();
     planes.storage.reserve(layout.ring_bytes());
     planes.scratch.reserve(static_cast<std::size_t>(layout.batch * layout.plane + threads * layout.scratch) *
                            sizeof(C));
-    Ring<T, R, C> ring(passes, layout, out.box, reinterpret_cast<R*>(planes.storage.update(Space::host)));
+    Ring<C> ring(passes, layout, out.box, in, planes.storage.update(Space::host));
     C* const filtered = reinterpret_cast<C*>(planes.scratch.update(Space::host));
     bool const stream = out.bytes() >= stream_threshold;
     Box const input = gaussian_input(passes, out.box);
@@ -222,7 +224,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 #pragma omp parallel num_threads(threads) if (threads > 1)
     {
         C* const own = filtered + layout.batch * layout.plane + omp_get_thread_num() * layout.scratch;
-        Worker<T, R, C> worker(passes, layout, ring, filtered, own);
+        Worker<C> worker(passes, layout, ring, filtered, own);
         std::int64_t have = held;
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; z += batch) {
             std::int64_t const end = std::min(z + batch, out.box.upper.z);
@@ -232,7 +234,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
             std::int64_t const need = std::max(have, gaussian_input(passes, part).upper.z);
 #pragma omp for schedule(dynamic, 16)
             for (std::int64_t i = 0; i < (need - have) * rows; ++i)
-                ring.load(in.as<T>(), input.lower.y + i % rows, have + i / rows);
+                ring.load(input.lower.y + i % rows, have + i / rows);
             have = need;
 #pragma omp for schedule(dynamic, 16)
             for (std::int64_t y = input.lower.y; y < input.upper.y; ++y) worker.filter_along_z(y, z, end);
@@ -258,14 +260,10 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
                   Execution const& execution) {
     if (out.box.empty()) return;
-    for_each_type(out.type, [&]<class T>(T) {
-        if constexpr (std::is_same_v<compute_t<T>, double>)
-            run<T, double>(passes, planes, in, out, losses, execution);
-        else if (passes.wide)
-            run<T, double>(passes, planes, in, out, losses, execution);
-        else
-            run<T, float>(passes, planes, in, out, losses, execution);
-    });
+    if (passes.wide || !float_suffices(out.type))
+        run<double>(passes, planes, in, out, losses, execution);
+    else
+        run<float>(passes, planes, in, out, losses, execution);
 }
 
 } // namespace vkt::VKT_BACKEND

@@ -5,7 +5,7 @@
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/types.h"
 #include "libvkt/core/view.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/gaussian_taps.h"
 
 #include <array>

@@ -50,10 +50,10 @@ Spans spans_of(CascadeAxis const& axis, Span out) { return {out, nodes_under(axi
 std::int64_t slot_of(std::int64_t i, std::int64_t slots) { return (i % slots + slots) % slots; }
 
 /// One thread's hands, and the rings that all share.
-template <class T, class C> class Worker {
+template <class C> class Worker {
 public:
     Worker(CascadePasses const& passes, CascadeLayout const& layout, ConstView in, AnyView out, C* rings, C* scratch)
-        : passes_(passes), direct_(*passes.direct), layout_(layout), in_(in.as<T>()), out_(out),
+        : passes_(passes), direct_(*passes.direct), layout_(layout), in_(in), out_(out),
           border_(C(gaussian_scale) * static_cast<C>(direct_.border_value)), thin_(rings),
           raw_(thin_ + layout.thin_values()), wide_(raw_ + layout.raw_values()), nodes_(wide_ + layout.wide_values()),
           scratch_(scratch) {
@@ -136,11 +136,7 @@ public:
             for (std::int64_t k = 0; k < along.taps; ++k)
                 pointer(k) = ring + slot_of(node + along.tap(k), along.taps) * layout_.row_pitch;
             refine(pointers(), shares(along, y), along.taps, C(4), result, n);
-            T* const to = &out_.as<T>()(x_.out.lower, y, z);
-            if (direct_.clips)
-                tally_ += driver::round_segment(n, to, [from = result](std::int32_t x) { return from[x]; });
-            else
-                store_values(result, to, n, stream);
+            tally_ += store_values(static_cast<C const*>(result), out_, out_.at(x_.out.lower, y, z), n, stream);
         }
     }
 
@@ -188,7 +184,7 @@ private:
         if (!there && from < 0)
             std::fill(to, to + n, border_);
         else
-            load_scaled(&in_(columns_.lower + x, from, z), to, n);
+            load_scaled(in_.type, in_.at(columns_.lower + x, from, z), to, n);
     }
 
     /// Nodes along x of a row of voxels, which begins with the first column of the input.
@@ -239,7 +235,7 @@ private:
     CascadePasses const& passes_;
     GaussianPasses const& direct_;
     CascadeLayout const& layout_;
-    View<T const> in_;
+    ConstView in_;
     AnyView out_;
     C border_;
     C *thin_, *raw_, *wide_, *nodes_, *scratch_;
@@ -250,7 +246,7 @@ private:
     Losses tally_;
 };
 
-template <class T, class C>
+template <class C>
 void run(CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyView out, Losses& losses,
          Execution const& execution) {
     GaussianPasses const& direct = *passes.direct;
@@ -282,13 +278,13 @@ void run(CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyVi
                            node = std::max(planes.node_end, spans.nodes.lower), nodes = spans.nodes.upper - node;
         std::int64_t const thin_rows = std::clamp<std::int64_t>(
             parts(std::max<std::int64_t>(slices, 1) * layout.wide_y, 4 * threads), 4, layout.rows);
-        std::vector<Worker<T, C>> workers; // made here, where it may be said that there is no memory
+        std::vector<Worker<C>> workers; // made here, where it may be said that there is no memory
         workers.reserve(static_cast<std::size_t>(threads));
         for (int t = 0; t < threads; ++t)
             workers.emplace_back(passes, layout, in, out, rings, scratch + t * layout.scratch);
 #pragma omp parallel num_threads(threads) if (threads > 1)
         {
-            Worker<T, C> worker = std::move(workers[static_cast<std::size_t>(omp_get_thread_num())]);
+            Worker<C> worker = std::move(workers[static_cast<std::size_t>(omp_get_thread_num())]);
             Span const wide_y = worker.wide_y(), nodes_y = worker.nodes_y();
             std::int64_t const thin_parts = parts(wide_y.size(), thin_rows);
 #pragma omp for schedule(dynamic, 1)
@@ -329,14 +325,10 @@ void run(CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyVi
 void gaussian_cascade_run(CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyView out, Losses& losses,
                           Execution const& execution) {
     if (out.box.empty()) return;
-    for_each_type(out.type, [&]<class T>(T) {
-        if constexpr (std::is_same_v<compute_t<T>, double>)
-            run<T, double>(passes, planes, in, out, losses, execution);
-        else if (passes.direct->wide)
-            run<T, double>(passes, planes, in, out, losses, execution);
-        else
-            run<T, float>(passes, planes, in, out, losses, execution);
-    });
+    if (passes.direct->wide || !float_suffices(out.type))
+        run<double>(passes, planes, in, out, losses, execution);
+    else
+        run<float>(passes, planes, in, out, losses, execution);
 }
 
 } // namespace vkt::VKT_BACKEND

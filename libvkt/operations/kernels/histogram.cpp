@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/histogram.h"
 
+#include "libvkt/kernel/kernel.h"
+
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -66,6 +69,61 @@ void place(Rule const& rule, double const* values, std::int64_t n, std::int32_t*
     }
 }
 
+/// Guesses in float32, in which twice as many fit into a register, for voxels that it holds.
+struct SingleRule {
+    float scale = 1, offset = 0; ///< a voxel v is guessed to lie in bin v * scale - offset
+    float low = 0, high = 0;     ///< the first and the last voxel in the range
+    float near = 1;              ///< as doubtful_share
+    bool usable = false;         ///< few voxels are doubtful, and there is no value map
+
+    SingleRule(Rule const& rule, DataType type) {
+        if (type != DataType::float32 || rule.slope != 1 || rule.intercept != 0 || rule.scale != 1) return;
+        double const first = rule.edges[0], end = rule.edges[rule.count];
+        scale = static_cast<float>(rule.per_unit);
+        offset = static_cast<float>(rule.scaled_low * rule.per_unit);
+        low = static_cast<float>(first);
+        high = static_cast<float>(end);
+        if (static_cast<double>(low) < first) low = std::nextafter(low, std::numeric_limits<float>::infinity());
+        if (static_cast<double>(high) > end) high = std::nextafter(high, -std::numeric_limits<float>::infinity());
+        // Factor, product and offset are each off by up to 2^-24 of the distance from 0 in bins, the difference by as
+        // much of itself; twice all that.
+        double const far = std::max(std::abs(first), std::abs(end)) * rule.per_unit;
+        double const off = (3 * far + rule.count) * 0x1p-23;
+        near = static_cast<float>(off);
+        // Nothing here may get lost below the least normal number, nor beyond the largest.
+        usable = off < 0x1p-6 && rule.per_unit > 0x1p-60 && rule.per_unit < 0x1p60 && first > -0x1p60 && end < 0x1p60;
+    }
+};
+
+void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots) {
+    float const scale = single.scale, offset = single.offset, low = single.low, high = single.high,
+                last = static_cast<float>(rule.count - 1), near = single.near, far = 1 - single.near;
+    std::int32_t const count = rule.count;
+    constexpr std::int64_t block = 128; // corrected together
+    for (std::int64_t begin = 0; begin < n; begin += block) {
+        auto const m = static_cast<std::int32_t>(std::min(block, n - begin));
+        float const* const from = values + begin;
+        std::int32_t* const to = slots + begin;
+        std::int32_t doubtful = 0;
+#pragma omp simd reduction(+ : doubtful)
+        for (std::int32_t i = 0; i < m; ++i) {
+            float const value = from[i];
+            float at = value * scale - offset;
+            at = at > 0 ? at : 0; // NaN becomes 0
+            float const bounded = at < last ? at : last;
+            auto const k = static_cast<std::int32_t>(bounded);
+            float const rest = at - static_cast<float>(k);
+            std::int32_t const above = value >= low ? 1 : 0, below = value <= high ? 1 : 0;
+            doubtful += (above & below) & ((rest < near ? 1 : 0) | (rest > far ? 1 : 0));
+            std::int32_t const outside = value < low ? count : value > high ? count + 1 : count + 2;
+            to[i] = (above & below) != 0 ? k : outside;
+        }
+        if (doubtful == 0) continue;
+        for (std::int32_t i = 0; i < m; ++i)
+            if (to[i] < count) to[i] = correct(static_cast<double>(from[i]), to[i], rule.edges, count);
+    }
+}
+
 /// 64-bit integers, from the first edge on.
 void place(Rule const& rule, Int128 const* values, std::int64_t n, std::int32_t* slots) {
     Int128 const* const edges = rule.bins.whole_edges();
@@ -125,16 +183,18 @@ public:
         for (; i + 1 < n; ++i) a[at(i)] += weight;
     }
 
-    void add_to(std::uint64_t* counts, bool shared) const {
+    /// `place` is the slot of each counter, or null where they are the slots.
+    void add_to(std::uint64_t* counts, bool shared, std::int32_t const* place) const {
         for (std::size_t s = 0; s < slots_; ++s) {
             std::uint64_t sum = 0;
             for (int set = 0; set < sets_; ++set) sum += counters_[s + static_cast<std::size_t>(set) * slots_];
             if (sum == 0) continue;
+            std::uint64_t& count = counts[place != nullptr ? static_cast<std::size_t>(place[s]) : s];
             if (shared) {
 #pragma omp atomic
-                counts[s] += sum;
+                count += sum;
             } else {
-                counts[s] += sum;
+                count += sum;
             }
         }
     }
@@ -145,14 +205,18 @@ private:
     std::vector<std::uint64_t> counters_;
 };
 
-void count_item(ConstView in, Rule const& rule, BrickGrid const& grid, Item const& item, Counters& counters) {
+/// Voxels of one byte have a counter for each of their patterns.
+bool by_byte(Bins const& bins, DataType type) { return !bins.table().empty() && size_of(type) == 1; }
+
+void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickGrid const& grid, Item const& item,
+                Counters& counters) {
     std::int64_t const x0 = item.box.lower.x, n = item.box.dims().x, rows = item.box.dims().y;
     auto const weight = [](std::int64_t w) { return static_cast<std::uint64_t>(w); };
     std::int64_t const first = grid.share(0, x0, item.brick.x), last = grid.share(0, x0 + n - 1, item.brick.x),
                        whole = grid.bricks.x;
     std::int32_t const* const table = rule.bins.table().data();
     bool const by_table = !rule.bins.table().empty(), wide = rule.bins.wide();
-    std::size_t const bytes = size_of(in.type);
+    bool const bytes = by_byte(rule.bins, in.type), in_single = single.usable && in.type == DataType::float32;
     for (std::int64_t row = item.begin; row < item.end; ++row) {
         std::int64_t const y = item.box.lower.y + row % rows, z = item.box.lower.z + row / rows;
         std::int64_t const share = grid.share(1, y, item.brick.y) * grid.share(2, z, item.brick.z);
@@ -162,15 +226,17 @@ void count_item(ConstView in, Rule const& rule, BrickGrid const& grid, Item cons
             std::uint64_t const left = weight(share * (begin == 0 ? first : whole)),
                                 right = weight(share * (begin + m == n ? last : whole)), full = weight(share * whole);
             std::byte const* const from = in.at(x0 + begin, y, z);
-            if (by_table && bytes == 1) {
+            if (bytes) {
                 auto const* const voxels = reinterpret_cast<std::uint8_t const*>(from);
-                counters.add(m, left, full, right, [=](std::int64_t i) { return table[voxels[i]]; });
+                counters.add(m, left, full, right, [=](std::int64_t i) { return voxels[i]; });
             } else if (by_table) {
                 auto const* const voxels = reinterpret_cast<std::uint16_t const*>(from);
                 counters.add(m, left, full, right, [=](std::int64_t i) { return table[voxels[i]]; });
             } else {
                 alignas(64) Slots slots;
-                if (wide) {
+                if (in_single) {
+                    place(rule, single, reinterpret_cast<float const*>(from), m, slots);
+                } else if (wide) {
                     alignas(64) Int128 values[row_piece];
                     load_row(in.type, from, values, m);
                     place(rule, values, m, slots);
@@ -223,14 +289,17 @@ void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::u
     int const threads = threads_for(execution, slab.voxels());
     std::vector<Item> const items = items_of(slab, grid, bins.slots(), threads);
     Rule const rule(bins);
+    SingleRule const single(rule, in.type);
+    bool const bytes = by_byte(bins, in.type);
     for_each_item(threads, static_cast<std::int64_t>(items.size()), [&](std::int64_t begin, std::int64_t end) {
-        Counters counters(bins.slots());
+        Counters counters(bytes ? 256 : bins.slots());
         for (std::int64_t i = begin; i < end; ++i) {
             Item const& item = items[static_cast<std::size_t>(i)];
             counters.clear();
-            count_item(in, rule, grid, item, counters);
+            count_item(in, rule, single, grid, item, counters);
             std::int64_t const brick = item.brick.x + grid.bricks.x * (item.brick.y + grid.bricks.y * item.brick.z);
-            counters.add_to(counts + static_cast<std::size_t>(brick) * bins.slots(), item.shared);
+            counters.add_to(counts + static_cast<std::size_t>(brick) * bins.slots(), item.shared,
+                            bytes ? bins.table().data() : nullptr);
         }
     });
 }

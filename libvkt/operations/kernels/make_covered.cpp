@@ -1,6 +1,7 @@
 // Balls whose voxels at the surface have their covered share.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/make_covered.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

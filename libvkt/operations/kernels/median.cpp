@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/median.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/median_network.h"
 
 #include <algorithm>

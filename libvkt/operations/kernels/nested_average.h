@@ -58,22 +58,26 @@ void average(C const* const* rows, TapView<C> taps, C factor, C* out, std::int64
     for (; i < end; i += lane_count<C>) average_at<1>(rows, taps, scale, out, i);
 }
 
-template <class T, class C> void load_scaled(T const* from, C* to, std::int64_t n) {
+/// to[i] = voxels as the passes have them. Of any length.
+template <class C> void load_scaled(DataType type, std::byte const* from, C* to, std::int64_t n) {
+    for_each_type(type, [&]<class T>(T) {
+        auto const* const voxels = reinterpret_cast<T const*>(from);
 #pragma omp simd
-    for (std::int64_t i = 0; i < n; ++i) to[i] = C(gaussian_scale) * static_cast<C>(from[i]);
+        for (std::int64_t i = 0; i < n; ++i) to[i] = C(gaussian_scale) * static_cast<C>(voxels[i]);
+    });
 }
 
-template <class T, class C> void store_values(C const* from, T* to, std::int64_t n, bool stream) {
-    if constexpr (std::is_same_v<T, C>) {
-        std::size_t const bytes = static_cast<std::size_t>(n) * sizeof(T);
-        if (stream)
-            stream_bytes(reinterpret_cast<std::byte*>(to), reinterpret_cast<std::byte const*>(from), bytes);
-        else
-            std::memcpy(to, from, bytes);
-    } else {
-#pragma omp simd
-        for (std::int64_t i = 0; i < n; ++i) to[i] = round_to<T>(from[i]);
+/// Voxels of results. Of any length.
+template <class C> Losses store_values(C const* from, AnyView out, std::byte* to, std::int64_t n, bool stream) {
+    std::size_t const bytes = size_of(out.type);
+    Losses losses;
+    if (stream && is_stored_as<C>(out.type)) {
+        stream_bytes(to, reinterpret_cast<std::byte const*>(from), static_cast<std::size_t>(n) * bytes);
+        return losses;
     }
+    for (std::int64_t i = 0; i < n; i += row_piece)
+        losses += store_row(out.type, from + i, to + static_cast<std::size_t>(i) * bytes, std::min(row_piece, n - i));
+    return losses;
 }
 
 } // namespace vkt::VKT_BACKEND

@@ -3,6 +3,7 @@
 #include "libvkt/operations/kernels/nlmeans.h"
 
 #include "libvkt/kernel/cpu_drivers.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/weights.h"
 
 #include <algorithm>

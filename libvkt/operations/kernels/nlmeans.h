@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 
 #include <array>
 #include <vector>

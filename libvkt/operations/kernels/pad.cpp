@@ -1,6 +1,7 @@
 // Pad: rows copied where they lie in the volume, voxel by voxel beside it.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/pad.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

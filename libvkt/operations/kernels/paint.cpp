@@ -1,6 +1,7 @@
 // Painting: whole registers, beyond the end of a run too; the next one covers what is too much.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/paint.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

@@ -1,6 +1,7 @@
 // Values by way of physical ones.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/paste.h"
+#include "libvkt/kernel/kernel.h"
 
 namespace vkt {
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/permute.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/shuffle.h"
 #include "libvkt/kernel/stream.h"
 

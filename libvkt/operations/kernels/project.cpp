@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/project.h"
 
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/order.h"
 #include "libvkt/kernel/rows.h"
+#include "libvkt/kernel/shuffle.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,45 +44,100 @@ void for_each_lines(ProjectionState const& state, ConstView in, std::int64_t mos
     });
 }
 
+/// to[j * pixels + i] = from[i * row + j] for i < pixels, j < n; `pixels` is a multiple of every block's edge.
+template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixels, std::int64_t n, T* to) {
+    for_each_size(sizeof(T), [&]<class U>(U) {
+        if constexpr (sizeof(U) == sizeof(T)) {
+            constexpr std::int64_t edge = block_edge<U>;
+            std::int64_t const whole = n / edge * edge;
+            for (std::int64_t i = 0; i < pixels; i += edge)
+                for (std::int64_t j = 0; j < whole; j += edge)
+                    transpose_block(reinterpret_cast<U const*>(from + i * row + j), row,
+                                    reinterpret_cast<U*>(to + j * pixels + i), pixels);
+            for (std::int64_t j = whole; j < n; ++j)
+                for (std::int64_t i = 0; i < pixels; ++i) to[j * pixels + i] = from[i * row + j];
+        }
+    });
+}
+
+/// The same as for_each_lines(), with pixels side by side: lines along rows are turned, a few at a time.
+template <class T, class F>
+void for_each_upright(ProjectionState const& state, ConstView in, Execution const& execution, F const& f) {
+    if (state.axis != 0) return for_each_lines<T>(state, in, row_piece, execution, f);
+    constexpr std::int64_t together = 16, most = (16 << 10) / together / static_cast<int>(sizeof(T));
+    for_each_lines<T>(state, in, together, execution, [&](Lines<T> const& rows) {
+        alignas(64) T turned[together * most];
+        for (std::int64_t k = 0; k < rows.n; k += most) {
+            std::int64_t const n = std::min(most, rows.n - k);
+            Lines<T> lines{rows.first + k, rows.pixel, 1, n, rows.at, rows.pixels};
+            if (rows.pixels == together) {
+                turn(rows.first + k, rows.pixel, together, n, static_cast<T*>(turned));
+                lines = {turned, 1, together, n, rows.at, together};
+            }
+            f(lines);
+        }
+    });
+}
+
 /// acc[i] = f(acc[i], voxel) for all voxels of the lines. The functor arrives by value, as in the drivers.
 template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* acc, F const f) {
-    std::int64_t const pixels = lines.pixels;
-    for (std::int64_t k = 0; k < lines.n; ++k) {
-        T const* const from = lines.first + k * lines.step;
-        if (lines.pixel == 1) {
+    std::int64_t const pixels = lines.pixels, step = lines.step;
+    if (lines.pixel != 1) {
+        for (std::int64_t k = 0; k < lines.n; ++k)
+            for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], lines.first[k * step + i * lines.pixel]);
+        return;
+    }
+    std::int64_t k = 0;
+    for (; k + 4 <= lines.n; k += 4) { // so that results are loaded and stored less often
+        T const* const a = lines.first + k * step;
+        T const *const b = a + step, *const c = b + step, *const d = c + step;
 #pragma omp simd
-            for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], from[i]);
-        } else {
-            for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], from[i * lines.pixel]);
-        }
+        for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(f(f(f(acc[i], a[i]), b[i]), c[i]), d[i]);
+    }
+    for (; k < lines.n; ++k) {
+        T const* const a = lines.first + k * step;
+#pragma omp simd
+        for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], a[i]);
     }
 }
 
 template <class A> struct Larger {
     template <class T> VKT_HD A operator()(A a, T voxel) const {
         A const v = static_cast<A>(voxel);
-        return v > a || a != a ? v : a; // NaN is no value, but what there is at first
+        bool const first = a != a;        // NaN is no value, but what there is at first
+        return ((v > a) | first) ? v : a; // no ||: a branch for each of several lines would not be a vector
     }
 };
 template <class A> struct Smaller {
     template <class T> VKT_HD A operator()(A a, T voxel) const {
         A const v = static_cast<A>(voxel);
-        return v < a || a != a ? v : a;
+        bool const first = a != a;
+        return ((v < a) | first) ? v : a;
     }
 };
 template <class A> struct Plus {
     template <class T> VKT_HD A operator()(A a, T voxel) const { return a + static_cast<A>(voxel); }
 };
 
-constexpr std::int64_t piece_of(bool rows) { return rows ? 64 : row_piece; }
-
 template <class T> std::int64_t count_nan(Lines<T> const& lines) {
     std::int64_t nan = 0;
-    for (std::int64_t k = 0; k < lines.n; ++k)
-        for (std::int64_t i = 0; i < lines.pixels; ++i) {
-            auto const v = static_cast<double>(lines.first[k * lines.step + i * lines.pixel]);
-            nan += v != v ? 1 : 0;
+    for (std::int64_t k = 0; k < lines.n; ++k) {
+        T const* const from = lines.first + k * lines.step;
+        std::int32_t here = 0; // of at most row_piece
+        if (lines.pixel == 1) {
+#pragma omp simd reduction(+ : here)
+            for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i) {
+                auto const v = static_cast<compute_t<T>>(from[i]);
+                here += v != v ? 1 : 0;
+            }
+        } else {
+            for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                auto const v = static_cast<compute_t<T>>(from[i * lines.pixel]);
+                here += v != v ? 1 : 0;
+            }
         }
+        nan += here;
+    }
     return nan;
 }
 
@@ -92,7 +150,7 @@ void add_nan(ProjectionState& state, std::int64_t nan) {
 template <class T> void add_extremes(ProjectionState& state, ConstView in, Execution const& execution) {
     using A = std::conditional_t<std::is_same_v<T, Half>, float, T>;
     auto* const image = reinterpret_cast<A*>(state.extremes.data());
-    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
         if (state.kind == Projection::max)
             fold_lines(lines, image + lines.at, Larger<A>{});
         else
@@ -103,7 +161,7 @@ template <class T> void add_extremes(ProjectionState& state, ConstView in, Execu
 
 /// Integers: small ones in 32 bits for as many voxels as fit.
 template <class T> void add_whole(ProjectionState& state, ConstView in, Execution const& execution) {
-    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> lines) {
+    for_each_upright<T>(state, in, execution, [&](Lines<T> lines) {
         if (!state.wide.empty()) return fold_lines(lines, state.wide.data() + lines.at, Plus<Int128>{});
         std::int64_t* const to = state.whole.data() + lines.at;
         if constexpr (sizeof(T) <= 2) {
@@ -125,10 +183,17 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
 
 /// Sums of floats; those of float64 with what each addition lost (Neumaier).
 template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
-    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
         double* const sum = state.value.data() + lines.at;
         double* const lost = state.extra.empty() ? nullptr : state.extra.data() + lines.at;
         double* const count = state.count.data() + lines.at;
+        std::int64_t const nan = count_nan(lines);
+        add_nan(state, nan);
+        if (lost == nullptr && nan == 0) {
+            fold_lines(lines, sum, Plus<double>{});
+            for (std::int64_t i = 0; i < lines.pixels; ++i) count[i] += static_cast<double>(lines.n);
+            return;
+        }
         for (std::int64_t k = 0; k < lines.n; ++k) {
             T const* const from = lines.first + k * lines.step;
             std::int64_t const pixel = lines.pixel;
@@ -152,19 +217,31 @@ template <class T> void add_floats(ProjectionState& state, ConstView in, Executi
                 count[i] += v == v ? 1 : 0;
             }
         }
-        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
     });
 }
 
 /// Means and squared deviations (Welford).
 template <class T> void add_deviations(ProjectionState& state, ConstView in, Execution const& execution) {
-    for_each_lines<T>(state, in, piece_of(state.axis == 0), execution, [&](Lines<T> const& lines) {
+    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
         double* const mean = state.value.data() + lines.at;
         double* const squares = state.extra.data() + lines.at;
         double* const count = state.count.data() + lines.at;
+        std::int64_t nan = 0;
+        if constexpr (!std::is_integral_v<T>) add_nan(state, nan = count_nan(lines));
         for (std::int64_t k = 0; k < lines.n; ++k) {
             T const* const from = lines.first + k * lines.step;
             std::int64_t const pixel = lines.pixel;
+            if (nan == 0 && pixel == 1) {
+#pragma omp simd
+                for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                    auto const v = static_cast<double>(from[i]);
+                    double const n = count[i] + 1, d = v - mean[i], m = mean[i] + d / n;
+                    squares[i] += d * (v - m);
+                    mean[i] = m;
+                    count[i] = n;
+                }
+                continue;
+            }
 #pragma omp simd
             for (std::int64_t i = 0; i < lines.pixels; ++i) {
                 auto const v = static_cast<double>(from[i * pixel]);
@@ -175,7 +252,6 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
                 count[i] = n;
             }
         }
-        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
     });
 }
 
@@ -210,21 +286,28 @@ template <class T> T middle(T a, T b) {
     }
 }
 
-template <class T> T median_of(std::vector<T>& line) {
-    auto const less = [](T a, T b) { return static_cast<compute_t<T>>(a) < static_cast<compute_t<T>>(b); };
-    auto const order = [&](auto const& first, auto const& nth, auto const& last) {
-        if constexpr (std::is_integral_v<T>)
-            std::nth_element(first, nth, last);
-        else
-            std::nth_element(first, nth, last, less);
-    };
-    auto const upper = line.begin() + static_cast<std::ptrdiff_t>(line.size() / 2);
-    order(line.begin(), upper, line.end());
-    if (line.size() % 2 != 0) return *upper;
-    if constexpr (std::is_integral_v<T>)
-        return middle(*std::max_element(line.begin(), upper), *upper);
-    else
-        return middle(*std::max_element(line.begin(), upper, less), *upper);
+/// The key of infinity, above which all are NaN; the highest of all for integers.
+template <class K> K highest_number(DataType type) {
+    K key = std::numeric_limits<K>::max();
+    if (is_integer(type)) return key;
+    VoxelBytes const infinity = voxel_bytes(type, std::numeric_limits<double>::infinity());
+    load_keys(type, infinity.data(), &key, 1);
+    return key;
+}
+
+/// The voxel in the middle of `count` keys; of an even number the mean of the two there, as the type has it.
+template <class K> void median_of(DataType type, K* keys, std::size_t count, std::byte* to) {
+    K* const upper = keys + count / 2;
+    std::nth_element(keys, upper, keys + count);
+    K const middle_keys[2] = {count % 2 != 0 ? *upper : *std::max_element(keys, upper), *upper};
+    for_each_type(type, [&]<class T>(T) {
+        if constexpr (sizeof(T) == sizeof(K)) {
+            T voxels[2];
+            store_keys(type, static_cast<K const*>(middle_keys), reinterpret_cast<std::byte*>(voxels), 2);
+            T const result = count % 2 != 0 ? voxels[1] : middle(voxels[0], voxels[1]);
+            std::memcpy(to, &result, sizeof result);
+        }
+    });
 }
 
 } // namespace
@@ -281,28 +364,32 @@ void median_lines(ConstView in, AnyView out, int axis, std::int64_t& nan, Execut
     image.axis = axis;
     image.dims = in.dims();
     ConstView const from = in.moved_to({});
-    for_each_type(in.type, [&]<class T>(T) {
+    VoxelBytes const none = voxel_bytes(out.type, std::numeric_limits<double>::quiet_NaN());
+    with_order_key(in.type, [&]<class K>(K) {
         constexpr std::int64_t together = 32; // lines next to one another, which share cache lines
-        View<T> const to = out.as<T>();
-        for_each_lines<T>(image, from, together, execution, [&](Lines<T> const& lines) {
+        K const highest = highest_number<K>(in.type);
+        for_each_lines<K>(image, from, together, execution, [&](Lines<K> const& lines) {
             auto const n = static_cast<std::size_t>(lines.n);
-            std::vector<T> all(static_cast<std::size_t>(lines.pixels) * n), line;
+            std::vector<K> all(static_cast<std::size_t>(lines.pixels) * n);
             for (std::size_t k = 0; k < n; ++k)
                 for (std::int64_t i = 0; i < lines.pixels; ++i)
                     all[static_cast<std::size_t>(i) * n + k] =
                         lines.first[static_cast<std::int64_t>(k) * lines.step + i * lines.pixel];
+            load_keys(in.type, reinterpret_cast<std::byte const*>(all.data()), all.data(),
+                      static_cast<std::int64_t>(all.size()));
             std::int64_t missing = 0;
             for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                auto const first = all.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(i) * n);
-                line.assign(first, first + static_cast<std::ptrdiff_t>(n));
-                if constexpr (!std::is_integral_v<T>) {
-                    std::erase_if(line, [](T v) { return static_cast<double>(v) != static_cast<double>(v); });
-                    missing += static_cast<std::int64_t>(n - line.size());
-                }
+                K* const line = all.data() + static_cast<std::size_t>(i) * n;
+                auto const numbers = static_cast<std::size_t>(
+                    std::remove_if(line, line + n, [&](K key) { return key > highest; }) - line);
+                missing += static_cast<std::int64_t>(n - numbers);
                 auto const place = static_cast<std::int64_t>(lines.at) + i;
-                T& pixel =
-                    to(out.box.lower.x + place % image.row(), out.box.lower.y + place / image.row(), out.box.lower.z);
-                pixel = line.empty() ? static_cast<T>(std::numeric_limits<float>::quiet_NaN()) : median_of(line);
+                std::byte* const pixel = out.at(out.box.lower.x + place % image.row(),
+                                                out.box.lower.y + place / image.row(), out.box.lower.z);
+                if (numbers > 0)
+                    median_of(in.type, line, numbers, pixel);
+                else
+                    std::memcpy(pixel, none.data(), sizeof(K));
             }
             if (missing == 0) return;
 #pragma omp atomic

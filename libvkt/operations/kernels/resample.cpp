@@ -4,6 +4,7 @@
 #include "libvkt/operations/kernels/resample_sums.h"
 
 #include "libvkt/core/wide.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 #include <vector>
@@ -165,21 +166,21 @@ void add_border(WeightedSum const& sum, std::int64_t x0, std::int64_t n, std::in
     }
 }
 
-template <class T> void scale_row(double* values, std::int64_t n, double divisor, double scale, double offset) {
-    if (divisor != 1) {
+template <class T> void divide_row(double* values, std::int64_t n, double divisor) {
 #pragma omp simd
-        for (std::int64_t i = 0; i < n; ++i) values[i] = divided<T>(values[i], divisor);
-    }
+    for (std::int64_t i = 0; i < n; ++i) values[i] = divided<T>(values[i], divisor);
+}
+
+void scale_row(DataType type, double* values, std::int64_t n, double divisor, double scale, double offset) {
+    if (divisor != 1 && type == DataType::float64) divide_row<double>(values, n, divisor);
+    if (divisor != 1 && type != DataType::float64) divide_row<float>(values, n, divisor);
     if (scale != 1 || offset != 0) {
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) values[i] = values[i] * scale + offset;
     }
 }
 
-template <class T>
-void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Losses& losses,
-              Execution const& execution) {
-    View<T const> const in = from.as<T>();
+void weighted(ConstView from, AnyView out, WeightedSum const& sum, Losses& losses, Execution const& execution) {
     Box const box = out.box;
     std::int64_t const length = summed_together(from.dims().x, box.dims().x);
     for_each_piece(execution, box, length, std::max(from.box.voxels(), box.voxels()), [&] {
@@ -191,7 +192,8 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Loss
                 upper = std::max(upper, sum.x.first[o] + sum.x.start[o + 1] - sum.x.start[o]);
             }
             columns.resize(static_cast<std::size_t>(upper - lower + 1)); // pairs read one beyond, with weight 0
-            sum_rows(in, sum, y, z, lower, upper - lower, columns.data());
+            for_each_type(from.type,
+                          [&]<class T>(T) { sum_rows(from.as<T>(), sum, y, z, lower, upper - lower, columns.data()); });
             double* values = columns.data();
             if (!sum.x_identity) {
                 sum_columns(sum.x, x0, x1, columns.data(), lower, row.data());
@@ -199,7 +201,7 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Buffer&, Loss
             }
             std::int64_t const n = x1 - x0;
             if (sum.reaches_border()) add_border(sum, x0, n, y, z, values);
-            scale_row<T>(values, n, sum.divisor * sum.unit, sum.scale, sum.offset);
+            scale_row(from.type, values, n, sum.divisor * sum.unit, sum.scale, sum.offset);
             driver::add(losses, store_row(out.type, static_cast<double const*>(values), out.at(x0, y, z), n));
         };
     });
@@ -257,9 +259,9 @@ void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution
     whole<std::uint64_t>(in, out, sum, execution);
 }
 
-void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
+void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer&, Losses& losses,
                        Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, losses, execution); });
+    weighted(in, out, sum, losses, execution);
 }
 
 } // namespace VKT_BACKEND

@@ -4,6 +4,7 @@
 #include "libvkt/operations/kernels/resample_sums.h"
 
 #include "libvkt/core/wide.h"
+#include "libvkt/kernel/kernel.h"
 
 #include <vector>
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/view.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/resample_weights.h"
 
 #include <algorithm>

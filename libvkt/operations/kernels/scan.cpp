@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/scan.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 #include <algorithm>

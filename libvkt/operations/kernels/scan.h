@@ -4,7 +4,7 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/header.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 
 namespace vkt {
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/similarity.h"
 
+#include "libvkt/kernel/kernel.h"
 #include <vector>
 
 namespace vkt {

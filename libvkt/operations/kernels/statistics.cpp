@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/statistics.h"
 
+#include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <limits>
@@ -35,7 +36,7 @@ public:
 
     void add(T const* p, std::int64_t n) {
         count_ += n;
-        if (extremes(p, n)) return sums(p, n);
+        if (add_finite(p, n)) return;
         T replaced[chunk];
         for (std::int64_t i = 0; i < n; ++i) {
             bool const finite = p[i] - p[i] == T(0);
@@ -44,7 +45,7 @@ public:
             below_ += p[i] == -infinity;
             replaced[i] = finite ? p[i] : static_cast<T>(nothing_); // contributes nothing
         }
-        sums(replaced, n);
+        add_sums(replaced, n);
     }
 
     void finish(double origin, BandStatistics& out) const {
@@ -107,62 +108,74 @@ private:
     static constexpr int width = static_cast<int>(register_bytes / sizeof(T));
     static constexpr T infinity = std::numeric_limits<T>::infinity();
 
-    /// False if a voxel is infinite or NaN.
-    bool extremes(T const* p, std::int64_t n) {
+    /// Adds to extremes and sums in one pass; false, and nothing added to the sums, if a voxel is infinite or NaN.
+    bool add_finite(T const* p, std::int64_t n) {
         using Unaligned = typename Loads<T>::unaligned;
-        Full low0 = lows_, high0 = highs_, odd0 = Full{};
-        Full low1 = low0, high1 = high0, odd1 = odd0;
-        std::int64_t i = 0;
-        for (; i + 2 * width <= n; i += 2 * width) { // v - v is 0 unless v is infinite or NaN; NaN never compares less
-            Full const v = *reinterpret_cast<Unaligned const*>(p + i);
-            Full const w = *reinterpret_cast<Unaligned const*>(p + i + width);
-            low0 = v < low0 ? v : low0;
-            low1 = w < low1 ? w : low1;
-            high0 = v > high0 ? v : high0;
-            high1 = w > high1 ? w : high1;
-            odd0 += v - v;
-            odd1 += w - w;
+        Full low = lows_, high = highs_, odds = Full{};
+        DoubleRegister s[registers], q[registers];
+        for (int r = 0; r < registers; ++r) {
+            s[r] = s_[r];
+            q[r] = q_[r];
         }
-        lows_ = low1 < low0 ? low1 : low0;
-        highs_ = high1 > high0 ? high1 : high0;
-        odd0 += odd1;
-        T odd[width];
-        for (int j = 0; j < width; ++j) odd[j] = odd0[j];
-        for (int half = width / 2; half > 0; half /= 2)
-            for (int j = 0; j < half; ++j) odd[j] += odd[j + half];
+        std::int64_t i = 0;
+        for (; i + lanes <= n; i += lanes) { // v - v is 0 unless v is infinite or NaN; NaN never compares less
+#pragma GCC unroll 8
+            for (int f = 0; f < lanes; f += width) {
+                Full const v = *reinterpret_cast<Unaligned const*>(p + i + f);
+                low = v < low ? v : low;
+                high = v > high ? v : high;
+                odds += v - v;
+            }
+            add_lanes(p + i, s, q);
+        }
+        lows_ = low;
+        highs_ = high;
+        T odd = T(0);
+        for (int j = 0; j < width; ++j) odd += odds[j];
+        std::int64_t const tail = i;
         for (; i < n; ++i) {
             low_ = p[i] < low_ ? p[i] : low_;
             high_ = p[i] > high_ ? p[i] : high_;
-            odd[0] += p[i] - p[i];
+            odd += p[i] - p[i];
         }
-        return odd[0] == T(0);
+        if (odd != T(0)) return false;
+        keep(s, q);
+        add_tail(p + tail, n - tail);
+        return true;
     }
 
-    void sums(T const* p, std::int64_t n) {
-        using Part = typename Loads<T>::part;
+    void add_sums(T const* p, std::int64_t n) {
         std::int64_t i = 0;
         DoubleRegister s[registers], q[registers];
         for (int r = 0; r < registers; ++r) {
             s[r] = s_[r];
             q[r] = q_[r];
         }
-        for (; i + lanes <= n; i += lanes) {
+        for (; i + lanes <= n; i += lanes) add_lanes(p + i, s, q);
+        keep(s, q);
+        add_tail(p + i, n - i);
+    }
+
+    void add_lanes(T const* p, DoubleRegister* s, DoubleRegister* q) const {
+        using Part = typename Loads<T>::part;
 #pragma GCC unroll 8
-            for (int r = 0; r < registers; ++r) {
-                DoubleRegister v =
-                    __builtin_convertvector(*reinterpret_cast<Part const*>(p + i + r * doubles), DoubleRegister);
-                if constexpr (Scaled) v *= scale_;
-                DoubleRegister const d = v - shift_;
-                s[r] += d;
-                q[r] += d * d;
-            }
+        for (int r = 0; r < registers; ++r) {
+            DoubleRegister v = __builtin_convertvector(*reinterpret_cast<Part const*>(p + r * doubles), DoubleRegister);
+            if constexpr (Scaled) v *= scale_;
+            DoubleRegister const d = v - shift_;
+            s[r] += d;
+            q[r] += d * d;
         }
+    }
+    void keep(DoubleRegister const* s, DoubleRegister const* q) {
         for (int r = 0; r < registers; ++r) {
             s_[r] = s[r];
             q_[r] = q[r];
         }
-        for (int j = 0; i < n; ++i, ++j) { // only the last chunk of a row has such a tail
-            double const d = static_cast<double>(p[i]) * (Scaled ? scale_ : 1) - shift_;
+    }
+    void add_tail(T const* p, std::int64_t n) { // only the last chunk of a row has one
+        for (std::int64_t j = 0; j < n; ++j) {
+            double const d = static_cast<double>(p[j]) * (Scaled ? scale_ : 1) - shift_;
             tail_s_[j] += d;
             tail_q_[j] += d * d;
         }
@@ -188,10 +201,10 @@ template <class T> struct Band {
     T const* voxels;
     std::int64_t length, rows, pitch;
 
-    /// Calls f(p, n) for runs that together are all rows in order.
-    template <class F> void for_each_run(F const& f) const {
+    /// Calls f(p, n) for runs of at most `most` that together are all rows in order.
+    template <class F> void for_each_run(F const& f, std::int64_t most = chunk) const {
         for (std::int64_t r = 0; r < rows; ++r)
-            for (std::int64_t i = 0; i < length; i += chunk) f(voxels + r * pitch + i, std::min(chunk, length - i));
+            for (std::int64_t i = 0; i < length; i += most) f(voxels + r * pitch + i, std::min(most, length - i));
     }
 };
 
@@ -229,39 +242,30 @@ template <class T> void float_band(Band<T> band, double origin, BandStatistics& 
     }
 }
 
-/// Exact sum and sum of squares of at most `chunk` integers of up to 32 bits.
-template <class T> void exact_sums(T const* p, std::int64_t n, Moments& m) {
-    if constexpr (sizeof(T) == 1) {
-        std::int32_t sum = 0, squares = 0;
-        for (std::int64_t i = 0; i < n; ++i) {
-            auto const v = static_cast<std::int16_t>(p[i]);
-            sum += v;
-            squares += v * v;
-        }
-        m.integer_sum += sum;
-        m.squares += static_cast<std::uint32_t>(squares);
-    } else if constexpr (sizeof(T) == 2) {
-        std::int32_t sum = 0;
-        std::uint64_t squares = 0;
-        for (std::int64_t i = 0; i < n; ++i) {
-            auto const v = static_cast<std::int32_t>(p[i]);
-            auto const size = static_cast<std::uint32_t>(v < 0 ? -v : v);
-            sum += v;
-            squares += static_cast<std::uint64_t>(size * size);
-        }
-        m.integer_sum += sum;
-        m.squares += squares;
+/// Adds what at most `chunk` integers of up to 32 bits are exactly.
+template <class T> void exact_sums(T const* p, std::int64_t n, T& least, T& most, Moments& m) {
+    if constexpr (sizeof(T) <= 2) {
+        IntegerSums<T> const sums = integer_sums(p, n);
+        least = std::min(least, sums.low);
+        most = std::max(most, sums.high);
+        m.integer_sum += sums.sum;
+        m.squares += sums.squares;
     } else {
+        T lowest = least, highest = most;
         std::int64_t sum = 0;
         std::uint64_t low = 0, high = 0;
         for (std::int64_t i = 0; i < n; ++i) {
             auto const v = static_cast<std::int64_t>(p[i]);
             auto const size = static_cast<std::uint64_t>(v < 0 ? -v : v);
             std::uint64_t const square = size * size;
+            lowest = p[i] < lowest ? p[i] : lowest;
+            highest = p[i] > highest ? p[i] : highest;
             sum += v;
             low += square & 0xffffffffu;
             high += square >> 32;
         }
+        least = lowest;
+        most = highest;
         m.integer_sum += sum;
         m.squares += (static_cast<Unsigned128>(high) << 32) + low;
     }
@@ -274,13 +278,9 @@ template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics
     m.finite = band.length * band.rows;
     if (band.length == band.pitch) band = {band.voxels, m.finite, 1, 0};
     double s = 0, q = 0;
-    band.for_each_run([&](T const* p, std::int64_t n) {
+    auto const add = [&](T const* p, std::int64_t n) {
         if constexpr (sizeof(T) <= 4) {
-            for (std::int64_t j = 0; j < n; ++j) {
-                low = p[j] < low ? p[j] : low;
-                high = p[j] > high ? p[j] : high;
-            }
-            exact_sums(p, n, m);
+            exact_sums(p, n, low, high, m);
         } else {
             for (std::int64_t i = 0; i < n; ++i) {
                 low = p[i] < low ? p[i] : low;
@@ -292,7 +292,8 @@ template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics
                 q += d * d;
             }
         }
-    });
+    };
+    band.for_each_run(add, sizeof(T) <= 2 ? most_integers : chunk);
     if constexpr (sizeof(T) > 4) {
         auto const count = static_cast<double>(m.finite);
         m.mean = static_cast<double>(static_cast<Int128>(first) - origin) + s / count;
@@ -359,16 +360,17 @@ public:
     }
 };
 
-/// to[i]: products of integers of at most 16 bits, several at a time, as double has them exactly. Returns how many.
+/// to[i]: products of integers of at most 16 bits, several at a time: 48 bits, which double has exactly. Returns how
+/// many.
 template <class T> std::int64_t multiply_together(T const* p, std::int64_t n, double* to) {
-    using Wide = std::conditional_t<std::is_signed_v<T>, std::int32_t, std::uint32_t>;
-    constexpr std::int64_t factors = 4 / sizeof(T); // whose product fits 32 bits
+    constexpr std::int64_t factors = 6 / sizeof(T);
     std::int64_t const each = n / factors;
 #pragma omp simd
     for (std::int64_t i = 0; i < each; ++i) {
-        Wide product = static_cast<Wide>(p[i]);
-        for (std::int64_t k = 1; k < factors; ++k) product *= static_cast<Wide>(p[i + k * each]);
-        to[i] = static_cast<double>(product);
+        double product = static_cast<double>(static_cast<std::int32_t>(p[i]));
+        for (std::int64_t k = 1; k < factors; ++k)
+            product *= static_cast<double>(static_cast<std::int32_t>(p[i + k * each]));
+        to[i] = product;
     }
     std::int64_t count = each;
     for (std::int64_t i = each * factors; i < n; ++i) to[count++] = static_cast<double>(p[i]);
@@ -417,7 +419,7 @@ void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_
               int threads) {
     View<T const> const in = slab.as<T>();
     Index3 const n = slab.dims(), lower = slab.box.lower;
-    std::int64_t const rows = rows_in_band(n), per_slice = bands_in_slice(n);
+    std::int64_t const rows = rows_in_band(n, slab.type), per_slice = bands_in_slice(n, slab.type);
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
     for (std::int64_t b = 0; b < per_slice * n.z; ++b) {
         std::int64_t const y = b % per_slice * rows;

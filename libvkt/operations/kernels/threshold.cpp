@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/threshold.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
 namespace vkt {

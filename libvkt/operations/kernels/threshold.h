@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/core/header.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/number.h"
 
 namespace vkt {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/transform.h"
 
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/functions.h"
 
 namespace vkt {
