@@ -228,6 +228,12 @@ same = diff(x, x, *more, code=[0])
 assert same["ssim"] == 1 and abs(same["normalized_mutual_information"] - 2) < 1e-12
 c = save(np.full_like(a, 3), "c")
 assert diff(c, c, *more)["ssim"] == 1 and diff(c, x, *more)["mutual_information"] == 0
+# Of a constant volume there is no range: differences take its place, so that constants are alike as far as they are.
+e = save(np.full_like(a, 5), "e")
+d = diff(c, e, "--ssim")
+assert d["ssim_range"] == 2 and abs(d["ssim"] - (2 * 3 * 5 + 0.02**2) / (9 + 25 + 0.02**2)) < 1e-12, d
+d, far = diff(c, x, "--ssim"), np.abs(a.astype(float) - 3).max()
+assert d["ssim_range"] == far and abs(d["ssim"] - ssim(np.full(a.shape, 3.0), a.astype(float), far)) < 1e-9, d
 a[3, 4, 5] = np.nan
 n = save(a, "n")
 d = diff(n, y, *more)

@@ -293,7 +293,14 @@ v = noise((9, 10, 11), np.int16); put(v, "--slope", 0.5, "--intercept", 10)
 vkt("rotate", "in.vkt", "--angle", 33, "--background", "12", "-o", "out.vkt", "--force")
 assert get()[0, 0, 0] == 4 and info()["slope"] == 0.5
 vkt("rotate", "in.vkt", "--angle", 33, "--boundary", "border:12", "-o", "out.vkt", "--force")
-assert get()[0, 0, 0] == 4'
+assert get()[0, 0, 0] == 4
+# A background of 0 that cannot be stored is the nearest that can, and said; one that was asked for is refused.
+v = noise((9, 10, 11), np.uint8); put(v, "--slope", 2, "--intercept", -1024)
+said = vkt("rotate", "in.vkt", "--angle", 33, "-o", "out.vkt", "--force").stderr
+assert get()[0, 0, 0] == 255 and "background -514, the nearest" in said, said
+vkt("rotate", "in.vkt", "--angle", 33, "--background", 0, "-o", "never.vkt", code=2)
+said = vkt("affine", "1 0 0 4  0 1 0 0.5  0 0 1 0", "in.vkt", "--unit", "voxel", "-o", "out.vkt", "--force").stderr
+assert get()[0, 0, 10] == 255 and "background -514, the nearest" in said, said'
 }
 
 @test "nothing depends on slabs, threads, pipes, memory or the instruction set" {
@@ -313,6 +320,17 @@ assert get()[0, 0, 0] == 4'
             cmp all.raw cut.raw
             VKT_INSTRUCTION_SET=baseline vkt rotate $file.vkt $args -q | vkt write cut.raw --force
             cmp all.raw cut.raw
+        done
+    done
+}
+
+@test "coefficients of splines are kept where memory does not hold them, and change nothing" {
+    vkt make noise --dims 150 110 90 --dtype uint8 --seed 3 -o in.vkt
+    for args in "--axis 1,2,3 --angle 25 --method bspline3" "--angle 30 --method bspline5 --boundary border:7"; do
+        vkt rotate in.vkt $args -q | vkt write all.raw --force
+        for memory in 1MiB 8MiB; do
+            vkt rotate in.vkt $args --memory $memory -q | vkt write little.raw --force
+            cmp all.raw little.raw
         done
     done
 }
