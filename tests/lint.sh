@@ -47,6 +47,8 @@ if ! command -v clang-tidy >/dev/null || [ ! -e "$database" ]; then
     exit 0
 fi
 mkdir -p build/tidy
+# Sources are read without the precompiled headers, so that what they forget to include is found.
+sed 's# -Winvalid-pch -include [^ ]*cmake_pch\.hxx##' "$database" >build/tidy/compile_commands.json
 state=$(git ls-files -co --exclude-standard -- '*.h' .clang-tidy | sort | xargs -r cat | sha256sum | cut -c1-16)
 todo=$(mktemp)
 trap 'rm -f "$todo"' EXIT
@@ -64,7 +66,7 @@ rm -f build/tidy/failed build/tidy/left
 xargs -r -P "$(nproc)" -n 2 sh -c '
     case $0 in
     commands/*) check() { clang-tidy --quiet --warnings-as-errors="*" "$0" -- -std=c++20 -I. -DVKT_VERSION=\"0\"; } ;;
-    *) check() { clang-tidy -p build --quiet --warnings-as-errors="*" "$0"; } ;;
+    *) check() { clang-tidy -p build/tidy --quiet --warnings-as-errors="*" "$0"; } ;;
     esac
     if [ "$(date +%s)" -ge "$end" ]; then
         echo "$0" >>build/tidy/left

@@ -21,7 +21,7 @@ else()
 endif()
 
 # vkt_precompile(TARGET [HEADER…]): reads the headers that most sources include once. Sources name what they use all the
-# same: sanitized builds go without.
+# same: clang-tidy reads them without (tests/lint.sh).
 function(vkt_precompile target)
   if(VKT_PRECOMPILE)
     target_precompile_headers(${target} PRIVATE <algorithm> <array> <cmath> <cstdint> <cstring> <functional> <limits>
