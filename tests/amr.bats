@@ -142,11 +142,13 @@ assert abs(t['weighted_mean'] - g['mean']) < 1e-12 * abs(g['mean']), (t, g)"
     check "
 wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
 np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
-    for levels in 1 2 3 4; do
+    depths='1 2 3 4' sigmas='1 2 4 8'
+    if [ -n "$VKT_SANITIZED" ]; then depths=3 sigmas=4; fi # the numbers are those of the release build
+    for levels in $depths; do
         # Cells 1, 2, 4 and 8 finest cells wide.
         vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
         vkt resample wave.vkt --method nearest | raw >before
-        for sigma in 1 2 4 8; do
+        for sigma in $sigmas; do
             vkt filter gaussian wave.vkt --sigma $sigma --boundary wrap --tolerance 1e-4% -o voxel.vkt --force
             vkt filter gaussian wave.vkt --sigma $(/usr/bin/python3 -c "print($sigma / 2)") --unit world --boundary wrap --tolerance 1e-4% -o world.vkt --force
             for unit in voxel world; do
@@ -159,7 +161,7 @@ assert abs(a / b - want) < 1.5e-3, (a / b, want)"
         done
     done
     tree --dtype float64
-    for sigma in 1 2 4; do
+    for sigma in ${sigmas%8}; do
         vkt stats t.vkt --json >was.json
         vkt filter gaussian t.vkt --sigma $sigma -o s.vkt --force
         vkt stats s.vkt --json >is.json
@@ -186,7 +188,9 @@ assert abs(a - b).max() < 0.02 * (a.max() - a.min()), abs(a - b).max() / (a.max(
     check "
 wave = np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64)
 np.ascontiguousarray(np.broadcast_to(wave, (64, 64, 64))).tofile('wave_64x64x64_float64.raw')"
-    for levels in 3 4; do
+    depths='3 4'
+    if [ -n "$VKT_SANITIZED" ]; then depths=3; fi
+    for levels in $depths; do
         vkt refine wave_64x64x64_float64.raw --tolerance 9 --levels $levels | vkt set --spacing 0.5 -o wave.vkt --force
         vkt resample wave.vkt --method nearest | raw >before
         for filter in log dog sharpen bilateral; do
