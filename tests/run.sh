@@ -134,15 +134,18 @@ fi
 # Or vkt starts itself once more each time, which takes long under a sanitizer; the tests of the release build do.
 if has asan || has tsan; then export OMP_WAIT_POLICY=passive; fi
 
+# Minutes of arithmetic under a sanitizer, which touch no more memory and share no more than shorter tests do.
+arithmetic='Gaussian.ReproducesConstantsBitForBit|Geometric.IndicesBeyond32Bits|RenderMarch.EarlyEnds|Quantiles.MoreVoxelsThanAreKept'
+# What one thread does alone: files, headers, child processes.
+alone='AmrFlashFile|AmrAmrex|AmrOracle|^Parser|StreamHeader|Nrrd|MetaImage|^Raw|WeightTable|RenderTransfer|TransferEdit|Expression'
+
 if has asan && build asan; then
     export LSAN_OPTIONS="suppressions=$root/tests/lsan.suppressions:print_suppressions=0"
     export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1 UBSAN_OPTIONS=print_stacktrace=1
     if [ -n "${VKT_LONG:-}" ]; then
         check build-asan asan -LE packaging
     else
-        # Left out are minutes of arithmetic that touch no more memory than shorter tests do.
-        check build-asan asan -L 'unit|asan' \
-            -E 'Gaussian.ReproducesConstantsBitForBit|Geometric.IndicesBeyond32Bits|RenderMarch.EarlyEndsCostAQuarterOfALevel|Quantiles.MoreVoxelsThanAreKeptAreCounted'
+        check build-asan asan -L 'unit|asan' -E "$arithmetic"
     fi
     unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
@@ -150,7 +153,7 @@ fi
 if has tsan && build tsan; then
     # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
     export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
-    check build-tsan tsan -L 'unit|tsan'
+    check build-tsan tsan -L 'unit|tsan' -E "$arithmetic|$alone"
     if [ -n "${VKT_LONG:-}" ]; then
         check build-tsan 'tsan bats' -R '^bats/(arith|convert|filter-gaussian|resample)[.]bats$'
     fi
