@@ -231,7 +231,7 @@ EOF
 # Names of operations come from `vkt help --list`, so that what is new is tested, or asks how it can be.
 @test "every command keeps its memory budget, on small slices, thick ones and a single one, from files and pipes" {
     export TMPDIR=$PWD
-    "$VKT_ROOT/tests/budget.py" "${VKT_BUDGET_MIB:-8}" "${VKT_BUDGET_FACTOR:-$([ -n "${VKT_LONG:-}" ] && echo 16 || echo 4)}"
+    "$VKT_ROOT/tests/budget.py" "${VKT_BUDGET_MIB:-8}" "${VKT_BUDGET_FACTOR:-$([ -n "${VKT_LONG:-}" ] && echo 16 || echo 3)}"
 }
 
 @test "the budget of the documentation: 64 MiB for 2 GiB" {

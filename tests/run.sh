@@ -10,6 +10,8 @@
 #   fuzz   libFuzzer on everything that parses, VKT_FUZZ_SECONDS (20) each
 #   lint   clang-format, clang-tidy (at most VKT_TIDY_SECONDS, 200) and shellcheck where present
 #
+# With VKT_BEGIN_SECONDS=N the parts tsan and fuzz are left out, and said to be, where the others took longer than that.
+#
 # Sanitizers repeat the tests that can find most with them; with VKT_LONG=1 nearly all, and what takes many minutes runs too.
 #
 # Without words: all of them. Ends with "N passed, N failed, N skipped"; the exit code is 1 if anything failed.
@@ -150,7 +152,16 @@ if has asan && build asan; then
     unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
 
-if has tsan && build tsan; then
+# in_time PART: there is time left to begin it.
+in_time() {
+    elapsed=$(($(date +%s) - started))
+    [ "$elapsed" -ge "${VKT_BEGIN_SECONDS:-999999}" ] || return 0
+    skipped=$((skipped + 1))
+    echo "skipped: $1: $elapsed s have passed, and it begins before $VKT_BEGIN_SECONDS s only (VKT_BEGIN_SECONDS)"
+    return 1
+}
+
+if has tsan && in_time tsan && build tsan; then
     # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
     export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
     check build-tsan tsan -L 'unit|tsan' -E "$arithmetic|$alone"
@@ -161,7 +172,7 @@ if has tsan && build tsan; then
 fi
 
 # The targets are part of the asan build.
-if has fuzz && { has asan || build asan; }; then
+if has fuzz && in_time fuzz && { has asan || build asan; }; then
     for target in build-asan/fuzz/*_fuzz; do
         name=$(basename "$target")
         say "fuzz: $name"
