@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs what is missing, builds, and runs every test: run.sh [unit] [bats] [cuda] [asan] [tsan] [fuzz] [lint]
+# Installs what is missing, builds, and runs every test: run.sh [unit] [bats] [cuda] [asan] [fuzz] [lint] [tsan]
 # SPDX-License-Identifier: MIT
 #
 #   unit   release build, tests of the library
@@ -10,7 +10,7 @@
 #   fuzz   libFuzzer on everything that parses, VKT_FUZZ_SECONDS (20) each
 #   lint   clang-format, clang-tidy (at most VKT_TIDY_SECONDS, 200) and shellcheck where present
 #
-# With VKT_BEGIN_SECONDS=N the parts tsan and fuzz are left out, and said to be, where the others took longer than that.
+# The thread sanitizer comes last: with VKT_BEGIN_SECONDS=N it is left out, and said to be, where the others took longer.
 #
 # Sanitizers repeat the tests that can find most with them; with VKT_LONG=1 nearly all, and what takes many minutes runs too.
 #
@@ -18,7 +18,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 root=$(pwd)
-parts=${*:-unit bats cuda asan tsan fuzz lint}
+parts=${*:-unit bats cuda asan fuzz lint tsan}
 jobs=$(nproc)
 passed=0 failed=0 skipped=0
 started=$(date +%s)
@@ -152,27 +152,8 @@ if has asan && build asan; then
     unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
 
-# in_time PART: there is time left to begin it.
-in_time() {
-    elapsed=$(($(date +%s) - started))
-    [ "$elapsed" -ge "${VKT_BEGIN_SECONDS:-999999}" ] || return 0
-    skipped=$((skipped + 1))
-    echo "skipped: $1: $elapsed s have passed, and it begins before $VKT_BEGIN_SECONDS s only (VKT_BEGIN_SECONDS)"
-    return 1
-}
-
-if has tsan && in_time tsan && build tsan; then
-    # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
-    export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
-    check build-tsan tsan -L 'unit|tsan' -E "$arithmetic|$alone"
-    if [ -n "${VKT_LONG:-}" ]; then
-        check build-tsan 'tsan bats' -R '^bats/(arith|convert|filter-gaussian|resample)[.]bats$'
-    fi
-    unset TSAN_OPTIONS OMP_TOOL
-fi
-
 # The targets are part of the asan build.
-if has fuzz && in_time fuzz && { has asan || build asan; }; then
+if has fuzz && { has asan || build asan; }; then
     for target in build-asan/fuzz/*_fuzz; do
         name=$(basename "$target")
         say "fuzz: $name"
@@ -196,6 +177,25 @@ if has lint; then
     say 'lint'
     sh tests/lint.sh "$scratch/lint" || true
     counted "$scratch/lint" lint
+fi
+
+# in_time PART: there is time left to begin it.
+in_time() {
+    elapsed=$(($(date +%s) - started))
+    [ "$elapsed" -ge "${VKT_BEGIN_SECONDS:-999999}" ] || return 0
+    skipped=$((skipped + 1))
+    echo "skipped: $1: it begins before $VKT_BEGIN_SECONDS s only (VKT_BEGIN_SECONDS), and $elapsed have passed"
+    return 1
+}
+
+if has tsan && in_time tsan && build tsan; then
+    # libarcher, which comes with clang's OpenMP, tells the sanitizer where parallel regions begin and end.
+    export TSAN_OPTIONS=ignore_noninstrumented_modules=1:halt_on_error=1 OMP_TOOL=enabled
+    check build-tsan tsan -L 'unit|tsan' -E "$arithmetic|$alone"
+    if [ -n "${VKT_LONG:-}" ]; then
+        check build-tsan 'tsan bats' -R '^bats/(arith|convert|filter-gaussian|resample)[.]bats$'
+    fi
+    unset TSAN_OPTIONS OMP_TOOL
 fi
 
 say 'leftovers'
