@@ -29,7 +29,9 @@ std::string format_table() {
         result += text("  ", name, "  ", files, "  ", format.open ? "r" : "-", format.create ? "w" : "-", "  ",
                        format.description, "\n");
     }
-    return result + "vkt-read(1) and vkt-write(1) say what of each.\n";
+    return result + "All but shm and amrex may be compressed as a whole: NAME.gz, .bz2, .xz, .zst.\nvkt-read(1) and "
+                    "vkt-write(1) "
+                    "say what of each.\n";
 }
 
 int help(std::vector<std::string> const& words) {

@@ -6,13 +6,14 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/amrex.h"
-#include "libvkt/formats/decode.h"
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/foreign.h"
 #include "libvkt/formats/hdf5.h"
 #include "libvkt/formats/metaimage_header.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/wrapper.h"
 #include "libvkt/io/shared_memory.h"
 
 #include <filesystem>
@@ -22,6 +23,11 @@ namespace vkt {
 namespace {
 
 constexpr std::size_t head_bytes = 4096;
+/// What a compressed file must be looked at to know that much: Zstandard and bzip2 decode whole blocks.
+constexpr std::size_t packed_head_bytes = std::size_t{1} << 20;
+
+/// A volume is one file, which may be compressed as a whole.
+bool is_one_file(Format const& format) { return format.name != "amrex" && format.name != "shm"; }
 
 Format const& by_format_name(std::string const& name) {
     std::vector<std::string> names;
@@ -46,10 +52,24 @@ Format const* by_name(std::string const& name) {
                 best = &format;
                 longest = extension.size();
             }
-    if (best == nullptr && lower.ends_with(".gz"))
-        if (Format const* const inner = by_name(name.substr(0, name.size() - 3)); inner != nullptr && inner->in_gzip)
+    if (best == nullptr && wrapper_of_name(name) != Wrapper::none)
+        if (Format const* const inner = by_name(without_wrapper(name)); inner != nullptr && is_one_file(*inner))
             return inner;
     return best;
+}
+
+bool is_detached_name(std::string const& name) {
+    std::string const lower = lower_case(name);
+    return lower.ends_with(".nhdr") || lower.ends_with(".mhd") || lower.ends_with(".hdr") || lower.ends_with(".img");
+}
+
+/// What a file is compressed with as a whole, and the format does not see to itself. Bare voxels begin with anything:
+/// of them only names tell.
+Wrapper wrapper_around(ByteSource& bytes, Format const& format) {
+    if (!is_one_file(format) || bytes.directory()) return Wrapper::none;
+    if (format.name != "raw") return wrapper_of(bytes.peek(16));
+    Wrapper const named = wrapper_of_name(bytes.name());
+    return named == Wrapper::gzip ? Wrapper::none : named;
 }
 
 /// The user describes bare voxels; that beats what the bytes look like.
@@ -90,10 +110,13 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (describes_raw(options)) return by_format_name("raw");
     auto head = bytes.peek(head_bytes);
     std::vector<std::byte> unpacked;
-    if (is_gzip(head)) {
-        unpacked = decoded_head(head, head_bytes);
+    if (wrapper_of(head) != Wrapper::none) {
+        unpacked = unwrapped_head(bytes.peek(packed_head_bytes), head_bytes);
+        head = bytes.peek(head_bytes);
         for (auto const& candidate : formats())
-            if (candidate.in_gzip && candidate.recognise(unpacked)) return candidate;
+            if (is_one_file(candidate) && candidate.recognise && candidate.recognise(unpacked) &&
+                candidate.name != "flash")
+                return candidate;
     }
     for (auto const& candidate : formats())
         if (candidate.open && candidate.recognise && candidate.recognise(head) &&
@@ -103,7 +126,7 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
     std::string what = foreign_format(unpacked);
-    what = what.empty() ? foreign_format(head) : what + " in gzip";
+    what = what.empty() ? foreign_format(head) : text(what, ", compressed as a whole");
     if (!what.empty())
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what, ", a format that vkt does not read"),
                     "other tools turn it into NRRD or MetaImage, which vkt reads");
@@ -154,7 +177,7 @@ std::vector<Format> const& formats() {
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    Format const* const format = &format_of(*bytes, options);
+    Format const* format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
     if (!options.variable.empty() && one_only)
         throw Error(ErrorKind::usage,
@@ -163,7 +186,14 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
         throw Error(ErrorKind::usage, text("'", bytes->name(), "' states its spacing"),
                     text("change it afterwards: vkt set --spacing ", options.spacing->x, ",", options.spacing->y, ",",
                          options.spacing->z));
-    if (format->in_gzip && is_gzip(bytes->peek(2))) bytes = gunzip(std::move(bytes));
+    if (Wrapper const wrapper = wrapper_around(*bytes, *format); wrapper != Wrapper::none) {
+        bytes = unwrapped(std::move(bytes), wrapper);
+        // Who reads here and there needs a file; only then can be seen whether HDF5 is FLASH.
+        if (!format->in_gzip && format->name != "raw") {
+            bytes = seekable_bytes(std::move(bytes));
+            if (options.format.empty()) format = &format_of(*bytes, options);
+        }
+    }
     return format->open(std::move(bytes), options);
 }
 
@@ -176,7 +206,18 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
         throw Error(ErrorKind::usage, text("--format ", format->name, ": '", path, "' is shared memory and no file"),
                     text("a file of that name is ./", path));
     if (!format->create) throw Error(ErrorKind::usage, text("format ", format->name, " can only be read"));
-    return format->create(path, options);
+    Wrapper const wrapper = path == "-" || !is_one_file(*format) ? Wrapper::none : wrapper_of_name(path);
+    // Those that are written in order see to gzip themselves, without a temporary file.
+    if (wrapper == Wrapper::none || (wrapper == Wrapper::gzip && (format->in_gzip || format->name == "raw")))
+        return format->create(path, options);
+    if (std::string const name = without_wrapper(path); is_detached_name(name))
+        throw Error(ErrorKind::usage, text("'", path, "': a header with its voxels in another file is not compressed"),
+                    text("write one file: NAME", format->extensions.front(), path.substr(name.size())));
+    return wrapping_sink(path, wrapper, options, [format, options](std::string const& inner) {
+        WriteOptions own = options;
+        own.force = false;
+        return format->create(inner, own);
+    });
 }
 
 } // namespace vkt
