@@ -5,8 +5,8 @@
 #include "libvkt/io/output_file.h"
 #include "shell/command.h"
 #include "shell/plot.h"
-#include "shell/terminal.h"
 #include "shell/short_number.h"
+#include "shell/terminal.h"
 #include "shell/trade_off.h"
 
 #include <algorithm>

@@ -75,7 +75,8 @@ std::vector<Line> speed(Calibration const& c) {
     for (auto const& rate : c.rates) {
         auto const part = [&](std::size_t many) {
             std::string terms = text(short_number(1e9 * rate.fixed[many]), " ns");
-            if (rate.per_cost[many] > 0) terms += text(" + ", short_number(1e9 * rate.per_cost[many]), " ns a multiply-add");
+            if (rate.per_cost[many] > 0)
+                terms += text(" + ", short_number(1e9 * rate.per_cost[many]), " ns a multiply-add");
             return terms;
         };
         lines.push_back({text(rate.operation, rate.bytes == 2 ? " uint16" : " float32"),
@@ -102,7 +103,8 @@ int doctor(std::vector<std::string> const& words) {
     if (found)
         for (auto& line : speed(*found)) lines.push_back(std::move(line));
     std::string const where = calibration_path();
-    lines.push_back({"calibration", found ? where : std::string("none of this machine and build: vkt doctor --calibrate")});
+    lines.push_back(
+        {"calibration", found ? where : std::string("none of this machine and build: vkt doctor --calibrate")});
     if (json) {
         Report report;
         for (auto const& line : lines) report.add(line.name, line.value);
@@ -121,14 +123,15 @@ int doctor(std::vector<std::string> const& words) {
 
 Command doctor_command() {
     Command command;
-    command.texts = {"What this build and this machine can do, and how fast.",
-                     "vkt doctor [options]\n"
-                     "  --calibrate    measure copies, files and some operations, on one thread and on all, in about two "
-                     "seconds, and keep it: -n and --explain then predict seconds\n"
-                     "  --json         report as JSON",
-                     {{"What there is", "vkt doctor"},
-                      {"What a pipeline will take",
-                       "vkt doctor --calibrate && vkt pipe -n 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};
+    command.texts = {
+        "What this build and this machine can do, and how fast.",
+        "vkt doctor [options]\n"
+        "  --calibrate    measure copies, files and some operations, on one thread and on all, in about two "
+        "seconds, and keep it: -n and --explain then predict seconds\n"
+        "  --json         report as JSON",
+        {{"What there is", "vkt doctor"},
+         {"What a pipeline will take",
+          "vkt doctor --calibrate && vkt pipe -n 'read volume.nrrd | filter gaussian --sigma 2 | stats'"}}};
     command.body = doctor;
     return command;
 }

@@ -3,8 +3,8 @@
 #include "shell/slim.h"
 
 #include "libvkt/core/error.h"
-#include "libvkt/core/text.h"
 #include "libvkt/core/history.h"
+#include "libvkt/core/text.h"
 #include "libvkt/engine/pipeline.h"
 #include "shell/command.h"
 #include "shell/short_number.h"
@@ -15,7 +15,8 @@
 namespace vkt::shell {
 namespace {
 
-/// Each volume of a source as its smallest model; volumes that are only planned stay as they are, the most there can be.
+/// Each volume of a source as its smallest model; volumes that are only planned stay as they are, the most there can
+/// be.
 class Slimmed : public Source {
 public:
     /// `read`: the file that the volumes come from, if the history is to begin with it.
@@ -112,12 +113,12 @@ Command slim_command() {
          "over the values that matter, at a lower resolution, as bricks that are fine only where they have to be. What "
          "was saved and what it differs by are measured and said; where nothing smaller holds, the voxels are those of "
          "the input.",
-         {{"For this picture, to half a display level",
-           "vkt slim volume.nrrd --for 'render --size 128 --domain 0:500 --opacity 0,0.2 --unit-distance 1' --within 0.5 "
-           "-o small.vkt"},
-          {"For a filter whose result is to stay within 2",
-           "vkt make noise --dims 24 24 24 --low 0 --high 500 --dtype float32 | vkt slim --for 'filter gaussian --sigma "
-           "1' --within 2 | vkt info"}}});
+         {{"For this picture, to half a display level", "vkt slim volume.nrrd --for 'render --size 128 --domain 0:500 "
+                                                        "--opacity 0,0.2 --unit-distance 1' --within 0.5 "
+                                                        "-o small.vkt"},
+          {"For a filter whose result is to stay within 2", "vkt make noise --dims 24 24 24 --low 0 --high 500 --dtype "
+                                                            "float32 | vkt slim --for 'filter gaussian --sigma "
+                                                            "1' --within 2 | vkt info"}}});
 }
 
 } // namespace vkt::shell

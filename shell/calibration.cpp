@@ -73,7 +73,8 @@ Plan planned(std::string const& name, std::vector<std::string> const& words, Hea
     Parameters parameters;
     operation->parameters(parameters);
     auto const count = static_cast<std::size_t>(std::count(name.begin(), name.end(), ' ')) + 1;
-    read_words({words.begin() + static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end()}, {&parameters});
+    read_words({words.begin() + static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end()},
+               {&parameters});
     operation->check();
     return operation->plan({&header, 1});
 }
@@ -137,8 +138,8 @@ void file_rates(Calibration& to) {
     try {
         to.file_write = static_cast<double>(bytes) / usual_seconds(put);
         to.file_read = static_cast<double>(bytes) / usual_seconds([&] {
-            all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); });
-        });
+                           all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); });
+                       });
     } catch (...) {
         ::close(file);
         throw;
@@ -289,9 +290,9 @@ void save(Calibration const& c) {
     if (!only_ours(folder))
         throw Error(ErrorKind::io, text("'", folder.string(), "' belongs to somebody else, or others may write to it"),
                     "remove it, or name another place: XDG_CACHE_HOME");
-    std::string content = text(first_line, "\n", machine_and_build(), "\nthreads ", c.threads, "\ncopy ", c.copy[0], " ",
-                               c.copy[1], "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ",
-                               c.file_write, "\n");
+    std::string content =
+        text(first_line, "\n", machine_and_build(), "\nthreads ", c.threads, "\ncopy ", c.copy[0], " ", c.copy[1],
+             "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ", c.file_write, "\n");
     for (auto const& r : c.rates)
         content += text("rate ", r.bytes, " ", r.fixed[0], " ", r.fixed[1], " ", r.per_cost[0], " ", r.per_cost[1], " ",
                         r.operation, "\n");

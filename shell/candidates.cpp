@@ -114,6 +114,10 @@ bool body_completions(std::vector<std::string> const& words, std::function<void(
         for (auto const& p : options.all()) offer("--" + p.name);
         return true;
     }
+    if (words.front() == "doctor") {
+        for (char const* const option : {"--calibrate", "--json", "--help"}) offer(option);
+        return true;
+    }
     if (words.front() == "completion") {
         for (auto const& script : completion_scripts())
             if (words.size() == 1) offer(script.first);

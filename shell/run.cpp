@@ -290,8 +290,9 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const reduction = stage.operation() == nullptr; // a consumer's own
     Execution const execution = stage.common().execution();
     log_.answer(plan_text(stage.stage(), stage.operation(), plan, inputs, execution, reduction));
-    bool const trees = plan.output.kind != Kind::structured ||
-                       std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
+    bool const trees =
+        plan.output.kind != Kind::structured ||
+        std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
     if (!trees && execution.device != Device::gpu)
         if (Calibration const* const known = calibration())
             predict(stage.stage(), known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads));
@@ -403,12 +404,12 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (dry_run_ || stage.common().explain || last_.common().explain)
-            source = std::make_unique<Announced>(std::move(source), [this, name = stage.stage(),
-                                                                     execution](Header const& h) {
-                log_.answer(opener_plan_text(name, h, execution));
-                if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured)
-                    predict(name, known->reading(h));
-            });
+            source = std::make_unique<Announced>(
+                std::move(source), [this, name = stage.stage(), execution](Header const& h) {
+                    log_.answer(opener_plan_text(name, h, execution));
+                    if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured)
+                        predict(name, known->reading(h));
+                });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);

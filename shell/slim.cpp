@@ -1,5 +1,5 @@
-// Candidates are made by operations in memory, run through the pipeline, and compared with what the volume itself makes.
-// SPDX-License-Identifier: MIT
+// Candidates are made by operations in memory, run through the pipeline, and compared with what the volume itself
+// makes. SPDX-License-Identifier: MIT
 #include "shell/slim.h"
 
 #include "libvkt/core/collect.h"
@@ -31,7 +31,9 @@ Volume made(Volume volume, std::vector<Words> const& stages) {
 
 std::string line_of(std::vector<Words> const& stages) {
     return join(collect(stages,
-                        [](Words const& words) { return join(collect(words, [](auto const& w) { return shell_quoted(w); }), " "); }),
+                        [](Words const& words) {
+                            return join(collect(words, [](auto const& w) { return shell_quoted(w); }), " ");
+                        }),
                 " | ");
 }
 
@@ -191,10 +193,15 @@ private:
                 }
                 (upper ? box.upper : box.lower)[axis] += upper ? -good : good;
             }
-        // What interpolates between voxels looks one further.
-        box = intersect(grow(box, {1, 1, 1}), box_of(header.dims));
-        if (box == box_of(header.dims)) return {};
-        return box;
+        // What a preview leaves out, and what interpolates between voxels, may reach further.
+        for (std::int64_t margin = 1; margin <= 8; margin *= 2) {
+            Box const wider = intersect(grow(box, {margin, margin, margin}), box_of(header.dims));
+            if (wider == box_of(header.dims)) return {};
+            Volume const cut = vkt::apply({"crop", "--roi", to_text(wider)}, {volume_});
+            if (compared(reference_, chain_.run(cut, request_.execution)).max_abs <= 0.25 * request_.within)
+                return wider;
+        }
+        return {};
     }
 
     double difference_in_preview(Box const& part) {
@@ -228,8 +235,8 @@ private:
             said = text("refused: ", e.what()); // what the pipeline cannot take is no model for it
         }
         if (request_.detail)
-            request_.detail(text(bytes_text(static_cast<double>(candidate.bytes)), ": ", line_of(candidate.stages), ": ",
-                                 found.holds ? "holds, " : "", said));
+            request_.detail(text(bytes_text(static_cast<double>(candidate.bytes)), ": ", line_of(candidate.stages),
+                                 ": ", found.holds ? "holds, " : "", said));
         return found;
     }
 

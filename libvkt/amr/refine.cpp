@@ -77,8 +77,7 @@ private:
     bool same_within(T a, T b) const {
         if (options_.scale) {
             double const one = static_cast<double>(a), other = static_cast<double>(b);
-            return one == other ||
-                   std::abs((*options_.scale)(one) - (*options_.scale)(other)) <= options_.tolerance;
+            return one == other || std::abs((*options_.scale)(one) - (*options_.scale)(other)) <= options_.tolerance;
         }
         if constexpr (is_wide)
             return std::abs(difference(a, b)) <= options_.tolerance;

@@ -217,10 +217,10 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
 /// "stored as uint8, slope 0.5, intercept -3: within 0.25, 1 byte a voxel instead of 4"
 std::string Convert::storage_text() const {
     auto const bytes = [](DataType type) { return static_cast<std::uint64_t>(size_of(type)); };
-    std::string const room = copies_ ? std::string(": no smaller type holds it")
-                                     : text(storage_->error > 0 ? text(": within ", storage_->error) : ": exactly",
-                                            ", ", bytes(type_), bytes(type_) == 1 ? " byte" : " bytes",
-                                            " a voxel instead of ", bytes(input_.dtype));
+    std::string const room =
+        copies_ ? std::string(": no smaller type holds it")
+                : text(storage_->error > 0 ? text(": within ", storage_->error) : ": exactly", ", ", bytes(type_),
+                       bytes(type_) == 1 ? " byte" : " bytes", " a voxel instead of ", bytes(input_.dtype));
     return text(copies_ ? "stays " : "stored as ", type_,
                 maps_ ? text(", slope ", values_.slope, ", intercept ", values_.intercept) : std::string(), room);
 }

@@ -38,8 +38,8 @@ template <> struct ValueText<ResultType> : OneWord {
 /// composed so that physical values stay what they were. Percentiles and extremes are those of the finite voxels, of
 /// cells whatever their size, and take passes of their own. The map is computed in double precision, of 64-bit integers
 /// from their exact distance to the range's first end: before the final rounding it is off by at most 5 * 2^-53 of the
-/// new range plus 2^-53 of its larger end. The smallest type is found in a pass before, see smallest_storage(); the plan
-/// then has the input's type, which is the largest that may come of it.
+/// new range plus 2^-53 of its larger end. The smallest type is found in a pass before, see smallest_storage(); the
+/// plan then has the input's type, which is the largest that may come of it.
 class Convert : public Operation, public Tunable {
 public:
     std::optional<ResultType> dtype;

@@ -18,9 +18,7 @@
 namespace vkt {
 namespace {
 
-std::size_t bytes_of(Volume const& tree) {
-    return tree.header().bytes() + tree.bricks().size() * sizeof(Brick);
-}
+std::size_t bytes_of(Volume const& tree) { return tree.header().bytes() + tree.bricks().size() * sizeof(Brick); }
 
 render::TransferFunction transfer_of(std::string const& words) {
     bool const inlined = words.starts_with('{') || words.starts_with('[');
@@ -56,8 +54,8 @@ ValueScale scale_of(render::TransferFunction const& transfer, ValueMap const& va
     std::array<double, 4> before{};
     double sum = 0;
     for (std::size_t i = 0; i <= nodes; ++i) {
-        auto const now =
-            look(values.physical(std::lerp(scale.low, scale.high, static_cast<double>(i) / static_cast<double>(nodes))));
+        auto const now = look(
+            values.physical(std::lerp(scale.low, scale.high, static_cast<double>(i) / static_cast<double>(nodes))));
         double step = 0;
         for (std::size_t c = 0; c < 4; ++c) step = std::max(step, std::abs(now[c] - before[c]));
         sum += i == 0 ? 0 : step;
@@ -86,7 +84,8 @@ void Refine::parameters(Parameters& p) {
              "largest difference at voxel centres, in physical values, or noise: as much as the volume's noise")
         .needed();
     p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
-    p.option("transfer", transfer, "FILE", "with --metric transfer: the transfer function, a JSON file or the JSON itself");
+    p.option("transfer", transfer, "FILE",
+             "with --metric transfer: the transfer function, a JSON file or the JSON itself");
     p.option("block-size", block, "N", "cells of a block along each axis, 1 to 64 (8), or auto: the best of 4, 8, 16");
     p.option("levels", levels, "N", "most levels, 1 to 16 (8)");
     p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
@@ -95,8 +94,7 @@ void Refine::parameters(Parameters& p) {
 }
 
 void Refine::check() const {
-    if (!(tolerance.value >= 0))
-        throw Error(ErrorKind::usage, text("--tolerance ", tolerance.value, " is negative"));
+    if (!(tolerance.value >= 0)) throw Error(ErrorKind::usage, text("--tolerance ", tolerance.value, " is negative"));
     if (method != Reconstruction::basis && method != Reconstruction::nearest)
         throw Error(ErrorKind::usage,
                     text("--method ", enum_name(method), " cannot promise a tolerance at voxel centres"),
@@ -129,10 +127,10 @@ Plan Refine::plan(std::span<Header const> inputs) {
     plan.output = input_;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
     plan.output.level_count = 1;
-    plan.method = text("blocks of ", block.best ? std::string("4, 8 or 16") : to_text(block.cells),
-                       " cells a side, at most ", levels, " levels, ", enum_name(method),
-                       tolerance.noise ? ", as exact as the noise" : "",
-                       metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
+    plan.method =
+        text("blocks of ", block.best ? std::string("4, 8 or 16") : to_text(block.cells), " cells a side, at most ",
+             levels, " levels, ", enum_name(method), tolerance.noise ? ", as exact as the noise" : "",
+             metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
     plan.error.kind = ErrorBound::Kind::bound;
     plan.error.absolute = tolerance.value;
     if (metric != RefineMetric::value)
@@ -142,7 +140,8 @@ Plan Refine::plan(std::span<Header const> inputs) {
     else
         plan.passing = ErrorPassing::averaged(1, values_of(input_));
     plan.cost = block.best ? 48 : 16;
-    plan.state_bytes = input_.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(input_.voxels() / 7) * sizeof(double);
+    plan.state_bytes =
+        input_.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(input_.voxels() / 7) * sizeof(double);
     return plan;
 }
 
@@ -169,8 +168,11 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
         Convert convert;
         convert.dtype = ResultType::automatic();
         convert.tolerance = used_ / 4;
-        stored = apply(convert, {input}, execution);
-        if (stored.header().dtype != input.header().dtype) left = used_ - used_ / 4;
+        Volume given = input;
+        given.header().error = VolumeError::given();
+        stored = apply(convert, {given}, execution);
+        // What storing cost, which the rest of the tolerance is less by.
+        left = std::max(0.0, used_ - (stored.header().error.known() ? stored.header().error.at_most : used_ / 4));
     }
     ValueMap const values = stored.header().values;
     RefineOptions options;
