@@ -14,10 +14,10 @@ type_of() { vkt info "$1" --json | /usr/bin/python3 -c 'import json, sys; print(
     check 'np.array([0, 255, 7], "f4").tofile("a_3x1x1_float32.raw")
 np.array([-128, 127], "i4").tofile("b_2x1x1_int32.raw")
 np.array([-1, 255, 0], "i4").tofile("c_3x1x1_int32.raw")
-np.array([0, 65535], "f8").tofile("d_2x1x1_float64.raw")
+np.array([0, 65535, 1], "f8").tofile("d_3x1x1_float64.raw")
 np.array([-40000, 90000, 7], "i8").tofile("e_3x1x1_int64.raw")
-np.array([-2**62, 2**62, 7], "i8").tofile("f_3x1x1_int64.raw")
-np.array([5, 2000], "u2").tofile("g_2x1x1_uint16.raw")'
+np.array([1 - 2**62, 2**62, 7], "i8").tofile("f_3x1x1_int64.raw")
+np.array([5, 2000, 6], "u2").tofile("g_3x1x1_uint16.raw")'
     while read -r file type; do
         vkt convert "$file"_*.raw --dtype auto -q -o $file.nrrd
         [ "$(type_of $file.nrrd)" = $type ] || { vkt info $file.nrrd; false; }
@@ -77,7 +77,7 @@ assert size["o", "0.01"] == 1 and size["o", "0.0001"] == 2, size'
 }
 
 @test "float16 where it is close enough; NaN and infinities stay what they are" {
-    check 'np.array([0.5, np.nan, np.inf, 2.25, 60000], "f4").tofile("a_5x1x1_float32.raw")
+    check 'np.array([0.5, np.nan, np.inf, 2.25, 60001], "f4").tofile("a_5x1x1_float32.raw")
 np.array([0.5, np.nan, 0.1], "f8").tofile("b_3x1x1_float64.raw")
 np.array([np.nan, 1e39], "f8").tofile("c_2x1x1_float64.raw")
 np.array([np.nan, np.nan], "f8").tofile("d_2x1x1_float64.raw")'
