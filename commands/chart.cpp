@@ -5,6 +5,7 @@
 #include "libvkt/io/output_file.h"
 #include "shell/command.h"
 #include "shell/plot.h"
+#include "shell/short_number.h"
 #include "shell/terminal.h"
 #include "shell/trade_off.h"
 
@@ -15,12 +16,6 @@
 
 namespace vkt::shell {
 namespace {
-
-std::string short_number(double value) {
-    std::array<char, 32> buffer{};
-    std::snprintf(buffer.data(), buffer.size(), "%.3g", value);
-    return buffer.data();
-}
 
 class Chart : public Consumer {
 public:

@@ -114,6 +114,10 @@ bool body_completions(std::vector<std::string> const& words, std::function<void(
         for (auto const& p : options.all()) offer("--" + p.name);
         return true;
     }
+    if (words.front() == "doctor") {
+        for (char const* const option : {"--calibrate", "--json", "--help"}) offer(option);
+        return true;
+    }
     if (words.front() == "completion") {
         for (auto const& script : completion_scripts())
             if (words.size() == 1) offer(script.first);
@@ -153,7 +157,8 @@ std::vector<std::string> completions(std::vector<std::string> words) {
     try {
         bool const pipeline =
             words.front() == "pipe" || ((words.front() == "chart" || words.front() == "stress") && words.size() == 1);
-        if (pipeline && !prefix.starts_with('-')) return pipeline_completions(prefix);
+        bool const wanted_for = words.front() == "slim" && words.back() == "--for";
+        if ((pipeline || wanted_for) && !prefix.starts_with('-')) return pipeline_completions(prefix);
         if (is_segment(prefix))
             for (auto const& name : segments()) offer(name);
         if (!candidates.empty() || body_completions(words, offer)) return candidates;

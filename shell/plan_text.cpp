@@ -146,6 +146,8 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
         line += text(stage, ":   ", work->threads, " of ", execution.threads,
                      " threads: the memory has no room for what more would hold\n");
     line += text(stage, ":   ", error_text(plan.error), ", ", scientific(plan.cost), " multiply-adds a voxel\n");
+    if (!reduction && !plan.output.error.silent())
+        line += text(stage, ":   result ", to_sentence(plan.output.error, printable(plan.output.units)), "\n");
     return line;
 }
 

@@ -12,10 +12,12 @@
 #include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/reference_volume.h"
+#include "shell/calibration.h"
 #include "shell/help.h"
 #include "shell/named_files.h"
 #include "shell/pictures.h"
 #include "shell/plan_text.h"
+#include "shell/short_number.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
 #include "shell/viewer/viewer.h"
@@ -161,6 +163,10 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
+    /// None without one that was kept of this machine and build.
+    Calibration const* calibration();
+    /// Tells how long a stage will take.
+    void predict(std::string const& stage, double seconds);
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
     std::string const& format() const { return format_; }
@@ -179,6 +185,7 @@ private:
     std::unique_ptr<Sink> make_sink();
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
+    void tell_prediction() const;
     void refuse_lossy();
     void tell_transport() const;
     ipc::StageReport own_report() const;
@@ -189,6 +196,10 @@ private:
     Log log_;
     bool dry_run_ = false, window_ = false;
     bool went_inline_ = false; ///< voxels that were to go through shared memory
+    bool asked_calibration_ = false;
+    std::optional<Calibration> calibration_;
+    int predictions_ = 0;
+    double predicted_ = 0; ///< seconds of all stages
     std::string lossy_;
     std::string format_; ///< of the input opened last
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
@@ -220,6 +231,9 @@ void StageContext::plan(Header const& header, std::string const& output) {
     std::optional<std::size_t> held;
     if (whole) held = invocation_.consumer()->bytes_held(header);
     runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
+    if (invocation_.verb().name == "write" && header.kind == Kind::structured)
+        if (Calibration const* const known = runner_.calibration())
+            runner_.predict(invocation_.stage(), known->writing(header));
     explain(header);
 }
 
@@ -274,7 +288,29 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
     bool const explain = stage.common().explain || last_.common().explain || log_.verbosity() == Verbosity::verbose;
     if (!planned_only && !explain) return;
     bool const reduction = stage.operation() == nullptr; // a consumer's own
-    log_.answer(plan_text(stage.stage(), stage.operation(), plan, inputs, stage.common().execution(), reduction));
+    Execution const execution = stage.common().execution();
+    log_.answer(plan_text(stage.stage(), stage.operation(), plan, inputs, execution, reduction));
+    bool const trees =
+        plan.output.kind != Kind::structured ||
+        std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
+    if (!trees && execution.device != Device::gpu)
+        if (Calibration const* const known = calibration())
+            predict(stage.stage(), known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads));
+}
+
+Calibration const* Runner::calibration() {
+    if (!std::exchange(asked_calibration_, true)) calibration_ = load_calibration();
+    return calibration_ ? &*calibration_ : nullptr;
+}
+
+void Runner::predict(std::string const& stage, double seconds) {
+    ++predictions_;
+    predicted_ += seconds;
+    log_.answer(text(stage, ":   about ", short_number(seconds), " s on this machine\n"));
+}
+
+void Runner::tell_prediction() const {
+    if (predictions_ > 1) log_.answer(text(last_.stage(), ":   all stages: about ", short_number(predicted_), " s\n"));
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
@@ -368,10 +404,12 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (dry_run_ || stage.common().explain || last_.common().explain)
-            source = std::make_unique<Announced>(std::move(source),
-                                                 [name = stage.stage(), execution, log = log_](Header const& h) {
-                                                     log.answer(opener_plan_text(name, h, execution));
-                                                 });
+            source = std::make_unique<Announced>(
+                std::move(source), [this, name = stage.stage(), execution](Header const& h) {
+                    log_.answer(opener_plan_text(name, h, execution));
+                    if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured)
+                        predict(name, known->reading(h));
+                });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);
@@ -489,6 +527,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
         refuse_lossy();
     }
     sink.close();
+    tell_prediction();
     tell_transport();
     bool const passes_on = stream_out_ != nullptr && ipc::is_pipe(STDOUT_FILENO);
     if (timing && !passes_on) log_.answer(timing_table(reports()));
@@ -508,6 +547,7 @@ void Runner::tell_transport() const {
 int Runner::drain(std::unique_ptr<Source> source) {
     if (dry_run_ && (last_.common().output != "-" || output_is_terminal())) {
         while (source->next_volume()) source->finish();
+        tell_prediction();
         return 0;
     }
     bool const last_in_line = last_.common().output != "-" || !ipc::is_pipe(STDOUT_FILENO);
@@ -556,6 +596,7 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
         } while (source.next_volume());
     }
     refuse_lossy();
+    tell_prediction();
     bool timing =
         std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });
     if (stream_in_ != nullptr) timing = timing || !stream_in_->stages.empty();

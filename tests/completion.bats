@@ -176,6 +176,7 @@ END
 @test "stress and chart complete a pipeline, stress the names of volumes and damages" {
     [ "$(vkt completion --words stress 'filter gau')" = "filter gaussian" ]
     [ "$(vkt completion --words chart 'filter gaussian --si')" = "filter gaussian --sigma" ]
+    [ "$(vkt completion --words slim v.nrrd --for 'filter gaussian --si')" = "filter gaussian --sigma" ]
     [ "$(vkt completion --words stress --volume nan-float | sort | tr '\n' ' ')" = "nan-float16 nan-float32 nan-float64 " ]
     [ "$(vkt completion --words stress --volume single --damage slab-t)" = slab-twice ]
 }

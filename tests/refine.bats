@@ -53,6 +53,81 @@ a.tofile("a_80x48x64_int64.raw"); b.tofile("b_80x48x64_int64.raw"); c.tofile("c_
         vkt diff smooth.nrrd - --tolerance 0.010001
 }
 
+@test "as exact as the noise: its level is found, and kept to" {
+    python_with numpy scipy
+    /usr/bin/python3 -c '
+import numpy as np
+from scipy import ndimage
+rng = np.random.default_rng(5)
+z, y, x = np.indices((64, 64, 64))
+smooth = 500 * np.exp(-((x - 30) ** 2 + (y - 34) ** 2 + (z - 31) ** 2) / 800) + np.where(x > 50, 300, 0)
+for s in (3, 12): (smooth + rng.normal(0, s, smooth.shape)).astype("f4").tofile(f"n{s}_64x64x64_float32.raw")
+masked = (smooth + rng.normal(0, 5, smooth.shape)); masked[:40] = 0; masked.astype("f4").tofile("m5_64x64x64_float32.raw")'
+    for name in n3 n12 m5; do
+        vkt refine "$name"_64x64x64_float32.raw --tolerance noise -o $name.vkt 2>said
+        cat said
+        sigma=${name:1}
+        found=$(sed -n 's/.*noise \([0-9.e-]*\) (robust estimate).*/\1/p' said)
+        tolerance=$(sed -n 's/.*tolerance \([0-9.e-]*\): .*/\1/p' said)
+        awk "BEGIN { exit !($found > 0.95 * $sigma && $found < 1.05 * $sigma) }"
+        vkt resample $name.vkt --scale 1 | vkt diff "$name"_64x64x64_float32.raw - --tolerance "$(awk "BEGIN { print $tolerance * 1.000001 }")"
+        [ "$(vkt info $name.vkt --json | sed -n 's/.*"cells": \([0-9]*\).*/\1/p' | head -n 1)" -lt $((64 * 64 * 64 / 2)) ]
+    done
+    vkt make constant --dims 16 16 16 --value 3 -o flat.nrrd
+    vkt refine flat.nrrd --tolerance noise -q | vkt resample --scale 1 | vkt diff flat.nrrd
+}
+
+@test "bricks in the smallest type, and of the best size, keep to the tolerance" {
+    field
+    vkt arith mul smooth.nrrd 1000 -o large.nrrd
+    for words in '--dtype auto' '--block-size auto' '--dtype auto --block-size auto --method nearest'; do
+        # shellcheck disable=SC2086
+        vkt refine large.nrrd --tolerance 10 $words -o tree.vkt --force 2>said
+        method=basis
+        [[ "$words" = *nearest* ]] && method=nearest
+        vkt resample tree.vkt --scale 1 --method $method --dtype float32 | vkt diff large.nrrd - --tolerance 10.001
+        [[ "$words" = *dtype* ]] && vkt info tree.vkt | grep -q uint8
+        grep -q 'bricks, .* with their places instead of' said
+    done
+    # The error of what is found later travels, too.
+    vkt make noise --dims 32 32 32 --dtype uint8 --high 255 | vkt refine --tolerance noise -q | vkt info --json >i
+    grep -q '"error": {"kind":"bound","at_most":' i
+}
+
+@test "by gradient: each component stays within the tolerance" {
+    python_with numpy
+    field
+    vkt set smooth.nrrd --spacing 0.5,1,2 -o spaced.nrrd
+    for tolerance in 0.02 0.002; do
+        vkt refine spaced.nrrd --metric gradient --tolerance $tolerance -o tree.vkt --force
+        [ "$(vkt info tree.vkt --json | sed -n 's/.*"cells": \([0-9]*\).*/\1/p' | head -n 1)" -lt $((84 * 60 * 50)) ]
+        vkt resample tree.vkt --scale 1 | vkt convert --dtype float64 | vkt write a_84x60x50_float64.raw --format raw --force
+        vkt convert smooth.nrrd --dtype float64 | vkt write b_84x60x50_float64.raw --format raw --force
+        /usr/bin/python3 -c "
+import numpy as np
+a, b = (np.fromfile(f + '_84x60x50_float64.raw').reshape(50, 60, 84) for f in 'ab')
+worst = max(abs(g).max() for g in np.gradient(a - b, 2, 1, 0.5))
+assert worst <= $tolerance * 1.001 + 1e-6, worst"
+    done
+}
+
+@test "by transfer function: what it does not show costs nothing, what it shows stays" {
+    vkt make sphere --dims 80 64 48 --radius 9 --edge coverage | vkt filter gaussian --sigma 2 | vkt arith mul - 1000 |
+        vkt arith add - <(vkt make noise --dims 80 64 48 --low -90 --high 90) -o noisy.nrrd
+    tf='{"points": [[200, 1, 0.5, 0.2, 0], [900, 1, 1, 1, 0.5]]}'
+    vkt refine noisy.nrrd --metric transfer --transfer "$tf" --tolerance 4 -o tree.vkt
+    vkt refine noisy.nrrd --tolerance 20 -o by-value.vkt
+    cells() { vkt info "$1" --json | sed -n 's/.*"cells": \([0-9]*\).*/\1/p' | head -n 1; }
+    [ "$(cells tree.vkt)" -lt "$(($(cells by-value.vkt) / 2))" ]
+    # Opacity runs in extinctions, from 0 at 200 to -ln(0.5) at 900.
+    vkt resample tree.vkt --scale 1 | vkt convert --dtype float64 -q | vkt write a_80x64x48_float64.raw --format raw
+    vkt convert noisy.nrrd --dtype float64 | vkt write b_80x64x48_float64.raw --format raw
+    /usr/bin/python3 -c "
+import numpy as np
+a, b = (255 * (1 - 0.5 ** np.clip((np.fromfile(f + '_80x64x48_float64.raw') - 200) / 700, 0, 1)) for f in 'ab')
+assert abs(a - b).max() <= 4.02, abs(a - b).max()"
+}
+
 @test "what makes no sense is refused" {
     field
     run -2 vkt refine smooth.nrrd -o x.vkt
@@ -61,5 +136,9 @@ a.tofile("a_80x48x64_int64.raw"); b.tofile("b_80x48x64_int64.raw"); c.tofile("c_
     fails_with 2 'cannot promise' vkt refine smooth.nrrd --tolerance 1 --method average -o x.vkt
     vkt refine smooth.nrrd --tolerance 0.1 -o tree.vkt
     fails_with 2 'hierarchical already' vkt refine tree.vkt --tolerance 1 -o x.nrrd
+    fails_with 2 'needs --transfer' vkt refine smooth.nrrd --tolerance 1 --metric transfer -o x.vkt
+    fails_with 2 'is for --metric transfer' vkt refine smooth.nrrd --tolerance 1 --transfer '{}' -o x.vkt
+    fails_with 2 'one of values' vkt refine smooth.nrrd --tolerance noise --metric gradient -o x.vkt
+    fails_with 2 'only auto' vkt refine smooth.nrrd --tolerance 1 --dtype uint8 -o x.vkt
     fails_with 2 'not in 1…64' vkt refine smooth.nrrd --tolerance 1 --block-size 100 -o x.nrrd
 }

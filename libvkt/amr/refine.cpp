@@ -61,6 +61,12 @@ private:
         else
             return static_cast<double>(a);
     }
+    static double difference_of(T a, T b) {
+        if constexpr (is_wide)
+            return cell_difference(a, b);
+        else
+            return static_cast<double>(a) - static_cast<double>(b);
+    }
     /// The cell that holds a computed value.
     T cell_at(double value) const {
         if constexpr (is_wide)
@@ -69,6 +75,10 @@ private:
             return store_cell<T>(value);
     }
     bool same_within(T a, T b) const {
+        if (options_.scale) {
+            double const one = static_cast<double>(a), other = static_cast<double>(b);
+            return one == other || std::abs((*options_.scale)(one) - (*options_.scale)(other)) <= options_.tolerance;
+        }
         if constexpr (is_wide)
             return std::abs(difference(a, b)) <= options_.tolerance;
         else
@@ -142,10 +152,51 @@ private:
     }
 
     bool within(double prediction, double value) const {
+        if (options_.scale) {
+            double const base = is_wide ? static_cast<double>(base_) : 0;
+            return std::abs((*options_.scale)(base + prediction) - (*options_.scale)(base + value)) <=
+                       options_.tolerance ||
+                   prediction == value;
+        }
         return std::abs(prediction - value) <= options_.tolerance || prediction == value;
     }
 
+    /// Whether gradients differ by no more than the tolerance; difference(p) is the reconstruction less the voxel.
+    template <class Difference> bool same_gradient(Index3 p, Difference const& off) const {
+        for (int axis = 0; axis < 3; ++axis) {
+            Index3 low = p, high = p;
+            low[axis] = std::max<std::int64_t>(p[axis] - 1, 0);
+            high[axis] = std::min(p[axis] + 1, n_[axis] - 1);
+            if (low[axis] == high[axis]) continue;
+            double const length = static_cast<double>(high[axis] - low[axis]) * (*options_.gradient_spacing)[axis];
+            double const apart = off(high) - off(low);
+            if (!(std::abs(apart) <= options_.tolerance * length) && apart == apart) return false;
+        }
+        return true;
+    }
+
+    bool reproduces_gradient(MeanLevel const& mean, Box const& box) const {
+        Box const around = intersect(vkt::grow(box, {1, 1, 1}), box_of(n_));
+        Index3 const d = around.dims();
+        std::vector<double> off(static_cast<std::size_t>(around.voxels()));
+        std::size_t i = 0;
+        for (std::int64_t z = around.lower.z; z < around.upper.z; ++z)
+            for (std::int64_t y = around.lower.y; y < around.upper.y; ++y)
+                for (std::int64_t x = around.lower.x; x < around.upper.x; ++x)
+                    off[i++] = predicted(mean, {x, y, z}) - voxel(x, y, z);
+        auto const at = [&](Index3 p) {
+            Index3 const q = p - around.lower;
+            return off[static_cast<std::size_t>((q.z * d.y + q.y) * d.x + q.x)];
+        };
+        for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+            for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+                for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
+                    if (!same_gradient({x, y, z}, at)) return false;
+        return true;
+    }
+
     bool reproduces(MeanLevel const& mean, Box const& box) const {
+        if (options_.gradient_spacing) return reproduces_gradient(mean, box);
         for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
             for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
                 for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
@@ -264,24 +315,34 @@ private:
         BrickIndex const index(n_, tree.bricks());
         std::vector<std::uint8_t> failed(tree.bricks().size(), 0);
         std::vector<std::int32_t> near;
-        std::vector<T> slab(static_cast<std::size_t>(n_.x * n_.y * std::min<std::int64_t>(n_.z, 16)));
+        bool const gradient = options_.gradient_spacing.has_value();
+        std::int64_t const beyond = gradient ? 1 : 0; // slices
+        std::vector<T> slab(static_cast<std::size_t>(n_.x * n_.y * std::min<std::int64_t>(n_.z, 16 + 2 * beyond)));
         bool any = false;
         for (std::int64_t z0 = 0; z0 < n_.z; z0 += 16) {
-            Box const box{{0, 0, z0}, {n_.x, n_.y, std::min(z0 + 16, n_.z)}};
+            Box const box{{0, 0, std::max<std::int64_t>(z0 - beyond, 0)},
+                          {n_.x, n_.y, std::min(z0 + 16 + beyond, n_.z)}};
             reconstructor.run(dense_view(reinterpret_cast<std::byte*>(slab.data()), volume_.header().dtype, box),
                               execution_);
-            T const* value = slab.data();
-            for (std::int64_t z = z0; z < box.upper.z; ++z)
+            auto const value = [&](Index3 p) {
+                return slab[static_cast<std::size_t>(((p.z - box.lower.z) * n_.y + p.y) * n_.x + p.x)];
+            };
+            auto const off = [&](Index3 p) { return difference_of(value(p), cell_of(p.x, p.y, p.z)); };
+            for (std::int64_t z = z0; z < std::min(z0 + 16, n_.z); ++z)
                 for (std::int64_t y = 0; y < n_.y; ++y)
-                    for (std::int64_t x = 0; x < n_.x; ++x, ++value) {
-                        if (same_within(*value, cell_of(x, y, z))) continue;
+                    for (std::int64_t x = 0; x < n_.x; ++x) {
+                        Index3 const at{x, y, z};
+                        if (gradient ? same_gradient(at, off) : same_within(value(at), cell_of(x, y, z))) continue;
+                        double const reach = gradient ? 1 : 0;
                         Vec3 const p{static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
                                      static_cast<double>(z) + 0.5};
-                        index.query(p, p, near);
+                        Vec3 const from{p.x - reach, p.y - reach, p.z - reach};
+                        Vec3 const to{p.x + reach, p.y + reach, p.z + reach};
+                        index.query(from, to, near);
                         for (std::int32_t const id : near) {
                             Brick const& brick = tree.bricks()[static_cast<std::size_t>(id)];
                             if (brick.level == 0 || failed[static_cast<std::size_t>(id)] != 0 ||
-                                !domain_meets(brick, n_, p, p))
+                                !domain_meets(brick, n_, from, to))
                                 continue;
                             failed[static_cast<std::size_t>(id)] = 1;
                             any = true;
@@ -312,6 +373,8 @@ Volume refine(Volume const& volume, RefineOptions const& options, Execution cons
         throw Error(ErrorKind::usage, text("blocks of ", options.block, " cells are not in 1…64"));
     if (options.levels < 1 || options.levels > 16)
         throw Error(ErrorKind::usage, text(options.levels, " levels are not in 1…16"));
+    if (options.scale && options.gradient_spacing)
+        throw Error(ErrorKind::usage, "differences are of a scale or of the gradient, not of both");
     if (options.method != Reconstruction::basis && options.method != Reconstruction::nearest)
         throw Error(ErrorKind::usage, "the tolerance can be promised for basis or nearest reconstruction");
     return with_cell_type(volume.header().dtype,

@@ -104,9 +104,9 @@ public:
     virtual void scan_end() {}
     /// After scan_end(): true if one pass was not enough. Reductions only if their plan says that they scan.
     virtual bool scans_again() const { return false; }
-    /// After scan_end(): what the scan found out may still go into the output header (value map, attributes), whose
-    /// dims and type are fixed by then.
-    virtual void after_scan(Header& /*output*/) const {}
+    /// After scan_end(), once: what the scan found out goes into the plan: the output's value map, attributes, values
+    /// and error, and a type of no more bytes than was planned. All else has been settled and must stay.
+    virtual void after_scan(Plan& /*plan*/) const {}
 
     /// After plan(): regions for run() will be no larger than this. Returns the bytes that the operation is going to
     /// hold for such regions, besides them and their footprints; it may be asked about several before it runs, and the

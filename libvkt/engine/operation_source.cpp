@@ -343,6 +343,8 @@ void OperationSource::make_tree() {
     Volume result;
     if (!operation_.run_tree(whole, result, execution_))
         throw Error(ErrorKind::failure, text(operation_.name(), " made no hierarchical volume"));
+    operation_.after_scan(plan_);
+    settle_error({inputs_.front()->header()}, true);
     std::optional<History> const history = plan_.output.history;
     bool const timing = plan_.output.timing;
     VolumeError const error = plan_.output.error;
@@ -367,7 +369,7 @@ void OperationSource::scan() {
     Input& input = *inputs_.front();
     do scan_volume(input, operation_, requested_, info_.times.get());
     while (operation_.scans_again());
-    operation_.after_scan(plan_.output);
+    operation_.after_scan(plan_);
     // A source whose end was proven in the first pass may be read again; the end is proven once more in finish().
 }
 

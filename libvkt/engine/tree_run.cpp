@@ -258,7 +258,7 @@ public:
             inputs_[0] = spooled(std::move(inputs_[0]), work.keep, execution_, info);
             do scan_bricks(operation_, inputs_[0], execution_, times_.get());
             while (operation_.scans_again());
-            operation_.after_scan(plan.output);
+            operation_.after_scan(plan);
         }
         map_background(operation_, headers, plan.output, execution_);
         run_ = std::make_unique<GroupRun>(operation_, headers.front(),

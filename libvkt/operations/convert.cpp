@@ -12,8 +12,21 @@ namespace vkt {
 
 VKT_OPERATION(Convert, "convert")
 
+std::vector<std::string> ValueText<ResultType>::choices() {
+    std::vector<std::string> names = ValueText<DataType>::choices();
+    names.emplace_back("auto");
+    return names;
+}
+
+ResultType ValueText<ResultType>::read(std::vector<std::string> const& w, std::string_view name) {
+    if (w.front() == "auto") return ResultType::automatic();
+    return ValueText<DataType>::read(w, name);
+}
+
 void Convert::parameters(Parameters& p) {
-    p.option("dtype", dtype, "TYPE", "data type of the result").alias("data-format");
+    p.option("dtype", dtype, "TYPE", "data type of the result, or auto: the smallest that holds the voxels")
+        .alias("data-format");
+    p.option("tolerance", tolerance, "T", "with --dtype auto: largest change of a physical value (0: none)");
     p.option("range", range, "LO:HI|minmax|pA:pB",
              "map these values to the full range of the result; what lies outside is clipped");
     p.option("to", to, "LO:HI", "with --range: map to these stored values instead");
@@ -24,6 +37,13 @@ std::vector<Knob> Convert::knobs() const {
 }
 
 void Convert::check() const {
+    if (tolerance && !smallest())
+        throw Error(ErrorKind::usage, "--tolerance is for --dtype auto", "a type that is named is taken as it is");
+    if (tolerance && !(*tolerance >= 0 && std::isfinite(*tolerance)))
+        throw Error(ErrorKind::usage, text("--tolerance ", *tolerance, " is not a finite number >= 0"));
+    if (smallest() && range)
+        throw Error(ErrorKind::usage, "--dtype auto chooses its own range: --range has no meaning with it",
+                    "name a type, as in --dtype uint8 --range minmax");
     if (to && !range) throw Error(ErrorKind::usage, "--to needs --range");
     if (to && (to->low.percentile || to->high.percentile))
         throw Error(ErrorKind::usage, "--to takes two numbers, as in 0:255");
@@ -31,11 +51,14 @@ void Convert::check() const {
 
 Plan Convert::plan(std::span<Header const> inputs) {
     input_ = inputs.front();
-    type_ = dtype.value_or(input_.dtype);
+    type_ = dtype && !dtype->smallest ? dtype->type : input_.dtype;
     values_ = input_.values;
     counts_ = {};
     scan_.reset();
     scans_again_ = false;
+    storage_.reset();
+    maps_ = range.has_value();
+    if (smallest()) return plan_smallest();
     Plan plan;
     plan.output = input_;
     plan.output.dtype = type_;
@@ -86,9 +109,65 @@ Plan Convert::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-void Convert::scan(ConstView slab, Execution const& execution) { scan_->scan(slab, execution); }
+/// The result is as large as the input at most.
+Plan Convert::plan_smallest() {
+    fit_ = {};
+    copies_ = false;
+    Plan plan;
+    plan.output = input_;
+    plan.scans = true;
+    plan.method = text("smallest type within ", tolerance.value_or(0), ", chosen after a look at all voxels");
+    plan.cost = 4;
+    plan.error.kind = ErrorBound::Kind::bound;
+    plan.error.absolute = tolerance.value_or(0);
+    plan.passing = ErrorPassing::computed(1, values_of(input_));
+    plan.passing.own = tolerance.value_or(0);
+    if (input_.kind == Kind::hierarchical) // holes are converted as well
+        if (auto const background = input_.attributes.find("background");
+            background != input_.attributes.end() && is_number(background->second)) {
+            double const held = input_.values.stored(parse_double(background->second));
+            Header one;
+            one.dims = {1, 1, 1};
+            one.dtype = DataType::float64;
+            find_fit(dense_view(reinterpret_cast<std::byte const*>(&held), one.dtype, box_of(one.dims)), fit_, {});
+        }
+    return plan;
+}
+
+void Convert::after_scan(Plan& plan) const {
+    plan.output.values = values_;
+    if (!storage_) return;
+    plan.output.dtype = type_;
+    plan.passing.own = storage_->error;
+    double const low = input_.values.physical(fit_.extremes.low), high = input_.values.physical(fit_.extremes.high);
+    ValueInterval const values{std::min(low, high), std::max(low, high)};
+    if (fit_.extremes.low <= fit_.extremes.high && !fit_.infinite && values.finite() && !plan.passing.values)
+        plan.passing.values = values;
+}
+
+void Convert::scan(ConstView slab, Execution const& execution) {
+    if (!smallest()) return scan_->scan(slab, execution);
+    TypeFit found;
+    find_fit(slab, found, execution);
+    fit_ = joined(fit_, found);
+}
 
 void Convert::scan_end() {
+    if (smallest()) {
+        storage_ = smallest_storage(fit_, input_, tolerance.value_or(0));
+        type_ = storage_->type;
+        values_ = storage_->values;
+        copies_ = type_ == input_.dtype;
+        maps_ = storage_->maps;
+        low_ = storage_->low;
+        high_ = storage_->high;
+        to_low_ = 0;
+        to_high_ = storage_->codes;
+        double const width = high_ - low_;
+        scale_ = 1;
+        factor_ = width > 0 ? to_high_ / width : 0;
+        return;
+    }
     scans_again_ = scan_->end_pass();
     if (scans_again_) return;
     if (!scan_->known())
@@ -125,7 +204,7 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
     ConstView const in = inputs.front().part(out.box);
     if (copies_) return copy_region(in, out, execution);
     Losses losses;
-    if (range) {
+    if (maps_) {
         double const low = low_.rest, high = high_.rest + static_cast<double>(high_.whole - low_.whole);
         LinearMap const map{low_.whole, low, scale_, factor_, to_low_, std::min(low, high), std::max(low, high)};
         convert_range(in, out, map, losses, execution);
@@ -135,9 +214,21 @@ void Convert::run(std::span<ConstView const> inputs, AnyView out, Execution cons
     counts_.nan += losses.nan;
 }
 
+/// "stored as uint8, slope 0.5, intercept -3: within 0.25, 1 byte a voxel instead of 4"
+std::string Convert::storage_text() const {
+    auto const bytes = [](DataType type) { return static_cast<std::uint64_t>(size_of(type)); };
+    std::string const room =
+        copies_ ? std::string(": no smaller type holds it")
+                : text(storage_->error > 0 ? text(": within ", storage_->error) : ": exactly", ", ", bytes(type_),
+                       bytes(type_) == 1 ? " byte" : " bytes", " a voxel instead of ", bytes(input_.dtype));
+    return text(copies_ ? "stays " : "stored as ", type_,
+                maps_ ? text(", slope ", values_.slope, ", intercept ", values_.intercept) : std::string(), room);
+}
+
 std::vector<Remark> Convert::remarks() const {
     std::int64_t const voxels = input_.voxels();
     std::vector<Remark> result = store_remarks(counts_, voxels, type_);
+    if (storage_) result.push_back({storage_text(), false});
     if (range && counts_.clipped > 0)
         result.front().message =
             text(share_text(counts_.clipped, voxels), " clipped to [", to_low_, ",", to_high_, "]");

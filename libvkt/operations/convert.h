@@ -6,10 +6,31 @@
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/range_option.h"
 #include "libvkt/operations/remarks.h"
+#include "libvkt/operations/smallest_type.h"
 
 #include <optional>
 
 namespace vkt {
+
+/// A data type, or the smallest that does.
+struct ResultType {
+    DataType type = DataType::uint8;
+    bool smallest = false;
+
+    ResultType() = default;
+    ResultType(DataType of) : type(of) {}
+    static ResultType automatic() {
+        ResultType result;
+        result.smallest = true;
+        return result;
+    }
+};
+
+template <> struct ValueText<ResultType> : OneWord {
+    static std::vector<std::string> choices();
+    static ResultType read(std::vector<std::string> const& w, std::string_view name);
+    static std::vector<std::string> write(ResultType v) { return {v.smallest ? "auto" : to_text(v.type)}; }
+};
 
 /// Without a range stored values are kept: rounded half to even, saturated, NaN to 0; both are counted. 64-bit integers
 /// convert exactly. With a range, physical values in [low, high] are mapped linearly to `to`, by default the full range
@@ -17,10 +38,12 @@ namespace vkt {
 /// composed so that physical values stay what they were. Percentiles and extremes are those of the finite voxels, of
 /// cells whatever their size, and take passes of their own. The map is computed in double precision, of 64-bit integers
 /// from their exact distance to the range's first end: before the final rounding it is off by at most 5 * 2^-53 of the
-/// new range plus 2^-53 of its larger end.
+/// new range plus 2^-53 of its larger end. The smallest type is found in a pass before, see smallest_storage(); the
+/// plan then has the input's type, which is the largest that may come of it.
 class Convert : public Operation, public Tunable {
 public:
-    std::optional<DataType> dtype;
+    std::optional<ResultType> dtype;
+    std::optional<double> tolerance; ///< of the smallest type, a physical value; 0 if not given
     std::optional<RangeOption> range;
     std::optional<RangeOption> to; ///< stored values of the output
 
@@ -33,7 +56,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
     bool scans_again() const override { return scans_again_; }
-    void after_scan(Header& output) const override { output.values = values_; }
+    void after_scan(Plan& plan) const override;
     bool uses_position() const override { return false; }
     /// Percentiles are counted on CPUs.
     bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
@@ -42,6 +65,9 @@ public:
     std::vector<Remark> remarks() const override;
 
 private:
+    bool smallest() const { return dtype && dtype->smallest; }
+    Plan plan_smallest();
+    std::string storage_text() const;
     void set_map(StoredValue low, StoredValue high);
 
     Header input_;
@@ -52,6 +78,9 @@ private:
     double to_low_ = 0, to_high_ = 1;
     double scale_ = 1, factor_ = 1; ///< see LinearMap
     std::optional<RangeScan> scan_;
+    TypeFit fit_;                    ///< for the smallest type
+    std::optional<Storage> storage_; ///< once it is known
+    bool maps_ = false;              ///< a range, or what became of the smallest type
     Losses counts_;
     bool copies_ = false;
 };

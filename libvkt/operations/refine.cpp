@@ -3,54 +3,210 @@
 #include "libvkt/operations/refine.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/io/whole_text.h"
+#include "libvkt/operations/noise_level.h"
+#include "libvkt/render/transfer.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
 
 namespace vkt {
+namespace {
+
+std::size_t bytes_of(Volume const& tree) { return tree.header().bytes() + tree.bricks().size() * sizeof(Brick); }
+
+render::TransferFunction transfer_of(std::string const& words) {
+    bool const inlined = words.starts_with('{') || words.starts_with('[');
+    return render::transfer_from_json(inlined ? words : whole_text(words, std::size_t{16} << 20));
+}
+
+/// How far colour times opacity, or opacity, goes from the least value on, in display levels: at every value that of
+/// the four that goes furthest there.
+ValueScale scale_of(render::TransferFunction const& transfer, ValueMap const& values) {
+    auto const& points = transfer.points;
+    double first = values.stored(points.front().value), last = values.stored(points.back().value);
+    if (first > last) std::swap(first, last);
+    constexpr std::size_t nodes = 16384;
+    // A function of one point, or a step alone, still has two ends.
+    double const margin = last > first ? (last - first) / nodes : std::max(1e-6, 1e-6 * std::abs(first));
+    ValueScale scale;
+    scale.low = first - margin;
+    scale.high = last + margin;
+    auto const look = [&](double physical) {
+        auto const next = std::upper_bound(points.begin(), points.end(), physical,
+                                           [](double v, auto const& point) { return v < point.value; });
+        auto const& b = next == points.end() ? points.back() : *next;
+        auto const& a = next == points.begin() ? points.front() : *(next - 1);
+        double const t = b.value > a.value ? std::clamp((physical - a.value) / (b.value - a.value), 0.0, 1.0) : 0;
+        double const alpha = render::alpha_between(a.alpha, b.alpha, t);
+        auto const level = [&](double from, double to) {
+            double const mixed = std::lerp(from, to, t);
+            return 255 * alpha * (transfer.linear_colors ? render::linear_to_srgb(mixed) : mixed);
+        };
+        return std::array<double, 4>{level(a.color.red, b.color.red), level(a.color.green, b.color.green),
+                                     level(a.color.blue, b.color.blue), 255 * alpha};
+    };
+    std::array<double, 4> before{};
+    double sum = 0;
+    for (std::size_t i = 0; i <= nodes; ++i) {
+        auto const now = look(
+            values.physical(std::lerp(scale.low, scale.high, static_cast<double>(i) / static_cast<double>(nodes))));
+        double step = 0;
+        for (std::size_t c = 0; c < 4; ++c) step = std::max(step, std::abs(now[c] - before[c]));
+        sum += i == 0 ? 0 : step;
+        scale.values.push_back(sum);
+        before = now;
+    }
+    return scale;
+}
+
+} // namespace
 
 VKT_OPERATION(Refine, "refine")
 
+RefineTolerance ValueText<RefineTolerance>::read(std::vector<std::string> const& w, std::string_view name) {
+    if (w.front() == "noise") return {0, true};
+    return {ValueText<double>::read(w, name), false};
+}
+
+BlockSize ValueText<BlockSize>::read(std::vector<std::string> const& w, std::string_view name) {
+    if (w.front() == "auto") return {8, true};
+    return {ValueText<std::int64_t>::read(w, name), false};
+}
+
 void Refine::parameters(Parameters& p) {
-    p.option("tolerance", options.tolerance, "T", "largest difference at voxel centres, in physical values").needed();
-    p.option("block-size", options.block, "N", "cells of a block along each axis, 1 to 64 (8)");
-    p.option("levels", options.levels, "N", "most levels, 1 to 16 (8)");
-    p.option("method", options.method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
+    p.option("tolerance", tolerance, "T",
+             "largest difference at voxel centres, in physical values, or noise: as much as the volume's noise")
+        .needed();
+    p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
+    p.option("transfer", transfer, "FILE",
+             "with --metric transfer: the transfer function, a JSON file or the JSON itself");
+    p.option("block-size", block, "N", "cells of a block along each axis, 1 to 64 (8), or auto: the best of 4, 8, 16");
+    p.option("levels", levels, "N", "most levels, 1 to 16 (8)");
+    p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
+    p.option("dtype", dtype, "TYPE", "auto: store cells in the smallest type that a quarter of the tolerance allows");
     p.option("background", background, "VALUE", "leave out blocks that stay within the tolerance of this value");
 }
 
 void Refine::check() const {
-    if (!(options.tolerance >= 0))
-        throw Error(ErrorKind::usage, text("--tolerance ", options.tolerance, " is negative"));
-    if (options.method != Reconstruction::basis && options.method != Reconstruction::nearest)
+    if (!(tolerance.value >= 0)) throw Error(ErrorKind::usage, text("--tolerance ", tolerance.value, " is negative"));
+    if (method != Reconstruction::basis && method != Reconstruction::nearest)
         throw Error(ErrorKind::usage,
-                    text("--method ", enum_name(options.method), " cannot promise a tolerance at voxel centres"),
+                    text("--method ", enum_name(method), " cannot promise a tolerance at voxel centres"),
                     "use --method basis or --method nearest");
+    if (dtype && !dtype->smallest)
+        throw Error(ErrorKind::usage, text("--dtype ", dtype->type, ": only auto keeps to the tolerance"),
+                    "change the type before: vkt convert");
+    if ((metric == RefineMetric::transfer) == transfer.empty())
+        throw Error(ErrorKind::usage, transfer.empty() ? "--metric transfer needs --transfer FILE"
+                                                       : "--transfer is for --metric transfer");
+    if (metric == RefineMetric::value) return;
+    if (tolerance.noise)
+        throw Error(ErrorKind::usage, text("--tolerance noise is one of values, not for --metric ", enum_name(metric)));
+    if (dtype) throw Error(ErrorKind::usage, text("--dtype auto is for --metric value"));
+    if (metric == RefineMetric::gradient && background)
+        throw Error(ErrorKind::usage, "--background is a value, and --metric gradient compares none");
 }
 
 Plan Refine::plan(std::span<Header const> inputs) {
-    if (inputs.front().kind == Kind::hierarchical)
+    input_ = inputs.front();
+    found_.clear();
+    noise_ = 0;
+    if (input_.kind == Kind::hierarchical)
         throw Error(ErrorKind::usage, "the volume is hierarchical already", "make it a grid first: vkt resample");
+    if (metric == RefineMetric::transfer && !function_) { // once: a pipe gives it to the first who asks
+        function_ = std::make_shared<render::TransferFunction>(transfer_of(transfer));
+        function_->check_and_sort();
+    }
     Plan plan;
-    plan.output = inputs.front();
+    plan.output = input_;
     plan.output.kind = Kind::hierarchical; // how many bricks is known when all voxels are
     plan.output.level_count = 1;
-    plan.method = text("blocks of ", options.block, " cells a side, at most ", options.levels, " levels, ",
-                       enum_name(options.method));
+    plan.method =
+        text("blocks of ", block.best ? std::string("4, 8 or 16") : to_text(block.cells), " cells a side, at most ",
+             levels, " levels, ", enum_name(method), tolerance.noise ? ", as exact as the noise" : "",
+             metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
     plan.error.kind = ErrorBound::Kind::bound;
-    plan.error.absolute = options.tolerance;
-    plan.passing = ErrorPassing::averaged(1, values_of(inputs.front()));
-    plan.cost = 16;
-    plan.state_bytes = inputs.front().bytes() + static_cast<std::size_t>(inputs.front().voxels() / 7) * sizeof(double);
+    plan.error.absolute = tolerance.value;
+    if (metric != RefineMetric::value)
+        plan.passing.because = text("its tolerance is one of ", enum_name(metric), "s");
+    else if (tolerance.noise)
+        plan.passing.because = "all voxels are read before the noise is known";
+    else
+        plan.passing = ErrorPassing::averaged(1, values_of(input_));
+    plan.cost = block.best ? 48 : 16;
+    plan.state_bytes =
+        input_.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(input_.voxels() / 7) * sizeof(double);
     return plan;
 }
 
+/// Of the block sizes that are asked for the one that takes the fewest bytes.
+Volume Refine::best(Volume const& volume, RefineOptions options, Execution const& execution) const {
+    std::optional<Volume> smallest;
+    for (std::int64_t const cells : block.best ? std::vector<std::int64_t>{4, 8, 16} : std::vector{block.cells}) {
+        options.block = cells;
+        Volume tree = refine(volume, options, execution);
+        if (!smallest || bytes_of(tree) < bytes_of(*smallest)) smallest = std::move(tree);
+    }
+    return *std::move(smallest);
+}
+
 bool Refine::run_tree(Volume const& input, Volume& output, Execution const& execution) {
-    ValueMap const values = input.header().values;
-    RefineOptions stored = options;
-    stored.tolerance /= std::abs(values.slope);
-    if (background) stored.background = values.stored(*background);
-    output = refine(input, stored, execution);
+    used_ = tolerance.value;
+    if (tolerance.noise) {
+        noise_ = noise_level(input) * std::abs(input.header().values.slope);
+        used_ = noise_ * noise_extent(input.header().voxels());
+    }
+    Volume stored = input;
+    double left = used_;
+    if (dtype) {
+        Convert convert;
+        convert.dtype = ResultType::automatic();
+        convert.tolerance = used_ / 4;
+        Volume given = input;
+        given.header().error = VolumeError::given();
+        stored = apply(convert, {given}, execution);
+        // What storing cost, which the rest of the tolerance is less by.
+        left = std::max(0.0, used_ - (stored.header().error.known() ? stored.header().error.at_most : used_ / 4));
+    }
+    ValueMap const values = stored.header().values;
+    RefineOptions options;
+    options.levels = levels;
+    options.method = method;
+    options.tolerance = left;
+    if (metric == RefineMetric::transfer) {
+        options.scale = scale_of(*function_, values);
+    } else {
+        options.tolerance /= std::abs(values.slope);
+    }
+    if (metric == RefineMetric::gradient) options.gradient_spacing = input.header().geometry.spacing;
+    if (background) options.background = values.stored(*background);
+    output = best(stored, options, execution);
+    error_ = used_;
+    if (tolerance.noise || dtype || block.best) {
+        double const before = static_cast<double>(input.header().bytes()), now = static_cast<double>(bytes_of(output));
+        found_ = text(tolerance.noise ? text("noise ", noise_, " (robust estimate), tolerance ", used_, ": ")
+                                      : std::string(),
+                      output.header().dtype, " in ", static_cast<std::uint64_t>(output.bricks().size()), " bricks, ",
+                      bytes_text(now), " with their places instead of ", bytes_text(before));
+    }
     return true;
+}
+
+void Refine::after_scan(Plan& plan) const {
+    if (metric != RefineMetric::value) return;
+    plan.passing = ErrorPassing::averaged(1, values_of(input_));
+    plan.error.absolute = error_;
+}
+
+std::vector<Remark> Refine::remarks() const {
+    if (found_.empty()) return {};
+    return {{found_, false}};
 }
 
 void Refine::run(std::span<ConstView const>, AnyView, Execution const&) {

@@ -27,7 +27,7 @@ public:
     void scan(ConstView slab, Execution const& execution) override { convert_.scan(slab, execution); }
     void scan_end() override { convert_.scan_end(); }
     bool scans_again() const override { return convert_.scans_again(); }
-    void after_scan(Header& output) const override { convert_.after_scan(output); }
+    void after_scan(Plan& plan) const override { convert_.after_scan(plan); }
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     std::vector<Remark> remarks() const override;

@@ -5,6 +5,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -70,6 +71,104 @@ template <class C> struct Extremes {
     }
 };
 
+VKT_HD std::uint64_t common_divisor(std::uint64_t a, std::uint64_t b) {
+    while (b != 0) {
+        std::uint64_t const rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
+/// TypeFit of some values; C is double or Int128. Differences are counted from one of them, `base`.
+template <class C> struct Fit {
+    C low, high, base;
+    double off_whole = 0, off_half = 0, off_single = 0;
+    std::uint64_t step = 0;
+    bool any = false, nan = false, infinite = false;
+
+    VKT_HD void add(C v) {
+        Fit one{v, v, v, 0, 0, 0, 0, true, false, false};
+        if constexpr (std::is_same_v<C, double>) {
+            one.nan = v != v;
+            one.infinite = !one.nan && v - v != 0;
+            one.any = !one.nan && !one.infinite;
+        }
+        if (one.any) {
+            if constexpr (std::is_same_v<C, double>) one.off_whole = off(v, std::rint(v));
+            one.off_half = off(v, static_cast<double>(Half(static_cast<double>(v))));
+            one.off_single = off(v, static_cast<double>(static_cast<float>(v)));
+        }
+        merge(one);
+    }
+    VKT_HD void merge(Fit const& o) {
+        nan = nan || o.nan;
+        infinite = infinite || o.infinite;
+        if (!o.any) return;
+        if (!any) {
+            low = o.low;
+            high = o.high;
+            base = o.base;
+            step = o.step;
+        } else {
+            step = joined(o);
+            low = o.low < low ? o.low : low;
+            high = o.high > high ? o.high : high;
+        }
+        off_whole = o.off_whole > off_whole ? o.off_whole : off_whole;
+        off_half = o.off_half > off_half ? o.off_half : off_half;
+        off_single = o.off_single > off_single ? o.off_single : off_single;
+        any = true;
+    }
+    void add_row(C const* values, std::int64_t n) {
+        for (std::int64_t i = 0; i < n; ++i) add(values[i]);
+    }
+
+private:
+    static VKT_HD double off(C v, double stored) {
+        if constexpr (std::is_same_v<C, double>) {
+            double const distance = v - stored;
+            return distance < 0 ? -distance : distance;
+        } else {
+            if (stored - stored != 0) return stored < 0 ? -stored : stored;
+            Int128 const distance = v - static_cast<Int128>(stored);
+            return static_cast<double>(distance < 0 ? -distance : distance);
+        }
+    }
+    /// Of both together. Differences of more than 2^53 and of values that are no whole numbers have no step.
+    VKT_HD std::uint64_t joined(Fit const& o) const {
+        if (step == 1 || o.step == 1 || off_whole > 0 || o.off_whole > 0) return 1;
+        C const apart = o.base < base ? base - o.base : o.base - base;
+        if (!(apart <= static_cast<C>(std::int64_t{1} << 53))) return 1;
+        std::uint64_t const distance = static_cast<std::uint64_t>(apart);
+        // Most values add nothing new, and one division tells it.
+        if (o.step == 0 && step != 0 && distance % step == 0) return step;
+        return common_divisor(common_divisor(step, o.step), distance);
+    }
+};
+
+template <class C> TypeFit fit_of(ConstView in, Execution const& execution) {
+    Fit<C> const fit = reduce<C>(execution, in, Fit<C>{0, 0, 0});
+    TypeFit result;
+    if (fit.any) result.extremes = {static_cast<double>(fit.low), static_cast<double>(fit.high), 0, 0};
+    if constexpr (std::is_same_v<C, Int128>) {
+        result.extremes.whole_low = fit.low;
+        result.extremes.whole_high = fit.high;
+    }
+    bool const steps = fit.off_whole == 0 && std::abs(static_cast<double>(fit.low)) <= 0x1p62;
+    if (std::is_same_v<C, double> && fit.any && steps) {
+        result.extremes.whole_low = static_cast<Int128>(fit.low);
+        result.extremes.whole_high = static_cast<Int128>(std::min(static_cast<double>(fit.high), 0x1p63));
+    }
+    result.off_whole = fit.off_whole;
+    result.off_half = fit.off_half;
+    result.off_single = fit.off_single;
+    result.step = steps ? fit.step : 1;
+    result.nan = fit.nan;
+    result.infinite = fit.infinite;
+    return result;
+}
+
 bool is_wide(DataType type) { return type == DataType::int64 || type == DataType::uint64; }
 
 } // namespace
@@ -89,6 +188,10 @@ void find_extremes(ConstView in, FiniteExtremes& found, Execution const& executi
     }
     auto const extremes = reduce<double>(execution, in, Extremes<double>{0, 0});
     if (extremes.any) found = {extremes.low, extremes.high, 0, 0};
+}
+
+void find_fit(ConstView in, TypeFit& found, Execution const& execution) {
+    found = is_wide(in.type) ? fit_of<Int128>(in, execution) : fit_of<double>(in, execution);
 }
 
 void convert_range(ConstView in, AnyView out, LinearMap const& range, Losses& losses, Execution const& execution) {

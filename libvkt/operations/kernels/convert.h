@@ -5,6 +5,7 @@
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/numeric.h"
 
+#include <cstdint>
 #include <limits>
 
 namespace vkt {
@@ -22,6 +23,17 @@ struct FiniteExtremes {
     Int128 whole_low = 0, whole_high = 0;
 };
 
+/// What decides which types hold stored values. Of finite values, but for the last two; distances are 0 if there are
+/// none.
+struct TypeFit {
+    FiniteExtremes extremes;
+    double off_whole = 0;                ///< largest distance from a whole number
+    double off_half = 0, off_single = 0; ///< from the nearest float16 and float32; infinite beyond them
+    std::uint64_t step = 0;              ///< greatest common divisor of differences; 0 if there are none, 1 if unknown
+    bool nan = false, infinite = false;
+};
+
+VKT_KERNEL(find_fit, (ConstView in, TypeFit& found, Execution const& execution), (in, found, execution))
 VKT_KERNEL(find_extremes, (ConstView in, FiniteExtremes& found, Execution const& execution), (in, found, execution))
 VKT_KERNEL(convert_values, (ConstView in, AnyView out, Losses& losses, Execution const& execution),
            (in, out, losses, execution))

@@ -1,0 +1,21 @@
+// How noisy a volume is, told from the volume alone.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/volume.h"
+
+namespace vkt {
+
+/// Standard deviation of white noise in a structured volume, as a stored value: the median of |w| over 0.6745, where w
+/// are the finest diagonal Haar coefficients, of blocks of 2x2x2 voxels (2x2, 2 where axes have one voxel). What is
+/// smooth cancels in them, and edges are too few to move a median (D. L. Donoho, I. M. Johnstone: Ideal spatial
+/// adaptation by wavelet shrinkage, Biometrika 81, 1994). Blocks whose voxels are all equal (masks, padding) and those
+/// that hold no numbers are left out; 0 if none are left. Too small for noise that neighbours share, as after
+/// interpolation; of noise that differs from place to place it is that of a typical place. Holds 4 bytes for every
+/// eighth voxel.
+double noise_level(Volume const& volume);
+
+/// By how much the largest of so many values of normal noise exceeds its standard deviation, about: sqrt(2 ln n).
+double noise_extent(std::int64_t voxels);
+
+} // namespace vkt

@@ -1,0 +1,347 @@
+// Measuring, keeping and using rates.
+// SPDX-License-Identifier: MIT
+#include "shell/calibration.h"
+
+#include "libvkt/core/collect.h"
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/core/volume.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/registry.h"
+#include "libvkt/io/output_file.h"
+#include "shell/options.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <thread>
+#include <unistd.h>
+
+namespace vkt::shell {
+namespace {
+
+constexpr char first_line[] = "vkt calibration 1";
+
+double seconds_of(std::function<void()> const& work) {
+    auto const start = std::chrono::steady_clock::now();
+    work();
+    return std::max(1e-9, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+}
+
+/// The median of three, after one that warms up; the warm one alone where it takes long.
+double usual_seconds(std::function<void()> const& work) {
+    double const first = seconds_of(work);
+    if (first > 0.15) return first;
+    std::array<double, 3> times{};
+    for (double& time : times) time = seconds_of(work);
+    std::sort(times.begin(), times.end());
+    return times[1];
+}
+
+/// What is measured: two settings where one does not tell how the cost enters.
+struct Case {
+    std::string operation;
+    std::vector<std::vector<std::string>> settings;
+    bool reduction = false;
+    std::int64_t side = 128; ///< of the volume
+};
+
+std::vector<Case> cases() {
+    return {{"arith", {{"arith", "mul", "-", "2"}}},
+            {"convert", {{"convert", "--dtype", "float32"}, {"convert", "--dtype", "uint8"}}},
+            {"filter gaussian", {{"filter", "gaussian", "--sigma", "0.7"}, {"filter", "gaussian", "--sigma", "2.5"}}},
+            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 64},
+            {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "1.25"}}},
+            {"rotate", {{"rotate", "--angle", "30"}}, false, 96},
+            {"flip", {{"flip", "x"}}},
+            {"stats", {{"stats"}}, true}};
+}
+
+/// The operation's name in the registry, and what it is planned to do with such a volume.
+Plan planned(std::string const& name, std::vector<std::string> const& words, Header const& header) {
+    auto const operation = make_operation(name);
+    Parameters parameters;
+    operation->parameters(parameters);
+    auto const count = static_cast<std::size_t>(std::count(name.begin(), name.end(), ' ')) + 1;
+    read_words({words.begin() + static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end()},
+               {&parameters});
+    operation->check();
+    return operation->plan({&header, 1});
+}
+
+Volume noise(std::int64_t side, char const* type) {
+    std::string const n = to_text(side);
+    return vkt::apply({"make", "noise", "--dims", n, n, n, "--dtype", type, "--low", "0", "--high", "1000"}, {});
+}
+
+double copy_rate(int threads) {
+    constexpr std::size_t bytes = std::size_t{32} << 20;
+    std::vector<char> from(bytes * static_cast<std::size_t>(threads), 1), to(from.size());
+    auto const work = [&] {
+        std::vector<std::thread> all;
+        for (int t = 0; t < threads; ++t)
+            all.emplace_back([&, t] {
+                std::size_t const at = static_cast<std::size_t>(t) * bytes;
+                std::memcpy(to.data() + at, from.data() + at, bytes);
+            });
+        for (auto& thread : all) thread.join();
+    };
+    return static_cast<double>(from.size()) / usual_seconds(work);
+}
+
+double scan_rate(int threads) {
+    constexpr std::size_t words = std::size_t{4} << 20; // of 8 bytes
+    std::vector<std::uint64_t> from(words * static_cast<std::size_t>(threads), 3);
+    std::vector<std::uint64_t> sums(static_cast<std::size_t>(threads));
+    auto const work = [&] {
+        std::vector<std::thread> all;
+        for (int t = 0; t < threads; ++t)
+            all.emplace_back([&, t] {
+                auto const at = static_cast<std::ptrdiff_t>(static_cast<std::size_t>(t) * words);
+                std::uint64_t sum = 0;
+                std::for_each(from.begin() + at, from.begin() + at + static_cast<std::ptrdiff_t>(words),
+                              [&](std::uint64_t v) { sum += v; });
+                sums[static_cast<std::size_t>(t)] = sum;
+            });
+        for (auto& thread : all) thread.join();
+    };
+    double const rate = static_cast<double>(8 * from.size()) / usual_seconds(work);
+    return sums.front() == 0 ? 0 : rate; // the sums are needed, so nobody leaves them out
+}
+
+/// Of a file that has no name and lies in memory, as one in the page cache does.
+void file_rates(Calibration& to) {
+    constexpr std::size_t bytes = std::size_t{32} << 20;
+    int const file = ::memfd_create("vkt-calibration", MFD_CLOEXEC);
+    std::vector<char> buffer(bytes, 1);
+    auto const all = [&](auto const& move) {
+        for (std::size_t done = 0; done < bytes;) {
+            auto const n = move(buffer.data() + done, bytes - done, static_cast<off_t>(done));
+            if (n <= 0) throw Error(ErrorKind::resources, text("no file in memory can be had: ", std::strerror(errno)));
+            done += static_cast<std::size_t>(n);
+        }
+    };
+    auto const put = [&] {
+        if (::ftruncate(file, 0) != 0) throw Error(ErrorKind::resources, std::strerror(errno));
+        all([&](char* from, std::size_t n, off_t at) { return ::pwrite(file, from, n, at); });
+    };
+    try {
+        to.file_write = static_cast<double>(bytes) / usual_seconds(put);
+        to.file_read = static_cast<double>(bytes) / usual_seconds([&] {
+                           all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); });
+                       });
+    } catch (...) {
+        ::close(file);
+        throw;
+    }
+    ::close(file);
+}
+
+OperationRate rate_of(Case const& one, char const* type, Calibration const& so_far) {
+    Volume const volume = noise(one.side, type);
+    OperationRate rate;
+    rate.operation = one.operation;
+    rate.bytes = static_cast<int>(size_of(volume.header().dtype));
+    for (std::size_t many = 0; many < 2; ++many) {
+        std::string const threads = to_text(many == 0 ? 1 : so_far.threads);
+        std::vector<std::array<double, 2>> points; // cost and seconds, a voxel
+        for (auto const& setting : one.settings) {
+            Plan const plan = planned(one.operation, setting, volume.header());
+            auto words = setting;
+            words.insert(words.end(), {"--threads", threads});
+            double const seconds = usual_seconds([&] {
+                if (one.reduction)
+                    vkt::measure(words, {volume});
+                else
+                    vkt::apply(words, {volume});
+            });
+            Header const& counted = one.reduction ? volume.header() : plan.output;
+            points.push_back({plan.cost, seconds / static_cast<double>(counted.voxels())});
+        }
+        double const least = std::min_element(points.begin(), points.end(), [](auto const& a, auto const& b) {
+                                 return a[1] < b[1];
+                             })->at(1);
+        auto const& a = points.front();
+        auto const& b = points.back();
+        double& fixed = rate.fixed[many];
+        double& per_cost = rate.per_cost[many];
+        if (b[0] - a[0] > 0.5) {
+            per_cost = std::max(0.0, (b[1] - a[1]) / (b[0] - a[0]));
+            fixed = std::max(0.0, a[1] - per_cost * a[0]);
+        } else {
+            double const moved = std::min(least, 2.0 * rate.bytes / so_far.copy[many]);
+            double sum = 0;
+            for (auto const& point : points) sum += point[1] / static_cast<double>(points.size());
+            fixed = a[0] > 4 ? moved : sum;
+            per_cost = a[0] > 4 ? (sum - moved) / a[0] : 0;
+        }
+    }
+    return rate;
+}
+
+double between(ByThreads const& rate, int threads, int all) {
+    if (all <= 1 || threads <= 1) return rate[0];
+    double const share = std::min(1.0, static_cast<double>(threads - 1) / static_cast<double>(all - 1));
+    // Speeds, not seconds, grow with the threads.
+    if (!(rate[0] > 0) || !(rate[1] > 0)) return rate[0];
+    return 1 / ((1 - share) / rate[0] + share / rate[1]);
+}
+
+std::string file_mark(std::filesystem::path const& path) {
+    struct stat s {};
+    if (::stat(path.c_str(), &s) != 0) return "?";
+    return text(static_cast<std::int64_t>(s.st_size), ":", static_cast<std::int64_t>(s.st_mtim.tv_sec), ".",
+                static_cast<std::int64_t>(s.st_mtim.tv_nsec));
+}
+
+bool only_ours(std::string const& path) {
+    struct stat s {};
+    return ::lstat(path.c_str(), &s) == 0 && !S_ISLNK(s.st_mode) && s.st_uid == ::geteuid() &&
+           (s.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+}
+
+} // namespace
+
+std::string processor_name() {
+    std::ifstream file("/proc/cpuinfo");
+    for (std::string line; std::getline(file, line);)
+        if (line.starts_with("model name") && line.find(": ") != std::string::npos)
+            return printable(line.substr(line.find(": ") + 2));
+    return "unknown processor";
+}
+
+std::string machine_and_build() {
+    Dl_info library{};
+    ::dladdr(reinterpret_cast<void const*>(static_cast<std::vector<RegisteredOperation> const& (*)()>(&operations)),
+             &library);
+    std::string const lib = library.dli_fname != nullptr ? library.dli_fname : "";
+    return text(processor_name(), ", ", default_threads(), " threads, ", name_of(best_instruction_set()),
+                ", vkt " VKT_VERSION ", program ", file_mark("/proc/self/exe"), ", library ", file_mark(lib));
+}
+
+std::string calibration_path() {
+    char const* const cache = std::getenv("XDG_CACHE_HOME");
+    if (cache != nullptr && *cache == '/') return text(cache, "/vkt/calibration");
+    char const* const home = std::getenv("HOME");
+    return home != nullptr && *home == '/' ? text(home, "/.cache/vkt/calibration") : "";
+}
+
+Calibration calibrate() {
+    Calibration result;
+    result.threads = default_threads();
+    for (std::size_t many = 0; many < 2; ++many) {
+        result.copy[many] = copy_rate(many == 0 ? 1 : result.threads);
+        result.scan[many] = scan_rate(many == 0 ? 1 : result.threads);
+    }
+    file_rates(result);
+    for (auto const& one : cases())
+        for (char const* const type : {"uint16", "float32"}) result.rates.push_back(rate_of(one, type, result));
+    return result;
+}
+
+double Calibration::seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs,
+                            bool reduction, int count) const {
+    Header const& counted = reduction && !inputs.empty() ? inputs.front() : plan.output;
+    Header const& read = inputs.empty() ? plan.output : inputs.front();
+    auto const voxels = static_cast<double>(counted.voxels());
+    auto const size = static_cast<double>(size_of(read.dtype));
+    double const written = reduction ? 0 : static_cast<double>(plan.output.bytes());
+    double const moved = (static_cast<double>(read.bytes()) + written) / (2 * between(copy, count, threads));
+    if (plan.shift && plan.cost == 0) return 0; // nothing is touched
+    OperationRate const* found = nullptr;
+    for (auto const& rate : rates)
+        if (rate.operation == operation && (found == nullptr || rate.bytes == (size > 2 ? 4 : 2))) found = &rate;
+    auto const apply = [&](OperationRate const& rate) {
+        double const a = between(rate.fixed, count, threads), b = between(rate.per_cost, count, threads);
+        double const wider = std::max(1.0, size / static_cast<double>(rate.bytes > 2 ? 4 : 2));
+        return voxels * (a + b * plan.cost) * wider;
+    };
+    double const scanned = plan.scans ? static_cast<double>(read.bytes()) / between(scan, count, threads) : 0;
+    if (found != nullptr) return apply(*found) + scanned;
+    double per_cost = 0;
+    for (auto const& rate : rates)
+        if (rate.operation == "filter gaussian" && rate.bytes == (size > 2 ? 4 : 2))
+            per_cost = between(rate.per_cost, count, threads);
+    return std::max(moved, voxels * plan.cost * per_cost) + scanned;
+}
+
+double Calibration::reading(Header const& header) const { return static_cast<double>(header.bytes()) / file_read; }
+double Calibration::writing(Header const& header) const { return static_cast<double>(header.bytes()) / file_write; }
+
+void save(Calibration const& c) {
+    std::string const path = calibration_path();
+    if (path.empty())
+        throw Error(ErrorKind::io, "no place for the calibration: neither XDG_CACHE_HOME nor HOME is a directory");
+    std::filesystem::path const folder = std::filesystem::path(path).parent_path();
+    std::error_code error;
+    std::filesystem::create_directories(folder.parent_path(), error);
+    if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
+        throw Error(ErrorKind::io, text("cannot make '", folder.string(), "': ", std::strerror(errno)));
+    if (!only_ours(folder))
+        throw Error(ErrorKind::io, text("'", folder.string(), "' belongs to somebody else, or others may write to it"),
+                    "remove it, or name another place: XDG_CACHE_HOME");
+    std::string content =
+        text(first_line, "\n", machine_and_build(), "\nthreads ", c.threads, "\ncopy ", c.copy[0], " ", c.copy[1],
+             "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ", c.file_write, "\n");
+    for (auto const& r : c.rates)
+        content += text("rate ", r.bytes, " ", r.fixed[0], " ", r.fixed[1], " ", r.per_cost[0], " ", r.per_cost[1], " ",
+                        r.operation, "\n");
+    std::filesystem::remove(path, error); // what is replaced would hand on its mode
+    OutputFile file(path, true);
+    file.write(content.data(), content.size());
+    ::fchmod(file.descriptor(), 0600);
+    file.commit();
+}
+
+std::optional<Calibration> load_calibration() {
+    std::string const path = calibration_path();
+    if (path.empty() || !only_ours(path) || !only_ours(std::filesystem::path(path).parent_path())) return {};
+    std::ifstream file(path);
+    std::string line;
+    if (!std::getline(file, line) || line != first_line || !std::getline(file, line) || line != machine_and_build())
+        return {};
+    Calibration c;
+    bool sound = true;
+    auto const number = [&](std::istream& in) {
+        std::string word;
+        in >> word;
+        double const value = is_number(word) ? parse_double(word) : -1;
+        sound = sound && std::isfinite(value) && value >= 0;
+        return value;
+    };
+    while (std::getline(file, line)) {
+        std::istringstream in(line);
+        std::string what;
+        in >> what;
+        if (what == "threads") c.threads = static_cast<int>(std::min(number(in), 4096.0));
+        if (what == "copy") c.copy = {number(in), number(in)};
+        if (what == "scan") c.scan = {number(in), number(in)};
+        if (what == "file") {
+            c.file_read = number(in);
+            c.file_write = number(in);
+        }
+        if (what != "rate") continue;
+        OperationRate rate;
+        rate.bytes = number(in) > 2 ? 4 : 2;
+        rate.fixed = {number(in), number(in)};
+        rate.per_cost = {number(in), number(in)};
+        std::getline(in >> std::ws, rate.operation);
+        c.rates.push_back(std::move(rate));
+    }
+    for (double const rate : {c.copy[0], c.copy[1], c.scan[0], c.scan[1], c.file_read, c.file_write})
+        sound = sound && rate > 0;
+    if (!sound || c.threads < 1 || c.rates.empty()) return {};
+    return c;
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,56 @@
+// How fast this machine is with this build: measured once, kept, and used to tell what a plan will take.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/engine/operation.h"
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+/// A figure for one thread and for all of them.
+using ByThreads = std::array<double, 2>;
+
+/// Seconds of an operation a voxel: fixed + per_cost * Plan::cost, for voxels of so many bytes.
+struct OperationRate {
+    std::string operation;
+    int bytes = 4; ///< of the voxels it was measured with: 2 (uint16) or 4 (float32)
+    ByThreads fixed{}, per_cost{};
+};
+
+struct Calibration {
+    int threads = 1;          ///< that "all" means
+    ByThreads copy{}, scan{}; ///< bytes a second: from memory to memory, and read only
+    double file_read = 0;     ///< bytes a second, of a file that lies in the page cache
+    double file_write = 0;
+    std::vector<OperationRate> rates;
+
+    /// Seconds that a stage computes, of voxels of the output, or of the input for reductions. Operations that were not
+    /// measured are taken for as fast as the others are for their multiply-adds, and for no faster than memory.
+    double seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs, bool reduction,
+                   int threads) const;
+    /// Seconds to read a file of such a volume, or to write it.
+    double reading(Header const& header) const;
+    double writing(Header const& header) const;
+};
+
+/// Measures, in about two seconds.
+Calibration calibrate();
+
+/// Where calibrations are kept: $XDG_CACHE_HOME/vkt/calibration, or below ~/.cache. Empty if neither is known.
+std::string calibration_path();
+/// Keeps it, for the owner's eyes only. Throws Error{io}.
+void save(Calibration const& calibration);
+/// The one that was kept. None if there is none, if it is of another machine or build or cannot be understood, or if
+/// it or its folder belongs to somebody else or may be written by others.
+std::optional<Calibration> load_calibration();
+
+/// Processor and number of threads, and program and library by size and time: what a calibration holds for.
+std::string machine_and_build();
+std::string processor_name();
+
+} // namespace vkt::shell

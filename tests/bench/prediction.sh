@@ -1,0 +1,52 @@
+#!/bin/sh
+# What `vkt pipe -n` predicts against what it takes: arith, convert, gaussian, median, resample, rotate, stats.
+# SPDX-License-Identifier: MIT
+#
+# usage: prediction.sh [SIDE [REPEATS]]   (256, 3), vkt in PATH. Prints a line a pipeline; exit code 1 if one is further
+# than a factor of 1.5 from its prediction. Medians of the repeats, files in the page cache, a calibration of its own.
+set -eu
+side=${1:-256} repeats=${2:-3}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+export XDG_CACHE_HOME="$work/cache"
+cd "$work"
+now() { date +%s.%N; }
+
+begin=$(now)
+vkt doctor --calibrate >doctor
+awk "BEGIN { printf \"calibration %.2f s\n\", $(now) - $begin }"
+sed -n 's/^processor *//p;s/^threads */threads /p' doctor
+code=0
+printf '%-8s %-36s %10s %10s %7s\n' type pipeline predicted measured factor
+for type in uint16 float32; do
+    vkt make noise --dims "$side" "$side" "$side" --dtype $type --low 0 --high 1000 -o v.vkt --force
+    while read -r stage; do
+        last='write out.vkt --force'
+        [ "$stage" = stats ] && line="read v.vkt | stats" || line="read v.vkt | $stage | $last"
+        # What is predicted of each stage, summed.
+        predicted=$(vkt pipe -n "$line" 2>&1 | sed -n 's/^vkt [a-z-]*:   about \(.*\) s on this machine$/\1/p' |
+            awk '{ sum += $1 } END { print sum }')
+        i=0
+        : >times
+        while [ $i -lt "$repeats" ]; do
+            begin=$(now)
+            vkt pipe -q "$line" >/dev/null </dev/null
+            awk "BEGIN { print $(now) - $begin }" >>times
+            i=$((i + 1))
+        done
+        measured=$(sort -n times | sed -n "$(((repeats + 1) / 2))p")
+        awk "BEGIN { f = $measured / $predicted; printf \"%-8s %-36s %10.3f %10.3f %7.2f\n\", \"$type\", \"$stage\", $predicted, $measured, f
+            exit !(f <= 1.5 && f >= 1 / 1.5) }" || code=1
+    done <<'END'
+arith mul - 3
+convert --dtype uint8
+filter gaussian --sigma 1
+filter gaussian --sigma 3
+filter median --radius 1
+resample --scale 0.5
+resample --scale 1.2
+rotate --angle 20
+stats
+END
+done
+exit $code

@@ -1,0 +1,72 @@
+# vkt doctor: what there is, the calibration, who may have written it, and what plans make of it.
+load helper
+
+setup_more() {
+    export XDG_CACHE_HOME="$BATS_TEST_TMPDIR/cache" VKT_THREADS=2
+    vkt make noise --dims 20 30 40 --dtype uint16 --high 1000 -o v.nrrd
+}
+
+# kept: a calibration that doctor made.
+kept() { vkt doctor --calibrate >said; }
+
+@test "what this build can do" {
+    vkt doctor >said
+    for name in version processor threads instructions memory GPUs reads writes hdf5 openvdb tiff gdcm; do
+        grep -q "^$name  *[^ ]" said
+    done
+    grep -q '^reads .*nrrd' said
+    grep -q 'none of this machine and build: vkt doctor --calibrate' said
+    vkt doctor --json | /usr/bin/python3 -c 'import json, sys; assert "nrrd" in json.load(sys.stdin)["writes"]'
+    fails_with 2 unexpected vkt doctor now
+}
+
+@test "a calibration is its owner's, and -n and --explain predict from it" {
+    vkt pipe -n 'read v.nrrd | filter gaussian --sigma 1 | stats' 2>plan
+    ! grep -q 'on this machine' plan
+    kept
+    grep -q '^filter gaussian float32 .*a multiply-add' said
+    [ "$(stat -c %a "$XDG_CACHE_HOME/vkt")" = 700 ]
+    [ "$(stat -c %a "$XDG_CACHE_HOME/vkt/calibration")" = 600 ]
+    vkt pipe -n 'read v.nrrd | filter gaussian --sigma 1 | stats' 2>plan
+    for stage in read filter stats; do grep -q "^vkt $stage:   about .* s on this machine" plan; done
+    grep -q 'all stages: about' plan
+    vkt filter gaussian v.nrrd --sigma 1 --explain -o g.nrrd 2>plan
+    grep -q 'about .* s on this machine' plan
+    # Ten times the voxels take ten times as long.
+    seconds() { sed -n 's/^vkt filter:   about \(.*\) s on.*/\1/p'; }
+    vkt make noise --dims 200 30 40 --dtype uint16 --high 1000 | vkt filter gaussian --sigma 1 -n -o x.vkt 2>&1 | seconds >ten
+    vkt filter gaussian v.nrrd --sigma 1 -n -o x.vkt 2>&1 | seconds >one
+    awk "BEGIN { r = $(cat ten) / $(cat one); exit !(r > 9.8 && r < 10.2) }"
+
+    file="$XDG_CACHE_HOME/vkt/calibration"
+    predicts() { vkt filter gaussian v.nrrd --sigma 1 -n -o x.vkt 2>&1 | grep -q 'on this machine'; }
+    predicts
+    cp -p "$file" good
+    # Of another machine or build, damaged, open to others, or a link: it is no calibration.
+    sed -i '2s/vkt [0-9]/vkt 99/' "$file"
+    ! predicts
+    sed '4s/ [0-9].*/ nan 1/' good >"$file"
+    ! predicts
+    head -c 100 good >"$file"
+    ! predicts
+    cat good >"$file"
+    predicts
+    chmod 666 "$file"
+    ! predicts
+    chmod 600 "$file"
+    chmod 777 "$XDG_CACHE_HOME/vkt"
+    ! predicts
+    fails_with 4 'others may write' vkt doctor --calibrate
+    chmod 700 "$XDG_CACHE_HOME/vkt"
+    mv "$file" elsewhere
+    ln -s "$PWD/elsewhere" "$file"
+    ! predicts
+}
+
+@test "a plan says how far its result may be from exact" {
+    vkt filter box v.nrrd --radius 1 -n -o x.nrrd 2>plan
+    grep -q '^vkt filter:   result within 0.5 of exact' plan
+    vkt set v.nrrd --units HU | vkt filter box --radius 1 --explain -o x.nrrd 2>plan
+    grep -q 'result within 0.5 HU of exact' plan
+    vkt flip x v.nrrd -n -o x.nrrd 2>&1 | grep -q 'result exact'
+}

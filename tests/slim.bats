@@ -1,0 +1,90 @@
+# vkt slim: the smallest model whose picture, or result, stays within a bound; checked with vkt diff and NumPy.
+load helper
+
+# ball: a soft ball off the middle in an empty float volume, ball.nrrd. The camera stands still.
+ball() {
+    vkt make sphere --dims 48 48 48 --center 20,24,26 --radius 8 --edge coverage | vkt filter gaussian --sigma 2 | vkt arith mul - 1000 | vkt convert --dtype float32 -o ball.nrrd
+}
+look="render --size 96 --domain 100:1000 --opacity 0,0.3 --unit-distance 1 --eye 24,-90,30 --target 24,24,24"
+
+bytes_of() { vkt info "$1" --json | /usr/bin/python3 -c '
+import json, sys, numpy as np
+i = json.load(sys.stdin); n = i.get("cells") or int(np.prod(i["dims"]))
+print(n * np.dtype(i["dtype"]).itemsize)'; }
+
+# levels_apart A B: largest difference of two pictures, in levels.
+levels_apart() {
+    # shellcheck disable=SC2086
+    vkt $look "$1" -o a.png --force -q
+    # shellcheck disable=SC2086
+    vkt $look "$2" -o b.png --force -q
+    /usr/bin/python3 -c '
+import struct, zlib
+def levels(name):
+    data = open(name, "rb").read(); at = 8; idat = b""
+    while at < len(data):
+        n, kind = struct.unpack(">I4s", data[at:at + 8]); body = data[at + 8:at + 8 + n]; at += 12 + n
+        if kind == b"IHDR": w, h, depth, color = struct.unpack(">IIBB", body[:10])
+        if kind == b"IDAT": idat += body
+    assert depth == 8
+    c = {2: 3, 6: 4}[color]; raw = zlib.decompress(idat); rows = []; before = bytes(w * c)
+    for y in range(h):
+        f = raw[y * (w * c + 1)]; line = bytearray(raw[y * (w * c + 1) + 1:(y + 1) * (w * c + 1)])
+        for i in range(w * c):
+            a = line[i - c] if i >= c else 0; b = before[i]; d = before[i - c] if i >= c else 0
+            p = a + b - d; nearest = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - d), 2, d))[2]
+            line[i] = (line[i] + (0, a, b, (a + b) // 2, nearest)[f]) & 255
+        rows.append(line); before = line
+    return b"".join(rows)
+print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
+}
+
+@test "for a picture: smaller, and within the bound" {
+    ball
+    vkt slim ball.nrrd --for "$look" --within 2 -o slim.vkt 2>said
+    cat said >&3
+    grep -q 'times smaller), drawn in .* ms instead of .* ms' said
+    grep -q 'differs by .* display levels at most' said
+    [ "$(bytes_of slim.vkt)" -lt $((48 * 48 * 48 * 4 / 4)) ]
+    [ "$(levels_apart ball.nrrd slim.vkt)" -le 3 ] # levels are rounded in files
+    # The history is what was done.
+    vkt history slim.vkt --as-shell | grep -q 'crop --roi .* | vkt convert --dtype auto'
+}
+
+@test "a bound of 0 is met by an equal picture, and nothing that misses a bound is written" {
+    ball
+    vkt convert ball.nrrd --dtype uint8 --range minmax -q -o bytes.nrrd
+    vkt slim bytes.nrrd --for "$look" --within 0 -o slim.vkt 2>said
+    [ "$(levels_apart bytes.nrrd slim.vkt)" -eq 0 ]
+    # Noise that a picture shows in full leaves nothing to save.
+    vkt make noise --dims 12 12 12 --dtype uint8 --high 255 -o noise.nrrd
+    vkt slim noise.nrrd --for 'flip x' --within 0 -o same.nrrd 2>said
+    grep -q 'nothing smaller stays within 0' said
+    vkt diff noise.nrrd same.nrrd
+}
+
+@test "for a pipeline: the result stays within the tolerance" {
+    vkt make noise --dims 30 31 32 --low 0 --high 500 --dtype float32 -o v.nrrd
+    for within in 3 0.2 0.001; do
+        vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within $within -o s.vkt --force -q
+        vkt filter gaussian s.vkt --sigma 1 -q | vkt convert --dtype float64 -q >s
+        vkt filter gaussian v.nrrd --sigma 1 -q | vkt convert --dtype float64 -q >v
+        vkt diff v s --tolerance "$(awk "BEGIN { print $within * 1.0001 }")"
+    done
+    vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within 3 -q | vkt info | grep -q 'uint8'
+}
+
+@test "pipes, vkt pipe, dry runs, refusals" {
+    vkt make noise --dims 20 21 22 --low 0 --high 500 --dtype float32 -o v.nrrd
+    vkt read v.nrrd | vkt slim --for 'flip x' --within 2 -q | vkt write a.nrrd
+    vkt pipe -q "read v.nrrd | slim --for 'flip x' --within 2 | write b.nrrd"
+    vkt diff a.nrrd b.nrrd
+    vkt diff v.nrrd a.nrrd --tolerance 2
+    vkt slim v.nrrd --for 'flip x' --within 2 -n -o c.nrrd 2>plan
+    grep -q 'vkt slim: -> 20x21x22 float32' plan
+    [ ! -e c.nrrd ]
+    fails_with 2 'missing --for' vkt slim v.nrrd --within 1 -o x.vkt
+    fails_with 2 'no operation on voxels' vkt slim v.nrrd --for 'help' --within 1 -o x.vkt
+    fails_with 2 'finite number' vkt slim v.nrrd --for 'flip x' --within -1 -o x.vkt
+    [ ! -e x.vkt ]
+}
