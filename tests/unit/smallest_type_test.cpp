@@ -45,7 +45,7 @@ TEST(SmallestType, PrefersWhatNeedsNoMap) {
 }
 
 TEST(SmallestType, CountsInCommonSteps) {
-    Storage const found = smallest({-1000, -1000 + 7 * 255.0, -1000 + 7 * 3.0}, 0);
+    Storage const found = smallest({-1000, -1000 + 7 * 255.0, -1000 + 7 * 4.0}, 0);
     EXPECT_EQ(found.type, DataType::uint8);
     EXPECT_TRUE(found.maps);
     EXPECT_EQ(found.values.slope, 7);
