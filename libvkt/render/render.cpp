@@ -6,11 +6,11 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/inner/exact.h"
+#include "libvkt/render/passes.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <exception>
 #include <limits>
 #include <mutex>
 
@@ -18,7 +18,6 @@ namespace vkt::render {
 
 namespace {
 
-constexpr int tile_size = 16;
 constexpr int largest_image = 16384;
 
 using Clock = std::chrono::steady_clock;
@@ -111,6 +110,9 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
     return intersect(box, box_of(dims));
 }
 
+/// A mean number of paths, whole if it is.
+std::string mean_text(double paths) { return to_text(std::round(paths * 10) / 10); }
+
 /// All that decides a Prepared.
 struct PreparedFor {
     bool surfaces;
@@ -164,6 +166,9 @@ void check(RenderSettings const& s) {
     if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
     if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
     if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
+    if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
+        refuse("errors to stop at and seconds must be positive");
     if (s.bounces < 1) refuse("the number of bounces must be at least 1");
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
@@ -364,6 +369,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
     scene.skip = settings.skip;
+    if (settings.goal.any()) // what rays leave out is to be a small part of the error
+        scene.patience = static_cast<float>(std::clamp(settings.goal.tolerance / 2, 1.0 / 64, 1.0));
     scene.samples = settings.samples;
     scene.first_sample = settings.first_sample;
     scene.bounces = settings.bounces;
@@ -378,6 +385,17 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
 
 Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop,
                        Accumulation* accumulation) const {
+    Watch watch;
+    if (stop.stop_possible()) watch.stop = [&] { return stop.stop_requested(); };
+    return draw(settings, report, watch, accumulation, settings.goal.any() && accumulation == nullptr);
+}
+
+Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Watch const& watch) const {
+    return draw(settings, report, watch, nullptr, true);
+}
+
+Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
+                     Accumulation* accumulation, bool in_passes) const {
     check(settings);
     if (tree_ && (settings.algorithm != Algorithm::ray_marching || settings.exact))
         refuse(text(settings.exact ? "--exact" : text("--render-algo ", enum_name(settings.algorithm)),
@@ -416,39 +434,36 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
             accumulation->sums.assign(
                 4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;
-        scene.sums = accumulation->sums.data();
+        scene.sums.light = accumulation->sums.data();
         scene.before = accumulation->samples;
         accumulation->samples += settings.samples;
     }
 
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
-    auto const run = [&, of_lattice = tile_function(execution_.instructions),
-                      of_tree = tree_tile_function(execution_.instructions)](Tile tile, Counters& counters) {
-        if (tree_)
-            of_tree(scene, tree, tile, image.pixels.data(), image.width, counters);
-        else
-            of_lattice(scene, lattice_.view, integrator, tile, image.pixels.data(), image.width, counters);
-    };
-    // Many paths make a tile long; a small one hears sooner that it is to stop.
-    int const side = integrator == Integrator::scatter && settings.samples > 1024 ? tile_size / 8 : tile_size;
-    int const across = (settings.width + side - 1) / side, down = (settings.height + side - 1) / side;
-    std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
-    std::exception_ptr failure; // lists of a ray may find no memory, and nothing may leave the loop
-#pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
-    for (int i = 0; i < across * down; ++i) {
-        if (stop.stop_requested()) continue;
-        int const x = i % across * side, y = i / across * side;
-        Counters counters;
-        try {
-            run({x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, counters);
-        } catch (...) {
-#pragma omp critical
-            failure = std::current_exception();
-        }
-        rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
-    }
-    if (failure) std::rethrow_exception(failure);
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
+    Drawing const drawing{[&, of_lattice = tile_function(execution_.instructions),
+                           of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
+                                                                                  float* pixels, Counters& counters) {
+                              if (tree_)
+                                  of_tree(view, tree, tile, pixels, image.width, counters);
+                              else
+                                  of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
+                          },
+                          scene,
+                          settings.background,
+                          settings.goal,
+                          watch,
+                          execution_.threads,
+                          start};
+    Counters counters;
+    Quality quality;
+    if (integrator == Integrator::scatter && in_passes)
+        quality = draw_paths(drawing, image, counters);
+    else if (settings.goal.any() && in_passes)
+        quality = draw_adaptively(drawing, integrator == Integrator::march, image, counters);
+    else
+        quality = draw_once(drawing, image, counters);
     if (report != nullptr) {
         report->camera = camera;
         report->unit = appearance.unit;
@@ -456,7 +471,9 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->transfer = appearance.transfer;
         report->isos = appearance.iso_values;
         report->shade = appearance.shade;
-        report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
+        report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
+        report->capped = counters.capped;
+        report->quality = quality;
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
@@ -464,11 +481,14 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->missing = histogram().missing, report->infinite = histogram().infinite;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-            : integrator == Integrator::scatter ? text("delta tracking, isotropic, ", scene.before + settings.samples,
-                                                       " paths per pixel, seed ", settings.seed)
-            : settings.exact                    ? "exact, piece by piece between the points of the transfer function"
-                             : text("ray marching, step ", settings.step, tree_ ? " of the finest cell" : " voxel",
-                                    ", shading ", appearance.shade);
+            : integrator == Integrator::scatter
+                ? text("delta tracking, isotropic, ",
+                       in_passes ? mean_text(quality.rays) : text(scene.before + settings.samples),
+                       " paths per pixel, seed ", settings.seed)
+            : settings.exact
+                ? "exact, piece by piece between the points of the transfer function"
+                : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,
+                       tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }

@@ -20,13 +20,7 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
          std::int64_t width, Counters& total) {
     LatticeSampler<T> const sampler = sampler_of<T>(lattice);
     Counters counters; // stays in registers
-    auto const along_ray = [&](auto&& integrate) {
-        for_pixels(tile, pixels, width, [&](int x, int y) {
-            Ray ray;
-            if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, 1};
-            return integrate(ray);
-        });
-    };
+    auto const along_ray = [&](auto&& integrate) { for_rays(scene, tile, pixels, width, integrate); };
     switch (integrator) {
     case Integrator::march:
         along_ray([&](Ray const& ray) { return march_ray(sampler, scene, ray, counters); });
