@@ -38,7 +38,7 @@ public:
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
-        render::RenderSettings const settings = options_.settings();
+        render::RenderSettings settings = options_.settings();
         render::Background const background = options_.background();
         if (context.window()) {
             if (settings.goal.any())
@@ -49,17 +49,25 @@ public:
         }
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
-        for (std::int64_t number = 0; volumes.next(); ++number) {
-            render::RenderReport report;
-            Watching const watching(context);
-            render::Image const image = volumes.renderer().watched(settings, &report, watching.watch());
-            // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
-            if (!numbered && volumes.another())
-                throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
-                            "give a place for the number: -o picture-%04d.png");
-            write_picture(numbered_path(context.output(), number), context.force(),
-                          {image, report, background, settings.goal}, volumes.header(), context.stage_info(), context);
-            if (report.quality.stopped) return Watching::exit_code;
+        std::vector<render::CameraRequest> const cameras = options_.cameras();
+        if (!numbered && cameras.size() > 1)
+            throw Error(ErrorKind::usage, "--orbit makes several pictures, but -o names one",
+                        "give a place for the number: -o picture-%04d.png");
+        for (std::int64_t number = 0; volumes.next();) {
+            for (render::CameraRequest const& camera : cameras) {
+                settings.camera = camera;
+                render::RenderReport report;
+                Watching const watching(context);
+                render::Image const image = volumes.renderer().watched(settings, &report, watching.watch());
+                // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
+                if (!numbered && volumes.another())
+                    throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
+                                "give a place for the number: -o picture-%04d.png");
+                write_picture(numbered_path(context.output(), number++), context.force(),
+                              {image, report, background, settings.goal}, volumes.header(), context.stage_info(),
+                              context);
+                if (report.quality.stopped) return Watching::exit_code;
+            }
         }
         return 0;
     }
@@ -68,7 +76,7 @@ public:
         render::RenderSettings const settings = options_.settings();
         if (settings.algorithm == render::Algorithm::multi_scattering)
             return {{"spp", {"4", "16", "64", "256"}, "256"}};
-        if (settings.algorithm == render::Algorithm::implicit_iso || settings.exact) return {};
+        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return {};
         return {{"step", {"4", "2", "1", "0.5", "0.25", "0.125"}, "0.125"}};
     }
     DrawnPicture picture(Volume const& volume, PictureRequest const& request,
@@ -108,7 +116,7 @@ public:
         double const rays = static_cast<double>(settings.width) * settings.height;
         auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
         if (settings.algorithm == render::Algorithm::multi_scattering) return rays * settings.samples;
-        if (settings.algorithm == render::Algorithm::implicit_iso || settings.exact) return 0;
+        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return 0;
         return rays * std::hypot(length(0), length(1), length(2)) / settings.step;
     }
     std::string reference_method() const override {
@@ -116,7 +124,7 @@ public:
         make_reference(settings);
         return settings.algorithm == render::Algorithm::multi_scattering
                    ? text(settings.samples, " other paths a pixel")
-               : settings.algorithm == render::Algorithm::implicit_iso ? "exact cubic per voxel"
+               : settings.algorithm != render::Algorithm::ray_marching ? "exact cubic per voxel"
                : settings.exact                                        ? "--exact"
                                                                        : text("--step ", settings.step);
     }

@@ -61,6 +61,9 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
                       " paths a pixel, seed ", settings.seed);
         cost = text(settings.goal.any() ? "at most " : "", rays * settings.samples,
                     " paths, each as long as the volume is dense");
+    } else if (is_projection(settings.algorithm)) {
+        method = text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic");
+        cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
     } else if (settings.algorithm == Algorithm::implicit_iso) {
         method = "implicit iso-surface, exact cubic per voxel";
         cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");

@@ -97,6 +97,30 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
     return transfer;
 }
 
+/// Corners of boxes of macrocells that hold all that is visible: each row of them from its first visible one to its
+/// last.
+std::vector<Vec3> visible_corners(CellVisibility const& cells, Index3 counts, Geometry const& geometry,
+                                  Box const& within) {
+    std::vector<Vec3> points;
+    auto const from = [](std::int64_t cell) { return macrocell_size * cell + lattice_padding - 1 - lattice_padding; };
+    for (std::int64_t z = 0; z < counts.z; ++z)
+        for (std::int64_t y = 0; y < counts.y; ++y) {
+            auto const seen = [&](std::int64_t x) {
+                return cells.distance[static_cast<std::size_t>((z * counts.y + y) * counts.x + x)] == 0;
+            };
+            std::int64_t first = 0, last = counts.x - 1;
+            while (first <= last && !seen(first)) ++first;
+            while (last >= first && !seen(last)) --last;
+            if (last < first) continue;
+            Box const row = intersect(
+                Box{{from(first), from(y), from(z)}, {from(last + 1) + 1, from(y + 1) + 1, from(z + 1) + 1}}, within);
+            if (row.empty()) continue;
+            auto const corners = corners_of(geometry, row);
+            points.insert(points.end(), corners.begin(), corners.end());
+        }
+    return points;
+}
+
 /// Voxels that lie in visible macrocells; all of them if there is none.
 Box visible_box(CellVisibility const& cells, Index3 dims) {
     Box box;
@@ -110,12 +134,19 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
     return intersect(box, box_of(dims));
 }
 
+/// Whether light from behind passes everywhere.
+bool is_empty(Image const& image) {
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4)
+        if (image.pixels[i] < 1) return false;
+    return true;
+}
+
 /// A mean number of paths, whole if it is.
 std::string mean_text(double paths) { return to_text(std::round(paths * 10) / 10); }
 
 /// All that decides a Prepared.
 struct PreparedFor {
-    bool surfaces;
+    Algorithm algorithm;
     std::optional<TransferFunction> transfer;
     std::vector<double> lut;
     std::string colormap, opacity, domain, unit;
@@ -124,18 +155,8 @@ struct PreparedFor {
     friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
 };
 PreparedFor prepared_for(RenderSettings const& s) {
-    return {s.algorithm == Algorithm::implicit_iso,
-            s.transfer,
-            s.lut,
-            s.colormap,
-            s.opacity,
-            s.domain,
-            s.unit,
-            s.opacity_scale,
-            s.shade,
-            s.isos,
-            s.iso_colors,
-            s.iso_opacities};
+    return {s.algorithm, s.transfer,      s.lut,   s.colormap, s.opacity,    s.domain,
+            s.unit,      s.opacity_scale, s.shade, s.isos,     s.iso_colors, s.iso_opacities};
 }
 
 } // namespace
@@ -221,8 +242,8 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
     if (tree_)
         bricks = tree_->classify(table);
     else
-        cells =
-            wanted.surfaces ? classify_cells(lattice_.cells, appearance.isos) : classify_cells(lattice_.cells, table);
+        cells = wanted.algorithm == Algorithm::implicit_iso ? classify_cells(lattice_.cells, appearance.isos)
+                                                            : classify_cells(lattice_.cells, table);
     cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
                                                              std::move(table), std::move(cells), std::move(bricks)});
     ++cache_->made;
@@ -264,6 +285,10 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
         appearance.transfer = *settings.transfer;
     } else if (!settings.lut.empty()) {
         appearance.transfer = transfer_from_lut(settings.lut, appearance.domain.lower, appearance.domain.upper);
+    } else if (is_projection(settings.algorithm)) {
+        appearance.domain = resolve_domain(settings.domain == "auto" ? "minmax" : settings.domain, histogram());
+        appearance.transfer = combine(settings.colormap.empty() ? "grey" : settings.colormap, appearance.domain,
+                                      {{appearance.domain.lower, 1}});
     } else if (settings.opacity != "auto") {
         appearance.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, appearance.domain,
                                       read_opacity(settings.opacity, appearance.domain));
@@ -410,15 +435,28 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Tree::Visibility const& bricks = ready->bricks;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
     Box content = tree_ ? tree_->region() : box_of(header_.dims);
-    if (settings.camera.fit == Fit::content) content = tree_ ? bricks.content : visible_box(cells, header_.dims);
+    // What projections show is everywhere.
+    bool const projected = is_projection(settings.algorithm);
+    if (settings.camera.fit == Fit::content && !projected)
+        content = tree_ ? bricks.content : visible_box(cells, header_.dims);
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);
         content = within.empty() ? clip : within;
     }
-    Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
-                                      static_cast<double>(settings.width) / settings.height);
+    std::vector<Vec3> points;
+    if (!tree_ && settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
+        points = visible_corners(cells, {lattice_.cells.nx, lattice_.cells.ny, lattice_.cells.nz}, header_.geometry,
+                                 content);
+    if (points.empty()) {
+        auto const corners = corners_of(header_.geometry, content);
+        points.assign(corners.begin(), corners.end());
+    }
+    Camera const camera = make_camera(settings.camera, points, static_cast<double>(settings.width) / settings.height);
     SceneView scene = scene_of(settings, appearance, camera);
+    scene.projection = settings.algorithm == Algorithm::minimum ? Projected::least
+                       : settings.algorithm == Algorithm::mean  ? Projected::mean
+                                                                : Projected::greatest;
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
@@ -426,6 +464,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     TreeView const tree = tree_ ? tree_->view(bricks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
+                                  : projected                                         ? Integrator::project
                                   : settings.exact                                    ? Integrator::exact
                                                                                       : Integrator::march;
 
@@ -477,7 +516,9 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
-        report->lossy = unseen(appearance, knots, table);
+        report->lossy = projected ? appearance.lossy : unseen(appearance, knots, table);
+        if (report->lossy.empty() && !quality.stopped && is_empty(image))
+            report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->missing = histogram().missing, report->infinite = histogram().infinite;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
@@ -485,6 +526,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                 ? text("delta tracking, isotropic, ",
                        in_passes ? mean_text(quality.rays) : text(scene.before + settings.samples),
                        " paths per pixel, seed ", settings.seed)
+            : projected ? text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic")
             : settings.exact
                 ? "exact, piece by piece between the points of the transfer function"
                 : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,

@@ -21,7 +21,11 @@
 
 namespace vkt::render {
 
-enum class Algorithm : std::uint8_t { ray_marching, implicit_iso, multi_scattering };
+enum class Algorithm : std::uint8_t { ray_marching, implicit_iso, multi_scattering, maximum, minimum, mean };
+/// Maximum, minimum and mean along rays, which have colours and no opacity.
+inline bool is_projection(Algorithm a) {
+    return a == Algorithm::maximum || a == Algorithm::minimum || a == Algorithm::mean;
+}
 
 /// All that decides a picture besides the volume. One optical model for all algorithms: extinction is -ln(1-alpha) per
 /// unit distance, colour is emission (marching) or albedo (scattering).
@@ -173,7 +177,10 @@ template <> struct EnumNames<render::Algorithm> {
     static std::vector<std::pair<render::Algorithm, char const*>> all() {
         return {{render::Algorithm::ray_marching, "ray-marching"},
                 {render::Algorithm::implicit_iso, "implicit-iso"},
-                {render::Algorithm::multi_scattering, "multi-scattering"}};
+                {render::Algorithm::multi_scattering, "multi-scattering"},
+                {render::Algorithm::maximum, "maximum"},
+                {render::Algorithm::minimum, "minimum"},
+                {render::Algorithm::mean, "mean"}};
     }
 };
 template <> struct EnumNames<render::Fit> {

@@ -88,6 +88,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large");
     list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
     list.option("span", s.camera.span, "LENGTH", "orthographic: world length from bottom to top of the picture");
+    list.option("orbit", orbit_, "N", "N numbered pictures, once around the z axis; the camera keeps its distance");
     list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
     list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
@@ -109,7 +110,7 @@ void SettingsParameters::declare(Parameters& list) {
 
     list.option(
         "tolerance", tolerance_, "LEVELS",
-        "ray marching, iso: refine steps and edges until the estimated error of each pixel is below, in 255ths");
+        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths");
     list.option("noise", noise_, "LEVELS",
                 "multi-scattering: paths until the standard error is below everywhere, in 255ths; --spp is the most");
     list.option("time", seconds_, "SECONDS", "refine the picture for so long, or until it is good enough");
@@ -135,26 +136,27 @@ namespace {
 
 struct Use {
     char const* option;
-    bool march, iso, scatter;
+    bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 18> uses{{{"step", true, false, false},
-                                    {"tolerance", true, true, false},
-                                    {"noise", false, false, true},
-                                    {"exact", true, false, false},
-                                    {"no-skip", true, false, false},
-                                    {"shade", true, true, false},
-                                    {"iso", false, true, false},
-                                    {"iso-color", false, true, false},
-                                    {"iso-opacity", false, true, false},
-                                    {"unit-distance", true, false, true},
-                                    {"opacity", true, false, true},
-                                    {"opacity-scale", true, false, true},
-                                    {"spp", false, false, true},
-                                    {"first-sample", false, false, true},
-                                    {"seed", false, false, true},
-                                    {"albedo", false, false, true},
-                                    {"light", false, false, true},
-                                    {"emission", false, false, true}}};
+constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
+                                    {"tolerance", true, true, false, true},
+                                    {"noise", false, false, true, false},
+                                    {"exact", true, false, false, false},
+                                    {"no-skip", true, false, false, false},
+                                    {"shade", true, true, false, false},
+                                    {"iso", false, true, false, false},
+                                    {"iso-color", false, true, false, false},
+                                    {"iso-opacity", false, true, false, false},
+                                    {"unit-distance", true, false, true, false},
+                                    {"opacity", true, false, true, false},
+                                    {"opacity-scale", true, false, true, false},
+                                    {"rgba-lookup-table", true, true, true, true},
+                                    {"spp", false, false, true, false},
+                                    {"first-sample", false, false, true, false},
+                                    {"seed", false, false, true, false},
+                                    {"albedo", false, false, true, false},
+                                    {"light", false, false, true, false},
+                                    {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
 double read_shading(std::string const& word) {
@@ -173,7 +175,8 @@ double read_shading(std::string const& word) {
 bool applies(std::string_view option, Algorithm algorithm) {
     auto const use = std::find_if(uses.begin(), uses.end(), [&](Use const& u) { return u.option == option; });
     if (use == uses.end()) return true;
-    return algorithm == Algorithm::ray_marching   ? use->march
+    return is_projection(algorithm)               ? use->project
+           : algorithm == Algorithm::ray_marching ? use->march
            : algorithm == Algorithm::implicit_iso ? use->iso
                                                   : use->scatter;
 }
@@ -188,6 +191,8 @@ void SettingsParameters::refuse_misfits() const {
     for (char const* other : {"transfer", "colormap", "opacity"}) exclude("rgba-lookup-table", other);
     for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
+    exclude("orbit", "eye");
+    if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     exclude("exact", "shade");
     exclude("exact", "no-skip");
     exclude("exact", "step");
@@ -289,6 +294,19 @@ RenderSettings SettingsParameters::settings() const {
     }
     render::check(s);
     return s;
+}
+
+std::vector<CameraRequest> SettingsParameters::cameras() const {
+    CameraRequest camera = settings_.camera;
+    if (!orbit_) return {camera};
+    std::vector<CameraRequest> cameras;
+    double const first = azimuth_of(camera);
+    camera.steady = true;
+    for (int i = 0; i < *orbit_; ++i) {
+        camera.azimuth = first + 360.0 * i / *orbit_;
+        cameras.push_back(camera);
+    }
+    return cameras;
 }
 
 Background SettingsParameters::background() const {
@@ -415,6 +433,12 @@ std::vector<std::string> model_text(RenderSettings const& s) {
     case Algorithm::multi_scattering:
         model = "multiple scattering, light from all around";
         why = "the light has no direction, so that paths end in it by themselves and no shadow ray is needed";
+        break;
+    case Algorithm::maximum:
+    case Algorithm::minimum:
+    case Algorithm::mean:
+        model = text(enum_name(s.algorithm), " of the values along each ray, as a colour");
+        why = "opacity and light are not asked for (--render-algo ray-marching)";
         break;
     }
     std::string stops;

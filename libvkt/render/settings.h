@@ -17,6 +17,8 @@ public:
     /// other, Error{io} or Error{data} for the transfer function file.
     RenderSettings settings() const;
     Background background() const;
+    /// Of every volume: one, or those of --orbit.
+    std::vector<CameraRequest> cameras() const;
 
 private:
     void refuse_misfits() const;
@@ -25,6 +27,7 @@ private:
     Algorithm algorithm_ = Algorithm::ray_marching;
     std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1", shading_ = "auto";
     RenderSettings settings_;
+    std::optional<int> orbit_;
     std::optional<double> noise_, tolerance_, seconds_;
     mutable std::optional<TransferFunction> transfer_; ///< what the file holds, once it is read
     std::int64_t seed_ = 0;

@@ -53,6 +53,9 @@ struct SumsView {
     float behind[3];
 };
 
+/// Which value along a ray a projection shows.
+enum class Projected : std::uint8_t { greatest, least, mean };
+
 struct SceneView {
     RayFrame frame;
     Double3 lower, upper; ///< the volume's box in the padded lattice
@@ -67,7 +70,8 @@ struct SceneView {
     float step;         ///< lattice units
     bool skip;          ///< leave out what cannot be seen
     float patience = 1; ///< see is_settled()
-    int rays = 1;       ///< per pixel, evenly spread over it; of paths there are `samples`
+    Projected projection = Projected::greatest;
+    int rays = 1; ///< per pixel, evenly spread over it; of paths there are `samples`
     // Scattering.
     int samples, first_sample, bounces;
     std::uint64_t seed;

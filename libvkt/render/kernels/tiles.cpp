@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/project.h"
 #include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/pixels.h"
 
@@ -30,6 +31,9 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
         break;
     case Integrator::iso:
         along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); });
+        break;
+    case Integrator::project:
+        along_ray([&](Ray const& ray) { return project_ray(sampler, scene, ray, counters); });
         break;
     case Integrator::scatter:
         for_pixels(tile, pixels, width, [&](int x, int y) { return scatter_pixel(sampler, scene, x, y, counters); });
