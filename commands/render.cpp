@@ -6,8 +6,8 @@
 #include "shell/command.h"
 #include "shell/pictures.h"
 #include "shell/picturing.h"
-#include "shell/viewer/arriving.h"
-#include "shell/viewer/viewer.h"
+#include "shell/viewer/scene_of_input.h"
+#include "shell/watching.h"
 
 #include "libvkt/core/text.h"
 
@@ -18,73 +18,6 @@
 namespace vkt::shell {
 
 namespace {
-
-/// What the window asks for.
-class WindowScene : public viewer::Scene {
-public:
-    WindowScene(Source& source, Context& context, render::RenderSettings asked, render::Background background)
-        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context),
-          volumes_(source, context.execution(), [this] { return opened_.open(); }) {}
-
-    std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
-    render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
-                       std::stop_token const& stop, render::Accumulation* accumulation) override {
-        auto const renderer = volumes_.renderer();
-        render::RenderSettings s = settings;
-        if (renderer == nullptr) { // nothing has come yet
-            render::Image image{s.width, s.height, {}};
-            for (int i = 0; i < s.width * s.height; ++i) image.pixels.insert(image.pixels.end(), {0, 0, 0, 1});
-            return image;
-        }
-        if (volumes_.partial()) {
-            // The place of the whole, so that what comes does not move what is there.
-            Header const& header = volumes_.header();
-            render::Camera const camera =
-                render::make_camera(s.camera, render::corners_of(header.geometry, box_of(header.dims)),
-                                    static_cast<double>(s.width) / s.height);
-            viewer::View view = viewer::initial_view(s);
-            view.camera = camera;
-            s = viewer::settings_of(s, view);
-            s.clip = {};
-        }
-        return renderer->render(s, &report, stop, accumulation);
-    }
-    std::string save(render::Image const& image, render::RenderReport const& report,
-                     viewer::View const& view) override {
-        std::string path = viewer::free_picture_name(input());
-        write_picture(path, false, {image, report, background_}, volumes_.header(), stage_of(view), context_);
-        return path;
-    }
-    std::string command(viewer::View const& view) override {
-        StageInfo stage = stage_of(view);
-        if (stage.words.empty()) return "with --no-history there is no command line";
-        return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
-                    viewer::free_picture_name(input()));
-    }
-    bool next() override { return volumes_.next(); }
-    viewer::Arrival arrive() override { return volumes_.arrive(); }
-    std::shared_ptr<render::Renderer const> volume() override {
-        return volumes_.partial() ? nullptr : volumes_.renderer();
-    }
-    void magnify(Box const& part) override { volumes_.magnify(part, context_.stage_info()); }
-
-private:
-    std::string input() const {
-        std::string const name = context_.stage_info().input_names.front();
-        return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
-    }
-    StageInfo stage_of(viewer::View const& view) const {
-        StageInfo stage = context_.stage_info();
-        stage.words = viewer::words_of(stage.words, asked_, view);
-        return stage;
-    }
-
-    Context& context_;
-    render::RenderSettings asked_;
-    render::Background background_;
-    Volumes opened_;
-    viewer::ArrivingVolumes volumes_;
-};
 
 /// One picture per volume, or a window. The options are those of render::SettingsParameters.
 class Render : public Consumer, public Tunable, public Picturing {
@@ -99,31 +32,42 @@ public:
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
-    std::size_t bytes_held(Header const& header) const override { return bytes_to_draw(header); }
+    std::size_t bytes_held(Header const& header) const override { return render::bytes_to_draw(header); }
     std::vector<std::string> explain(Header const& header) const override {
-        return explanation(options_.settings(), header);
+        return render::explanation(options_.settings(), header);
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
-        render::RenderSettings const settings = options_.settings();
+        render::RenderSettings settings = options_.settings();
         render::Background const background = options_.background();
         if (context.window()) {
-            WindowScene scene(*inputs.front(), context, settings, background);
-            if (scene.next())
-                viewer::show(scene, settings, background, [&](std::string const& line) { context.note(line); });
+            if (settings.goal.any())
+                throw Error(ErrorKind::usage, "--tolerance, --noise and --time are for pictures that are written",
+                            "give -o FILE");
+            viewer::show_input(*inputs.front(), context, settings, background);
             return 0;
         }
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
-        for (std::int64_t number = 0; volumes.next(); ++number) {
-            render::RenderReport report;
-            render::Image const image = volumes.renderer().render(settings, &report);
-            // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
-            if (!numbered && volumes.another())
-                throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
-                            "give a place for the number: -o picture-%04d.png");
-            write_picture(numbered_path(context.output(), number), context.force(), {image, report, background},
-                          volumes.header(), context.stage_info(), context);
+        std::vector<render::CameraRequest> const cameras = options_.cameras();
+        if (!numbered && cameras.size() > 1)
+            throw Error(ErrorKind::usage, "--orbit makes several pictures, but -o names one",
+                        "give a place for the number: -o picture-%04d.png");
+        for (std::int64_t number = 0; volumes.next();) {
+            for (render::CameraRequest const& camera : cameras) {
+                settings.camera = camera;
+                render::RenderReport report;
+                Watching const watching(context);
+                render::Image const image = volumes.renderer().watched(settings, &report, watching.watch());
+                // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
+                if (!numbered && volumes.another())
+                    throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
+                                "give a place for the number: -o picture-%04d.png");
+                write_picture(numbered_path(context.output(), number++), context.force(),
+                              {image, report, background, settings.goal}, volumes.header(), context.stage_info(),
+                              context);
+                if (report.quality.stopped) return Watching::exit_code;
+            }
         }
         return 0;
     }
@@ -132,7 +76,7 @@ public:
         render::RenderSettings const settings = options_.settings();
         if (settings.algorithm == render::Algorithm::multi_scattering)
             return {{"spp", {"4", "16", "64", "256"}, "256"}};
-        if (settings.algorithm == render::Algorithm::implicit_iso || settings.exact) return {};
+        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return {};
         return {{"step", {"4", "2", "1", "0.5", "0.25", "0.125"}, "0.125"}};
     }
     DrawnPicture picture(Volume const& volume, PictureRequest const& request,
@@ -172,7 +116,7 @@ public:
         double const rays = static_cast<double>(settings.width) * settings.height;
         auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
         if (settings.algorithm == render::Algorithm::multi_scattering) return rays * settings.samples;
-        if (settings.algorithm == render::Algorithm::implicit_iso || settings.exact) return 0;
+        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return 0;
         return rays * std::hypot(length(0), length(1), length(2)) / settings.step;
     }
     std::string reference_method() const override {
@@ -180,7 +124,7 @@ public:
         make_reference(settings);
         return settings.algorithm == render::Algorithm::multi_scattering
                    ? text(settings.samples, " other paths a pixel")
-               : settings.algorithm == render::Algorithm::implicit_iso ? "exact cubic per voxel"
+               : settings.algorithm != render::Algorithm::ray_marching ? "exact cubic per voxel"
                : settings.exact                                        ? "--exact"
                                                                        : text("--step ", settings.step);
     }

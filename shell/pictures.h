@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/cost.h"
 #include "libvkt/render/render.h"
 #include "shell/command.h"
 
@@ -11,15 +12,6 @@
 #include <vector>
 
 namespace vkt::shell {
-
-/// Throws Error{resources} if drawing such a volume takes more than the budget.
-void check_memory(Header const& header, Execution const& execution);
-
-/// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
-std::size_t bytes_to_draw(Header const& header);
-
-/// Method and cost of a picture of such a volume, a line each.
-std::vector<std::string> explanation(render::RenderSettings const& settings, Header const& header);
 
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
@@ -54,6 +46,7 @@ struct Picture {
     render::Image const& image;
     render::RenderReport const& report;
     render::Background const& background;
+    render::Goal goal;
 };
 
 /// Writes a PNG file that says which stage drew it from a volume with this header; notes what is remarkable.

@@ -7,7 +7,7 @@
 #include "libvkt/engine/decorator.h"
 
 #include <algorithm>
-#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -16,14 +16,12 @@
 namespace vkt::shell {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds before_first{500}, between{100};
 
 class Progress : public SourceDecorator {
 public:
     Progress(std::unique_ptr<Source> source, std::string stage)
-        : SourceDecorator(std::move(source)), stage_(std::move(stage)) {}
-    ~Progress() override { wipe(); }
+        : SourceDecorator(std::move(source)), line_(std::move(stage)) {}
 
     bool next_volume() override {
         z_ = 0;
@@ -44,32 +42,35 @@ public:
     }
     void finish() override {
         inner().finish();
-        wipe();
+        line_.wipe();
     }
 
 private:
     void show(std::int64_t z) {
         z_ = std::max(z_, z);
-        auto const now = Clock::now();
-        if (now - begin_ < before_first || now - last_ < between) return;
-        last_ = now;
-        double const share = 100.0 * static_cast<double>(z_) / static_cast<double>(inner().header().dims.z);
-        std::fprintf(stderr, "\r%s: volume %d, %3.0f %%\033[K", stage_.c_str(), volume_, share);
-        std::fflush(stderr);
-        drawn_ = true;
+        line_.show(text("volume ", volume_, ", ", std::lround(100.0 * static_cast<double>(z_) / depth()), " %"));
     }
-    void wipe() {
-        if (std::exchange(drawn_, false)) std::fputs("\r\033[K", stderr);
-    }
+    double depth() { return static_cast<double>(inner().header().dims.z); }
 
-    std::string stage_;
-    Clock::time_point begin_ = Clock::now(), last_ = begin_;
+    ProgressLine line_;
     std::int64_t z_ = 0;
     int volume_ = 0;
-    bool drawn_ = false;
 };
 
 } // namespace
+
+void ProgressLine::show(std::string const& how_far) {
+    auto const now = std::chrono::steady_clock::now();
+    if (now - begin_ < before_first || now - last_ < between) return;
+    last_ = now;
+    std::fprintf(stderr, "\r%s: %s\033[K", stage_.c_str(), how_far.c_str());
+    std::fflush(stderr);
+    drawn_ = true;
+}
+
+void ProgressLine::wipe() {
+    if (std::exchange(drawn_, false)) std::fputs("\r\033[K", stderr);
+}
 
 bool input_is_terminal() { return ::isatty(STDIN_FILENO) == 1; }
 bool output_is_terminal() { return ::isatty(STDOUT_FILENO) == 1; }

@@ -182,7 +182,34 @@ static int trim(void) {
     return 0;
 }
 
+/* program render OUT: a picture of volume.nrrd as a file, and facts about it. */
+static int draw(char const* path) {
+    vkt_volume* volume = NULL;
+    vkt_picture* picture = NULL;
+    void const* png = NULL;
+    size_t size = 0;
+    FILE* file = fopen(path, "wb");
+    if (vkt_read("volume.nrrd", NULL, 0, &volume) != VKT_OK) return complain();
+    if (vkt_render(volume, OPTIONS("--size", "24x18", "--background", "1,0,0"), &picture) != VKT_OK) return complain();
+    unsigned char const* const corner = vkt_picture_bytes(picture);
+    printf("%d %d %d %d %d %d %g\n", vkt_picture_width(picture), vkt_picture_height(picture), corner[0], corner[1],
+           corner[2], corner[3], (double)vkt_picture_light(picture)[3]);
+    printf("%s[%s]\n", strstr(vkt_picture_report(picture), "ray marching") != NULL ? "march" : "?",
+           vkt_picture_remarks(picture));
+    if (vkt_picture_png(picture, &png, &size) != VKT_OK) return complain();
+    fwrite(png, 1, size, file);
+    fclose(file);
+    vkt_free_picture(picture);
+    picture = NULL;
+    vkt_free_picture(picture);
+    if (vkt_render(volume, OPTIONS("--size", "0"), &picture) != VKT_USAGE || picture != NULL) return 9;
+    if (vkt_render(NULL, NULL, 0, &picture) != VKT_USAGE || vkt_render(volume, NULL, 0, NULL) != VKT_USAGE) return 9;
+    vkt_free(volume);
+    return 0;
+}
+
 int main(int argc, char** argv) {
+    if (argc == 3 && strcmp(argv[1], "render") == 0) return draw(argv[2]);
     if (argc > 4 && strcmp(argv[1], "apply") == 0) return apply_to_file(argc, argv);
     if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
@@ -271,4 +298,16 @@ EOF
 
 @test "memory of freed volumes serves the next result until it is given back" {
     [ "$("$program" trim)" = "1 1 0" ]
+}
+
+@test "a picture has the pixels of the command" {
+    run "$program" render a.png
+    [ "$status" -eq 0 ]
+    [ "${lines[0]}" = "24 18 255 0 0 255 0" ]
+    [ "${lines[1]}" = "march[]" ]
+    vkt render volume.nrrd --size 24x18 --background 1,0,0 -o b.png
+    /usr/bin/python3 -c "
+import re
+data = [re.search(b'IDAT.*', open(name, 'rb').read(), re.S)[0] for name in ('a.png', 'b.png')]
+assert data[0] == data[1]"
 }

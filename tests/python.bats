@@ -428,3 +428,49 @@ with warnings.catch_warnings(record=True) as caught:
     assert [w.filename for w in caught] == ["<stdin>"] * 2, [w.filename for w in caught]
 EOF
 }
+
+@test "render gives the picture of the command, as bytes, light or a file; a volume shows itself" {
+    vkt render volume.nrrd --size 40x30 --view x --background 0,0,0,0 -o command.png
+    python <<'EOF2'
+import struct, zlib
+def rows_of(png):
+    at, idat = 8, b""
+    while at < len(png):
+        n, kind = struct.unpack(">I4s", png[at:at + 8])
+        if kind == b"IDAT": idat += png[at + 8:at + 8 + n]
+        at += n + 12
+    return idat
+options = dict(size=(40, 30), view="x", background="0,0,0,0")
+png = vkt.render(volume, format="png", **options)
+assert rows_of(png) == rows_of(open("command.png", "rb").read()) and b"Quality" not in png and b"--view" in png
+p = vkt.render(volume, **options)
+f = volume.render(format="float", **options)
+assert p.shape == f.shape == (30, 40, 4) and p.dtype == np.uint8 and f.dtype == np.float32
+assert (p[0, 0] == 0).all() and p[..., 3].max() == 255 and p[15, 20, :3].max() > 30
+# Bytes are the light in sRGB with straight alpha.
+a = f[..., 3:]
+light = np.where(a > 0, f[..., :3] / np.maximum(a, 1e-9), 0).clip(0, 1)
+srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+assert np.abs(255 * srgb - p[..., :3])[a[..., 0] > 0.01].max() <= 0.51
+assert np.abs(255 * a - p[..., 3:]).max() <= 0.51
+assert (vkt.render(volume, size=8)[..., 3] == 255).all()
+two = vkt.render(volume, size=16, render_algo="implicit-iso", iso=[volume.array.max() / 4, volume.array.max() / 2])
+assert two.shape == (16, 16, 4)
+for bad, code in ((dict(step=9), 2), (dict(sizes=3), 2), (dict(format="jpeg"), 2), (dict(noise=1), 2)):
+    try:
+        vkt.render(volume, **bad)
+        raise SystemExit(f"{bad} was accepted")
+    except vkt.Error as error:
+        assert error.exit_code == code
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    vkt.render(volume, size=8, render_algo="implicit-iso", iso=1e6)
+assert len(said) == 1 and "no surface" in str(said[0].message)
+html = volume._repr_html_()
+assert html.count("data:image/png;base64,") == 4 and "vkt.Volume" in html
+nothing = vkt.Volume(np.full((3, 4, 5), np.nan, "float32"))._repr_html_()
+assert nothing.count("data:image/png;base64,") == 3 and "no finite voxel" in nothing
+tree = volume.apply("refine", tolerance=50)
+assert tree.hierarchical and tree._repr_html_().count("data:image/png;base64,") == 1
+EOF2
+}

@@ -521,3 +521,59 @@ print(took, planned)
 assert planned < took + 4 and took < planned + 48, (took, planned) # the program itself
 END
 }
+
+@test "projections are those of NumPy, along rays through the middles of voxels" {
+    vkt make noise --dims 20 18 24 --seed 3 --dtype float32 -o n_20x18x24_float32.raw
+    for name in maximum minimum mean; do
+        vkt render n_20x18x24_float32.raw --ra $name --view -y --projection orthographic --span 24 --target 9.5,8.5,11.5 \
+            --size 20x24 --domain 0:1 -o $name.png
+    done
+    /usr/bin/python3 -c "$levels
+v = np.fromfile('n_20x18x24_float32.raw', np.float32).reshape(24, 18, 20)[::-1]
+for name, f in (('maximum', np.max), ('minimum', np.min), ('mean', np.mean)):
+    off = np.abs(levels(name + '.png')[..., 0] - 255 * f(v, axis=1)).max()
+    print(name, off)
+    assert off < 0.51, (name, off)"
+    fails_with 2 "--opacity does not apply" vkt render n_20x18x24_float32.raw --ra mean --opacity 0,1 -o a.png
+}
+
+@test "--orbit goes around in numbered pictures from one distance" {
+    f=block_24x18x30_uint8.raw
+    vkt render $f --size 32 --orbit 4 -o o-%d.png
+    [ "$(ls o-*.png | wc -l)" = 4 ]
+    for i in 0 1 2 3; do grep -a -o 'eye [^t]*target [^u]*' o-$i.png | head -n 1; done >cameras
+    /usr/bin/python3 -c "
+import math
+cameras = [[float(w) for w in line.replace(',', ' ').split() if w not in ('eye', 'target')] for line in open('cameras')]
+d = [math.dist(c[:3], c[3:6]) for c in cameras]
+assert len(d) == 4 and max(d) - min(d) < 1e-9 * max(d), d
+a = [math.degrees(math.atan2(c[0] - c[3], c[4] - c[1])) % 360 for c in cameras]
+assert all(abs((a[i + 1] - a[i]) % 360 - 90) < 1e-6 for i in range(3)), a"
+    fails_with 2 "place for the number" vkt render $f --orbit 2 -o one.png
+    fails_with 2 "exclude" vkt render $f --orbit 2 --eye 1,2,3 -o o-%d.png
+    fails_with 2 "--orbit 0" vkt render $f --orbit 0 -o o-%d.png
+}
+
+@test "an empty picture is said, and refused by --strict" {
+    away="--eye 100,100,100 --target 200,200,200 --size 8"
+    vkt render block_24x18x30_uint8.raw $away -o a.png 2>err
+    grep -q "the picture is empty" err
+    fails_with 3 "the picture is empty" vkt render block_24x18x30_uint8.raw $away --strict -o b.png
+    [ ! -e b.png ]
+}
+
+@test "what can be seen fills the picture" {
+    # A ball in a corner of a large volume: its box touches the frame on two sides, up to macrocells of 8 voxels.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:96, 0:96, 0:96]
+(200 * ((x - 60)**2 + (y - 50)**2 + (z - 40)**2 < 30**2)).astype('u1').tofile('ball_96x96x96_uint8.raw')"
+    vkt render ball_96x96x96_uint8.raw --size 100 --opacity 0,0.9 --background 0,0,0 -o a.png
+    /usr/bin/python3 -c "$levels
+seen = levels('a.png').max(2) > 20
+rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
+height, width = np.ptp(rows) + 1, np.ptp(columns) + 1
+print(height, width)
+assert max(height, width) >= 82, (height, width)
+assert abs(rows.mean() - 49.5) < 6 and abs(columns.mean() - 49.5) < 6"
+}

@@ -10,6 +10,8 @@
 #include "libvkt/formats/request.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/transform_each.h"
+#include "libvkt/render/cost.h"
+#include "libvkt/render/settings.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -25,6 +27,14 @@
 struct vkt_volume {
     vkt::Volume volume;
     std::string dtype, remarks{}, report{};
+};
+
+struct vkt_picture {
+    int width = 0, height = 0;
+    std::vector<unsigned char> bytes{};
+    std::vector<float> light{};
+    std::vector<std::byte> png{};
+    std::string remarks{}, report{};
 };
 
 namespace {
@@ -379,6 +389,75 @@ vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, si
         *json = copied(Report::json(measure(std::move(all), {volume->volume})));
     });
 }
+
+namespace {
+
+vkt_picture drawn(Volume const& volume, std::vector<std::string> const& words) {
+    render::SettingsParameters options;
+    Parameters own, shared;
+    ExecutionOptions for_execution;
+    options.declare(own);
+    for_execution.declare(shared);
+    auto const left = read_words(words, {&own, &shared});
+    if (!left.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", left.front(), "'"));
+    options.check();
+    Execution const execution = keeping_blocks(for_execution.execution());
+    render::RenderSettings const settings = options.settings();
+    render::check_memory(volume.header(), execution);
+    render::RenderReport report;
+    render::Image image = render::render(volume, settings, execution, &report);
+    vkt_picture picture{image.width, image.height};
+    std::vector<unsigned char> const shown = render::to_bytes(image, settings.background);
+    std::size_t const pixels = image.pixels.size() / 4, channels = shown.size() / pixels;
+    picture.bytes.resize(4 * pixels, 255);
+    for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&shown[channels * i], channels, &picture.bytes[4 * i]);
+    StageInfo info;
+    info.name = "render";
+    info.words = history_words(info.name, own, {"-"}, false);
+    info.input_names = {"-"};
+    History const history = folded(history_step(info, {volume.header()}));
+    std::vector<std::pair<std::string, std::string>> texts{{"Software", "vkt " VKT_VERSION},
+                                                           {"History", history_as_shell(history)}};
+    for (auto& entry : render::texts_of(report, settings.goal)) texts.push_back(std::move(entry));
+    picture.png = render::to_png(image, settings.background, texts);
+    picture.light = std::move(image.pixels);
+    for (std::size_t i = 3; i < picture.light.size(); i += 4) picture.light[i] = 1 - picture.light[i];
+    picture.remarks = printable(join(render::remarks_of(report, settings.goal), "; "));
+    picture.report = render::report_text(report);
+    return picture;
+}
+
+} // namespace
+
+vkt_status vkt_render(vkt_volume const* volume, char const* const* words, size_t count, vkt_picture** picture) {
+    return guarded([&] {
+        need(volume, "volume");
+        need(picture, "picture");
+        *picture = new vkt_picture(drawn(volume->volume, words_of(words, count)));
+    });
+}
+int vkt_picture_width(vkt_picture const* picture) { return picture == nullptr ? 0 : picture->width; }
+int vkt_picture_height(vkt_picture const* picture) { return picture == nullptr ? 0 : picture->height; }
+unsigned char const* vkt_picture_bytes(vkt_picture const* picture) {
+    return picture == nullptr ? nullptr : picture->bytes.data();
+}
+float const* vkt_picture_light(vkt_picture const* picture) {
+    return picture == nullptr ? nullptr : picture->light.data();
+}
+char const* vkt_picture_remarks(vkt_picture const* picture) {
+    return picture == nullptr ? "" : picture->remarks.c_str();
+}
+char const* vkt_picture_report(vkt_picture const* picture) { return picture == nullptr ? "" : picture->report.c_str(); }
+vkt_status vkt_picture_png(vkt_picture const* picture, void const** bytes, size_t* size) {
+    return guarded([&] {
+        need(picture, "picture");
+        need(bytes, "bytes");
+        need(size, "size");
+        *bytes = picture->png.data();
+        *size = picture->png.size();
+    });
+}
+void vkt_free_picture(vkt_picture* picture) { delete picture; }
 
 size_t vkt_trim(void) { return release_blocks(); }
 

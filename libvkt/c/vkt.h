@@ -105,6 +105,24 @@ VKT_API vkt_status vkt_measure(char const* const* words, size_t count, vkt_volum
 /* vkt_measure() of {"stats"} and these words. */
 VKT_API vkt_status vkt_statistics(vkt_volume const* volume, char const* const* words, size_t count, char** json);
 
+/* A picture of a volume. Options are those of `vkt render` but for those of files and windows,
+   {"--view", "x", "--size", "640x480", "--noise", "1"}. */
+typedef struct vkt_picture vkt_picture;
+VKT_API vkt_status vkt_render(vkt_volume const* volume, char const* const* words, size_t count, vkt_picture** picture);
+/* Row by row from the top, valid as long as the picture. Null of a null picture. */
+VKT_API int vkt_picture_width(vkt_picture const* picture);
+VKT_API int vkt_picture_height(vkt_picture const* picture);
+/* Four bytes a pixel: sRGB over the background and alpha, which is 255 where the background is opaque. */
+VKT_API unsigned char const* vkt_picture_bytes(vkt_picture const* picture);
+/* Four floats a pixel: linear light of the volume alone, premultiplied, and alpha. */
+VKT_API float const* vkt_picture_light(vkt_picture const* picture);
+/* What is not shown as it is, one remark a line; how it was drawn, in one line. */
+VKT_API char const* vkt_picture_remarks(vkt_picture const* picture);
+VKT_API char const* vkt_picture_report(vkt_picture const* picture);
+/* A PNG file of it that says how it was made; valid as long as the picture. */
+VKT_API vkt_status vkt_picture_png(vkt_picture const* picture, void const** bytes, size_t* size);
+VKT_API void vkt_free_picture(vkt_picture* picture);
+
 /* Gives memory of freed volumes back to the system; returns how many bytes. Until then up to as much as a volume may
    take is kept, since touching fresh memory can cost more than an operation. The system takes it back by itself when
    memory is short, and it is given back where the limit of a control group or of the process would be met. */

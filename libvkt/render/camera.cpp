@@ -8,7 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <numeric>
+#include <span>
 
 namespace vkt::render {
 
@@ -45,6 +48,7 @@ void check_finite(std::optional<Vec3> const& v, char const* what) {
 /// Direction from the target to the eye, and what is upwards unless the user says so.
 struct View {
     Vec3 side, up;
+    double azimuth;
 };
 View view_of(CameraRequest const& request) {
     double azimuth = 32, elevation = 22;
@@ -76,8 +80,10 @@ View view_of(CameraRequest const& request) {
     auto const clean = [](double v) { return std::abs(v) < 1e-15 ? 0.0 : v; };
     Vec3 const ahead{clean(-std::sin(a)), clean(std::cos(a)), 0}; // what a camera of that azimuth looks along
     // From above and below, the picture is turned as it is just before: that is where the z axis pointed.
-    if (upright) return elevation > 0 ? View{{0, 0, 1}, ahead} : View{{0, 0, -1}, Vec3{0, 0, 0} - ahead};
-    return {{clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))}, {0, 0, 1}};
+    if (upright)
+        return elevation > 0 ? View{{0, 0, 1}, ahead, azimuth} : View{{0, 0, -1}, Vec3{0, 0, 0} - ahead, azimuth};
+    return {
+        {clean(std::sin(a) * std::cos(e)), clean(-std::cos(a) * std::cos(e)), clean(std::sin(e))}, {0, 0, 1}, azimuth};
 }
 
 } // namespace
@@ -93,7 +99,37 @@ std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box) {
     return corners;
 }
 
-Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corners, double aspect) {
+double azimuth_of(CameraRequest const& request) { return view_of(request).azimuth; }
+
+namespace {
+
+/// What points span across the directions of a camera.
+struct Extent {
+    double low = std::numeric_limits<double>::infinity(), high = -std::numeric_limits<double>::infinity();
+    void add(double v) { low = std::min(low, v), high = std::max(high, v); }
+    double middle() const { return std::midpoint(low, high); }
+    double half() const { return (high - low) / 2; }
+};
+
+/// The eye from which all points are just within a frustum, and as near as can be, in the camera's directions: every
+/// side of the frustum touches a point where it can. `tangents` are of half its angles.
+struct Placed {
+    double right, up, forward;
+};
+Placed tightest(std::span<Vec3 const> points, Basis const& b, double across, double upward) {
+    Extent right, left, above, below;
+    for (Vec3 const& p : points) {
+        double const x = dot(p, b.right), y = dot(p, b.up), z = dot(p, b.forward);
+        right.add(x - across * z), left.add(-x - across * z);
+        above.add(y - upward * z), below.add(-y - upward * z);
+    }
+    return {(right.high - left.high) / 2, (above.high - below.high) / 2,
+            std::min(-(right.high + left.high) / (2 * across), -(above.high + below.high) / (2 * upward))};
+}
+
+} // namespace
+
+Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, double aspect) {
     if (!(request.fov > 0 && request.fov < 180))
         throw Error(ErrorKind::usage, "the field of view must be between 0 and 180 degrees");
     if (!(request.zoom > 0) || !std::isfinite(request.zoom)) throw Error(ErrorKind::usage, "the zoom must be positive");
@@ -102,8 +138,9 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     check_finite(request.eye, "eye");
     check_finite(request.target, "target");
     check_finite(request.up, "up direction");
-    Vec3 centre{0, 0, 0};
-    for (Vec3 const& c : corners) centre = centre + c * 0.125;
+    Extent x, y, z;
+    for (Vec3 const& p : points) x.add(p.x), y.add(p.y), z.add(p.z);
+    Vec3 const centre{x.middle(), y.middle(), z.middle()};
 
     Camera camera;
     camera.projection = request.projection;
@@ -119,12 +156,30 @@ Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corn
     Basis const b = basis_of(request.eye ? camera.target - *request.eye : view.side * -1.0, camera.up);
     double const base = std::tan(radians(request.fov) / 2);
     double distance = 0, half_height = 0, radius = 0;
-    for (Vec3 const& corner : corners) {
-        Vec3 const c = corner - camera.target;
-        double const x = std::abs(dot(c, b.right)) / aspect, y = std::abs(dot(c, b.up)), z = dot(c, b.forward);
-        distance = std::max(distance, std::max(x, y) * margin / base - z);
-        half_height = std::max(half_height, std::max(x, y) * margin);
+    for (Vec3 const& point : points) {
+        Vec3 const c = point - camera.target;
+        double const side = std::abs(dot(c, b.right)) / aspect, height = std::abs(dot(c, b.up)),
+                     depth = dot(c, b.forward);
+        distance = std::max(distance, std::max(side, height) * margin / base - depth);
+        half_height = std::max(half_height, std::max(side, height) * margin);
         radius = std::max(radius, std::sqrt(dot(c, c)));
+    }
+    if (request.steady) { // and any turn of it
+        double const limit = std::sin(std::atan(base * std::min(1.0, aspect)));
+        distance = radius * margin / limit;
+        half_height = radius * margin / std::min(1.0, aspect);
+    } else if (!request.eye && !request.target) {
+        if (request.projection == Projection::perspective) {
+            Placed const eye = tightest(points, b, base * aspect / margin, base / margin);
+            double const depth = dot(centre, b.forward);
+            camera.target = b.right * eye.right + b.up * eye.up + b.forward * depth;
+            distance = depth - eye.forward;
+        } else {
+            Extent across, upward;
+            for (Vec3 const& p : points) across.add(dot(p, b.right)), upward.add(dot(p, b.up));
+            camera.target = b.right * across.middle() + b.up * upward.middle() + b.forward * dot(centre, b.forward);
+            half_height = margin * std::max(across.half() / aspect, upward.half());
+        }
     }
     // A target far in front of the volume must not put the eye behind itself.
     distance = std::max(distance, 1e-3 * radius);

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 
 namespace vkt::render {
@@ -37,14 +38,18 @@ struct CameraRequest {
     double zoom = 1;            ///< 2 shows things twice as large
     std::optional<double> span; ///< orthographic: world length from bottom to top of the picture; overrules the fit
     Fit fit = Fit::content;
+    bool steady = false; ///< the same distance from all sides: what is shown is a ball around its corners
 };
 
 /// World positions of the corners of a box of voxels: outer faces of the outer voxels.
 std::array<Vec3, 8> corners_of(Geometry const& geometry, Box const& box);
 
-/// Shows all of the corners with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown
+/// Degrees around z of the view that is asked for.
+double azimuth_of(CameraRequest const& request);
+
+/// Shows all of the points with a small margin unless eye or zoom say otherwise. Throws Error{usage} for unknown
 /// views, an eye on the target, or values out of range.
-Camera make_camera(CameraRequest const& request, std::array<Vec3, 8> const& corners, double aspect);
+Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, double aspect);
 
 /// The camera in the lattice of a volume, in which the centre of the first cell is at (first, first, first).
 RayFrame frame_of(Camera const& camera, Geometry const& geometry, double first, int width, int height);

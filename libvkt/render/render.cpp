@@ -6,11 +6,11 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/inner/exact.h"
+#include "libvkt/render/passes.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <exception>
 #include <limits>
 #include <mutex>
 
@@ -18,7 +18,6 @@ namespace vkt::render {
 
 namespace {
 
-constexpr int tile_size = 16;
 constexpr int largest_image = 16384;
 
 using Clock = std::chrono::steady_clock;
@@ -98,6 +97,30 @@ TransferFunction combine(std::string const& map, Domain const& domain, std::vect
     return transfer;
 }
 
+/// Corners of boxes of macrocells that hold all that is visible: each row of them from its first visible one to its
+/// last.
+std::vector<Vec3> visible_corners(CellVisibility const& cells, Index3 counts, Geometry const& geometry,
+                                  Box const& within) {
+    std::vector<Vec3> points;
+    auto const from = [](std::int64_t cell) { return macrocell_size * cell + lattice_padding - 1 - lattice_padding; };
+    for (std::int64_t z = 0; z < counts.z; ++z)
+        for (std::int64_t y = 0; y < counts.y; ++y) {
+            auto const seen = [&](std::int64_t x) {
+                return cells.distance[static_cast<std::size_t>((z * counts.y + y) * counts.x + x)] == 0;
+            };
+            std::int64_t first = 0, last = counts.x - 1;
+            while (first <= last && !seen(first)) ++first;
+            while (last >= first && !seen(last)) --last;
+            if (last < first) continue;
+            Box const row = intersect(
+                Box{{from(first), from(y), from(z)}, {from(last + 1) + 1, from(y + 1) + 1, from(z + 1) + 1}}, within);
+            if (row.empty()) continue;
+            auto const corners = corners_of(geometry, row);
+            points.insert(points.end(), corners.begin(), corners.end());
+        }
+    return points;
+}
+
 /// Voxels that lie in visible macrocells; all of them if there is none.
 Box visible_box(CellVisibility const& cells, Index3 dims) {
     Box box;
@@ -111,9 +134,19 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
     return intersect(box, box_of(dims));
 }
 
+/// Whether light from behind passes everywhere.
+bool is_empty(Image const& image) {
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4)
+        if (image.pixels[i] < 1) return false;
+    return true;
+}
+
+/// A mean number of paths, whole if it is.
+std::string mean_text(double paths) { return to_text(std::round(paths * 10) / 10); }
+
 /// All that decides a Prepared.
 struct PreparedFor {
-    bool surfaces;
+    Algorithm algorithm;
     std::optional<TransferFunction> transfer;
     std::vector<double> lut;
     std::string colormap, opacity, domain, unit;
@@ -122,18 +155,8 @@ struct PreparedFor {
     friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
 };
 PreparedFor prepared_for(RenderSettings const& s) {
-    return {s.algorithm == Algorithm::implicit_iso,
-            s.transfer,
-            s.lut,
-            s.colormap,
-            s.opacity,
-            s.domain,
-            s.unit,
-            s.opacity_scale,
-            s.shade,
-            s.isos,
-            s.iso_colors,
-            s.iso_opacities};
+    return {s.algorithm, s.transfer,      s.lut,   s.colormap, s.opacity,    s.domain,
+            s.unit,      s.opacity_scale, s.shade, s.isos,     s.iso_colors, s.iso_opacities};
 }
 
 } // namespace
@@ -164,6 +187,9 @@ void check(RenderSettings const& s) {
     if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
     if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
     if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
+    if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
+        refuse("errors to stop at and seconds must be positive");
     if (s.bounces < 1) refuse("the number of bounces must be at least 1");
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
@@ -216,8 +242,8 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
     if (tree_)
         bricks = tree_->classify(table);
     else
-        cells =
-            wanted.surfaces ? classify_cells(lattice_.cells, appearance.isos) : classify_cells(lattice_.cells, table);
+        cells = wanted.algorithm == Algorithm::implicit_iso ? classify_cells(lattice_.cells, appearance.isos)
+                                                            : classify_cells(lattice_.cells, table);
     cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
                                                              std::move(table), std::move(cells), std::move(bricks)});
     ++cache_->made;
@@ -259,6 +285,10 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
         appearance.transfer = *settings.transfer;
     } else if (!settings.lut.empty()) {
         appearance.transfer = transfer_from_lut(settings.lut, appearance.domain.lower, appearance.domain.upper);
+    } else if (is_projection(settings.algorithm)) {
+        appearance.domain = resolve_domain(settings.domain == "auto" ? "minmax" : settings.domain, histogram());
+        appearance.transfer = combine(settings.colormap.empty() ? "grey" : settings.colormap, appearance.domain,
+                                      {{appearance.domain.lower, 1}});
     } else if (settings.opacity != "auto") {
         appearance.transfer = combine(settings.colormap.empty() ? "tissue" : settings.colormap, appearance.domain,
                                       read_opacity(settings.opacity, appearance.domain));
@@ -364,6 +394,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
     scene.skip = settings.skip;
+    if (settings.goal.any()) // what rays leave out is to be a small part of the error
+        scene.patience = static_cast<float>(std::clamp(settings.goal.tolerance / 2, 1.0 / 64, 1.0));
     scene.samples = settings.samples;
     scene.first_sample = settings.first_sample;
     scene.bounces = settings.bounces;
@@ -378,6 +410,17 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
 
 Image Renderer::render(RenderSettings const& settings, RenderReport* report, std::stop_token const& stop,
                        Accumulation* accumulation) const {
+    Watch watch;
+    if (stop.stop_possible()) watch.stop = [&] { return stop.stop_requested(); };
+    return draw(settings, report, watch, accumulation, settings.goal.any() && accumulation == nullptr);
+}
+
+Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Watch const& watch) const {
+    return draw(settings, report, watch, nullptr, true);
+}
+
+Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
+                     Accumulation* accumulation, bool in_passes) const {
     check(settings);
     if (tree_ && (settings.algorithm != Algorithm::ray_marching || settings.exact))
         refuse(text(settings.exact ? "--exact" : text("--render-algo ", enum_name(settings.algorithm)),
@@ -392,15 +435,28 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     Tree::Visibility const& bricks = ready->bricks;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
     Box content = tree_ ? tree_->region() : box_of(header_.dims);
-    if (settings.camera.fit == Fit::content) content = tree_ ? bricks.content : visible_box(cells, header_.dims);
+    // What projections show is everywhere.
+    bool const projected = is_projection(settings.algorithm);
+    if (settings.camera.fit == Fit::content && !projected)
+        content = tree_ ? bricks.content : visible_box(cells, header_.dims);
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);
         content = within.empty() ? clip : within;
     }
-    Camera const camera = make_camera(settings.camera, corners_of(header_.geometry, content),
-                                      static_cast<double>(settings.width) / settings.height);
+    std::vector<Vec3> points;
+    if (!tree_ && settings.camera.fit == Fit::content && !projected && !settings.camera.steady)
+        points = visible_corners(cells, {lattice_.cells.nx, lattice_.cells.ny, lattice_.cells.nz}, header_.geometry,
+                                 content);
+    if (points.empty()) {
+        auto const corners = corners_of(header_.geometry, content);
+        points.assign(corners.begin(), corners.end());
+    }
+    Camera const camera = make_camera(settings.camera, points, static_cast<double>(settings.width) / settings.height);
     SceneView scene = scene_of(settings, appearance, camera);
+    scene.projection = settings.algorithm == Algorithm::minimum ? Projected::least
+                       : settings.algorithm == Algorithm::mean  ? Projected::mean
+                                                                : Projected::greatest;
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
@@ -408,6 +464,7 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
     TreeView const tree = tree_ ? tree_->view(bricks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
+                                  : projected                                         ? Integrator::project
                                   : settings.exact                                    ? Integrator::exact
                                                                                       : Integrator::march;
 
@@ -416,39 +473,36 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
             accumulation->sums.assign(
                 4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height), 0);
         scene.first_sample = settings.first_sample + accumulation->samples;
-        scene.sums = accumulation->sums.data();
+        scene.sums.light = accumulation->sums.data();
         scene.before = accumulation->samples;
         accumulation->samples += settings.samples;
     }
 
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
-    auto const run = [&, of_lattice = tile_function(execution_.instructions),
-                      of_tree = tree_tile_function(execution_.instructions)](Tile tile, Counters& counters) {
-        if (tree_)
-            of_tree(scene, tree, tile, image.pixels.data(), image.width, counters);
-        else
-            of_lattice(scene, lattice_.view, integrator, tile, image.pixels.data(), image.width, counters);
-    };
-    // Many paths make a tile long; a small one hears sooner that it is to stop.
-    int const side = integrator == Integrator::scatter && settings.samples > 1024 ? tile_size / 8 : tile_size;
-    int const across = (settings.width + side - 1) / side, down = (settings.height + side - 1) / side;
-    std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
-    std::exception_ptr failure; // lists of a ray may find no memory, and nothing may leave the loop
-#pragma omp parallel for schedule(dynamic, 1) num_threads(execution_.threads) reduction(+ : rays, segments, samples, capped)
-    for (int i = 0; i < across * down; ++i) {
-        if (stop.stop_requested()) continue;
-        int const x = i % across * side, y = i / across * side;
-        Counters counters;
-        try {
-            run({x, y, std::min(x + side, settings.width), std::min(y + side, settings.height)}, counters);
-        } catch (...) {
-#pragma omp critical
-            failure = std::current_exception();
-        }
-        rays += counters.rays, segments += counters.segments, samples += counters.samples, capped += counters.capped;
-    }
-    if (failure) std::rethrow_exception(failure);
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
+    Drawing const drawing{[&, of_lattice = tile_function(execution_.instructions),
+                           of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
+                                                                                  float* pixels, Counters& counters) {
+                              if (tree_)
+                                  of_tree(view, tree, tile, pixels, image.width, counters);
+                              else
+                                  of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
+                          },
+                          scene,
+                          settings.background,
+                          settings.goal,
+                          watch,
+                          execution_.threads,
+                          start};
+    Counters counters;
+    Quality quality;
+    if (integrator == Integrator::scatter && in_passes)
+        quality = draw_paths(drawing, image, counters);
+    else if (settings.goal.any() && in_passes)
+        quality = draw_adaptively(drawing, integrator == Integrator::march, image, counters);
+    else
+        quality = draw_once(drawing, image, counters);
     if (report != nullptr) {
         report->camera = camera;
         report->unit = appearance.unit;
@@ -456,19 +510,27 @@ Image Renderer::render(RenderSettings const& settings, RenderReport* report, std
         report->transfer = appearance.transfer;
         report->isos = appearance.iso_values;
         report->shade = appearance.shade;
-        report->rays = rays, report->segments = segments, report->samples = samples, report->capped = capped;
+        report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
+        report->capped = counters.capped;
+        report->quality = quality;
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
-        report->lossy = unseen(appearance, knots, table);
+        report->lossy = projected ? appearance.lossy : unseen(appearance, knots, table);
+        if (report->lossy.empty() && !quality.stopped && is_empty(image))
+            report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->missing = histogram().missing, report->infinite = histogram().infinite;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
-            : integrator == Integrator::scatter ? text("delta tracking, isotropic, ", scene.before + settings.samples,
-                                                       " paths per pixel, seed ", settings.seed)
-            : settings.exact                    ? "exact, piece by piece between the points of the transfer function"
-                             : text("ray marching, step ", settings.step, tree_ ? " of the finest cell" : " voxel",
-                                    ", shading ", appearance.shade);
+            : integrator == Integrator::scatter
+                ? text("delta tracking, isotropic, ",
+                       in_passes ? mean_text(quality.rays) : text(scene.before + settings.samples),
+                       " paths per pixel, seed ", settings.seed)
+            : projected ? text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic")
+            : settings.exact
+                ? "exact, piece by piece between the points of the transfer function"
+                : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,
+                       tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }

@@ -7,6 +7,7 @@
 #include "libvkt/core/roi.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/render/camera.h"
+#include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
 #include "libvkt/render/transfer.h"
@@ -20,7 +21,11 @@
 
 namespace vkt::render {
 
-enum class Algorithm : std::uint8_t { ray_marching, implicit_iso, multi_scattering };
+enum class Algorithm : std::uint8_t { ray_marching, implicit_iso, multi_scattering, maximum, minimum, mean };
+/// Maximum, minimum and mean along rays, which have colours and no opacity.
+inline bool is_projection(Algorithm a) {
+    return a == Algorithm::maximum || a == Algorithm::minimum || a == Algorithm::mean;
+}
 
 /// All that decides a picture besides the volume. One optical model for all algorithms: extinction is -ln(1-alpha) per
 /// unit distance, colour is emission (marching) or albedo (scattering).
@@ -60,6 +65,9 @@ struct RenderSettings {
     bool emission = false; ///< colours also glow
     Color light{1, 1, 1};  ///< from all around, linear
     int bounces = 100000;
+
+    Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most
+    Background background; ///< behind the volume; without a goal it changes no light
 };
 
 /// Throws Error{usage} for settings that no volume can be rendered with.
@@ -90,6 +98,7 @@ struct RenderReport {
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     std::vector<std::string> lossy;         ///< one line each: what was asked for and cannot be seen, and why
     double prepare_seconds = 0, render_seconds = 0;
+    Quality quality;
 };
 
 /// A volume made ready once, for many pictures.
@@ -103,9 +112,12 @@ public:
     /// Throws Error{usage} for settings out of range and for what a hierarchical volume cannot be asked: anything but
     /// ray marching, and the exact reference. Asked to stop, it returns soon and the picture is incomplete.
     /// With an accumulation, multi-scattering adds settings.samples paths to those that are in it and shows all of
-    /// them; a pass that was asked to stop leaves it unusable.
+    /// them; a pass that was asked to stop leaves it unusable, and a goal is not heeded.
     Image render(RenderSettings const& settings, RenderReport* report = nullptr, std::stop_token const& stop = {},
                  Accumulation* accumulation = nullptr) const;
+    /// The same picture with somebody who watches. Stopped, it is what there is: fewer rays or paths than asked for,
+    /// and background where nothing was drawn yet.
+    Image watched(RenderSettings const& settings, RenderReport* report, Watch const& watch) const;
     Histogram const& histogram() const { return tree_ ? tree_->histogram() : lattice_.histogram; }
     /// Physical value of the voxel or cell at a continuous index; NaN outside, and where there is no data. In types
     /// other than uint8, uint16 and int16, to the precision of floats.
@@ -132,6 +144,8 @@ private:
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
+    Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
+               bool in_passes) const;
     /// What does not change when only the camera moves: of the last picture, if it still holds.
     std::shared_ptr<Prepared const> prepared(RenderSettings const& settings) const;
 
@@ -163,7 +177,10 @@ template <> struct EnumNames<render::Algorithm> {
     static std::vector<std::pair<render::Algorithm, char const*>> all() {
         return {{render::Algorithm::ray_marching, "ray-marching"},
                 {render::Algorithm::implicit_iso, "implicit-iso"},
-                {render::Algorithm::multi_scattering, "multi-scattering"}};
+                {render::Algorithm::multi_scattering, "multi-scattering"},
+                {render::Algorithm::maximum, "maximum"},
+                {render::Algorithm::minimum, "minimum"},
+                {render::Algorithm::mean, "mean"}};
     }
 };
 template <> struct EnumNames<render::Fit> {

@@ -3,10 +3,12 @@
 #include "libvkt/render/settings.h"
 
 #include "libvkt/formats/format.h"
+#include "libvkt/render/passes.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <tuple>
 
 namespace vkt::render {
@@ -86,6 +88,7 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("zoom", s.camera.zoom, "FACTOR", "2 shows things twice as large");
     list.option("fov", s.camera.fov, "DEGREES", "vertical field of view");
     list.option("span", s.camera.span, "LENGTH", "orthographic: world length from bottom to top of the picture");
+    list.option("orbit", orbit_, "N", "N numbered pictures, once around the z axis; the camera keeps its distance");
     list.option("projection", s.camera.projection, "PROJECTION", "how lines in space meet the picture");
     list.option("fit", s.camera.fit, "WHAT", "what the default camera shows: the visible content or the whole volume");
 
@@ -104,6 +107,13 @@ void SettingsParameters::declare(Parameters& list) {
                 "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
         .choices = {"auto", "none", "gradient"};
     list.option("clip-box", s.clip, "REGION", "show only this part, named as --roi of vkt crop names it");
+
+    list.option(
+        "tolerance", tolerance_, "LEVELS",
+        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths");
+    list.option("noise", noise_, "LEVELS",
+                "multi-scattering: paths until the standard error is below everywhere, in 255ths; --spp is the most");
+    list.option("time", seconds_, "SECONDS", "refine the picture for so long, or until it is good enough");
 
     list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
     list.flag("exact", s.exact,
@@ -126,24 +136,27 @@ namespace {
 
 struct Use {
     char const* option;
-    bool march, iso, scatter;
+    bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 16> uses{{{"step", true, false, false},
-                                    {"exact", true, false, false},
-                                    {"no-skip", true, false, false},
-                                    {"shade", true, true, false},
-                                    {"iso", false, true, false},
-                                    {"iso-color", false, true, false},
-                                    {"iso-opacity", false, true, false},
-                                    {"unit-distance", true, false, true},
-                                    {"opacity", true, false, true},
-                                    {"opacity-scale", true, false, true},
-                                    {"spp", false, false, true},
-                                    {"first-sample", false, false, true},
-                                    {"seed", false, false, true},
-                                    {"albedo", false, false, true},
-                                    {"light", false, false, true},
-                                    {"emission", false, false, true}}};
+constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
+                                    {"tolerance", true, true, false, true},
+                                    {"noise", false, false, true, false},
+                                    {"exact", true, false, false, false},
+                                    {"no-skip", true, false, false, false},
+                                    {"shade", true, true, false, false},
+                                    {"iso", false, true, false, false},
+                                    {"iso-color", false, true, false, false},
+                                    {"iso-opacity", false, true, false, false},
+                                    {"unit-distance", true, false, true, false},
+                                    {"opacity", true, false, true, false},
+                                    {"opacity-scale", true, false, true, false},
+                                    {"rgba-lookup-table", true, true, true, true},
+                                    {"spp", false, false, true, false},
+                                    {"first-sample", false, false, true, false},
+                                    {"seed", false, false, true, false},
+                                    {"albedo", false, false, true, false},
+                                    {"light", false, false, true, false},
+                                    {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
 double read_shading(std::string const& word) {
@@ -162,7 +175,8 @@ double read_shading(std::string const& word) {
 bool applies(std::string_view option, Algorithm algorithm) {
     auto const use = std::find_if(uses.begin(), uses.end(), [&](Use const& u) { return u.option == option; });
     if (use == uses.end()) return true;
-    return algorithm == Algorithm::ray_marching   ? use->march
+    return is_projection(algorithm)               ? use->project
+           : algorithm == Algorithm::ray_marching ? use->march
            : algorithm == Algorithm::implicit_iso ? use->iso
                                                   : use->scatter;
 }
@@ -177,6 +191,8 @@ void SettingsParameters::refuse_misfits() const {
     for (char const* other : {"transfer", "colormap", "opacity"}) exclude("rgba-lookup-table", other);
     for (char const* other : {"colormap", "opacity", "domain"}) exclude("transfer", other);
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
+    exclude("orbit", "eye");
+    if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     exclude("exact", "shade");
     exclude("exact", "no-skip");
     exclude("exact", "step");
@@ -253,9 +269,18 @@ RenderSettings SettingsParameters::settings() const {
     RenderSettings s = settings_;
     s.algorithm = algorithm_;
     std::tie(s.width, s.height) = read_size(size_);
-    (void)background();
     s.skip = !no_skip_;
     s.seed = static_cast<std::uint64_t>(seed_);
+    s.background = background();
+    auto const read_goal = [](char const* name, std::optional<double> const& given, double& to) {
+        if (given && !(*given > 0 && std::isfinite(*given))) refuse(text("--", name, " must be greater than 0"));
+        to = given.value_or(0);
+    };
+    read_goal("noise", noise_, s.goal.noise);
+    read_goal("tolerance", tolerance_, s.goal.tolerance);
+    read_goal("time", seconds_, s.goal.seconds);
+    if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
+    if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
     std::vector<double> const light = read_color("light", light_, 3);
     s.light = {light[0], light[1], light[2]};
@@ -269,6 +294,19 @@ RenderSettings SettingsParameters::settings() const {
     }
     render::check(s);
     return s;
+}
+
+std::vector<CameraRequest> SettingsParameters::cameras() const {
+    CameraRequest camera = settings_.camera;
+    if (!orbit_) return {camera};
+    std::vector<CameraRequest> cameras;
+    double const first = azimuth_of(camera);
+    camera.steady = true;
+    for (int i = 0; i < *orbit_; ++i) {
+        camera.azimuth = first + 360.0 * i / *orbit_;
+        cameras.push_back(camera);
+    }
+    return cameras;
 }
 
 Background SettingsParameters::background() const {
@@ -315,6 +353,9 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (exact) add("exact", {});
     if (!exact && s.shade >= 0) add("shade", {s.shade == 0 ? "none" : s.shade == 1 ? "gradient" : to_text(s.shade)});
     if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
+    if (s.goal.tolerance > 0) add("tolerance", {to_text(s.goal.tolerance)});
+    if (s.goal.noise > 0) add("noise", {to_text(s.goal.noise)});
+    if (s.goal.seconds > 0) add("time", {to_text(s.goal.seconds)});
     if (!exact && !s.skip) add("no-skip", {});
     if (!s.isos.empty()) add("iso", numbers(s.isos));
     if (!s.iso_colors.empty()) add("iso-color", numbers(s.iso_colors));
@@ -329,11 +370,96 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     return options;
 }
 
+std::string quality_text(RenderReport const& r, Goal const& goal) {
+    Quality const& q = r.quality;
+    auto const digits = [](double v) {
+        std::array<char, 32> text{};
+        std::snprintf(text.data(), text.size(), "%.2g", v);
+        return std::string(text.data());
+    };
+    std::string const asked = goal.noise > 0       ? text(" (asked ", goal.noise, ")")
+                              : goal.tolerance > 0 ? text(" (asked ", goal.tolerance, ")")
+                                                   : std::string();
+    std::vector<std::string> parts;
+    bool const paths = goal.noise > 0 || r.method.find("paths") != std::string::npos;
+    if (q.error >= 0)
+        parts.push_back(text(paths ? "noise " : "error ", digits(q.error), " of 255 levels, in the worst ",
+                             paths ? "tile " : "pixel ", digits(q.worst), asked));
+    if (q.above > 0 && (goal.noise > 0 || goal.tolerance > 0))
+        parts.push_back(text(q.above, paths ? " tiles above" : " pixels above"));
+    if (goal.any()) {
+        parts.push_back(text(std::round(q.rays * 10) / 10, paths ? " paths" : " rays", " a pixel"));
+        parts.push_back(text(digits(r.render_seconds), " s"));
+    }
+    if (q.stopped) parts.push_back("stopped before it was finished");
+    if (q.late) parts.push_back("the time was up");
+    if (q.undrawn > 0) parts.push_back(text(std::round(q.undrawn * 1000) / 10, "% of the pixels not drawn"));
+    return join(parts, ", ");
+}
+
+std::vector<std::pair<std::string, std::string>> texts_of(RenderReport const& r, Goal const& goal) {
+    std::vector<std::pair<std::string, std::string>> texts{{"Camera", camera_text(r.camera)},
+                                                           {"Method", r.method},
+                                                           {"Unit distance", to_text(r.unit)},
+                                                           {"Transfer function", transfer_to_json(r.transfer)}};
+    std::string quality = quality_text(r, goal);
+    if (!quality.empty()) texts.emplace_back("Quality", std::move(quality));
+    return texts;
+}
+
+std::vector<std::string> remarks_of(RenderReport const& r, Goal const& goal) {
+    std::vector<std::string> lines;
+    if (r.missing > 0) lines.push_back(text(r.missing, " voxels are not a number and show nothing"));
+    if (r.infinite > 0) lines.push_back(text(r.infinite, " voxels are infinite and show as the nearest finite value"));
+    lines.insert(lines.end(), r.lossy.begin(), r.lossy.end());
+    if (r.quality.stopped)
+        lines.push_back(text("interrupted: the picture is what there was: ", quality_text(r, goal)));
+    else if (r.quality.above > 0 && !r.quality.late)
+        lines.push_back(text("not as good as asked for: ", quality_text(r, goal)));
+    return lines;
+}
+
+std::vector<std::string> model_text(RenderSettings const& s) {
+    std::string model, why;
+    switch (s.algorithm) {
+    case Algorithm::ray_marching:
+        model = s.shade == 0 ? "absorption and emission" : "absorption and emission, surfaces lit from the camera";
+        why = "light that is scattered once or more is not asked for (--render-algo multi-scattering)";
+        break;
+    case Algorithm::implicit_iso:
+        model = "surfaces, lit from the camera";
+        why = "opacity of the volume itself is not asked for (--render-algo ray-marching)";
+        break;
+    case Algorithm::multi_scattering:
+        model = "multiple scattering, light from all around";
+        why = "the light has no direction, so that paths end in it by themselves and no shadow ray is needed";
+        break;
+    case Algorithm::maximum:
+    case Algorithm::minimum:
+    case Algorithm::mean:
+        model = text(enum_name(s.algorithm), " of the values along each ray, as a colour");
+        why = "opacity and light are not asked for (--render-algo ray-marching)";
+        break;
+    }
+    std::string stops;
+    if (s.algorithm == Algorithm::multi_scattering)
+        stops = s.goal.noise > 0 ? text("paths until the noise is below ", s.goal.noise, " levels in every tile")
+                : s.goal.any()   ? text("paths for ", s.goal.seconds, " s")
+                                 : text(s.samples, " paths a pixel");
+    else
+        stops = s.goal.tolerance > 0
+                    ? text("rays until the error is below ", s.goal.tolerance, " levels in every pixel")
+                : s.goal.any() ? text("rays for ", s.goal.seconds, " s")
+                               : "one ray a pixel, through its middle, since there is no --tolerance";
+    return {text("model ", model), text("no heavier model: ", why), text("refinement ", stops)};
+}
+
 std::string report_text(RenderReport const& r) {
     auto const rounded = [](double v) { return std::round(v * 10) / 10; };
     return text(r.method, "; ", r.rays, " rays, ", r.samples, " samples, ", rounded(100 * r.skipped), "% of ", r.parts,
                 " empty; prepared in ", rounded(1e3 * r.prepare_seconds), " ms, rendered in ",
-                rounded(1e3 * r.render_seconds), " ms");
+                rounded(1e3 * r.render_seconds), " ms", r.quality.error >= 0 ? "; " : "",
+                r.quality.error >= 0 ? quality_text(r, {}) : std::string());
 }
 
 } // namespace vkt::render

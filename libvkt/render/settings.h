@@ -17,6 +17,8 @@ public:
     /// other, Error{io} or Error{data} for the transfer function file.
     RenderSettings settings() const;
     Background background() const;
+    /// Of every volume: one, or those of --orbit.
+    std::vector<CameraRequest> cameras() const;
 
 private:
     void refuse_misfits() const;
@@ -25,6 +27,8 @@ private:
     Algorithm algorithm_ = Algorithm::ray_marching;
     std::string size_ = "512x512", background_ = "0.07,0.075,0.09", transfer_file_, light_ = "1,1,1", shading_ = "auto";
     RenderSettings settings_;
+    std::optional<int> orbit_;
+    std::optional<double> noise_, tolerance_, seconds_;
     mutable std::optional<TransferFunction> transfer_; ///< what the file holds, once it is read
     std::int64_t seed_ = 0;
     bool no_skip_ = false;
@@ -32,6 +36,16 @@ private:
 
 /// One line: method, sizes, shares, times.
 std::string report_text(RenderReport const& report);
+
+/// What became of the goal, for the picture's own texts and for notes: error, rays or paths, seconds; empty if nothing
+/// is known.
+std::string quality_text(RenderReport const& report, Goal const& goal);
+/// What else a picture says of itself, for text chunks: camera, method, transfer function, quality.
+std::vector<std::pair<std::string, std::string>> texts_of(RenderReport const& report, Goal const& goal);
+/// What of the volume or the request is not shown as it is, a line each.
+std::vector<std::string> remarks_of(RenderReport const& report, Goal const& goal);
+/// Which model of light the settings ask for, and why no heavier one is needed; a line each.
+std::vector<std::string> model_text(RenderSettings const& settings);
 
 /// An option as a command line has it: its name without dashes and the words that follow it.
 struct OptionWords {

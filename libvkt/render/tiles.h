@@ -7,7 +7,7 @@
 
 namespace vkt::render {
 
-enum class Integrator : std::uint8_t { march, exact, iso, scatter };
+enum class Integrator : std::uint8_t { march, exact, iso, scatter, project };
 
 /// Storage types that rays can sample; the others are converted to float before.
 enum class LatticeType : std::uint8_t { uint8, uint16, int16, float32 };

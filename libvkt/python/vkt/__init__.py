@@ -9,15 +9,19 @@
 Operations, their options and the values these take are those of the command line: `vkt help`, `man vkt-filter`.
 """
 # SPDX-License-Identifier: MIT
+import base64 as _base64
 import ctypes
+import html as _html
 import json as _json
 import os as _os
 import shlex as _shlex
+import struct as _struct
 import warnings as _warnings
+import zlib as _zlib
 
 import numpy as _np
 
-__all__ = ["Error", "Volume", "apply", "operations", "read", "transform", "trim"]
+__all__ = ["Error", "Volume", "apply", "operations", "read", "render", "transform", "trim"]
 
 _library = ctypes.CDLL(_os.path.join(_os.path.dirname(_os.path.abspath(__file__)), "_vkt.so"))
 
@@ -64,6 +68,14 @@ def _declare():
         "vkt_remarks": (text, [volume]),
         "vkt_report": (text, [volume]),
         "vkt_measure": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
+        "vkt_render": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_picture_width": (ctypes.c_int, [volume]),
+        "vkt_picture_height": (ctypes.c_int, [volume]),
+        "vkt_picture_bytes": (ctypes.POINTER(ctypes.c_ubyte), [volume]),
+        "vkt_picture_light": (ctypes.POINTER(ctypes.c_float), [volume]),
+        "vkt_picture_remarks": (text, [volume]),
+        "vkt_picture_png": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
+        "vkt_free_picture": (None, [volume]),
         "vkt_trim": (size, []),
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
@@ -295,6 +307,50 @@ class Volume:
         """vkt.apply() with this volume as the first input: apply("flip x"), apply("diff", other)["rmse"]."""
         return _apply(name, (self, *arguments), options)
 
+    def render(self, **options):
+        """vkt.render() of this volume."""
+        return _render(self, options, 4)
+
+    def _repr_html_(self):
+        """For notebooks: three slices through the middle, as grey from the 1st to the 99th percentile, and a
+        picture."""
+        figures = [] if self.hierarchical else [self._slice(axis) for axis in (2, 1, 0)]
+        volume = self
+        if not self.hierarchical and self.array.size > 1 << 24:  # a look, not a study
+            volume = self.apply("resample", scale=(2.0 ** 24 / self.array.size) ** (1 / 3))
+        with _warnings.catch_warnings():
+            _warnings.simplefilter("ignore")
+            try:
+                figures.append(("render", _render(volume, {"size": 256, "format": "png"}, 4), 256, 256))
+            except Error as error:
+                figures.append((str(error), None, 0, 0))
+        cells = "".join(
+            f'<figure style="display:inline-block;margin:4px"><img width="{w}" height="{h}" '
+            f'src="data:image/png;base64,{_base64.b64encode(png).decode()}"/><figcaption>{name}</figcaption></figure>'
+            if png else f"<p>{_html.escape(name)}</p>" for name, png, w, h in figures)
+        return f"<div><code>{_html.escape(repr(self))}</code><br/>{cells}</div>"
+
+    def _slice(self, axis):
+        """Name, PNG and shown size of the middle slice across an axis of x, y, z; z points upwards."""
+        array = self.array
+        pixels = _np.take(array, array.shape[2 - axis] // 2, axis=2 - axis)
+        if axis != 2:
+            pixels = pixels[::-1]
+        down, across = [a for a in (2, 1, 0) if a != axis]
+        step = -(-max(pixels.shape) // 512)
+        pixels = pixels[::step, ::step].astype(float)
+        known = pixels[_np.isfinite(pixels)]
+        low, high = _np.percentile(known, (1, 99)) if known.size else (0, 1)
+        if not low < high:
+            low, high = (known.min(), known.max() + 1) if known.size else (0, 1)
+        share = _np.nan_to_num((pixels - low) / (high - low), nan=0, posinf=1, neginf=0)
+        if self.slope < 0:
+            share = 1 - share
+        size = _np.array([self.dims[a] * self.spacing[a] for a in (across, down)])
+        width, height = (max(1, round(256 * n / size.max())) for n in size)
+        return ("xyz"[axis] + f" = {self.dims[axis] // 2}",
+                _grey_png(_np.round(255 * _np.clip(share, 0, 1)).astype(_np.uint8)), width, height)
+
     def transform(self, what, *others, **options):
         """vkt.transform() of this volume."""
         return _transform(self, what, others, options)
@@ -387,6 +443,57 @@ def _transform(volume, what, others, options):
         raise raised[0]
     _check(status)
     return _result("transform", handle, 4)
+
+
+def render(volume, **options):
+    """A picture of a volume: an array [row, column, channel] of four bytes, red, green and blue in sRGB and alpha, rows
+    from the top: render(volume, view="x", size="640x480"), render(volume, render_algo="multi-scattering", noise=1).
+
+    Options are those of `vkt render` (man vkt-render): size, background, camera, transfer function, algorithm. `format`
+    says what comes back: "uint8"; "float", linear light of the volume alone, premultiplied, and alpha, as float32;
+    "png", the bytes of a file that says how it was made. What was lost is a warning."""
+    return _render(volume, options, 4)
+
+
+def _render(volume, options, level):
+    options = dict(options)
+    form = options.pop("format", "uint8")
+    if form not in ("uint8", "float", "png"):
+        raise Error(f"format '{form}' is not one of uint8, float, png", 2)
+    if isinstance(options.get("size"), (list, tuple)):
+        options["size"] = "x".join(str(int(n)) for n in options["size"])
+    words = []
+    for name, value in options.items():  # lists of several values are words of their own
+        several = name.rstrip("_") in ("iso", "iso_color", "iso_opacity", "rgba_lookup_table", "lut")
+        if several and isinstance(value, (list, tuple, _np.ndarray)):
+            words += _options({name: [_value(part) for part in _np.ravel(value).tolist()]})
+        else:
+            words += _options({name: value})
+    handle = ctypes.c_void_p()
+    _check(_library.vkt_render(volume._handle, *_words(words), ctypes.byref(handle)))
+    try:
+        for remark in filter(None, _library.vkt_picture_remarks(handle).decode().split("; ")):
+            _warnings.warn(f"render: {remark}", RuntimeWarning, stacklevel=level - 1)
+        if form == "png":
+            data, size = ctypes.c_void_p(), ctypes.c_size_t()
+            _check(_library.vkt_picture_png(handle, ctypes.byref(data), ctypes.byref(size)))
+            return ctypes.string_at(data, size.value)
+        shape = _library.vkt_picture_height(handle), _library.vkt_picture_width(handle), 4
+        pixels = (_library.vkt_picture_bytes if form == "uint8" else _library.vkt_picture_light)(handle)
+        return _np.ctypeslib.as_array(pixels, shape).copy()
+    finally:
+        _library.vkt_free_picture(handle)
+
+
+def _grey_png(pixels):
+    """The bytes of a PNG file of an array [row, column] of bytes."""
+    def chunk(kind, data):
+        return _struct.pack(">I", len(data)) + kind + data + _struct.pack(">I", _zlib.crc32(kind + data))
+
+    height, width = pixels.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", _struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) +
+            chunk(b"IDAT", _zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
 def operations():

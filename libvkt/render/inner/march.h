@@ -3,25 +3,21 @@
 #pragma once
 
 #include "libvkt/render/inner/sampler.h"
-#include "libvkt/render/inner/scene.h"
+#include "libvkt/render/inner/sums.h"
 
 namespace vkt::render {
 
 /// True if what lies behind changes no pixel by more than a quarter of an sRGB level of 255, whatever it is, nor its
 /// alpha. Levels are narrow in the dark: one is 1/3300 of the light there, and 1/260 where there is 0.24 of it. What
-/// may be left is below the curve, which is concave: two chords of it, from 0.003 over 0.03 to 0.24.
-VKT_HD bool is_settled(double transmittance, Quad const& light) {
+/// may be left is below the curve, which is concave: two chords of it, from 0.003 over 0.03 to 0.24. With `patience`
+/// below 1 that share of it may be left.
+VKT_HD bool is_settled(double transmittance, Quad const& light, float patience) {
     constexpr float most = 9.8e-4F;
-    auto const left = static_cast<float>(transmittance);
+    auto const left = static_cast<float>(transmittance) / patience;
     if (left > most) return false;
     float const rg = light[1] < light[2] ? light[1] : light[2], least = rg < light[3] ? rg : light[3];
     return left < 5.1e-5F + 7.9e-3F * least && left < 1.9e-4F + 3.22e-3F * least;
 }
-
-/// Premultiplied linear colour and what is transmitted from behind.
-struct Radiance {
-    float red, green, blue, transmittance;
-};
 
 /// Brightness of a surface element seen with a light at the eye.
 struct Reflection {
@@ -156,7 +152,7 @@ template <class S, class Comb> struct March {
             }
             double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
             transmittance *= absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
-            if (is_settled(transmittance, light)) return;
+            if (is_settled(transmittance, light, scene.patience)) return;
         }
     }
 
@@ -164,7 +160,7 @@ template <class S, class Comb> struct March {
     VKT_HD bool add(int from, int to) {
         while (from < to) {
             from = advance(from, to);
-            if (is_settled(transmittance, light)) return false;
+            if (is_settled(transmittance, light, scene.patience)) return false;
         }
         return true;
     }
@@ -194,7 +190,7 @@ template <Sampler S> VKT_HD void walk(March<S, EvenComb>& march, SceneView const
         // Whole chunks are done at once, so that an opaque ray stops walking.
         while (to - from >= chunk + 1) {
             from = march.advance(from, to);
-            if (is_settled(march.transmittance, march.light)) return;
+            if (is_settled(march.transmittance, march.light, scene.patience)) return;
         }
     } while (cells.leap(distance));
     march.add(from, to);

@@ -104,11 +104,7 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
 /// Mean of the paths of one pixel, those of earlier passes included; each has its own place in the pixel.
 template <Sampler S>
 VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, int y, Counters& counters) {
-    double sum[4] = {0, 0, 0, 0};
-    double* const before =
-        scene.sums == nullptr ? nullptr : scene.sums + 4 * (y * static_cast<std::int64_t>(scene.frame.width) + x);
-    if (before != nullptr)
-        for (int c = 0; c < 4; ++c) sum[c] = before[c];
+    PixelSums sums(scene, x, y);
     auto const pixel = static_cast<std::uint32_t>(y * static_cast<std::int64_t>(scene.frame.width) + x);
     bool met = false;
     for (int i = 0; i < scene.samples; ++i) {
@@ -117,20 +113,15 @@ VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, i
         Ray ray;
         if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.lower, scene.upper,
                       ray)) {
-            sum[3] += 1;
+            sums.add({0, 0, 0, 1});
             continue;
         }
         met = true;
         ++counters.segments;
-        Radiance const r = scatter_path(sampler, scene, ray, random, counters);
-        sum[0] += r.red, sum[1] += r.green, sum[2] += r.blue, sum[3] += r.transmittance;
+        sums.add(scatter_path(sampler, scene, ray, random, counters));
     }
     counters.rays += met;
-    if (before != nullptr)
-        for (int c = 0; c < 4; ++c) before[c] = sum[c];
-    double const mean = 1.0 / (scene.before + scene.samples);
-    return {static_cast<float>(sum[0] * mean), static_cast<float>(sum[1] * mean), static_cast<float>(sum[2] * mean),
-            static_cast<float>(sum[3] * mean)};
+    return sums.finish();
 }
 
 } // namespace vkt::render

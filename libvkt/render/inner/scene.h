@@ -45,6 +45,17 @@ struct IsoView {
 };
 inline constexpr int most_isos = 16;
 
+/// Where the rays of a pixel leave their light besides the picture: four numbers per pixel each; null: nowhere.
+struct SumsView {
+    double* light;   ///< of these rays and of those before them, which it holds already
+    double* odd;     ///< the same of rays of odd number
+    double* squares; ///< the same: squares of what is displayed, over `behind`, and of what comes from there
+    float behind[3];
+};
+
+/// Which value along a ray a projection shows.
+enum class Projected : std::uint8_t { greatest, least, mean };
+
 struct SceneView {
     RayFrame frame;
     Double3 lower, upper; ///< the volume's box in the padded lattice
@@ -56,15 +67,18 @@ struct SceneView {
     ShadeView shade;
     IsoView isos[most_isos];
     int iso_count;
-    float step; ///< lattice units
-    bool skip;  ///< leave out what cannot be seen
+    float step;         ///< lattice units
+    bool skip;          ///< leave out what cannot be seen
+    float patience = 1; ///< see is_settled()
+    Projected projection = Projected::greatest;
+    int rays = 1; ///< per pixel, evenly spread over it; of paths there are `samples`
     // Scattering.
     int samples, first_sample, bounces;
     std::uint64_t seed;
     float albedo, light[3];
     bool emission;
-    double* sums; ///< four per pixel: light of paths before these, to be added to; null: there are none
-    int before;   ///< number of those paths
+    SumsView sums;
+    int before; ///< number of the rays in the sums
 };
 
 /// What happened, summed over rays. The report is made of it.

@@ -117,7 +117,7 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
         size = 0;
     };
     int stretch = 0;
-    while (k < comb.last && !is_settled(march.transmittance, march.light)) {
+    while (k < comb.last && !is_settled(march.transmittance, march.light, scene.patience)) {
         while (comb.stretches[stretch].end <= comb.at(k)) ++stretch;
         Stretch const& here = comb.stretches[stretch];
         if (scene.skip && !here.visible) {

@@ -17,4 +17,19 @@ template <class Body> VKT_HD void for_pixels(Tile tile, float* pixels, std::int6
         }
 }
 
+/// The same for pixels that several rays pass: calls integrate(ray) for those that meet the volume.
+template <class Integrate>
+VKT_HD void for_rays(SceneView const& scene, Tile tile, float* pixels, std::int64_t width, Integrate integrate) {
+    for_pixels(tile, pixels, width, [&](int x, int y) {
+        PixelSums sums(scene, x, y);
+        for (int i = 0; i < scene.rays; ++i) {
+            PixelPlace const place = place_in_pixel(i, scene.rays);
+            Ray ray;
+            bool const meets = make_ray(scene.frame, x + place.x, y + place.y, scene.lower, scene.upper, ray);
+            sums.add(meets ? integrate(ray) : Radiance{0, 0, 0, 1});
+        }
+        return sums.finish();
+    });
+}
+
 } // namespace vkt::render

@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/project.h"
 #include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/pixels.h"
 
@@ -20,13 +21,7 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
          std::int64_t width, Counters& total) {
     LatticeSampler<T> const sampler = sampler_of<T>(lattice);
     Counters counters; // stays in registers
-    auto const along_ray = [&](auto&& integrate) {
-        for_pixels(tile, pixels, width, [&](int x, int y) {
-            Ray ray;
-            if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, 1};
-            return integrate(ray);
-        });
-    };
+    auto const along_ray = [&](auto&& integrate) { for_rays(scene, tile, pixels, width, integrate); };
     switch (integrator) {
     case Integrator::march:
         along_ray([&](Ray const& ray) { return march_ray(sampler, scene, ray, counters); });
@@ -36,6 +31,9 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
         break;
     case Integrator::iso:
         along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); });
+        break;
+    case Integrator::project:
+        along_ray([&](Ray const& ray) { return project_ray(sampler, scene, ray, counters); });
         break;
     case Integrator::scatter:
         for_pixels(tile, pixels, width, [&](int x, int y) { return scatter_pixel(sampler, scene, x, y, counters); });

@@ -14,11 +14,8 @@ void run(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels,
     struct Owner : TreeScratch { // internal, as march_tree() wants it
         ~Owner() { release(); }
     } scratch;
-    for_pixels(tile, pixels, width, [&](int x, int y) {
-        Ray ray;
-        if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, 1};
-        return march_tree<T>(tree, scene, ray, scratch, total);
-    });
+    for_rays(scene, tile, pixels, width,
+             [&](Ray const& ray) { return march_tree<T>(tree, scene, ray, scratch, total); });
 }
 
 void render_tile(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels, std::int64_t width,

@@ -1,0 +1,87 @@
+// What drawing takes: memory, rays, steps.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/cost.h"
+
+#include "libvkt/core/text.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/render/settings.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vkt::render {
+
+namespace {
+
+/// As Lattice and Tree keep them.
+std::size_t drawn_size(Header const& header) {
+    switch (header.dtype) {
+    case DataType::uint8:
+        return 1;
+    case DataType::uint16:
+    case DataType::int16:
+        return 2;
+    case DataType::int8:
+        return header.kind == Kind::hierarchical ? 4 : 2;
+    default:
+        return 4;
+    }
+}
+
+} // namespace
+
+void check_memory(Header const& header, Execution const& execution) {
+    std::size_t const bytes = bytes_to_draw(header);
+    if (bytes <= execution.memory) return;
+    throw Error(ErrorKind::resources,
+                text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
+                     bytes_text(static_cast<double>(execution.memory))),
+                "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+}
+
+std::size_t bytes_to_draw(Header const& header) {
+    if (header.kind == Kind::hierarchical) {
+        // Cells that rays can sample stay where they are.
+        bool const in_place = header.dtype == DataType::float32 || drawn_size(header) < 4;
+        return header.bytes() + (in_place ? 0 : static_cast<std::size_t>(header.cell_count) * sizeof(float)) +
+               static_cast<std::size_t>(header.brick_count) * 140;
+    }
+    double voxels = 1; // of the padded copy; more than there is memory for is no reason to overflow
+    for (int axis = 0; axis < 3; ++axis) voxels *= static_cast<double>(header.dims[axis] + 2 * lattice_padding);
+    return header.bytes() +
+           static_cast<std::size_t>(std::min(voxels * static_cast<double>(drawn_size(header)), 0x1p62));
+}
+
+std::vector<std::string> explanation(RenderSettings const& settings, Header const& header) {
+    std::int64_t const rays = std::int64_t{settings.width} * settings.height;
+    auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
+    std::string method, cost;
+    if (settings.algorithm == Algorithm::multi_scattering) {
+        method = text("delta tracking, isotropic, ", settings.goal.any() ? "at most " : "", settings.samples,
+                      " paths a pixel, seed ", settings.seed);
+        cost = text(settings.goal.any() ? "at most " : "", rays * settings.samples,
+                    " paths, each as long as the volume is dense");
+    } else if (is_projection(settings.algorithm)) {
+        method = text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic");
+        cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
+    } else if (settings.algorithm == Algorithm::implicit_iso) {
+        method = "implicit iso-surface, exact cubic per voxel";
+        cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
+    } else {
+        method = settings.exact ? "exact, piece by piece between the points of the transfer function"
+                                : text("ray marching, step ", settings.step,
+                                       header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
+                                       settings.skip ? ", empty space skipped" : "");
+        double const diagonal = std::hypot(length(0), length(1), length(2));
+        cost = settings.exact ? text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ",
+                                     rays, " rays")
+                              : text("at most ", static_cast<std::int64_t>(std::ceil(diagonal / settings.step)),
+                                     " steps on each of ", rays, " rays");
+    }
+    std::vector<std::string> lines = model_text(settings);
+    lines.push_back("method " + method);
+    lines.push_back(text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory"));
+    return lines;
+}
+
+} // namespace vkt::render

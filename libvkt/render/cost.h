@@ -1,0 +1,23 @@
+// What drawing a volume takes, known from its header alone.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/execution.h"
+#include "libvkt/core/header.h"
+#include "libvkt/render/render.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt::render {
+
+/// Throws Error{resources} if drawing such a volume takes more than the budget.
+void check_memory(Header const& header, Execution const& execution);
+
+/// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
+std::size_t bytes_to_draw(Header const& header);
+
+/// Model, method and cost of a picture of such a volume, a line each.
+std::vector<std::string> explanation(RenderSettings const& settings, Header const& header);
+
+} // namespace vkt::render

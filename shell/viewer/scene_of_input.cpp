@@ -1,0 +1,91 @@
+// The window on the volumes of an input: draws, saves, goes on to the next.
+// SPDX-License-Identifier: MIT
+#include "shell/viewer/scene_of_input.h"
+
+#include "shell/pictures.h"
+#include "shell/viewer/arriving.h"
+#include "shell/viewer/viewer.h"
+
+#include "libvkt/core/text.h"
+
+#include <utility>
+
+namespace vkt::shell::viewer {
+
+namespace {
+
+/// What the window asks for of the volumes of an input.
+class InputScene : public Scene {
+public:
+    InputScene(Source& source, Context& context, render::RenderSettings asked, render::Background background)
+        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context),
+          volumes_(source, context.execution(), [this] { return opened_.open(); }) {}
+
+    std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
+    render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,
+                       std::stop_token const& stop, render::Accumulation* accumulation) override {
+        auto const renderer = volumes_.renderer();
+        render::RenderSettings s = settings;
+        if (renderer == nullptr) { // nothing has come yet
+            render::Image image{s.width, s.height, {}};
+            for (int i = 0; i < s.width * s.height; ++i) image.pixels.insert(image.pixels.end(), {0, 0, 0, 1});
+            return image;
+        }
+        if (volumes_.partial()) {
+            // The place of the whole, so that what comes does not move what is there.
+            Header const& header = volumes_.header();
+            render::Camera const camera =
+                render::make_camera(s.camera, render::corners_of(header.geometry, box_of(header.dims)),
+                                    static_cast<double>(s.width) / s.height);
+            View view = initial_view(s);
+            view.camera = camera;
+            s = settings_of(s, view);
+            s.clip = {};
+        }
+        return renderer->render(s, &report, stop, accumulation);
+    }
+    std::string save(render::Image const& image, render::RenderReport const& report, View const& view) override {
+        std::string path = free_picture_name(input());
+        write_picture(path, false, {image, report, background_, {}}, volumes_.header(), stage_of(view), context_);
+        return path;
+    }
+    std::string command(View const& view) override {
+        StageInfo stage = stage_of(view);
+        if (stage.words.empty()) return "with --no-history there is no command line";
+        return text(history_as_shell(folded(history_step(stage, {volumes_.header()}))), " -o ",
+                    free_picture_name(input()));
+    }
+    bool next() override { return volumes_.next(); }
+    Arrival arrive() override { return volumes_.arrive(); }
+    std::shared_ptr<render::Renderer const> volume() override {
+        return volumes_.partial() ? nullptr : volumes_.renderer();
+    }
+    void magnify(Box const& part) override { volumes_.magnify(part, context_.stage_info()); }
+
+private:
+    std::string input() const {
+        std::string const name = context_.stage_info().input_names.front();
+        return name == "-" ? "volume" : name.substr(name.rfind('/') + 1);
+    }
+    StageInfo stage_of(View const& view) const {
+        StageInfo stage = context_.stage_info();
+        stage.words = words_of(stage.words, asked_, view);
+        return stage;
+    }
+
+    Context& context_;
+    render::RenderSettings asked_;
+    render::Background background_;
+    Volumes opened_;
+    ArrivingVolumes volumes_;
+};
+
+} // namespace
+
+void show_input(Source& source, Context& context, render::RenderSettings const& asked,
+                render::Background const& background) {
+    InputScene scene(source, context, asked, background);
+    if (scene.next()) show(scene, asked, background, [&](std::string const& line) { context.note(line); });
+}
+
+} // namespace vkt::shell::viewer

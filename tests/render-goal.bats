@@ -1,0 +1,81 @@
+# vkt render: pictures that stop when they are good enough, or when they are told to.
+load helper
+
+setup_more() {
+    /usr/bin/python3 -c "
+v = bytearray(24 * 18 * 30)
+for z in range(10, 20):
+    for y in range(5, 13):
+        for x in range(8, 16): v[(z * 18 + y) * 24 + x] = 200
+open('block_24x18x30_uint8.raw', 'wb').write(v)"
+    f=block_24x18x30_uint8.raw
+    cloud="-ra multi-scattering --opacity 0,0.3"
+}
+
+quality_of() { /usr/bin/python3 -c "
+import re, sys
+print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').read(), re.S)[1].decode('latin1'))" "$1"; }
+
+@test "errors, rays and seconds are told by the picture and on standard error" {
+    vkt render $f --size 24 --tolerance 2 -o a.png 2>err
+    quality_of a.png | grep -Eq '^error [0-9.]+ of 255 levels, in the worst pixel [0-9.]+ \(asked 2\), [0-9.]+ rays a pixel, [0-9.e-]+ s'
+    grep -q "(asked 2)" err
+    vkt render $f --size 24 -ra implicit-iso --tolerance 4 -o b.png 2>err
+    quality_of b.png | grep -q "(asked 4)"
+    vkt render $f --size 24 $cloud --noise 8 -o c.png 2>err
+    quality_of c.png | grep -Eq '^noise [0-9.]+ of 255 levels, in the worst tile [0-9.]+ \(asked 8\), [0-9.]+ paths a pixel'
+    # What was not asked for is told where it is known, and nothing that changes from run to run.
+    vkt render $f --size 24 $cloud --spp 8 -o d.png 2>err
+    quality_of d.png | grep -Eq '^noise [0-9.]+ of 255 levels, in the worst tile [0-9.]+$'
+    [ ! -s err ]
+    vkt history c.png | grep -q -- "--noise 8"
+}
+
+@test "more is asked for than paths allow: said, and refused by --strict" {
+    vkt render $f --size 16 $cloud --noise 0.5 --spp 20 -o a.png 2>err
+    grep -q "not as good as asked for" err
+    fails_with 3 "not as good as asked for" vkt render $f --size 16 $cloud --noise 0.5 --spp 20 --strict -o b.png
+    [ ! -e b.png ]
+}
+
+@test "goals that do not apply or make no sense are refused" {
+    fails_with 2 "--noise does not apply" vkt render $f --noise 1 -o a.png
+    fails_with 2 "--tolerance does not apply" vkt render $f -ra multi-scattering --tolerance 1 -o a.png
+    fails_with 2 "--tolerance must be greater than 0" vkt render $f --tolerance 0 -o a.png
+    fails_with 2 "--noise must be greater than 0" vkt render $f -ra multi-scattering --noise -1 -o a.png
+    fails_with 2 "--time must be greater than 0" vkt render $f --time 0 -o a.png
+    [ ! -e a.png ]
+}
+
+@test "time ends a picture" {
+    timeout 60 vkt render $f --size 64 $cloud --time 0.3 -o a.png 2>err
+    grep -q "the time was up" err
+    timeout 60 vkt render $f --size 32 --time 0.3 -o b.png
+}
+
+@test "an interrupt saves what there is and says so" {
+    vkt render $f --size 64 $cloud --spp 10000000 -o a.png 2>err 3>&- &
+    pid=$!
+    # Once it has worked for half a second it draws; before, the signal would end it.
+    for _ in $(seq 500); do
+        read -r -a stat </proc/$pid/stat
+        [ "${stat[13]}" -lt 50 ] || break
+        sleep 0.1
+    done
+    kill -INT $pid
+    code=0
+    wait $pid || code=$?
+    [ "$code" = 130 ]
+    grep -q "interrupted: the picture is what there was" err
+    quality_of a.png | grep -q "stopped before it was finished"
+}
+
+@test "--explain names the model and why nothing heavier" {
+    vkt render $f --size 8 --explain -o a.png 2>err
+    grep -q "model absorption and emission" err
+    grep -q "no heavier model: .*multi-scattering" err
+    grep -q "refinement one ray a pixel" err
+    vkt render $f --size 8 $cloud --noise 100 --explain -o b.png 2>err
+    grep -q "model multiple scattering" err
+    grep -q "refinement paths until the noise is below 100 levels in every tile" err
+}
