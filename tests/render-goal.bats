@@ -54,7 +54,8 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
 }
 
 @test "an interrupt saves what there is and says so" {
-    vkt render $f --size 64 $cloud --spp 10000000 -o a.png 2>err 3>&- &
+    # What a script starts behind it ignores interrupts, unless it is told not to.
+    env --default-signal=INT vkt render $f --size 64 $cloud --spp 10000000 -o a.png 2>err 3>&- &
     pid=$!
     # Once it has worked for half a second it draws; before, the signal would end it.
     for _ in $(seq 500); do
@@ -63,6 +64,7 @@ print(re.search(rb'iTXtQuality\0\0\0\0\0(.*?).{4}\0\0', open(sys.argv[1], 'rb').
         sleep 0.1
     done
     kill -INT $pid
+    timeout 60 tail --pid=$pid -f /dev/null || kill -KILL $pid
     code=0
     wait $pid || code=$?
     [ "$code" = 130 ]
