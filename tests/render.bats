@@ -563,7 +563,7 @@ assert all(abs((a[i + 1] - a[i]) % 360 - 90) < 1e-6 for i in range(3)), a"
 }
 
 @test "what can be seen fills the picture" {
-    # A ball in a corner of a large volume: its box touches the frame on two sides, up to macrocells of 8 voxels.
+    # A ball in a corner of a large volume: framed by the macrocells of 8 voxels that it touches, not by the box of these.
     /usr/bin/python3 -c "
 import numpy as np
 z, y, x = np.mgrid[0:96, 0:96, 0:96]
@@ -574,6 +574,6 @@ seen = levels('a.png').max(2) > 20
 rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
 height, width = np.ptp(rows) + 1, np.ptp(columns) + 1
 print(height, width)
-assert max(height, width) >= 82, (height, width)
+assert max(height, width) >= 68, (height, width)
 assert abs(rows.mean() - 49.5) < 6 and abs(columns.mean() - 49.5) < 6"
 }
