@@ -174,6 +174,10 @@ Camera make_camera(CameraRequest const& request, std::span<Vec3 const> points, d
             double const depth = dot(centre, b.forward);
             camera.target = b.right * eye.right + b.up * eye.up + b.forward * depth;
             distance = depth - eye.forward;
+            half_height = 0; // around the new target, as if that had been asked for
+            for (Vec3 const& p : points)
+                half_height = std::max({half_height, margin * std::abs(dot(p - camera.target, b.right)) / aspect,
+                                        margin * std::abs(dot(p - camera.target, b.up))});
         } else {
             Extent across, upward;
             for (Vec3 const& p : points) across.add(dot(p, b.right)), upward.add(dot(p, b.up));
