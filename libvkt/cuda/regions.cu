@@ -1,8 +1,10 @@
 // Border fill and region copies where device memory takes part.
 // SPDX-License-Identifier: MIT
-#include "libvkt/core/device.h"
+#include "libvkt/core/error.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
+
+#include <cuda_runtime.h>
 
 namespace vkt {
 
@@ -52,29 +54,30 @@ void fill_border_on_device(AnyView window, Box const& inside, Index3 dims, Bound
     });
 }
 
+namespace {
+
+void must(cudaError_t status) {
+    if (status == cudaSuccess) return;
+    (void)cudaGetLastError();
+    throw Error(ErrorKind::resources, std::string("GPU: copy failed: ") + cudaGetErrorString(status));
+}
+
+} // namespace
+
 void copy_region_on_device(ConstView from, AnyView to) {
     if (to.box.empty()) return;
     if (from.space == Space::device && to.space == Space::device) return cuda::copy_box(Execution{}, from, to);
+    auto const kind = to.space == Space::device ? cudaMemcpyHostToDevice : cudaMemcpyDeviceToHost;
     std::size_t const size = size_of(to.type);
-    bool const down = to.space == Space::device; // from the host
-    if (from.contiguous() && to.contiguous())
-        return down ? copy_to_device(to.data, from.data, to.bytes()) : copy_to_host(to.data, from.data, to.bytes());
+    if (from.contiguous() && to.contiguous()) return must(cudaMemcpy(to.data, from.data, to.bytes(), kind));
     Index3 const n = to.dims();
     auto bytes = [size](std::int64_t voxels) { return static_cast<std::size_t>(voxels) * size; };
-    // Rows that follow one another in both are one, so that a box of whole slices is one copy.
-    bool const whole = from.row == n.x && to.row == n.x;
-    std::int64_t const rows = whole ? n.z : n.y;
-    auto const copy_rows = [&](std::byte* target, std::byte const* source) {
-        std::size_t const target_pitch = bytes(whole ? to.slice : to.row),
-                          source_pitch = bytes(whole ? from.slice : from.row), row = bytes(whole ? n.x * n.y : n.x);
-        if (down)
-            copy_to_device(target, source, {row, static_cast<std::size_t>(rows), source_pitch, target_pitch});
-        else
-            copy_to_host(target, source, {row, static_cast<std::size_t>(rows), target_pitch, source_pitch});
-    };
-    for (std::int64_t z = 0; z < (whole ? 1 : n.z); ++z)
-        copy_rows(to.data + static_cast<std::int64_t>(size) * z * to.slice,
-                  from.data + static_cast<std::int64_t>(size) * z * from.slice);
+    for (std::int64_t z = 0; z < n.z; ++z) {
+        std::byte const* const source = from.data + static_cast<std::int64_t>(size) * z * from.slice;
+        std::byte* const target = to.data + static_cast<std::int64_t>(size) * z * to.slice;
+        must(cudaMemcpy2D(target, bytes(to.row), source, bytes(from.row), bytes(n.x), static_cast<std::size_t>(n.y),
+                          kind));
+    }
 }
 
 } // namespace vkt
