@@ -82,25 +82,11 @@ void device_free(std::byte* data, int device) noexcept {
     if (current != device) (void)cudaSetDevice(current);
 }
 
-std::byte* pinned_allocate(std::size_t bytes) {
-    void* data = nullptr;
-    must(cudaMallocHost(&data, bytes), "cannot allocate page-locked host memory");
-    return static_cast<std::byte*>(data);
-}
-
-void pinned_free(std::byte* data) noexcept { (void)cudaFreeHost(data); }
-
 void copy_to_device(void* device, void const* host, std::size_t bytes) {
     must(cudaMemcpy(device, host, bytes, cudaMemcpyHostToDevice), "copy to the device failed");
 }
 void copy_to_host(void* host, void const* device, std::size_t bytes) {
     must(cudaMemcpy(host, device, bytes, cudaMemcpyDeviceToHost), "copy from the device failed");
-}
-void copy_to_device_async(void* device, void const* host, std::size_t bytes) {
-    must(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, nullptr), "copy to the device failed");
-}
-void copy_to_host_async(void* host, void const* device, std::size_t bytes) {
-    must(cudaMemcpyAsync(host, device, bytes, cudaMemcpyDeviceToHost, nullptr), "copy from the device failed");
 }
 void copy_on_device(void* to, void const* from, std::size_t bytes) {
     must(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, nullptr), "copy on the device failed");
@@ -123,12 +109,8 @@ void device_select(int) { throw_without_cuda(); }
 int device_current() { throw_without_cuda(); }
 std::byte* device_allocate(std::size_t) { throw_without_cuda(); }
 void device_free(std::byte*, int) noexcept {}
-std::byte* pinned_allocate(std::size_t) { throw_without_cuda(); }
-void pinned_free(std::byte*) noexcept {}
 void copy_to_device(void*, void const*, std::size_t) { throw_without_cuda(); }
 void copy_to_host(void*, void const*, std::size_t) { throw_without_cuda(); }
-void copy_to_device_async(void*, void const*, std::size_t) { throw_without_cuda(); }
-void copy_to_host_async(void*, void const*, std::size_t) { throw_without_cuda(); }
 void copy_on_device(void*, void const*, std::size_t) { throw_without_cuda(); }
 void device_clear(void*, std::size_t) { throw_without_cuda(); }
 void device_synchronize() {}

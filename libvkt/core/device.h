@@ -21,16 +21,10 @@ int device_current();
 std::byte* device_allocate(std::size_t bytes);
 /// `device` is the one that it is from, if that may be another than the current one.
 void device_free(std::byte* data, int device = -1) noexcept;
-/// Page-locked host memory, which copies reach at full speed. Throws Error{resources}.
-std::byte* pinned_allocate(std::size_t bytes);
-void pinned_free(std::byte* data) noexcept;
 
 /// Copies in stream order; the call returns when the host memory may be used again.
 void copy_to_device(void* device, void const* host, std::size_t bytes);
 void copy_to_host(void* host, void const* device, std::size_t bytes);
-/// The same, but the call may return before the copy is made: pinned memory only, device_synchronize() before reuse.
-void copy_to_device_async(void* device, void const* host, std::size_t bytes);
-void copy_to_host_async(void* host, void const* device, std::size_t bytes);
 void copy_on_device(void* to, void const* from, std::size_t bytes);
 void device_clear(void* device, std::size_t bytes); ///< zeroes, in stream order
 /// Waits for all work and throws Error{resources} with CUDA's reason if any of it failed.
