@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""budget.py MIB FACTOR: runs every command that `vkt help --list` names with --memory MIB on volumes FACTOR times as
+"""budget.py MIB FACTOR [COMMAND…]: runs every command (or these) that `vkt help --list` names with --memory MIB on volumes FACTOR times as
 large, of three shapes, and on hierarchical ones of small and of large bricks, from a file and from a pipe, and compares
 the largest resident set with the budget.
 
@@ -65,6 +65,7 @@ arguments = {
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y --memory 32M", "median {f}", "median {f} --axis x"],
     "merge": ["{bricks}"],
+    "mesh": ["{f} --iso 2", "{f} --iso 2 --json"],
     "morphology": ["close {f} --radius 2 --shape box", "erode {f} --radius 2"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "refine": ["{f} --tolerance 1"],
@@ -76,6 +77,7 @@ arguments = {
     "scan": ["{f}", "{f} --exclusive"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
+    "slim": ["{f} --for 'convert --dtype float32' --within 1 --memory 256M"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
@@ -121,11 +123,11 @@ tree_arguments = {
     "transform": ["v*2+sin(x) {f}", "v[0,1,-1]+v[1,0,2] {f}"],
     "write": ["{f} - --format vkt"],
 }
-no_volumes = {"completion", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
+no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
 grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
-held_whole = {"distance", "refine", "render", "scan", "watershed"}
-held_plane = {"affine", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
+held_whole = {"distance", "refine", "render", "scan", "slim", "watershed"}
+held_plane = {"affine", "mesh", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 
 def peak(command, source=None):
@@ -152,6 +154,7 @@ base = max(peak(["vkt", *words.split()])[1] for words in
            ["flip x tiny_8x8x8_float32.raw", "stats tiny_8x8x8_float32.raw", "convert tiny_8x8x8_float32.raw --dtype uint8"])
 commands = subprocess.run(["vkt", "help", "--list"], check=True, capture_output=True, text=True).stdout.splitlines()
 assert len(commands) > 20, commands
+commands = [name for name in commands if not sys.argv[3:] or name in sys.argv[3:]]
 worst = 0
 with open("kernel.txt", "w") as kernel:
     kernel.write("3 3 5 " + "1 2 -3 " * 15)

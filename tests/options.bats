@@ -151,7 +151,8 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
 }
 
 @test "an option means one thing in every command" {
-    # --size is how large what is made is: pictures in pixels, bricks in voxels.
+    # --size is how large what is made is: pictures in pixels, bricks in voxels. --tolerance is what an error may be: a
+    # share of the range, physical values, or levels of a display.
     vkt help --list >verbs
     while read -r verb; do
         # shellcheck disable=SC2086
@@ -162,6 +163,7 @@ first X Y Z
 last X Y Z
 size N|X,Y,Z
 size WxH
+tolerance LEVELS
 tolerance P%
 tolerance T
 unit UNIT

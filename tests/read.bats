@@ -240,7 +240,7 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     printf '\377\330\377aaaaaaaa' >b.bin
     fails_with 3 "is a JPEG picture" vkt read b.bin -o a.vkt
     printf 'SIMPLE  =                    T' | gzip >c.bin
-    fails_with 3 "is a FITS file in gzip, a format" vkt info c.bin
+    fails_with 3 "is a FITS file, compressed as a whole, a format" vkt info c.bin
     printf 'CDF\001aaaaaaaa' >d.bin
     fails_with 3 "is a NetCDF file" vkt info d.bin
     printf '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">' >e.bin

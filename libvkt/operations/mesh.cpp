@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/pipeline.h"
 
 #include <algorithm>
 #include <cstring>
@@ -70,8 +71,10 @@ Plan MakeMesh::plan(std::span<Header const> inputs) {
     plan.scans = finding_;
     plan.method = iso ? "marching cubes, manifold" : "marching cubes around labels, manifold";
     plan.cost = 4;
+    // The slice before, one that comes in rows, and bits of both.
     Index3 const n = region_.dims();
-    plan.state_bytes = static_cast<std::size_t>(n.x * n.y) * (size_of(input_.dtype) + 1);
+    held_ = static_cast<std::size_t>(n.x * n.y) * (2 * size_of(input_.dtype) + 1);
+    plan.state_bytes = held_;
     return plan;
 }
 
@@ -105,6 +108,7 @@ void MakeMesh::find_labels(ConstView voxels) {
 
 void MakeMesh::scan(ConstView slab, Execution const& execution) {
     execution_ = execution;
+    check_budget(held_, execution);
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
     ConstView const part = slab.part(box);

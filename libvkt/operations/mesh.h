@@ -59,6 +59,7 @@ private:
     Header input_;
     Box region_;
     bool finding_ = false, scans_again_ = false;
+    std::size_t held_ = 0;              ///< bytes, besides the mesh
     std::map<std::int64_t, Box> boxes_; ///< of labels
     std::vector<Part> parts_;
     std::vector<std::byte> slice_; ///< one that comes in pieces of some rows

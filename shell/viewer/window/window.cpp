@@ -245,7 +245,7 @@ void Window::press(int button, int action, int modifiers) {
     Drag const before = std::exchange(drag_, Drag::none);
     if (before == Drag::box) panels_.choosing_box = false;
     if (action != GLFW_PRESS) return;
-    glfwGetCursorPos(window_, &x_, &y_);
+    // Where the pointer was then, by the events before: by now it may be elsewhere.
     if (!picture_area().contains(x_, y_) || panels_.covers(x_, y_)) return;
     if (button == GLFW_MOUSE_BUTTON_LEFT) {
         double const now = glfwGetTime();
@@ -277,10 +277,10 @@ void Window::show_view() {
 
 void Window::move(double x, double y) {
     frames_left_ = std::max(frames_left_, 2);
-    if (drag_ == Drag::none) return;
     double const height = std::max(1.0, static_cast<double>(picture_area().height));
     Movement const movement{(x - x_) / height, (y - y_) / height};
     x_ = x, y_ = y;
+    if (drag_ == Drag::none) return;
     if (movement.x == 0 && movement.y == 0) return;
     clicked_ = -1; // a drag begins no double click
     if (drag_ == Drag::box && panels_.box) {
