@@ -21,7 +21,7 @@ fi
 draw() {
     # shellcheck disable=SC2086  # several words
     vkt resample --scale 3 | vkt filter gaussian --sigma 1.2 |
-        vkt render --size 320x320 --azimuth 20 --elevation 22 --zoom 1.35 --fit volume --shade gradient $look --force -o "$out/$1"
+        vkt render --size 320x320 --azimuth 20 --elevation 22 --zoom 1.15 --fit volume --shade gradient $look --force -o "$out/$1"
 }
 
 vkt read "$volume" | draw teaser-volume.png
