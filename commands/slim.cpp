@@ -27,6 +27,9 @@ public:
         model_.reset();
         if (!source_->next_volume()) return false;
         if (source_->header().dry_run) return true;
+        if (source_->header().kind == Kind::hierarchical)
+            throw Error(ErrorKind::usage, "the input is hierarchical: models are made of grids",
+                        "make it a grid first: vkt resample --cells 50M");
         Volume volume = load(*source_, request_.execution);
         if (!volume.header().history && !read_.empty()) { // a file that knows no past begins one
             mark_as_given(volume.header());

@@ -77,7 +77,7 @@ arguments = {
     "scan": ["{f}", "{f} --exclusive"],
     "set": ["{f} --spacing 1,2,3"],
     "set-header": ["{f} --dist 1 2 3"],
-    "slim": ["{f} --for 'convert --dtype float32' --within 1 --memory 256M"],
+    "slim": ["{f} --for 'convert --dtype float32' --within 1"],
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
