@@ -22,7 +22,7 @@ kept() { vkt doctor --calibrate >said; }
 
 @test "a calibration is its owner's, and -n and --explain predict from it" {
     vkt pipe -n 'read v.nrrd | filter gaussian --sigma 1 | stats' 2>plan
-    ! grep -q 'on this machine' plan
+    run ! grep -q 'on this machine' plan
     kept
     grep -q '^filter gaussian float32 .*a multiply-add' said
     [ "$(stat -c %a "$XDG_CACHE_HOME/vkt")" = 700 ]
@@ -44,23 +44,23 @@ kept() { vkt doctor --calibrate >said; }
     cp -p "$file" good
     # Of another machine or build, damaged, open to others, or a link: it is no calibration.
     sed -i '2s/vkt [0-9]/vkt 99/' "$file"
-    ! predicts
+    run ! predicts
     sed '4s/ [0-9].*/ nan 1/' good >"$file"
-    ! predicts
+    run ! predicts
     head -c 100 good >"$file"
-    ! predicts
+    run ! predicts
     cat good >"$file"
     predicts
     chmod 666 "$file"
-    ! predicts
+    run ! predicts
     chmod 600 "$file"
     chmod 777 "$XDG_CACHE_HOME/vkt"
-    ! predicts
+    run ! predicts
     fails_with 4 'others may write' vkt doctor --calibrate
     chmod 700 "$XDG_CACHE_HOME/vkt"
     mv "$file" elsewhere
     ln -s "$PWD/elsewhere" "$file"
-    ! predicts
+    run ! predicts
 }
 
 @test "a plan says how far its result may be from exact" {

@@ -123,8 +123,8 @@ template <class T, class C> VKT_HD T round_to(C v) {
         // 1.5 * 2^23 pushes the integer into the low bits of the sum, rounded half to even; it vectorises everywhere.
         C const lowest = static_cast<C>(std::numeric_limits<T>::lowest());
         C const highest = static_cast<C>(std::numeric_limits<T>::max());
-        if constexpr (std::is_signed_v<T>) v = v == v ? v : C(0);
-        v = v > lowest ? v : lowest; // NaN becomes `lowest`, which is 0 for unsigned types
+        if constexpr (std::is_signed_v<T>) v = v == v ? v : C(0); // NOLINT(misc-redundant-expression): NaN
+        v = v > lowest ? v : lowest;                              // NaN becomes `lowest`, which is 0 for unsigned types
         v = v < highest ? v : highest;
         return static_cast<T>(detail::bits_as<std::int32_t>(v + 12582912.0f));
     } else if constexpr (sizeof(T) <= 4) {
@@ -186,7 +186,7 @@ template <class T, class C> VKT_HD bool is_clipped(C v) {
 /// True if v is NaN and T cannot say so.
 template <class T, class C> VKT_HD bool is_lost_nan(C v) {
     if constexpr (std::is_integral_v<T> && std::is_floating_point_v<C>)
-        return v != v;
+        return v != v; // NOLINT(misc-redundant-expression): NaN
     else
         return false;
 }

@@ -13,9 +13,9 @@ cd "$work"
 now() { date +%s.%N; }
 
 begin=$(now)
-vkt doctor --calibrate >doctor
+vkt doctor --calibrate >report
 awk "BEGIN { printf \"calibration %.2f s\n\", $(now) - $begin }"
-sed -n 's/^processor *//p;s/^threads */threads /p' doctor
+sed -n 's/^processor *//p;s/^threads */threads /p' report
 code=0
 printf '%-8s %-36s %10s %10s %7s\n' type pipeline predicted measured factor
 for type in uint16 float32; do
@@ -27,14 +27,14 @@ for type in uint16 float32; do
         predicted=$(vkt pipe -n "$line" 2>&1 | sed -n 's/^vkt [a-z-]*:   about \(.*\) s on this machine$/\1/p' |
             awk '{ sum += $1 } END { print sum }')
         i=0
-        : >times
+        : >seconds
         while [ $i -lt "$repeats" ]; do
             begin=$(now)
             vkt pipe -q "$line" >/dev/null </dev/null
-            awk "BEGIN { print $(now) - $begin }" >>times
+            awk "BEGIN { print $(now) - $begin }" >>seconds
             i=$((i + 1))
         done
-        measured=$(sort -n times | sed -n "$(((repeats + 1) / 2))p")
+        measured=$(sort -n seconds | sed -n "$(((repeats + 1) / 2))p")
         awk "BEGIN { f = $measured / $predicted; printf \"%-8s %-36s %10.3f %10.3f %7.2f\n\", \"$type\", \"$stage\", $predicted, $measured, f
             exit !(f <= 1.5 && f >= 1 / 1.5) }" || code=1
     done <<'END'
