@@ -31,8 +31,6 @@ public:
     void finish() override;
 
 private:
-    class Current;
-
     /// An input as the operation sees it: the source itself, or a spool of its current volume.
     class Input : public Source {
     public:
@@ -77,6 +75,7 @@ private:
     void scan();
     void run_in_pieces(AnyView out);
     void run_in_order(AnyView out);
+    bool descends(Box const& region) const;
     void run(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
     double share_of_memory() const { return static_cast<double>(requested_.memory) / 4; }
