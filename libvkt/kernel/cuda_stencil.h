@@ -91,14 +91,28 @@ __global__ void __launch_bounds__(tile_x* tile_y)
 
 } // namespace driver
 
+namespace driver {
+
+inline constexpr std::int64_t shared_memory = 200 << 10, comfortable_memory = 48 << 10;
+
+/// Bytes of one slice of a block's neighbourhood.
+template <class C> std::int64_t plane_bytes(Index3 radius) {
+    return (tile_x + 2 * radius.x) * (tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
+}
+/// True if neighbourhoods of this radius fit into shared memory.
+template <class C> bool fits_stencil(Index3 radius) {
+    return plane_bytes<C>(radius) * (2 * radius.z + 1) <= shared_memory;
+}
+
+} // namespace driver
+
 template <class C, class F>
 void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
     if (out.box.empty()) return;
     Index3 const n = out.dims();
-    std::int64_t const plane =
-        (driver::tile_x + 2 * radius.x) * (driver::tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
-    constexpr std::int64_t shared = 200 << 10, comfortable = 48 << 10;
-    std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : shared;
+    std::int64_t const plane = driver::plane_bytes<C>(radius);
+    constexpr std::int64_t comfortable = driver::comfortable_memory;
+    std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : driver::shared_memory;
     std::int64_t const deep = std::min<std::int64_t>(8, room / plane - 2 * radius.z);
     if (deep < 1)
         throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",

@@ -113,9 +113,9 @@ void Morphology::filter(ConstView in, AnyView out, Execution const& execution) {
         else
             extreme_of_balls(from, to, r, extreme, execution);
     };
-    auto const between = [&](std::vector<std::byte>& bytes, Box const& box) {
-        bytes.resize(static_cast<std::size_t>(box.voxels()) * size_of(type_));
-        return dense_view(bytes.data(), type_, box);
+    auto const between = [&](Buffer& bytes, Box const& box) {
+        bytes.reserve(static_cast<std::size_t>(box.voxels()) * size_of(type_));
+        return dense_view(bytes.write(execution.space()), type_, box, execution.space());
     };
     // The greater minus the less, whichever is which in stored values.
     auto const subtract = [&](ConstView greater, ConstView less) {

@@ -1,0 +1,285 @@
+// Affine sampling on GPUs: a thread a column of voxels, with the arithmetic of the CPU's rows.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/affine.h"
+
+#include "libvkt/kernel/cuda_voxels.h"
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/interpolants.h"
+
+#include <cstring>
+#include <type_traits>
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// AffineSampling as kernels get it.
+struct DeviceSampling {
+    Affine map;
+    Index3 dims;   ///< of the input volume
+    Index3 lower;  ///< of the input's view
+    Index3 first;  ///< of the output's
+    Index3 extent; ///< of the output
+    int samples_x = 1, samples_y = 1, samples_z = 1;
+    bool bounded = false;   ///< there is a boundary rule: nothing becomes background
+    bool continued = false; ///< coefficients go on beyond the faces
+    Boundary boundary = Boundary::clamp;
+    std::int64_t beyond = 0;
+    double border = 0, background = 0, scale = 1, offset = 0;
+};
+
+DeviceSampling device_sampling(AffineSampling const& rule, ConstView const& in, Box const& out) {
+    DeviceSampling s;
+    s.map = rule.map;
+    s.dims = rule.dims;
+    s.lower = in.box.lower;
+    s.first = out.lower;
+    s.extent = out.dims();
+    s.samples_x = static_cast<int>(rule.samples.x);
+    s.samples_y = static_cast<int>(rule.samples.y);
+    s.samples_z = static_cast<int>(rule.samples.z);
+    s.bounded = rule.boundary.has_value();
+    s.boundary = rule.boundary.value_or(Boundary::clamp);
+    s.continued = spline_degree(rule.interpolant) > 0 && s.boundary != Boundary::mirror && s.boundary != Boundary::wrap;
+    s.beyond = rule.beyond;
+    s.border = rule.border;
+    s.background = rule.background;
+    s.scale = rule.scale;
+    s.offset = rule.offset;
+    return s;
+}
+
+/// Voxels of a known type, or of one that is looked up for each.
+template <class T> struct Voxels {
+    driver::DeviceRows rows;
+    template <class C> __device__ __forceinline__ C as(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return static_cast<C>(*reinterpret_cast<T const*>(rows.at(x, y, z)));
+    }
+};
+template <> struct Voxels<void> {
+    driver::DeviceRows rows;
+    template <class C> __device__ __forceinline__ C as(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return driver::load_value<C>(rows.type, rows.at(x, y, z));
+    }
+};
+
+__device__ __forceinline__ bool lies_in(double p, std::int64_t n) {
+    return p >= first_position() && p < end_position(n);
+}
+
+/// Index of the voxel i beyond a whole position, -1 if that is the border.
+__device__ __forceinline__ std::int64_t index_at(DeviceSampling const& s, double whole, int i, std::int64_t n,
+                                                 std::int64_t lower) {
+    double const limit = 0x1p60; // positions may be anything that a header can say
+    double const within = whole < -limit ? -limit : whole > limit ? limit : whole;
+    std::int64_t const at = static_cast<std::int64_t>(within) + i;
+    if (s.continued) return at < -s.beyond ? -s.beyond : at > n - 1 + s.beyond ? n - 1 + s.beyond : at;
+    return s.boundary == Boundary::wrap ? lower + fold(at - lower, n, s.boundary) : fold(at, n, s.boundary);
+}
+
+/// A sample at a position; C is what linear is computed in where nothing but voxels is looked at.
+template <class Kernel, class C, class T>
+__device__ __forceinline__ double sample_at(DeviceSampling const& s, Voxels<T> const& voxels, double px, double py,
+                                            double pz) {
+    constexpr int before = Kernel::kind == Interpolant::cubic || Kernel::kind == Interpolant::bspline3      ? 1
+                           : Kernel::kind == Interpolant::bspline5 || Kernel::kind == Interpolant::lanczos3 ? 2
+                                                                                                            : 0;
+    constexpr int after = before + 1;
+    double const wx = floor_of(px), wy = floor_of(py), wz = floor_of(pz);
+    bool const inner = wx >= before && wy >= before && wz >= before && wx + after < static_cast<double>(s.dims.x) &&
+                       wy + after < static_cast<double>(s.dims.y) && wz + after < static_cast<double>(s.dims.z);
+    if (inner) {
+        std::int64_t const x = static_cast<std::int64_t>(wx) - s.lower.x, y = static_cast<std::int64_t>(wy) - s.lower.y,
+                           z = static_cast<std::int64_t>(wz) - s.lower.z;
+        if constexpr (std::is_same_v<C, float>) {
+            auto const v = [&](int i, int j, int k) { return voxels.template as<float>(x + i, y + j, z + k); };
+            auto const fx = static_cast<float>(px - wx), fy = static_cast<float>(py - wy),
+                       fz = static_cast<float>(pz - wz);
+            return between(between(between(v(0, 0, 0), v(1, 0, 0), fx), between(v(0, 1, 0), v(1, 1, 0), fx), fy),
+                           between(between(v(0, 0, 1), v(1, 0, 1), fx), between(v(0, 1, 1), v(1, 1, 1), fx), fy), fz);
+        } else {
+            auto const v = [&](int i, int j, int k) { return voxels.template as<double>(x + i, y + j, z + k); };
+            return Kernel::value(v, px - wx, py - wy, pz - wz);
+        }
+    }
+    double const fx = std::floor(px), fy = std::floor(py), fz = std::floor(pz);
+    auto const v = [&](int i, int j, int k) {
+        std::int64_t const x = index_at(s, fx, i, s.dims.x, s.lower.x), y = index_at(s, fy, j, s.dims.y, s.lower.y),
+                           z = index_at(s, fz, k, s.dims.z, s.lower.z);
+        bool const border = !s.continued && s.boundary == Boundary::border && (x < 0 || y < 0 || z < 0);
+        return border ? s.border : voxels.template as<double>(x - s.lower.x, y - s.lower.y, z - s.lower.z);
+    };
+    return Kernel::value(v, px - fx, py - fy, pz - fz);
+}
+
+__device__ __forceinline__ double mapped(DeviceSampling const& s, double v) {
+    return s.scale == 1 && s.offset == 0 ? v : v * s.scale + s.offset; // of -0 nothing is left else
+}
+
+__device__ __forceinline__ double aside(int i, int n) {
+    return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
+}
+
+template <class Kernel, class C, class T> struct Sample {
+    DeviceSampling s;
+    Voxels<T> voxels;
+    driver::DeviceRows out;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        driver::store_value(out.type, out.at(x, y, z), value(x, y, z, counts), counts);
+    }
+
+private:
+    __device__ __forceinline__ double value(std::int64_t x, std::int64_t y, std::int64_t z,
+                                            driver::LossCounts& counts) const {
+        auto const column = static_cast<double>(s.first.x + x);
+        PositionRow const centre = row_of(s.map, {}, s.first.y + y, s.first.z + z);
+        if (!s.bounded && !(lies_in(centre.x(column), s.dims.x) && lies_in(centre.y(column), s.dims.y) &&
+                            lies_in(centre.z(column), s.dims.z))) {
+            ++counts.undefined;
+            return s.background;
+        }
+        if (s.samples_x * s.samples_y * s.samples_z == 1)
+            return mapped(s, sample_at<Kernel, C>(s, voxels, centre.x(column), centre.y(column), centre.z(column)));
+        double mean = 0;
+        int count = 0;
+        for (int k = 0; k < s.samples_z; ++k)
+            for (int j = 0; j < s.samples_y; ++j)
+                for (int i = 0; i < s.samples_x; ++i) {
+                    double const a = aside(i, s.samples_x), b = aside(j, s.samples_y), c = aside(k, s.samples_z);
+                    auto const &p = s.map.column[0], &q = s.map.column[1], &r = s.map.column[2];
+                    PositionRow const at = row_of(
+                        s.map, {p.x * a + q.x * b + r.x * c, p.y * a + q.y * b + r.y * c, p.z * a + q.z * b + r.z * c},
+                        s.first.y + y, s.first.z + z);
+                    double const sample = sample_at<Kernel, C>(s, voxels, at.x(column), at.y(column), at.z(column));
+                    ++count;
+                    mean = count == 1 ? sample : between(mean, sample, 1 / static_cast<double>(count));
+                }
+        return mapped(s, mean);
+    }
+};
+
+template <class Kernel, class C, class T>
+void launch_sample(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
+    Sample<Kernel, C, T> const sample{device_sampling(rule, in, out.box),
+                                      {driver::device_rows(in, in.box)},
+                                      driver::device_rows(ConstView(out), out.box)};
+    driver::for_each_voxel(out.dims(), sample, totals, "affine_sample");
+}
+
+/// Losses, and the voxels outside.
+void count(driver::DeviceLosses const& counts, Losses& losses, std::int64_t& outside) {
+    Losses found;
+    counts.add_to(found);
+    outside += found.undefined;
+    found.undefined = 0;
+    losses += found;
+}
+
+template <class U> struct NearestVoxel {
+    DeviceSampling s;
+    driver::DeviceRows in, out;
+    U background;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        auto const column = static_cast<double>(s.first.x + x);
+        PositionRow const at = row_of(s.map, {}, s.first.y + y, s.first.z + z);
+        double const px = at.x(column), py = at.y(column), pz = at.z(column);
+        U value = background;
+        if (!s.bounded && !(lies_in(px, s.dims.x) && lies_in(py, s.dims.y) && lies_in(pz, s.dims.z))) {
+            ++counts.undefined;
+        } else {
+            double const half = 0.5 + face_slack;
+            std::int64_t const vx = index_at(s, std::floor(px + half), 0, s.dims.x, s.lower.x),
+                               vy = index_at(s, std::floor(py + half), 0, s.dims.y, s.lower.y),
+                               vz = index_at(s, std::floor(pz + half), 0, s.dims.z, s.lower.z);
+            bool const border = s.boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
+            if (!border) value = *reinterpret_cast<U const*>(in.at(vx - s.lower.x, vy - s.lower.y, vz - s.lower.z));
+        }
+        *reinterpret_cast<U*>(out.at(x, y, z)) = value;
+    }
+};
+
+template <class U>
+void launch_nearest(ConstView in, AnyView out, AffineSampling const& rule, VoxelBytes const& voxel,
+                    unsigned long long* totals) {
+    NearestVoxel<U> nearest{device_sampling(rule, in, out.box), driver::device_rows(in, in.box),
+                            driver::device_rows(ConstView(out), out.box), U{}};
+    std::memcpy(&nearest.background, voxel.data(), sizeof nearest.background);
+    driver::for_each_voxel(out.dims(), nearest, totals, "affine_nearest");
+}
+
+/// Linear in float32, of the types that it holds.
+void sample_single(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
+    if (in.type == DataType::float32) return launch_sample<Linear, float, float>(in, out, rule, totals);
+    if (in.type == DataType::uint8) return launch_sample<Linear, float, std::uint8_t>(in, out, rule, totals);
+    if (in.type == DataType::uint16) return launch_sample<Linear, float, std::uint16_t>(in, out, rule, totals);
+    if (in.type == DataType::int16) return launch_sample<Linear, float, std::int16_t>(in, out, rule, totals);
+    launch_sample<Linear, float, void>(in, out, rule, totals);
+}
+
+/// The coefficients of splines are floats; of other types the voxels' is looked up.
+template <class Kernel>
+void sample_floats(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
+    if (in.type == DataType::float32) return launch_sample<Kernel, double, float>(in, out, rule, totals);
+    launch_sample<Kernel, double, void>(in, out, rule, totals);
+}
+
+} // namespace
+
+void affine_sample(ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+                   Execution const&) {
+    if (out.box.empty()) return;
+    driver::DeviceLosses const counts;
+    if (rule.single) {
+        sample_single(in, out, rule, counts.get());
+    } else {
+        switch (rule.interpolant) {
+        case Interpolant::nearest:
+            launch_sample<Nearest, double, void>(in, out, rule, counts.get());
+            break;
+        case Interpolant::linear:
+            launch_sample<Linear, double, void>(in, out, rule, counts.get());
+            break;
+        case Interpolant::cubic:
+            sample_floats<Cubic>(in, out, rule, counts.get());
+            break;
+        case Interpolant::lanczos3:
+            sample_floats<Lanczos3>(in, out, rule, counts.get());
+            break;
+        case Interpolant::bspline3:
+            sample_floats<BSpline3>(in, out, rule, counts.get());
+            break;
+        case Interpolant::bspline5:
+            sample_floats<BSpline5>(in, out, rule, counts.get());
+        }
+    }
+    count(counts, losses, outside);
+}
+
+void affine_nearest(ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside, Execution const&) {
+    if (out.box.empty()) return;
+    VoxelBytes const voxel = voxel_bytes(out.type, rule.boundary ? rule.border : rule.background);
+    driver::DeviceLosses const counts;
+    switch (size_of(in.type)) {
+    case 1:
+        launch_nearest<std::uint8_t>(in, out, rule, voxel, counts.get());
+        break;
+    case 2:
+        launch_nearest<std::uint16_t>(in, out, rule, voxel, counts.get());
+        break;
+    case 4:
+        launch_nearest<std::uint32_t>(in, out, rule, voxel, counts.get());
+        break;
+    default:
+        launch_nearest<std::uint64_t>(in, out, rule, voxel, counts.get());
+    }
+    Losses none;
+    count(counts, none, outside);
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt
