@@ -164,6 +164,30 @@ double half_difference(PathTile const& t, std::int64_t width, std::vector<double
     return sum / static_cast<double>(t.pixels());
 }
 
+/// `noise` is what was asked for, 0 if nothing was.
+Quality quality_of(std::vector<PathTile> const& tiles, std::int64_t width, std::vector<double> const& light,
+                   std::vector<double> const& odd, Levels const& levels, double noise) {
+    Quality q;
+    double pixels = 0, known = 0, paths = 0, undrawn = 0, sum = 0;
+    for (PathTile const& t : tiles) {
+        auto const n = static_cast<double>(t.pixels());
+        pixels += n;
+        paths += n * t.done;
+        if (t.done == 0) undrawn += n;
+        if (t.done < 2) continue;
+        double const squared = half_difference(t, width, light, odd, levels);
+        known += n;
+        sum += n * squared;
+        q.worst = std::max(q.worst, std::sqrt(squared));
+        // The estimate of a single tile is uncertain itself.
+        if (noise > 0 && std::sqrt(squared) > 1.25 * noise) ++q.above;
+    }
+    if (known > 0) q.error = std::sqrt(sum / known);
+    q.rays = paths / pixels;
+    q.undrawn = undrawn / pixels;
+    return q;
+}
+
 class Paths {
 public:
     Paths(Drawing const& drawing, Image& image, Counters& total)
@@ -236,25 +260,8 @@ private:
     }
 
     Quality quality() const {
-        Quality q;
+        Quality q = quality_of(tiles_, image_.width, light_, odd_, levels_, drawing_.goal.noise);
         q.stopped = crew_.stopped(), q.late = crew_.late();
-        double pixels = 0, known = 0, paths = 0, undrawn = 0, sum = 0;
-        for (PathTile const& t : tiles_) {
-            auto const n = static_cast<double>(t.pixels());
-            pixels += n;
-            paths += n * t.done;
-            if (t.done == 0) undrawn += n;
-            if (t.done < 2) continue;
-            double const squared = half_difference(t, image_.width, light_, odd_, levels_);
-            known += n;
-            sum += n * squared;
-            q.worst = std::max(q.worst, std::sqrt(squared));
-            // The estimate of a single tile is uncertain itself.
-            if (drawing_.goal.noise > 0 && std::sqrt(squared) > 1.25 * drawing_.goal.noise) ++q.above;
-        }
-        if (known > 0) q.error = std::sqrt(sum / known);
-        q.rays = paths / pixels;
-        q.undrawn = undrawn / pixels;
         return q;
     }
 
@@ -440,6 +447,13 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     q.stopped = crew.stopped();
     q.undrawn = 1 - static_cast<double>(drawn) / (static_cast<double>(image.width) * image.height);
     return q;
+}
+
+Quality quality_of_paths(Image const& image, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd, Background const& background) {
+    std::vector<PathTile> tiles = tiles_of(image.width, image.height, paths);
+    for (PathTile& t : tiles) t.done = paths;
+    return quality_of(tiles, image.width, light, odd, Levels(background), 0);
 }
 
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total) {

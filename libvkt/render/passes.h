@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <functional>
+#include <vector>
 
 namespace vkt::render {
 
@@ -38,6 +39,10 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total);
 /// Techniques for Image Synthesis, 1991): the number does not depend on the light that is averaged, so that stopping
 /// adds no bias. The error that is reported is estimated from the difference of the paths of odd and of even number.
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total);
+
+/// What is known of a picture of so many paths in every pixel, by the sums of all of them and of those of odd number.
+Quality quality_of_paths(Image const& image, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd, Background const& background);
 
 /// Rays until the error of each pixel is estimated to be below the tolerance.
 ///

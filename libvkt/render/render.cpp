@@ -3,8 +3,10 @@
 #include "libvkt/render/render.h"
 
 #include "libvkt/amr/cells.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/device.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/passes.h"
 
@@ -174,6 +176,8 @@ struct Renderer::Cache {
     std::mutex mutex;
     std::shared_ptr<Prepared const> last;
     std::int64_t made = 0;
+    std::mutex drawing; ///< of who draws with the copies
+    std::unique_ptr<DeviceCopies> copies;
 };
 
 void check(RenderSettings const& s) {
@@ -354,6 +358,25 @@ std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vec
     return lines;
 }
 
+bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
+    if (execution_.device == Device::automatic) {
+        // Getting hold of a GPU takes as long as a picture, unless that takes many paths.
+        constexpr double worth_it = 2e8;
+        double const paths = static_cast<double>(settings.samples) * settings.width * settings.height;
+        bool const heavy = settings.algorithm == Algorithm::multi_scattering && paths > worth_it;
+        return heavy && !tree_ && !refines && gpu_count() > 0;
+    }
+    if (execution_.device != Device::gpu) return false;
+    if (!tree_ && !refines) return true;
+    if (execution_.only_gpu)
+        throw Error(ErrorKind::usage,
+                    tree_ ? "--device gpu: hierarchical volumes are not drawn on a GPU"
+                          : "--device gpu: pictures with --noise, --time or --tolerance are not drawn on a GPU",
+                    tree_ ? "leave the choice to vkt: --device auto"
+                          : "give --spp, or leave the choice to vkt: --device auto");
+    return false;
+}
+
 SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const {
     SceneView scene{};
     Geometry const& g = header_.geometry;
@@ -497,7 +520,15 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                           start};
     Counters counters;
     Quality quality;
-    if (integrator == Integrator::scatter && in_passes)
+    bool const with_gpu = on_gpu(settings, in_passes && settings.goal.any());
+    if (with_gpu) {
+        device_select(execution_.gpu);
+        std::lock_guard const lock(cache_->drawing);
+        auto& copies = cache_->copies;
+        if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
+        quality = draw_on_gpu(copies->scene(scene, ready), copies->lattice(), integrator, watch, settings.background,
+                              image, counters);
+    } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
         quality = draw_adaptively(drawing, integrator == Integrator::march, image, counters);
@@ -531,6 +562,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                 ? "exact, piece by piece between the points of the transfer function"
                 : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,
                        tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
+        if (with_gpu) report->method += ", on a GPU";
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
     }

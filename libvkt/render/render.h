@@ -146,6 +146,8 @@ private:
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
+    /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.
+    bool on_gpu(RenderSettings const& settings, bool refines) const;
     /// What does not change when only the camera moves: of the last picture, if it still holds.
     std::shared_ptr<Prepared const> prepared(RenderSettings const& settings) const;
 
