@@ -94,12 +94,18 @@ Quality draw_on_gpu(SceneView const& scene, LatticeView const& lattice, Integrat
         SceneView part = scene;
         part.sums = {light.get(), odd.get(), nullptr, {}};
         int done = 0;
+        std::uint64_t met = 0;
         while (done < scene.samples) {
             part.samples = std::min(paths_at_once, scene.samples - done);
             part.first_sample = scene.first_sample + done;
             part.before = scene.before + done;
             launch_drawing(part, lattice, integrator, to, counts);
             device_synchronize();
+            // Rays are pixels that meet the volume, however many passes there are.
+            if (done == 0)
+                copy_to_host(&met, counts, sizeof met);
+            else
+                copy_to_device(counts, &met, sizeof met);
             done += part.samples;
             if (watch.progress) watch.progress({static_cast<double>(done) / scene.samples, -1, 0});
             if (watch.stop && done < scene.samples && watch.stop()) {

@@ -6,6 +6,7 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/interpolants.h"
 
+#include <algorithm>
 #include <cstring>
 #include <type_traits>
 
@@ -14,19 +15,22 @@ namespace vkt {
 namespace VKT_BACKEND {
 namespace {
 
+constexpr std::int64_t most_counted = 1 << 30; ///< voxels along an axis that are counted in 32 bits
+
 /// AffineSampling as kernels get it.
 struct DeviceSampling {
     Affine map;
-    Index3 dims;   ///< of the input volume
-    Index3 lower;  ///< of the input's view
-    Index3 first;  ///< of the output's
-    Index3 extent; ///< of the output
+    Index3 dims;  ///< of the input volume
+    Index3 lower; ///< of the input's view
+    Index3 first; ///< of the output's
     int samples_x = 1, samples_y = 1, samples_z = 1;
     bool bounded = false;   ///< there is a boundary rule: nothing becomes background
     bool continued = false; ///< coefficients go on beyond the faces
     Boundary boundary = Boundary::clamp;
     std::int64_t beyond = 0;
     double border = 0, background = 0, scale = 1, offset = 0;
+    double end_x = 0, end_y = 0, end_z = 0;    ///< positions that lie in the volume are below
+    int inner_x = 0, inner_y = 0, inner_z = 0; ///< dims, or 0 where they are too large to count in 32 bits
 };
 
 DeviceSampling device_sampling(AffineSampling const& rule, ConstView const& in, Box const& out) {
@@ -35,7 +39,11 @@ DeviceSampling device_sampling(AffineSampling const& rule, ConstView const& in, 
     s.dims = rule.dims;
     s.lower = in.box.lower;
     s.first = out.lower;
-    s.extent = out.dims();
+    s.end_x = end_position(s.dims.x), s.end_y = end_position(s.dims.y), s.end_z = end_position(s.dims.z);
+    bool const small = std::max({s.dims.x, s.dims.y, s.dims.z}) < most_counted;
+    s.inner_x = small ? static_cast<int>(s.dims.x) : 0;
+    s.inner_y = small ? static_cast<int>(s.dims.y) : 0;
+    s.inner_z = small ? static_cast<int>(s.dims.z) : 0;
     s.samples_x = static_cast<int>(rule.samples.x);
     s.samples_y = static_cast<int>(rule.samples.y);
     s.samples_z = static_cast<int>(rule.samples.z);
@@ -53,20 +61,30 @@ DeviceSampling device_sampling(AffineSampling const& rule, ConstView const& in, 
 /// Voxels of a known type, or of one that is looked up for each.
 template <class T> struct Voxels {
     driver::DeviceRows rows;
-    template <class C> __device__ __forceinline__ C as(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return static_cast<C>(*reinterpret_cast<T const*>(rows.at(x, y, z)));
-    }
-};
-template <> struct Voxels<void> {
-    driver::DeviceRows rows;
-    template <class C> __device__ __forceinline__ C as(std::int64_t x, std::int64_t y, std::int64_t z) const {
-        return driver::load_value<C>(rows.type, rows.at(x, y, z));
+    template <class C> __device__ __forceinline__ C at(std::byte const* from) const {
+        if constexpr (std::is_same_v<T, void>)
+            return driver::load_value<C>(rows.type, from);
+        else
+            return static_cast<C>(*reinterpret_cast<T const*>(from));
     }
 };
 
-__device__ __forceinline__ bool lies_in(double p, std::int64_t n) {
-    return p >= first_position() && p < end_position(n);
+__device__ __forceinline__ bool lies_in(double p, double end) { return p >= first_position() && p < end; }
+
+/// A position as the whole below it and what is beyond, and the same whole in 32 bits, if it fits there: snapped() and
+/// floor_of() at once.
+struct Split {
+    double whole, rest;
+    int index;
+};
+__device__ __forceinline__ Split split(double p) {
+    double const shifted = p + magic, r = shifted - magic, d = p - r;
+    bool const near = d < 1e-9 && d > -1e-9, above = !near && r > p;
+    double const whole = above ? r - 1 : r;
+    return {whole, near ? 0.0 : p - whole, __double2loint(shifted) - (above ? 1 : 0)};
 }
+/// The position itself, not snapped.
+__device__ __forceinline__ double along(PositionLine const& line, double x) { return line.base + x * line.step; }
 
 /// Index of the voxel i beyond a whole position, -1 if that is the border.
 __device__ __forceinline__ std::int64_t index_at(DeviceSampling const& s, double whole, int i, std::int64_t n,
@@ -80,37 +98,45 @@ __device__ __forceinline__ std::int64_t index_at(DeviceSampling const& s, double
 
 /// A sample at a position; C is what linear is computed in where nothing but voxels is looked at.
 template <class Kernel, class C, class T>
-__device__ __forceinline__ double sample_at(DeviceSampling const& s, Voxels<T> const& voxels, double px, double py,
-                                            double pz) {
+__device__ __forceinline__ C sample_at(DeviceSampling const& s, Voxels<T> const& voxels, double px, double py,
+                                       double pz) {
     constexpr int before = Kernel::kind == Interpolant::cubic || Kernel::kind == Interpolant::bspline3      ? 1
                            : Kernel::kind == Interpolant::bspline5 || Kernel::kind == Interpolant::lanczos3 ? 2
                                                                                                             : 0;
     constexpr int after = before + 1;
-    double const wx = floor_of(px), wy = floor_of(py), wz = floor_of(pz);
-    bool const inner = wx >= before && wy >= before && wz >= before && wx + after < static_cast<double>(s.dims.x) &&
-                       wy + after < static_cast<double>(s.dims.y) && wz + after < static_cast<double>(s.dims.z);
+    Split const x = split(px), y = split(py), z = split(pz);
+    bool inner = x.index >= before && y.index >= before && z.index >= before && x.index + after < s.inner_x &&
+                 y.index + after < s.inner_y && z.index + after < s.inner_z;
+    if (s.bounded) { // positions may be anything that a header can say
+        auto const counted = [](double p) {
+            return p > -static_cast<double>(most_counted) && p < static_cast<double>(most_counted);
+        };
+        inner = inner && counted(px) && counted(py) && counted(pz);
+    }
+    driver::DeviceRows const& rows = voxels.rows;
     if (inner) {
-        std::int64_t const x = static_cast<std::int64_t>(wx) - s.lower.x, y = static_cast<std::int64_t>(wy) - s.lower.y,
-                           z = static_cast<std::int64_t>(wz) - s.lower.z;
+        std::byte const* const first = rows.at(x.index - s.lower.x, y.index - s.lower.y, z.index - s.lower.z);
+        auto const v = [&](int i, int j, int k) {
+            return voxels.template at<C>(first + i * rows.size + j * rows.row + k * rows.slice);
+        };
         if constexpr (std::is_same_v<C, float>) {
-            auto const v = [&](int i, int j, int k) { return voxels.template as<float>(x + i, y + j, z + k); };
-            auto const fx = static_cast<float>(px - wx), fy = static_cast<float>(py - wy),
-                       fz = static_cast<float>(pz - wz);
+            auto const fx = static_cast<float>(x.rest), fy = static_cast<float>(y.rest),
+                       fz = static_cast<float>(z.rest);
             return between(between(between(v(0, 0, 0), v(1, 0, 0), fx), between(v(0, 1, 0), v(1, 1, 0), fx), fy),
                            between(between(v(0, 0, 1), v(1, 0, 1), fx), between(v(0, 1, 1), v(1, 1, 1), fx), fy), fz);
         } else {
-            auto const v = [&](int i, int j, int k) { return voxels.template as<double>(x + i, y + j, z + k); };
-            return Kernel::value(v, px - wx, py - wy, pz - wz);
+            return Kernel::value(v, x.rest, y.rest, z.rest);
         }
     }
-    double const fx = std::floor(px), fy = std::floor(py), fz = std::floor(pz);
     auto const v = [&](int i, int j, int k) {
-        std::int64_t const x = index_at(s, fx, i, s.dims.x, s.lower.x), y = index_at(s, fy, j, s.dims.y, s.lower.y),
-                           z = index_at(s, fz, k, s.dims.z, s.lower.z);
-        bool const border = !s.continued && s.boundary == Boundary::border && (x < 0 || y < 0 || z < 0);
-        return border ? s.border : voxels.template as<double>(x - s.lower.x, y - s.lower.y, z - s.lower.z);
+        std::int64_t const vx = index_at(s, x.whole, i, s.dims.x, s.lower.x),
+                           vy = index_at(s, y.whole, j, s.dims.y, s.lower.y),
+                           vz = index_at(s, z.whole, k, s.dims.z, s.lower.z);
+        bool const border = !s.continued && s.boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
+        if (border) return s.border;
+        return voxels.template at<double>(rows.at(vx - s.lower.x, vy - s.lower.y, vz - s.lower.z));
     };
-    return Kernel::value(v, px - fx, py - fy, pz - fz);
+    return static_cast<C>(Kernel::value(v, x.rest, y.rest, z.rest));
 }
 
 __device__ __forceinline__ double mapped(DeviceSampling const& s, double v) {
@@ -132,18 +158,28 @@ template <class Kernel, class C, class T> struct Sample {
     }
 
 private:
-    __device__ __forceinline__ double value(std::int64_t x, std::int64_t y, std::int64_t z,
-                                            driver::LossCounts& counts) const {
+    __device__ __forceinline__ C value(std::int64_t x, std::int64_t y, std::int64_t z,
+                                       driver::LossCounts& counts) const {
         auto const column = static_cast<double>(s.first.x + x);
         PositionRow const centre = row_of(s.map, {}, s.first.y + y, s.first.z + z);
-        if (!s.bounded && !(lies_in(centre.x(column), s.dims.x) && lies_in(centre.y(column), s.dims.y) &&
-                            lies_in(centre.z(column), s.dims.z))) {
+        double const px = along(centre.x, column), py = along(centre.y, column), pz = along(centre.z, column);
+        if (!s.bounded &&
+            !(lies_in(snapped(px), s.end_x) && lies_in(snapped(py), s.end_y) && lies_in(snapped(pz), s.end_z))) {
             ++counts.undefined;
-            return s.background;
+            return static_cast<C>(s.background);
         }
-        if (s.samples_x * s.samples_y * s.samples_z == 1)
-            return mapped(s, sample_at<Kernel, C>(s, voxels, centre.x(column), centre.y(column), centre.z(column)));
-        double mean = 0;
+        if constexpr (std::is_same_v<C, float>) { // a single sample, and values as they are
+            return sample_at<Kernel, C>(s, voxels, px, py, pz);
+        } else {
+            if (s.samples_x * s.samples_y * s.samples_z == 1)
+                return mapped(s, sample_at<Kernel, C>(s, voxels, px, py, pz));
+            return mapped(s, mean(column, y, z));
+        }
+    }
+
+    /// Of the samples in the voxel's cell.
+    __device__ __forceinline__ double mean(double column, std::int64_t y, std::int64_t z) const {
+        double result = 0;
         int count = 0;
         for (int k = 0; k < s.samples_z; ++k)
             for (int j = 0; j < s.samples_y; ++j)
@@ -153,11 +189,12 @@ private:
                     PositionRow const at = row_of(
                         s.map, {p.x * a + q.x * b + r.x * c, p.y * a + q.y * b + r.y * c, p.z * a + q.z * b + r.z * c},
                         s.first.y + y, s.first.z + z);
-                    double const sample = sample_at<Kernel, C>(s, voxels, at.x(column), at.y(column), at.z(column));
+                    double const sample =
+                        sample_at<Kernel, C>(s, voxels, along(at.x, column), along(at.y, column), along(at.z, column));
                     ++count;
-                    mean = count == 1 ? sample : between(mean, sample, 1 / static_cast<double>(count));
+                    result = count == 1 ? sample : between(result, sample, 1 / static_cast<double>(count));
                 }
-        return mapped(s, mean);
+        return result;
     }
 };
 
@@ -189,7 +226,7 @@ template <class U> struct NearestVoxel {
         PositionRow const at = row_of(s.map, {}, s.first.y + y, s.first.z + z);
         double const px = at.x(column), py = at.y(column), pz = at.z(column);
         U value = background;
-        if (!s.bounded && !(lies_in(px, s.dims.x) && lies_in(py, s.dims.y) && lies_in(pz, s.dims.z))) {
+        if (!s.bounded && !(lies_in(px, s.end_x) && lies_in(py, s.end_y) && lies_in(pz, s.end_z))) {
             ++counts.undefined;
         } else {
             double const half = 0.5 + face_slack;
