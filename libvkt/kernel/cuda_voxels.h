@@ -4,6 +4,9 @@
 
 #include "libvkt/kernel/cuda_map.h"
 
+#include <type_traits>
+#include <vector>
+
 namespace vkt::VKT_BACKEND {
 
 namespace driver {
@@ -43,6 +46,19 @@ template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long*
     voxels_kernel<F><<<columns.blocks, dim3(column_x, column_y)>>>(columns, n, f, totals);
     check_launch(name);
 }
+
+/// What a list holds, in device memory for the time of one call.
+template <class T> class DeviceList {
+public:
+    explicit DeviceList(std::vector<T> const& values) : memory_(values.size() * sizeof(T)) {
+        static_assert(std::is_trivially_copyable_v<T>);
+        if (!values.empty()) copy_to_device(memory_.get(), values.data(), values.size() * sizeof(T));
+    }
+    T const* get() const { return reinterpret_cast<T const*>(memory_.get()); }
+
+private:
+    DeviceScratch memory_;
+};
 
 } // namespace driver
 

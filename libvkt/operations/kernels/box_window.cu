@@ -141,13 +141,12 @@ std::vector<int> halves_of(Index3 radius) {
 
 template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius) {
     std::vector<int> const halves = halves_of(radius);
-    driver::DeviceScratch const table(halves.size() * sizeof(int));
-    copy_to_device(table.get(), halves.data(), halves.size() * sizeof(int));
+    driver::DeviceList const table(halves);
     Box const seen{out.box.lower - radius, out.box.upper + radius};
     driver::for_each_voxel(out.dims(),
                            Ball<Op, K>{driver::device_rows(in, seen), driver::device_rows(ConstView(out), out.box),
-                                       reinterpret_cast<int const*>(table.get()), static_cast<int>(radius.x),
-                                       static_cast<int>(radius.y), static_cast<int>(radius.z)},
+                                       table.get(), static_cast<int>(radius.x), static_cast<int>(radius.y),
+                                       static_cast<int>(radius.z)},
                            nullptr, "balls");
 }
 

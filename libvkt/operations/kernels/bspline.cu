@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/bspline.h"
 
+#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 
-#include <utility>
+#include <vector>
 
 namespace vkt::VKT_BACKEND {
 namespace {
@@ -51,23 +52,9 @@ template <class C> void filter(Pass const& pass, ConstView in, View<C> out) {
     check_launch("bspline_coefficients");
 }
 
-/// The weights where kernels see them.
-class DeviceWeights {
-public:
-    explicit DeviceWeights(SplineFilter const& filter)
-        : bytes_(static_cast<std::size_t>(filter.radius + 1) * sizeof(double)), memory_(bytes_) {
-        copy_to_device(memory_.get(), filter.weight, bytes_);
-    }
-    double const* get() const { return reinterpret_cast<double const*>(memory_.get()); }
-
-private:
-    std::size_t bytes_;
-    driver::DeviceScratch memory_;
-};
-
 template <class C>
 void coefficients(ConstView in, AnyView out, Box const& box, Box const& source, SplineFilter const& rule) {
-    DeviceWeights const weights(rule);
+    driver::DeviceList const weights(std::vector<double>(rule.weight, rule.weight + rule.radius + 1));
     auto const pass_along = [&](int axis, Box const& of) {
         bool const none = rule.dims[axis] == 1 && rule.boundary != Boundary::border; // it goes on as it is
         return Pass{of,

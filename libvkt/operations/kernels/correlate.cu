@@ -3,12 +3,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/correlate.h"
 
-#include "libvkt/core/buffer.h"
 #include "libvkt/kernel/cuda_stencil.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -44,22 +42,25 @@ private:
 /// The taps of all axes on the device.
 template <class C> class Weights {
 public:
-    explicit Weights(std::vector<AxisTaps> const& all) {
-        std::vector<C> values;
+    explicit Weights(std::vector<AxisTaps> const& all) : list_(values_of(all)) {
+        std::size_t next = 0;
         for (AxisTaps const& taps : all) {
-            first_.push_back(values.size());
-            for (double const tap : taps.taps) values.push_back(static_cast<C>(tap));
+            first_.push_back(next);
+            next += taps.taps.size();
         }
-        memory_.reserve(values.size() * sizeof(C));
-        std::copy(values.begin(), values.end(), reinterpret_cast<C*>(memory_.write(Space::host)));
-        data_ = reinterpret_cast<C const*>(memory_.read(Space::device));
     }
-    C const* of(std::size_t taps) const { return data_ + first_[taps]; }
+    C const* of(std::size_t taps) const { return list_.get() + first_[taps]; }
 
 private:
+    static std::vector<C> values_of(std::vector<AxisTaps> const& all) {
+        std::vector<C> values;
+        for (AxisTaps const& taps : all)
+            for (double const tap : taps.taps) values.push_back(static_cast<C>(tap));
+        return values;
+    }
+
     std::vector<std::size_t> first_;
-    Buffer memory_;
-    C const* data_ = nullptr;
+    driver::DeviceList<C> list_;
 };
 
 /// One axis of a filter over a box of results: `at` is where the middle of the first result's voxels lies in `in`.
@@ -245,9 +246,8 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
     for (Tap const& tap : kernel.taps)
         taps.push_back({static_cast<int>(tap.at.x), static_cast<int>(tap.at.y), static_cast<int>(tap.at.z),
                         static_cast<C>(tap.weight)});
-    driver::DeviceScratch const memory(taps.size() * sizeof(DeviceTap<C>));
-    copy_to_device(memory.get(), taps.data(), taps.size() * sizeof(DeviceTap<C>));
-    AnyTaps<C> const any{reinterpret_cast<DeviceTap<C> const*>(memory.get()), static_cast<int>(taps.size()), offset};
+    driver::DeviceList const list(taps);
+    AnyTaps<C> const any{list.get(), static_cast<int>(taps.size()), offset};
     if (driver::fits_stencil<C>(r)) return stencil<C>(execution, out, losses, r, any, in);
     driver::DeviceLosses const counts;
     FarTaps<C> const far{any,
