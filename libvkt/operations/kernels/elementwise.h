@@ -69,7 +69,7 @@ template <class C, class Use> VKT_HD void with_one(Op op, Use&& use) {
     case Op::not_:
         return use([](C u) { return u == C(0) ? C(1) : C(0); });
     case Op::isnan:
-        return use([](C u) { return u != u ? C(1) : C(0); });
+        return use([](C u) { return u != u ? C(1) : C(0); }); // NOLINT(misc-redundant-expression): NaN
     case Op::isinf:
         return use([](C u) { return std::fabs(u) > std::numeric_limits<C>::max() ? C(1) : C(0); });
     default: // a value as it is
@@ -89,9 +89,9 @@ template <class C, class Use> VKT_HD void with_two(Op op, Use&& use) {
     case Op::div:
         return use([](C u, C v) { return u / v; });
     case Op::min:
-        return use([](C u, C v) { return u < v || u != u ? u : v; });
+        return use([](C u, C v) { return u < v || u != u ? u : v; }); // NOLINT(misc-redundant-expression): NaN
     case Op::max:
-        return use([](C u, C v) { return u > v || u != u ? u : v; });
+        return use([](C u, C v) { return u > v || u != u ? u : v; }); // NOLINT(misc-redundant-expression): NaN
     case Op::pow:
         return use([](C u, C v) { return std::pow(static_cast<double>(u), static_cast<double>(v)); });
     case Op::atan2:

@@ -119,7 +119,9 @@ private:
             each(m, buffer, rows_[r], [=](C v) {
                 C const value = slope * v + intercept;
                 // The product may be beyond C where the sum is not.
-                return value - value == 0 ? value : C(2) * (C(0.5) * slope * v + C(0.5) * intercept);
+                return value - value == 0 ? value
+                                          : C(2) * (C(0.5) * slope * v +
+                                                    C(0.5) * intercept); // NOLINT(misc-redundant-expression): finite
             });
             rows_[r] = buffer;
         }
