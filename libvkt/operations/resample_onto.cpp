@@ -435,7 +435,8 @@ void Onto::run_spline(ConstView in, AnyView out, Losses& losses, Execution const
         return affine_sample(in.moved_to(in.box.lower - margin), out, sampling_, losses, outside_, execution);
     }
     coefficients_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(spline_.type));
-    AnyView const coefficients = dense_view(coefficients_.write(execution.space()), spline_.type, box, execution.space());
+    AnyView const coefficients =
+        dense_view(coefficients_.write(execution.space()), spline_.type, box, execution.space());
     spline_coefficients(spline_, filter_weights_, from_, in, coefficients, wider_, execution);
     affine_sample(coefficients, out, sampling_, losses, outside_, execution);
 }

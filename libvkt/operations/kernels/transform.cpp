@@ -119,9 +119,8 @@ private:
             each(m, buffer, rows_[r], [=](C v) {
                 C const value = slope * v + intercept;
                 // The product may be beyond C where the sum is not.
-                return value - value == 0 ? value
-                                          : C(2) * (C(0.5) * slope * v +
-                                                    C(0.5) * intercept); // NOLINT(misc-redundant-expression): finite
+                bool const finite = value - value == 0; // NOLINT(misc-redundant-expression)
+                return finite ? value : C(2) * (C(0.5) * slope * v + C(0.5) * intercept);
             });
             rows_[r] = buffer;
         }
