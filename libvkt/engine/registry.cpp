@@ -147,15 +147,19 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
 } // namespace
 
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener,
-             std::optional<Report>* report) {
+             std::unique_ptr<Operation>* reporter) {
     Prepared prepared = prepare(std::move(words), inputs, listener);
     if (prepared.operation->shape() == Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
-    if (report != nullptr) prepared.info.on_report = [report](Report const& found) { *report = found; };
-    auto const result =
-        attach(std::move(prepared.sources), *prepared.operation, prepared.execution, std::move(prepared.info));
-    result->next_volume();
-    return load(*result, prepared.execution);
+    Volume volume;
+    {
+        auto const result =
+            attach(std::move(prepared.sources), *prepared.operation, prepared.execution, std::move(prepared.info));
+        result->next_volume();
+        volume = load(*result, prepared.execution);
+    }
+    if (reporter != nullptr && prepared.operation->reports()) *reporter = std::move(prepared.operation);
+    return volume;
 }
 
 std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
