@@ -28,8 +28,8 @@ template <class T> struct LargeAllocator {
     bool operator==(LargeAllocator const&) const { return true; }
 };
 
-/// For tables that grow to many megabytes: touching fresh small pages would cost more than filling them. Not in kernels:
-/// the functions of a template compiled for newer processors could be taken for those of all.
+/// For tables that grow to many megabytes: touching fresh small pages would cost more than filling them. Not in
+/// kernels: the functions of a template compiled for newer processors could be taken for those of all.
 template <class T> using LargeVector = std::vector<T, LargeAllocator<T>>;
 
 } // namespace vkt

@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/box_window.h"
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
@@ -91,7 +92,9 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
     if (out.empty()) return;
     Index3 const n = out.dims(), w{2 * radius.x + 1, 2 * radius.y + 1, 2 * radius.z + 1};
     std::int64_t const slice = n.x * n.y, slices = n.z + 2 * radius.z, rows = n.y + 2 * radius.y;
-    std::vector<S> planes(static_cast<std::size_t>(slice * slices));
+    // In huge pages, and not cleared: what is written is all that is read.
+    Buffer memory(static_cast<std::size_t>(slice * slices) * sizeof(S));
+    S* const planes = reinterpret_cast<S*>(memory.write(Space::host));
     int const threads = threads_for(execution, out.voxels());
     for_each_item(
         static_cast<int>(std::min<std::int64_t>(threads, slices)), slices, [&](std::int64_t first, std::int64_t last) {
@@ -99,7 +102,7 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
                 lines(static_cast<std::size_t>(rows * n.x)),
                 scratch(static_cast<std::size_t>((w.y + 2) * window_columns(w.y, n.x, sizeof(S))));
             for (std::int64_t k = first; k < last; ++k) {
-                S* const plane = planes.data() + k * slice;
+                S* const plane = planes + k * slice;
                 for (std::int64_t j = 0; j < rows; ++j) {
                     load(out.lower.x - radius.x, out.lower.y - radius.y + j, out.lower.z - radius.z + k,
                          n.x + 2 * radius.x, line.data());
@@ -127,7 +130,7 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
                                              m = std::min(columns, n.x - x), z0 = out.lower.z - radius.z;
                           window_across_rows<Op>(
                               z0, z0 + n.z, w.z, m, scratch.data(),
-                              [&](std::int64_t z) { return planes.data() + (z - z0) * slice + y * n.x + x; },
+                              [&](std::int64_t z) { return planes + (z - z0) * slice + y * n.x + x; },
                               [&](std::int64_t z, S const* from) {
                                   store(out.lower.x + x, out.lower.y + y, z + radius.z, m, from);
                               });
