@@ -131,25 +131,28 @@ template <class A> struct Plus {
     template <class T> VKT_HD A operator()(A a, T voxel) const { return a + static_cast<A>(voxel); }
 };
 
-template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+template <class T> [[gnu::noinline]] std::int64_t nan_in_row(T const* row, std::int64_t n) {
     std::int64_t nan = 0;
-    for (std::int64_t k = 0; k < lines.n; ++k) {
-        T const* const from = lines.first + k * lines.step;
-        std::int32_t here = 0; // of at most row_piece
-        if (lines.pixel == 1) {
+    for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+        auto const m = static_cast<std::int32_t>(std::min(row_piece, n - begin));
+        T const* const from = row + begin;
+        std::int32_t here = 0;
 #pragma omp simd reduction(+ : here)
-            for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i) {
-                auto const v = static_cast<compute_t<T>>(from[i]);
-                here += v != v ? 1 : 0;
-            }
-        } else {
-            for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                auto const v = static_cast<compute_t<T>>(from[i * lines.pixel]);
-                here += v != v ? 1 : 0;
-            }
+        for (std::int32_t i = 0; i < m; ++i) {
+            auto const v = static_cast<compute_t<T>>(from[i]);
+            here += v != v ? 1 : 0; // NOLINT(misc-redundant-expression): NaN
         }
         nan += here;
     }
+    return nan;
+}
+
+template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+    std::int64_t nan = 0;
+    if (lines.pixel == 1)
+        for (std::int64_t k = 0; k < lines.n; ++k) nan += nan_in_row(lines.first + k * lines.step, lines.pixels);
+    else // along rows
+        for (std::int64_t i = 0; i < lines.pixels; ++i) nan += nan_in_row(lines.first + i * lines.pixel, lines.n);
     return nan;
 }
 
@@ -162,30 +165,43 @@ void add_nan(ProjectionState& state, std::int64_t nan) {
 /// a op v for numbers, of which the first of two that are equal stays: 0 and -0 are.
 struct Above {
     template <class T> VKT_HD T operator()(T a, T v) const { return v > a ? v : a; }
+    template <class V> static auto picks(V a, V v) { return v > a; }
 };
 struct Below {
     template <class T> VKT_HD T operator()(T a, T v) const { return v < a ? v : a; }
+    template <class V> static auto picks(V a, V v) { return v < a; }
+};
+
+/// As many values as fit into a register.
+template <class A> struct Vector {
+    typedef A type __attribute__((vector_size(register_bytes)));
+    typedef A unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(A)), may_alias));
+    static constexpr std::int64_t lanes = static_cast<std::int64_t>(register_bytes / sizeof(A));
+    static type load(A const* from) { return *reinterpret_cast<unaligned const*>(from); }
 };
 
 /// The extreme of a row of numbers, as if its voxels were looked at one after the other.
 template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Best const best) {
-    constexpr std::int64_t lanes = static_cast<std::int64_t>(2 * register_bytes / sizeof(A));
+    using V = Vector<A>;
+    constexpr std::int64_t together = 4 * V::lanes;
     A result = row[0];
-    if (n >= lanes) {
-        A most[lanes];
-        std::copy_n(row, lanes, most);
-        std::int64_t k = lanes;
-        for (; k + lanes <= n; k += lanes)
-#pragma omp simd
-            for (std::int64_t i = 0; i < lanes; ++i) most[i] = best(most[i], row[k + i]);
-        result = most[0];
-        for (std::int64_t i = 1; i < lanes; ++i) result = best(result, most[i]);
-        for (; k < n; ++k) result = best(result, row[k]);
-        if constexpr (std::is_floating_point_v<A>)
-            if (result == A(0)) result = *std::find(row, row + n, A(0)); // lanes do not know which zero came first
-    } else {
-        for (std::int64_t k = 1; k < n; ++k) result = best(result, row[k]);
+    std::int64_t k = 1;
+    if (n >= together) {
+        typename V::type most[4];
+#pragma GCC unroll 4
+        for (int r = 0; r < 4; ++r) most[r] = V::load(row + r * V::lanes);
+        for (k = together; k + together <= n; k += together)
+#pragma GCC unroll 4
+            for (int r = 0; r < 4; ++r) {
+                typename V::type const v = V::load(row + k + r * V::lanes);
+                most[r] = best.picks(most[r], v) ? v : most[r];
+            }
+        for (auto const& lanes : most)
+            for (std::int64_t i = 0; i < V::lanes; ++i) result = best(result, lanes[i]);
     }
+    for (; k < n; ++k) result = best(result, row[k]);
+    if constexpr (std::is_floating_point_v<A>)
+        if (result == A(0)) result = *std::find(row, row + n, A(0)); // lanes do not know which zero came first
     return result;
 }
 
@@ -293,7 +309,7 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
 template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
     if (state.axis == 0 && state.extra.empty())
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
-            std::int64_t const nan = count_nan(Lines<T>{line.first, 1, 0, 1, line.at, line.n});
+            std::int64_t const nan = nan_in_row(line.first, line.n);
             add_nan(state, nan);
             state.value[line.at] += sum_of_row<double>(line.first, line.n);
             state.count[line.at] += static_cast<double>(line.n - nan);
@@ -362,20 +378,30 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
     Spread all;
     std::int64_t k = 0;
     if (numbers && n >= row_lanes) {
-        double mean[row_lanes] = {}, squares[row_lanes] = {}, count = 0;
+        using V = Vector<double>;
+        constexpr int registers = row_lanes / static_cast<int>(V::lanes);
+        using Stored = std::conditional_t<std::is_same_v<T, Half>, std::uint16_t, T>; // Half is in no register
+        typedef Stored Part __attribute__((vector_size(V::lanes * sizeof(T)), aligned(sizeof(T)), may_alias));
+        V::type mean[registers] = {}, squares[registers] = {};
+        double count = 0;
         for (; k + row_lanes <= n; k += row_lanes) {
             count += 1;
             double const share = 1 / count;
-#pragma omp simd
-            for (int j = 0; j < row_lanes; ++j) {
-                auto const v = static_cast<double>(row[k + j]);
-                double const d = v - mean[j], m = mean[j] + d * share;
-                squares[j] += d * (v - m);
-                mean[j] = m;
+#pragma GCC unroll 8
+            for (int r = 0; r < registers; ++r) {
+                V::type v;
+                if constexpr (std::is_same_v<T, Half>)
+                    for (int j = 0; j < V::lanes; ++j) v[j] = static_cast<double>(row[k + r * V::lanes + j]);
+                else
+                    v = __builtin_convertvector(*reinterpret_cast<Part const*>(row + k + r * V::lanes), V::type);
+                V::type const d = v - mean[r], m = mean[r] + d * share;
+                squares[r] += d * (v - m);
+                mean[r] = m;
             }
         }
         Spread lanes[row_lanes];
-        for (int j = 0; j < row_lanes; ++j) lanes[j] = {mean[j], squares[j], count};
+        for (int j = 0; j < row_lanes; ++j)
+            lanes[j] = {mean[j / V::lanes][j % V::lanes], squares[j / V::lanes][j % V::lanes], count};
         for (int half = row_lanes / 2; half > 0; half /= 2)
             for (int j = 0; j < half; ++j) lanes[j].merge(lanes[j + half]);
         all = lanes[0];
@@ -387,30 +413,30 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
     return all;
 }
 
-/// The same of lines side by side, `count` values each so far: two voxels of each at a time.
-template <class T> void add_upright_deviations(Lines<T> const& lines, double* mean, double* squares, double count) {
-    std::int64_t k = 0;
-    for (; k + 2 <= lines.n; k += 2, count += 2) {
-        T const *const a = lines.first + k * lines.step, *const b = a + lines.step;
-        double const share_a = 1 / (count + 1), share_b = 1 / (count + 2);
-#pragma omp simd
-        for (std::int64_t i = 0; i < lines.pixels; ++i) {
-            auto const v = static_cast<double>(a[i]), w = static_cast<double>(b[i]);
-            double const m0 = mean[i], d = v - m0, m1 = m0 + d * share_a, e = w - m1, m2 = m1 + e * share_b;
-            double const q = squares[i] + d * (v - m1);
-            squares[i] = q + e * (w - m2);
-            mean[i] = m2;
-        }
-    }
-    if (k == lines.n) return;
-    T const* const a = lines.first + k * lines.step;
-    double const share = 1 / (count + 1);
+/// The same of lines side by side, `count` values each so far: several voxels of each at a time, so that results are
+/// loaded and stored less often.
+template <int together, class T>
+void add_upright_deviations(Lines<T> const& lines, std::int64_t k, double* mean, double* squares, double count) {
+    T const* const first = lines.first + k * lines.step;
+    std::int64_t const step = lines.step;
+    double const a = 1 / (count + 1), b = 1 / (count + 2), c = 1 / (count + 3), d = 1 / (count + 4);
 #pragma omp simd
     for (std::int64_t i = 0; i < lines.pixels; ++i) {
-        auto const v = static_cast<double>(a[i]);
-        double const d = v - mean[i], m = mean[i] + d * share;
-        squares[i] += d * (v - m);
+        double m = mean[i], q = squares[i];
+        auto const add = [&](std::int64_t j, double share) {
+            auto const v = static_cast<double>(first[j * step + i]);
+            double const off = v - m;
+            m += off * share;
+            q += off * (v - m);
+        };
+        add(0, a);
+        if constexpr (together > 1) {
+            add(1, b);
+            add(2, c);
+            add(3, d);
+        }
         mean[i] = m;
+        squares[i] = q;
     }
 }
 
@@ -424,7 +450,7 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
     };
     if (state.axis == 0)
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
-            bool const numbers = missing(Lines<T>{line.first, 1, 0, 1, line.at, line.n}) == 0;
+            bool const numbers = missing(line) == 0;
             Spread const spread = spread_of_row(line.first, line.n, numbers);
             state.value[line.at] = spread.mean;
             state.extra[line.at] = spread.squares;
@@ -434,10 +460,17 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
         double* const mean = state.value.data() + lines.at;
         double* const squares = state.extra.data() + lines.at;
         double* const count = state.count.data() + lines.at;
-        bool const alike = std::all_of(count, count + lines.pixels, [&](double n) { return n == count[0]; });
-        if (missing(lines) == 0 && alike) {
-            add_upright_deviations(lines, mean, squares, count[0]);
-            for (std::int64_t i = 0; i < lines.pixels; ++i) count[i] += static_cast<double>(lines.n);
+        std::int32_t others = 0;
+#pragma omp simd reduction(+ : others)
+        for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i)
+            others += count[i] != count[0] ? 1 : 0;
+        if (missing(lines) == 0 && others == 0) {
+            std::int64_t k = 0;
+            double const n = count[0];
+            for (; k + 4 <= lines.n; k += 4)
+                add_upright_deviations<4>(lines, k, mean, squares, n + static_cast<double>(k));
+            for (; k < lines.n; ++k) add_upright_deviations<1>(lines, k, mean, squares, n + static_cast<double>(k));
+            std::fill_n(count, lines.pixels, n + static_cast<double>(lines.n));
             return;
         }
         for (std::int64_t k = 0; k < lines.n; ++k) {
@@ -513,44 +546,63 @@ constexpr std::int64_t median_lines_together = 32; ///< next to one another, whi
 
 /// The keys in the middle of lines side by side: keys[k * median_lines_together + i], `count[i]` of which are numbers,
 /// the least. Bit by bit, by counting how many are less: the same steps for all lines.
-template <class W> void middle_keys(W const* keys, std::int64_t n, W const* count, W* lower, W* upper) {
-    constexpr std::int64_t lines = median_lines_together;
-    alignas(64) W rank[lines], found[lines], less[lines], tried[lines];
-    for (std::int64_t i = 0; i < lines; ++i) {
-        rank[i] = count[i] / 2;
-        found[i] = 0;
-    }
-    auto const count_less = [&](W const* than) {
-        W sum[lines] = {};
-        for (std::int64_t k = 0; k < n; ++k) {
-#pragma omp simd
-            for (std::int64_t i = 0; i < lines; ++i)
-                sum[i] = static_cast<W>(sum[i] + (keys[k * lines + i] < than[i] ? 1 : 0));
+template <class W> class MiddleKeys {
+public:
+    MiddleKeys(W const* keys, std::int64_t n) : keys_(keys), n_(n) {}
+
+    void find(W const* count, W* lower, W* upper) const {
+        alignas(64) W rank[lines], found[lines] = {}, less[lines], tried[lines], before[lines];
+        for (std::int64_t i = 0; i < lines; ++i) rank[i] = count[i] / 2;
+        for (int bit = static_cast<int>(8 * sizeof(W)) - 1; bit >= 0; --bit) {
+            for (std::int64_t i = 0; i < lines; ++i) tried[i] = static_cast<W>(found[i] | W(1) << bit);
+            count_less(tried, less);
+            for (std::int64_t i = 0; i < lines; ++i) found[i] = less[i] <= rank[i] ? tried[i] : found[i];
         }
-        std::copy_n(sum, lines, less);
-    };
-    for (int bit = static_cast<int>(8 * sizeof(W)) - 1; bit >= 0; --bit) {
-        for (std::int64_t i = 0; i < lines; ++i) tried[i] = static_cast<W>(found[i] | W(1) << bit);
-        count_less(tried);
-        for (std::int64_t i = 0; i < lines; ++i) found[i] = less[i] <= rank[i] ? tried[i] : found[i];
-    }
-    // The one before: the same if that many are equal, else the largest that is less.
-    count_less(found);
-    W before[lines] = {};
-    for (std::int64_t k = 0; k < n; ++k) {
-#pragma omp simd
+        // The one before: the same if that many are equal, else the largest that is less.
+        count_less(found, less);
+        largest_below(found, before);
         for (std::int64_t i = 0; i < lines; ++i) {
-            W const key = keys[k * lines + i];
-            W const candidate = key < found[i] ? key : W(0);
-            before[i] = candidate > before[i] ? candidate : before[i];
+            bool const odd = count[i] % 2 != 0;
+            upper[i] = found[i];
+            lower[i] = odd || less[i] < rank[i] ? found[i] : before[i];
         }
     }
-    for (std::int64_t i = 0; i < lines; ++i) {
-        bool const odd = count[i] % 2 != 0;
-        upper[i] = found[i];
-        lower[i] = odd || less[i] < rank[i] ? found[i] : before[i];
+
+    /// Of each line, how many keys are less than its bound.
+    void count_less(W const* than, W* less) const {
+        typename V::type bound[registers], sum[registers] = {};
+#pragma GCC unroll 16
+        for (int r = 0; r < registers; ++r) bound[r] = V::load(than + r * V::lanes);
+        for (std::int64_t k = 0; k < n_; ++k)
+#pragma GCC unroll 16
+            for (int r = 0; r < registers; ++r)
+                sum[r] = V::load(keys_ + k * lines + r * V::lanes) < bound[r] ? sum[r] + 1 : sum[r];
+        std::memcpy(less, sum, sizeof sum);
     }
-}
+
+private:
+    using V = Vector<W>;
+    static constexpr std::int64_t lines = median_lines_together;
+    static constexpr int registers = static_cast<int>(std::max<std::int64_t>(1, lines / V::lanes));
+    static_assert(lines % V::lanes == 0);
+
+    void largest_below(W const* than, W* largest) const {
+        typename V::type bound[registers], most[registers] = {};
+#pragma GCC unroll 16
+        for (int r = 0; r < registers; ++r) bound[r] = V::load(than + r * V::lanes);
+        for (std::int64_t k = 0; k < n_; ++k)
+#pragma GCC unroll 16
+            for (int r = 0; r < registers; ++r) {
+                typename V::type const key = V::load(keys_ + k * lines + r * V::lanes);
+                typename V::type const candidate = key < bound[r] ? key : typename V::type{};
+                most[r] = candidate > most[r] ? candidate : most[r];
+            }
+        std::memcpy(largest, most, sizeof most);
+    }
+
+    W const* keys_;
+    std::int64_t n_;
+};
 
 /// Keys as unsigned numbers in the same order.
 template <class K> using UnsignedKey = std::make_unsigned_t<K>;
@@ -577,14 +629,14 @@ std::int64_t medians_of(Lines<K> const& lines, ConstView in, AnyView out, std::i
         W* const to = keys.data() + k * together;
         for (std::int64_t i = 0; i < together; ++i) to[i] = unsigned_key(voxels[i]);
     }
-    W count[together] = {}, lower[together], upper[together];
-    for (std::int64_t k = 0; k < lines.n; ++k) {
-#pragma omp simd
-        for (std::int64_t i = 0; i < together; ++i)
-            count[i] = static_cast<W>(count[i] + (keys[static_cast<std::size_t>(k * together + i)] <= highest ? 1 : 0));
+    MiddleKeys<W> const middle(keys.data(), lines.n);
+    alignas(64) W count[together], lower[together], upper[together];
+    std::fill_n(count, together, static_cast<W>(lines.n));
+    if (!is_integer(in.type)) { // then there are keys above that of infinity
+        std::fill_n(lower, together, static_cast<W>(highest + 1));
+        middle.count_less(lower, count);
     }
-    middle_keys(static_cast<W const*>(keys.data()), lines.n, static_cast<W const*>(count), static_cast<W*>(lower),
-                static_cast<W*>(upper));
+    middle.find(count, lower, upper);
     std::int64_t missing = 0;
     for (std::int64_t i = 0; i < lines.pixels; ++i) {
         auto const place = static_cast<std::int64_t>(lines.at) + i;
