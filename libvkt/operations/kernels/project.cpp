@@ -534,8 +534,10 @@ template <class K> void store_median(DataType type, K lower, K upper, bool odd, 
     K const keys[2] = {lower, upper};
     for_each_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
-            T voxels[2] = {};
-            store_keys(type, static_cast<K const*>(keys), reinterpret_cast<std::byte*>(voxels), 2);
+            K stored[2];
+            T voxels[2];
+            store_keys(type, static_cast<K const*>(keys), reinterpret_cast<std::byte*>(stored), 2);
+            std::memcpy(voxels, stored, sizeof voxels);
             T const result = odd ? voxels[1] : middle(voxels[0], voxels[1]);
             std::memcpy(to, &result, sizeof result);
         }
