@@ -78,7 +78,7 @@ void Morphology::prepare(Header const& in, Plan& plan) {
                             ? std::log2(n(r.x)) + 6
                             : std::numbers::pi / 4 * n(r.y) * n(r.z) + 2 * static_cast<double>(r.x);
     plan.cost = once * (twice() || op_ == MorphologyOp::gradient ? 2 : 1);
-    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * reach_.z);
     plan.method = shape_ == WindowShape::box ? text("windows, ", 2 * r.x + 1, "x", 2 * r.y + 1, "x", 2 * r.z + 1)
                                              : text("chords of a ball, radius ", r.x, ",", r.y, ",", r.z);
     auto values = values_read(in, plan);
