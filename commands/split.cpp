@@ -3,7 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/series.h"
-#include "libvkt/operations/stack.h"
+#include "libvkt/formats/stack.h"
 #include "shell/command.h"
 
 #include <filesystem>

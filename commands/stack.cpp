@@ -1,6 +1,6 @@
 // vkt stack: slices to a volume, volumes to a series.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/stack.h"
+#include "libvkt/formats/stack.h"
 #include "libvkt/formats/series.h"
 #include "shell/command.h"
 
@@ -41,7 +41,7 @@ Command stack_command() {
          "As numpy.stack does, what is stacked gets one more axis: single slices make a volume, volumes a series, one "
          "after another. --along z puts volumes on one another. Slices that say where they lie must be in order and "
          "evenly spaced, and give the spacing; others keep the spacing that they have.",
-         {{"Slices to a volume", "vkt split volume.nrrd -o 'slice%03d.mha' && vkt stack 'slice*.mha' -o again.nrrd"},
+         {{"Slices to a volume", "vkt split volume.nrrd -o 'slice%03d.png' && vkt stack 'slice*.png' -o again.nrrd"},
           {"Volumes to a series",
            "vkt filter median volume.nrrd --radius 1 -o smooth.nrrd && vkt stack volume.nrrd smooth.nrrd -o "
            "series.nrrd"},

@@ -9,6 +9,7 @@
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/formats/stack.h"
 #include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/reference_volume.h"
@@ -320,13 +321,12 @@ void Runner::tell_prediction() const {
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
-    auto const paths = matching_files(path);
     auto const open_one = [this, &stage, stated, path](std::string const& one) {
         auto source = open(stage, open_bytes(one), stated);
         formats_[path] = format_;
         return source;
     };
-    return paths.size() == 1 ? open_one(paths.front()) : series_source(paths, open_one);
+    return open_path(path, open_one);
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
@@ -501,7 +501,8 @@ std::unique_ptr<Sink> Runner::make_sink() {
     };
     if (last_.opener() != nullptr)
         if (auto sink = last_.opener()->sink(c.output, options, create)) return sink;
-    return is_numbered(c.output) ? series_sink(c.output, create) : create(numbered_path(c.output, 0));
+    if (!is_numbered(c.output)) return create(numbered_path(c.output, 0));
+    return holds_slices(c.output, c.format) ? slices_sink(c.output, create) : series_sink(c.output, create);
 }
 
 ipc::StageReport Runner::own_report() const {

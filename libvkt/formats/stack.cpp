@@ -1,10 +1,12 @@
 // Stacking: whether inputs fit on one another, and which one holds a slice.
 // SPDX-License-Identifier: MIT
-#include "libvkt/operations/stack.h"
+#include "libvkt/formats/stack.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/decorator.h"
+#include "libvkt/formats/amrex.h"
+#include "libvkt/formats/dicom.h"
 #include "libvkt/formats/series.h"
 
 #include <algorithm>
@@ -99,7 +101,12 @@ public:
         Header whole = header_;
         whole.dims.z = slices_;
         whole.part.reset();
-        if (info.words.empty()) return whole;
+        if (info.words.empty()) { // whoever reads says so
+            bool const one = std::all_of(headers_.begin(), headers_.end(),
+                                         [&](Header const& h) { return h.history == header_.history; });
+            if (!one) whole.history.reset();
+            return whole;
+        }
         if (headers_.size() <= most_histories) {
             whole.history = folded(history_step(info, headers_));
         } else {
@@ -303,7 +310,37 @@ private:
     bool open_ = false; ///< within a volume
 };
 
+/// The slices in a folder, in the order of their numbers; none if it is something else.
+std::vector<std::string> slices_in(std::string const& path) {
+    namespace fs = std::filesystem;
+    std::error_code failed;
+    std::vector<std::string> kinds;
+    if (!fs::is_directory(path, failed) || is_amrex(path) || is_dicom_folder(path)) return {};
+    for (auto const& entry : fs::directory_iterator(path, failed)) {
+        std::string const extension = lower_case(entry.path().extension().string());
+        bool const slice = extension == ".png" || extension == ".tif" || extension == ".tiff";
+        if (slice && entry.path().filename().string().front() != '.' &&
+            std::count(kinds.begin(), kinds.end(), entry.path().extension().string()) == 0)
+            kinds.push_back(entry.path().extension().string());
+    }
+    if (kinds.empty()) return {};
+    if (kinds.size() > 1)
+        throw Error(ErrorKind::data, text("the directory '", path, "' holds files ", join(kinds, " and ")),
+                    text("name those of one kind: '", path, "/*", kinds.front(), "'"));
+    return matching_files((fs::path(path) / ("*" + kinds.front())).string());
+}
+
 } // namespace
+
+std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open) {
+    std::error_code failed;
+    bool const numbered =
+        path.find('%') != std::string::npos && !std::filesystem::exists(path, failed) && is_numbered(path);
+    auto const paths = numbered ? matching_files(path) : slices_in(path);
+    if (!paths.empty()) return stacked(paths, open, std::nullopt, false, {});
+    auto const files = matching_files(path);
+    return files.size() == 1 ? open(files.front()) : series_source(files, open);
+}
 
 std::unique_ptr<Source> stacked(std::vector<std::string> paths, OpenInput open, std::optional<StackAxis> along,
                                 bool force_uniform, StageInfo const& info) {

@@ -32,6 +32,10 @@ using OpenInput = std::function<std::unique_ptr<Source>(std::string const& path)
 std::unique_ptr<Source> stacked(std::vector<std::string> paths, OpenInput open, std::optional<StackAxis> along,
                                 bool force_uniform, StageInfo const& info);
 
+/// What a path stands for: the volume that its slices make, for a folder of pictures or TIFF files, or a path with a
+/// number's place (slice%04d.tif); the volumes of all files that a pattern matches, one after another; or a file.
+std::unique_ptr<Source> open_path(std::string const& path, OpenInput const& open);
+
 /// The slices of each volume of a source, one after another, each a volume with its place in the world. Error{usage}
 /// for hierarchical volumes.
 std::unique_ptr<Source> slices_of(std::unique_ptr<Source> source, StageInfo info);
