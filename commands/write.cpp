@@ -80,7 +80,9 @@ private:
                 options.threads = execution.threads;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
-            return is_numbered(out()) ? series_sink(out(), create) : create(numbered_path(out(), 0));
+            if (!is_numbered(out())) return create(numbered_path(out(), 0));
+            bool const slices = holds_slices(out(), request_.options().format);
+            return slices ? slices_sink(out(), create) : series_sink(out(), create);
         }
         ipc::StreamOptions stream_options;
         stream_options.stage = context.stage_info().name;
@@ -96,7 +98,8 @@ private:
 Command write_command() {
     return consumer_command<Write>(
         {"Write a volume to a file.",
-         "The extension tells the format: .nrrd .nhdr .mha .mhd .nii .nii.gz .hdr .npy .raw .raw.gz .vkt, and others "
+         "The extension tells the format: .nrrd .nhdr .mha .mhd .nii .nii.gz .hdr .mrc .npy .npz .png .raw .raw.gz "
+         ".vkt, and others "
          "that "
          "are built\nin. The file appears when it is complete; an existing one is replaced only with --force.",
          {{"NRRD, compressed", "vkt read volume.nrrd | vkt write small.nrrd --compress"},

@@ -42,8 +42,8 @@ public:
     virtual void lossy(std::string const& message) = 0;
     /// One line on standard error with --verbose. May be called for as long as the stage runs.
     virtual std::function<void(std::string const& message)> detail() = 0;
-    /// The format of the input opened last, "vkt" for a stream.
-    virtual std::string const& format() const = 0;
+    /// The format of an input, of what was opened last for it; "vkt" for a stream.
+    virtual std::string format(std::string const& input) const = 0;
     /// Opens an input: any format, "-", FIFO or stream; a file as it is described by `stated`.
     virtual std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated = {}) = 0;
 };
@@ -63,7 +63,8 @@ public:
     virtual bool writes() const { return false; }
     /// Suffixes that such a file may have (".png"), if not any; a name without one is always taken.
     virtual std::vector<std::string> suffixes() const { return {}; }
-    /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer).
+    /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer), and always for those
+    /// that do not write.
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.
     virtual bool needs_whole() const { return false; }

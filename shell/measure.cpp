@@ -41,7 +41,7 @@ int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& cont
             },
         .print = [&](std::string_view lines) { context.print(std::string(lines)); },
     };
-    measurement.info.format = [&context] { return context.format(); };
+    measurement.info.format = [&context](std::string const& input) { return context.format(input); };
     operation_->measure(measurement);
     if (!reports.empty()) print(reports, measurement.form, context); // none: a dry run
     return operation_->satisfied() ? 0 : 1;

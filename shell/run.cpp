@@ -9,6 +9,7 @@
 #include "libvkt/engine/decorator.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/formats/stack.h"
 #include "libvkt/io/shared_memory.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/operations/reference_volume.h"
@@ -26,6 +27,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <new>
 #include <system_error>
 #include <unistd.h>
@@ -143,7 +145,7 @@ public:
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
     std::function<void(std::string const&)> detail() override;
-    std::string const& format() const override;
+    std::string format(std::string const& input) const override;
     std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override;
 
 private:
@@ -169,7 +171,10 @@ public:
     void predict(std::string const& stage, double seconds);
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
-    std::string const& format() const { return format_; }
+    std::string format(std::string const& input) const {
+        auto const found = formats_.find(input);
+        return found == formats_.end() ? format_ : found->second;
+    }
 
 private:
     static Verbosity verbosity(Common const& c) {
@@ -201,7 +206,8 @@ private:
     int predictions_ = 0;
     double predicted_ = 0; ///< seconds of all stages
     std::string lossy_;
-    std::string format_; ///< of the input opened last
+    std::string format_;                         ///< of the file opened last
+    std::map<std::string, std::string> formats_; ///< of the files opened last for inputs, by their names
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     std::vector<std::unique_ptr<StageContext>> contexts_; ///< of openers
@@ -219,7 +225,7 @@ std::function<void(std::string const&)> StageContext::detail() {
     return
         [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };
 }
-std::string const& StageContext::format() const { return runner_.format(); }
+std::string StageContext::format(std::string const& input) const { return runner_.format(input); }
 std::unique_ptr<Source> StageContext::open(std::string const& path, ReadOptions const& stated) {
     if (path == "-" && previous_ && !stated.describes()) return std::move(previous_);
     return runner_.open(invocation_, path, stated);
@@ -315,10 +321,12 @@ void Runner::tell_prediction() const {
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
-    auto const paths = matching_files(path);
-    if (paths.size() == 1) return open(stage, open_bytes(paths.front()), stated);
-    return series_source(
-        paths, [this, &stage, stated](std::string const& one) { return open(stage, open_bytes(one), stated); });
+    auto const open_one = [this, &stage, stated, path](std::string const& one) {
+        auto source = open(stage, open_bytes(one), stated);
+        formats_[path] = format_;
+        return source;
+    };
+    return open_path(path, open_one);
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
@@ -368,7 +376,7 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
     for (auto const& path : stage.inputs()) {
         if (path == "-" && previous) {
             sources.push_back(std::move(previous));
-            format_ = "vkt"; // what is computed has the format of a stream
+            formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
         } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
             sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
         } else {
@@ -443,12 +451,13 @@ void Runner::check_ends() {
         last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
     bool const to_terminal = (volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") &&
                              output_is_terminal() && !dry_run_;
-    bool const shows = picture && last_.consumer()->shows();
-    bool const forced = shows && last_.own_parameters().given("window");
+    bool const shows = last_.consumer() != nullptr && last_.consumer()->shows();
+    bool const only_shows = shows && !last_.consumer()->writes();
+    bool const forced = shows && picture && last_.own_parameters().given("window");
     if (forced && last_.common_parameters().given("output"))
         throw Error(ErrorKind::usage, "--window and -o exclude each other",
                     "s saves the picture that the window shows");
-    window_ = shows && (to_terminal || (forced && !dry_run_));
+    window_ = shows && (to_terminal || ((forced || only_shows) && !dry_run_));
     if (window_)
         viewer::require_display();
     else if (to_terminal)
@@ -492,7 +501,8 @@ std::unique_ptr<Sink> Runner::make_sink() {
     };
     if (last_.opener() != nullptr)
         if (auto sink = last_.opener()->sink(c.output, options, create)) return sink;
-    return is_numbered(c.output) ? series_sink(c.output, create) : create(numbered_path(c.output, 0));
+    if (!is_numbered(c.output)) return create(numbered_path(c.output, 0));
+    return holds_slices(c.output, c.format) ? slices_sink(c.output, create) : series_sink(c.output, create);
 }
 
 ipc::StageReport Runner::own_report() const {

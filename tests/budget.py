@@ -32,7 +32,7 @@ arguments = {
     "clahe": ["{f} --range 0:1", "{f} --bricks 3,2,1", "{f} --range p1:p99 --memory 64M"],
     "convert": ["{f} --dtype uint8 --range 0:1", "{f} --dtype uint8 --range minmax", "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "copy": ["{f} {f} --at 0,0,0"],
-    "crop": ["{f} --roi 10%:90%,10%:90%,:"],
+    "crop": ["{f} --roi 10%:90%,10%:90%,:", "{f} --roi ::2,1::3,::2"],
     "declare-sv": ["--dims {x} {y} {z} --dtype float32"],
     "delete": ["{f} --roi 0:64,:,:"],
     "diff": ["{f} {f}", "{f} {f} --mutual-information", "{f} {f} --ssim"],
@@ -65,9 +65,13 @@ arguments = {
     "permute": ["zyx {f}", "yzx {f}", "xzy {f}"],
     "project": ["max {f}", "mean {f} --axis x", "std {f} --axis y --memory 32M", "median {f}", "median {f} --axis x"],
     "merge": ["{bricks}"],
+    "reorient": ["--to zyx {f}"],
+    "split": ["{f} --along z"],
+    "stack": ["{f} {f} --along z --force-uniform", "{f} {f}"],
+    "view": ["{f} -n"],
     "mesh": ["{f} --iso 2", "{f} --iso 2 --json"],
     "morphology": ["close {f} --radius 2 --shape box", "erode {f} --radius 2"],
-    "read": ["{f}", "{f} --roi 5%:,5%:,:"],
+    "read": ["{f}", "{f} --roi 5%:,5%:,:", "{f} --roi ::2,1::3,::2"],
     "refine": ["{f} --tolerance 1"],
     "render": ["{f} -o picture.png --force"],
     "resample": ["{f} --dims 64 64 64", "{f} --scale 0.5", "{f} --dims {x} {y} {z} --dtype float64",
@@ -115,18 +119,21 @@ tree_arguments = {
     "permute": ["zyx {f}", "yzx {f}"],
     "read": ["{f}", "{f} --roi 5%:,5%:,:"],
     "render": ["{f} -o picture.png --force"],
+    "reorient": ["--to zyx {f}"],
     "resample": ["{f} --dims 64 64 64"],
     "set": ["{f} --units K"],
     "set-header": ["{f} --dist 1 2 3"],
+    "stack": ["{f} {f}"],
     "stats": ["{f}", "{f} --percentiles 1,50,99 --memory 64M"],
     "threshold": ["{f} --above 0.5", "{f} --otsu"],
     "transform": ["v*2+sin(x) {f}", "v[0,1,-1]+v[1,0,2] {f}"],
+    "view": ["{f} -n"],
     "write": ["{f} - --format vkt"],
 }
 no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
 grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
-held_whole = {"distance", "refine", "render", "scan", "slim", "watershed"}
+held_whole = {"distance", "refine", "render", "scan", "slim", "view", "watershed"}
 held_plane = {"affine", "mesh", "project", "rotate", "stats"}  # the same where a slice is as large as the budget, or a row wide
 
 
@@ -229,7 +236,7 @@ for shape, size in {"small": 16, "large": round((budget * mib / 32) ** (1 / 3)) 
         neighbours = name.startswith("filter") or name in {"morphology", "transform"}
         for words in tree_arguments.get(name, arguments.get(name, ["{f}"])):
             check(name, words, file, {"bricks": "bricks", "x": x, "y": y, "z": z},
-                  name in {"render", "resample"} or neighbours and shape == "large" or "wrap" in words, refuses)
+                  name in {"render", "resample", "view"} or neighbours and shape == "large" or "wrap" in words, refuses)
     os.unlink(file)
 print(f"base {base:.0f} MiB, budget {budget} MiB, at most {worst:.0f} MiB")
 sys.exit(1 if failed else 0)

@@ -161,3 +161,45 @@ for n in range(8):
     fails_with 2 'mean different things' vkt crop v_lps.nrrd --like v.nrrd -o out.nrrd
     [ ! -e out.nrrd ]
 }
+
+@test "steps are NumPy's: phase, extent, places; of files, pipes and slabs, read and cropped" {
+    python_with numpy
+    vkt read v.nrrd | vkt write v.nrrd.gz --format nrrd
+    /usr/bin/python3 - <<'PY'
+import json, subprocess
+import numpy as np
+v = np.fromfile("v_11x8x6_int16.raw", np.int16).reshape(6, 8, 11)
+run = lambda line: subprocess.run(line, shell=True, check=True, capture_output=True).stdout
+for text in ("::2,::2,::2", "1::3,:,:", "1:10:3,2:7:4,::5", "::99,:,1:6:2", ":,:,::2", ":-1:2,1:+6:2,3", "::1,:,:"):
+    parts = []
+    for range_, n in zip(text.split(","), (11, 8, 6)):
+        ends = (range_ if ":" in range_ else f"{range_}:{int(range_) + 1}").split(":")
+        low = int(ends[0] or 0)
+        high = low + int(ends[1]) if ends[1].startswith("+") else int(ends[1]) if ends[1] else None
+        parts.append(slice(low, high, int(ends[2]) if len(ends) > 2 else None))
+    want = v[parts[2], parts[1], parts[0]]
+    for line in (f"vkt crop v.nrrd --roi {text}", f"vkt read v.nrrd --roi {text}", f"vkt read v.nrrd.gz --roi {text}",
+                 f"vkt read v.nrrd | vkt crop --roi {text} --slab 2", f"vkt read v.nrrd --slab 1 | vkt read --roi {text} --slab 1"):
+        assert run(f"{line} | vkt write - --format raw") == want.tobytes(), line
+        info = json.loads(run(f"{line} | vkt info --json"))
+        assert info["dims"] == list(want.shape[::-1]), line
+        steps = [p.step or 1 for p in parts]
+        assert np.allclose(info["spacing"], [s * d for s, d in zip((0.5, 1, 2), steps)]), (line, info["spacing"])
+        assert np.allclose(info["origin"], [o + s * p.start for o, s, p in zip((10, 20, 30), (0.5, 1, 2), parts)]), line
+for dtype in ("uint8", "float32", "float64"):
+    subprocess.run(f"vkt convert v.nrrd --dtype {dtype} -o t.nrrd --force -q", shell=True, check=True)
+    whole = np.frombuffer(run("vkt write t.nrrd - --format raw"), dtype).reshape(v.shape)
+    assert run("vkt crop t.nrrd --roi 1::2,::3,: | vkt write - --format raw") == whole[:, ::3, 1::2].tobytes(), dtype
+PY
+    # What was sampled lies where the field says: a ramp's values are its positions.
+    vkt make ramp --dims 9 8 7 -o ramp.nrrd
+    vkt crop ramp.nrrd --roi 1::2,::3,2::2 | vkt diff - <(vkt crop ramp.nrrd --roi 1:,:,2: | vkt crop --roi ::2,::3,::2)
+    vkt crop v.nrrd --roi ::2,:,: | vkt history --as-shell | grep -q -- '--roi ::2,:,:'
+    vkt read v.nrrd --roi ::2,:,: -o half.nrrd && vkt history half.nrrd | grep -q 'crop --roi 0:11:2,0:8,0:6\|--roi ::2,:,:'
+    fails_with 2 'a step of 0' vkt crop v.nrrd --roi ::0,:,: -o no.nrrd
+    fails_with 2 'vkt flip reverses' vkt crop v.nrrd --roi ::-1,:,: -o no.nrrd
+    fails_with 2 'with steps is no box' vkt stats v.nrrd --roi ::2,:,:
+    vkt make amr --blocks 20 --levels 2 -o tree.vkt
+    fails_with 2 'with steps is no box' vkt crop tree.vkt --roi ::2,:,: -o no.vkt
+    [ ! -e no.nrrd ] && [ ! -e no.vkt ]
+}

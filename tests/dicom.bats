@@ -186,7 +186,7 @@ for i in range(60):
 open("short.dcm", "wb").write(good[:-100])
 END
     fails_with 3 "short.dcm" vkt stats short.dcm
-    mkdir empty && fails_with 4 "holds no DICOM files" vkt stats empty
+    mkdir empty && fails_with 4 "holds neither DICOM files nor slices" vkt stats empty
 }
 
 @test "the sample, against SimpleITK" {

@@ -91,3 +91,53 @@ END
     fails_with 3 "holds no dataset of numbers" vkt stats none.h5
     fails_with 4 "cannot open 'absent.h5:/a'" vkt stats absent.h5:/a
 }
+
+@test "what vkt writes is what h5py reads: types, groups, chunks, compression; all of the header comes back" {
+    for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 70 80 21 --dtype $type --seed 1 | vkt set --spacing 0.5,1,3 --origin 4,5,6 -o $type.h5:/group/volume
+        vkt read $type.h5:/group/volume | vkt write packed_$type.h5 --compress
+        vkt write $type.h5 $type.raw
+        vkt read $type.h5 | vkt write rows_$type.h5:/v --memory 20k 2>err || { cat err >&2; false; }
+    done
+    /usr/bin/python3 - <<'END'
+from common import *
+for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64"):
+    want = open(name + ".raw", "rb").read()
+    for file, path in ((name, "/group/volume"), ("packed_" + name, "/data")):
+        with h5py.File(file + ".h5") as f:
+            d = f[path]
+            assert d.shape == (21, 80, 70) and d.dtype == name and d[...].tobytes() == want, name
+            assert d.chunks == (16, 64, 64) and (d.compression == "gzip") == file.startswith("packed"), (d.chunks, d.compression)
+            assert list(d.attrs["spacing"]) == [3, 1, 0.5] and list(d.attrs["origin"]) == [6, 5, 4]
+            assert [dim.label for dim in d.dims] == ["z", "y", "x"]
+    with h5py.File(f"rows_{name}.h5") as f:
+        assert f["v"][...].tobytes() == want and f["v"].chunks[0] == 1, (name, f["v"].chunks)
+END
+    vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.h5
+    vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.nrrd
+    vkt diff h.h5 h.nrrd
+    for what in spacing origin direction slope intercept units; do
+        diff <(vkt info h.h5 --json | grep "\"$what\"") <(vkt info h.nrrd --json | grep "\"$what\"")
+    done
+    vkt info h.h5 | grep -q 'note: kept' && vkt history h.h5 --as-shell | grep -q 'flip y'
+    /usr/bin/python3 - <<'END'
+from common import *
+with h5py.File("h.h5", "r+") as f:
+    d = f["data"]
+    assert list(d.attrs["element_size_um"]) == [3000, 1000, 500] and d.attrs["units"] == "HU"
+    assert abs(d.attrs["scale_factor"] * 0 + d.attrs["add_offset"] - infos("h.nrrd")[0]["intercept"]) < 1e-9
+    d.attrs["spacing"] = [7.0, 1, 0.5]  # who changes it is believed
+assert infos("h.h5")[0]["spacing"] == [0.5, 1, 7]
+END
+    # Whole or nothing, never over another file, and not where it cannot be.
+    fails_with 4 'the file exists' vkt write int16.h5 h.h5
+    fails_with 4 'the file exists' vkt read int16.h5 -o h.h5:/other
+    fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt write int16.h5 - --format hdf5 | cat'
+    fails_with 2 'write one file each' vkt stack int16.h5 int16.h5 -o two.h5
+    fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
+    vkt read int16.h5 | head -c 100000 >cut.vkt
+    fails_with 3 'ended early' vkt read cut.vkt -o cut.h5
+    [ ! -e two.h5 ] && [ ! -e cut.h5 ] && [ ! -e x.h5 ]
+    [ -z "$(find . -name '.*vkt-*')" ]
+    vkt stack int16.h5 int16.h5 -o 'n%d.h5' && vkt diff n1.h5 int16.h5
+}

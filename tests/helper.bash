@@ -49,3 +49,11 @@ python_with() {
         /usr/bin/python3 -c "import $module" 2>/dev/null || skip "python3 has no $module"
     done
 }
+
+# with_peer MODULE: a package of PyPI, installed or in the build's folder peers (tests/run.sh), or the test is skipped
+# with the reason.
+with_peer() {
+    export PYTHONPATH="${PYTHONPATH:+$PYTHONPATH:}$VKT_BUILD/peers"
+    /usr/bin/python3 -c "import $1" 2>/dev/null ||
+        skip "python3 has no $1: pip install --target $VKT_BUILD/peers $1"
+}

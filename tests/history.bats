@@ -194,7 +194,7 @@ open("cut.png", "wb").write(data[:-5])'
     fails_with 3 "a checksum does not match" vkt history damaged.png
     fails_with 3 "ended early" vkt history cut.png
     fails_with 3 "impossible chunk" vkt history long.png
-    fails_with 3 "a PNG picture" vkt info p.png
+    fails_with 3 "a volume has one number in each voxel" vkt stats p.png
 }
 
 @test "--as-shell says what the pipeline would miss" {

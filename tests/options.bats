@@ -105,7 +105,7 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     vkt flip x -o w.nrrd -- -v.nrrd
     vkt flip x v.nrrd | vkt diff - w.nrrd
     vkt info -- v.nrrd | grep -q 'dims *4 4 4'
-    fails_with 2 "unexpected argument '--roi'" vkt info v.nrrd -- --roi
+    fails_with 2 "unexpected argument '--roi'" vkt flip x v.nrrd -- --roi
 }
 
 @test "an argument too many is told where outputs and spaces go" {

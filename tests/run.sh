@@ -102,6 +102,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
         echo 'SimpleITK could not be installed'
+    # Judges of formats, in a folder of their own: they bring a NumPy that Debian's packages do not know.
+    [ -d build/peers/zarr ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers zarr mrcfile ||
+        echo 'zarr and mrcfile could not be installed'
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH

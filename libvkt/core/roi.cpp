@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -26,6 +27,20 @@ std::int64_t bound(std::string_view word, std::int64_t n, std::int64_t if_empty)
     if (value > max_roi_extent || value < -max_roi_extent)
         throw Error(ErrorKind::usage, text("--roi ", word, " is out of range"));
     return word.front() == '-' ? n + value : value;
+}
+
+/// What stands behind the second colon, which is taken off the range.
+std::int64_t take_step(std::string_view& range) {
+    std::size_t const second = range.find(':', std::min(range.find(':'), range.size() - 1) + 1);
+    if (range.empty() || second == std::string_view::npos) return 1;
+    std::string_view const word = range.substr(second + 1);
+    range = range.substr(0, second);
+    if (word.empty()) return 1;
+    std::int64_t const step = parse_integer(word);
+    if (step < 1)
+        throw Error(ErrorKind::usage, text("a step of ", step, " is not a number of voxels from 1 on"),
+                    "vkt flip reverses an axis");
+    return std::min(step, max_roi_extent);
 }
 
 void resolve_axis(std::string_view range, int axis, std::int64_t n, std::int64_t& lower, std::int64_t& upper) {
@@ -72,18 +87,66 @@ template <class Read> auto in_name_of(char const* option, std::string const& reg
 
 } // namespace
 
+Index3 SteppedBox::dims() const {
+    Index3 n;
+    for (int axis = 0; axis < 3; ++axis) n[axis] = (box.upper[axis] - box.lower[axis] - 1) / step[axis] + 1;
+    return n;
+}
+
+Box SteppedBox::source(Box const& result) const {
+    Box from;
+    for (int axis = 0; axis < 3; ++axis) {
+        from.lower[axis] = box.lower[axis] + result.lower[axis] * step[axis];
+        from.upper[axis] = box.lower[axis] + (result.upper[axis] - 1) * step[axis] + 1;
+    }
+    return from;
+}
+
+Geometry SteppedBox::geometry(Geometry const& whole) const {
+    Geometry result = cropped(whole, box.lower);
+    for (int axis = 0; axis < 3; ++axis) result.spacing[axis] *= static_cast<double>(step[axis]);
+    return result;
+}
+
+std::string to_text(SteppedBox const& region) {
+    std::string result;
+    for (int axis = 0; axis < 3; ++axis) {
+        result += text(axis > 0 ? "," : "", region.box.lower[axis], ":", region.box.upper[axis]);
+        if (region.step[axis] > 1) result += text(":", region.step[axis]);
+    }
+    return result;
+}
+
+bool Roi::has_steps() const {
+    auto const ranges = split(text, ',');
+    return std::any_of(ranges.begin(), ranges.end(),
+                       [](std::string const& range) { return std::count(range.begin(), range.end(), ':') > 1; });
+}
+
 Box Roi::resolve(Index3 dims) const {
-    if (text.empty()) return box_of(dims);
+    SteppedBox const region = resolve_steps(dims);
+    if (!region.dense())
+        throw Error(ErrorKind::usage, vkt::text("--roi '", text, "': a region with steps is no box"),
+                    "take every n-th voxel of a grid first: vkt crop --roi ::2,::2,:");
+    return region.box;
+}
+
+SteppedBox Roi::resolve_steps(Index3 dims) const {
+    if (text.empty()) return {box_of(dims)};
     auto const ranges = split(text, ',');
     if (ranges.size() != 3)
         throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"),
                     "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
-    Box box;
+    SteppedBox region;
+    auto& [box, step] = region;
     for (int axis = 0; axis < 3; ++axis)
         in_name_of("--roi", text, [&] {
-            resolve_axis(ranges[static_cast<std::size_t>(axis)], axis, dims[axis], box.lower[axis], box.upper[axis]);
+            std::string_view range = ranges[static_cast<std::size_t>(axis)];
+            step[axis] = take_step(range);
+            resolve_axis(range, axis, dims[axis], box.lower[axis], box.upper[axis]);
         });
-    return box;
+    box = region.source(box_of(region.dims())); // nothing behind the last voxel
+    return region;
 }
 
 Box WorldRoi::resolve(Geometry const& geometry, Index3 dims) const {

@@ -12,13 +12,33 @@ namespace vkt {
 
 inline constexpr std::int64_t max_roi_extent = std::int64_t{1} << 40;
 
+/// Every step-th voxel of a box, counted from its lower corner; the upper corner lies right behind the last of them.
+struct SteppedBox {
+    Box box;
+    Index3 step{1, 1, 1};
+
+    bool dense() const { return step == Index3{1, 1, 1}; }
+    Index3 dims() const; ///< how many voxels are taken
+    /// What voxels of the result are made of: the smallest box that holds those taken for `result`.
+    Box source(Box const& result) const;
+    /// Of the voxels that are taken, which stay where they are: the spacing grows with the step.
+    Geometry geometry(Geometry const& whole) const;
+};
+
+std::string to_text(SteppedBox const& region); ///< "x0:x1:s,y0:y1,z0:z1", steps of 1 left out
+
 /// One range per axis. "" is the edge, "-3" counts from the end, "A:+N" is N voxels from A, "25%" is a share of the
-/// extent (rounded to the nearest voxel), a single "7" is the slice 7:8.
+/// extent (rounded to the nearest voxel), a single "7" is the slice 7:8. "A:B:S" is every S-th voxel from A on, as
+/// NumPy has it.
 struct Roi {
     std::string text;
     bool empty() const { return text.empty(); }
-    /// The box in a volume of these dims. Throws Error{usage} if it is malformed, empty, or leaves the volume.
+    bool has_steps() const; ///< a range has a second colon
+    /// The box in a volume of these dims. Throws Error{usage} if it is malformed, empty, or leaves the volume, or has
+    /// steps.
     Box resolve(Index3 dims) const;
+    /// The same with steps from 1 on.
+    SteppedBox resolve_steps(Index3 dims) const;
 };
 
 /// volkit's way to name a region: from voxel `first` up to, not including, voxel `last`.

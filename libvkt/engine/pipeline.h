@@ -35,8 +35,9 @@ struct StageInfo {
         on_plan;                                  ///< sees the plan of every volume; may be empty
     std::function<void(Report const&)> on_report; ///< the report of every volume; may be empty
     std::shared_ptr<StageTimes> times;            ///< filled in if set
-    /// Format of the file that was opened last for an input, "vkt" of a stream; may be empty: volumes in memory.
-    std::function<std::string()> format;
+    /// Format of the file that was opened last for the input of this name, "vkt" of a stream; may be empty: volumes in
+    /// memory.
+    std::function<std::string(std::string const& input)> format;
     bool among_processes = false; ///< the neighbours compute on the same processors at the same time
 };
 

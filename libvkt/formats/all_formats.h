@@ -7,11 +7,14 @@
 namespace vkt {
 
 Format amrex_format();
+Format analyze_format();
 Format dicom_format();
 Format flash_format();
 Format hdf5_format();
 Format metaimage_format();
+Format mrc_format();
 Format nifti_format();
+Format npz_format();
 Format nrrd_format();
 Format numpy_format();
 Format pgm_format();

@@ -34,7 +34,7 @@ struct Block {
 };
 
 /// One block as raw deflate that ends on a byte boundary; the last one ends the stream.
-void deflate_block(std::byte const* data, std::size_t n, std::size_t dictionary, bool last, bool gzip,
+void deflate_block(std::byte const* data, std::size_t n, std::size_t dictionary, bool last, bool crc,
                    Block& block_out) {
     auto const* const bytes = reinterpret_cast<Bytef const*>(data);
     z_stream state{};
@@ -50,19 +50,19 @@ void deflate_block(std::byte const* data, std::size_t n, std::size_t dictionary,
     block_out.bytes.resize(block_out.bytes.size() - state.avail_out);
     deflateEnd(&state);
     if (result != (last ? Z_STREAM_END : Z_OK)) throw Error(ErrorKind::failure, "deflate failed");
-    block_out.checksum = gzip ? crc32(0, bytes, static_cast<uInt>(n)) : adler32(1, bytes, static_cast<uInt>(n));
+    block_out.checksum = crc ? crc32(0, bytes, static_cast<uInt>(n)) : adler32(1, bytes, static_cast<uInt>(n));
 }
 
 } // namespace
 
-DeflateWriter::DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions const& options)
-    : file_(file), wrapper_(wrapper), threads_(threads_within(options)),
-      checksum_(wrapper == Wrapper::gzip ? crc32(0, nullptr, 0) : adler32(0, nullptr, 0)) {
+DeflateWriter::DeflateWriter(OutputFile& file, Wrapper wrapper, WriteOptions const& options, std::int64_t start)
+    : file_(file), wrapper_(wrapper), start_(start), threads_(threads_within(options)),
+      checksum_(wrapper == Wrapper::zlib ? adler32(0, nullptr, 0) : crc32(0, nullptr, 0)) {
     held_.reserve(window + block * static_cast<std::size_t>(threads_));
     constexpr std::array<unsigned char, 2> zlib_head{0x78, 0x5e};
     if (wrapper_ == Wrapper::gzip)
         put(gzip_head.data(), gzip_head.size());
-    else
+    else if (wrapper_ == Wrapper::zlib)
         put(zlib_head.data(), zlib_head.size());
 }
 
@@ -86,9 +86,10 @@ void DeflateWriter::store(std::string_view head) {
 
 void DeflateWriter::restore(std::string_view head) {
     if (head.size() != stored_) throw Error(ErrorKind::failure, "a header of another length");
+    std::size_t const before = static_cast<std::size_t>(start_) + (wrapper_ == Wrapper::gzip ? gzip_head.size() : 0);
     for (std::size_t done = 0; done < stored_; done += stored_block)
-        file_.write_at(static_cast<std::int64_t>(gzip_head.size() + done / stored_block * 5 + 5 + done),
-                       head.data() + done, std::min(stored_block, stored_ - done));
+        file_.write_at(static_cast<std::int64_t>(before + done / stored_block * 5 + 5 + done), head.data() + done,
+                       std::min(stored_block, stored_ - done));
     stored_checksum_ = crc32_z(0, reinterpret_cast<Bytef const*>(head.data()), stored_);
 }
 
@@ -116,7 +117,7 @@ void DeflateWriter::compress(bool last) {
         std::size_t const size = std::min(block, held_.size() - begin);
         try {
             deflate_block(held_.data() + begin, size, std::min(begin, window), last && i + 1 == count,
-                          wrapper_ == Wrapper::gzip, blocks[i]);
+                          wrapper_ != Wrapper::zlib, blocks[i]);
         } catch (...) {
 #pragma omp critical
             failure = std::current_exception();
@@ -127,8 +128,8 @@ void DeflateWriter::compress(bool last) {
         std::size_t const size = std::min(block, fresh - i * block);
         put(blocks[i].bytes.data(), blocks[i].bytes.size());
         auto const length = static_cast<z_off_t>(size);
-        checksum_ = wrapper_ == Wrapper::gzip ? crc32_combine(checksum_, blocks[i].checksum, length)
-                                              : adler32_combine(checksum_, blocks[i].checksum, length);
+        checksum_ = wrapper_ == Wrapper::zlib ? adler32_combine(checksum_, blocks[i].checksum, length)
+                                              : crc32_combine(checksum_, blocks[i].checksum, length);
     }
     read_ += fresh;
     dictionary_ = std::min(held_.size(), window);
@@ -145,7 +146,7 @@ void DeflateWriter::finish() {
             tail[4 + i] = static_cast<unsigned char>((read_ + stored_) >> (8 * i)); // modulo 2^32, as the format has it
         }
         put(tail.data(), 8);
-    } else {
+    } else if (wrapper_ == Wrapper::zlib) {
         for (unsigned i = 0; i < 4; ++i) tail[i] = static_cast<unsigned char>(checksum_ >> (24 - 8 * i));
         put(tail.data(), 4);
     }

@@ -4,12 +4,14 @@
 
 #include "libvkt/formats/flash.h"
 #include "libvkt/formats/parsed_tree.h"
+#include "libvkt/formats/slab_sink.h"
 #include "libvkt/io/module.h"
 
 namespace vkt {
 
 struct FlashFunctions {
     decltype(write_flash)* write;
+    std::unique_ptr<VolumeWriter> (*writer)(std::string const& path, WriteOptions const& options);
 };
 
 namespace flash {

@@ -290,7 +290,7 @@ void write(Volume const& volume, std::string const& path, std::string const& var
 } // namespace flash
 
 namespace {
-FlashFunctions const functions{flash::write};
+FlashFunctions const functions{flash::write, hdf5::writer};
 /// Trees of FLASH files, or datasets, as the first request asks.
 ParserHandler parse(std::string const& path) {
     ParserHandler handler;

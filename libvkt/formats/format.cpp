@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/amrex.h"
+#include "libvkt/formats/analyze.h"
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/foreign.h"
 #include "libvkt/formats/hdf5.h"
@@ -42,7 +43,7 @@ Format const& by_format_name(std::string const& name) {
 
 /// The format with the longest extension that `name` ends in.
 Format const* by_name(std::string const& name) {
-    std::string const lower = lower_case(name);
+    std::string const lower = lower_case(file_part(name).file);
     Format const* best = nullptr;
     std::size_t longest = 0;
     if (is_segment(name)) return &by_format_name("shm");
@@ -89,7 +90,8 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
         if (is_amrex(bytes.name())) return by_format_name("amrex");
         if (is_dicom_folder(bytes.name())) return by_format_name("dicom");
         throw Error(ErrorKind::io,
-                    text("cannot read '", bytes.name(), "': it is a directory, and holds no DICOM files"),
+                    text("cannot read '", bytes.name(),
+                         "': it is a directory, and holds neither DICOM files nor slices (.png .tif .tiff)"),
                     text("name a file in it, or several: '", bytes.name(), "/*.tif'"));
     }
     if (bytes.directory() && options.format != "amrex" && options.format != "dicom")
@@ -150,6 +152,7 @@ std::vector<std::string> detached_files(std::string const& path) {
         }
         if (lower.ends_with(".hdr")) {
             auto const bytes = open_bytes(path);
+            if (is_analyze(bytes->peek(analyze_size))) return read_analyze(*bytes, true).files;
             return nifti_layout(read_nifti_header(*bytes), true).files;
         }
         if (lower.ends_with(".mhd") || lower.ends_with(".mha")) {
@@ -166,23 +169,29 @@ std::string format_of_name(std::string const& name) {
     return format == nullptr ? "" : format->name;
 }
 
+bool holds_slices(std::string const& name, std::string const& format) {
+    Format const* const found = format.empty() ? by_name(name) : &by_format_name(format);
+    return found != nullptr && found->slices;
+}
+
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(), nifti_format(),
-                                          numpy_format(),   flash_format(),     vdb_format(), amrex_format(),
-                                          segment_format(), tiff_format(),      vti_format(), vtk_format(),
-                                          dicom_format(),   hdf5_format(),      png_format(), pgm_format()};
+    static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(),   nifti_format(),
+                                          analyze_format(), mrc_format(),       numpy_format(), npz_format(),
+                                          flash_format(),   vdb_format(),       amrex_format(), segment_format(),
+                                          tiff_format(),    vti_format(),       vtk_format(),   dicom_format(),
+                                          hdf5_format(),    png_format(),       pgm_format()};
     return list;
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     Format const* format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
-    if (!options.variable.empty() && one_only)
+    if (!options.variable.empty() && (one_only || format->slices))
         throw Error(ErrorKind::usage,
                     text("'", bytes->name(), "': --variable: ", format->name, " files hold one unnamed variable"));
-    if (options.spacing && format->name != "raw")
+    if (options.spacing && format->name != "raw" && !format->slices)
         throw Error(ErrorKind::usage, text("'", bytes->name(), "' states its spacing"),
                     text("change it afterwards: vkt set --spacing ", options.spacing->x, ",", options.spacing->y, ",",
                          options.spacing->z));

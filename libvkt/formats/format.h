@@ -56,6 +56,7 @@ struct Format {
     std::unique_ptr<Source> (*open)(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) = nullptr;
     std::unique_ptr<Sink> (*create)(std::string const& path, WriteOptions const& options) = nullptr;
     bool in_gzip = false; ///< files may be compressed as a whole: NAME.gz
+    bool slices = false;  ///< a file holds a slice; several, NAME%04d or a folder, a volume
 };
 
 std::vector<Format> const& formats();
@@ -66,6 +67,8 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
 std::vector<std::string> detached_files(std::string const& path);
 /// Name of the format that a file name promises by its extension; empty if it promises none.
 std::string format_of_name(std::string const& name);
+/// Whether files of this name, or of this format if one is named, hold a slice and no more.
+bool holds_slices(std::string const& name, std::string const& format = {});
 /// Name of the format that open_volume chooses. Throws the same.
 std::string format_name(ByteSource& bytes, ReadOptions const& options);
 /// A sink for a path ("-" is standard output), by forced format or extension. Refuses existing files without force.

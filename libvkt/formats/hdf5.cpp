@@ -1,10 +1,11 @@
-// HDF5 datasets, FILE:/GROUP/DATASET, read by a child. Files of FLASH are their own format (hierarchical.cpp).
-// SPDX-License-Identifier: MIT
+// HDF5 datasets, FILE:/GROUP/DATASET, read by a child, written through the module hdf5. Files of FLASH are their own
+// format (hierarchical.cpp). SPDX-License-Identifier: MIT
 #include "libvkt/formats/hdf5.h"
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/parsed_grids.h"
 
 #include <algorithm>
@@ -33,11 +34,17 @@ std::unique_ptr<Source> open_hdf5(std::unique_ptr<ByteSource> bytes, ReadOptions
     return parsed_grids("hdf5", what, file, file->size(), own);
 }
 
+std::unique_ptr<Sink> create_hdf5(std::string const& path, WriteOptions const& options) {
+    void const* const functions = module_functions("hdf5", text(path, ": writing HDF5"));
+    return slab_sink(static_cast<FlashFunctions const*>(functions)->writer(path, options));
+}
+
 } // namespace
 
 std::string dataset_in_name(std::string const& name) {
-    std::size_t const colon = name.rfind(":/");
-    return colon == std::string::npos || colon == 0 ? std::string() : name.substr(colon + 1);
+    auto const [file, part] = file_part(name);
+    if (!part.starts_with('/')) return {};
+    return part;
 }
 
 bool is_flash(ByteSource const& bytes) {
@@ -59,7 +66,7 @@ Format hdf5_format() {
             {".h5", ".hdf5", ".mat", ".nc"},
             begins_as_hdf5,
             open_hdf5,
-            nullptr};
+            create_hdf5};
 }
 
 } // namespace vkt

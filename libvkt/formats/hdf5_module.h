@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/slab_sink.h"
 
 #include <memory>
 #include <string>
@@ -10,8 +11,16 @@
 namespace vkt::hdf5 {
 
 /// The reader of datasets of numbers of one to four dimensions, which runs in a child. The last dimension is x; a first
-/// of four enumerates volumes. Spacing and origin from dimension scales with even steps (NetCDF-4) or element_size_um;
+/// of four enumerates volumes. Spacing and origin from dimension scales with even steps (NetCDF-4), element_size_um, or
+/// attributes of these names;
 /// scale_factor, add_offset and units of NetCDF's conventions. Datasets are variables, named by their paths.
 std::unique_ptr<GridsParser> open(std::string const& path);
+
+/// The attribute in which vkt keeps the header as its JSON.
+inline constexpr char const* header_attribute = "vkt";
+
+/// Writes one dataset [z, y, x], FILE:/GROUP/DATASET (/data), in chunks, --compress: shuffle and deflate. Attributes in
+/// the order of its axes: spacing, origin, element_size_um; scale_factor, add_offset, units of NetCDF's conventions.
+std::unique_ptr<VolumeWriter> writer(std::string const& path, WriteOptions const& options);
 
 } // namespace vkt::hdf5

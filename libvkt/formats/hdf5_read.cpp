@@ -2,10 +2,9 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/hdf5_handle.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/tree_file.h"
-
-#include <hdf5.h>
 
 #include <algorithm>
 #include <array>
@@ -18,23 +17,6 @@ namespace {
 constexpr std::size_t most_datasets = 4096, chunk_cache = std::size_t{64} << 20;
 constexpr hsize_t longest_scale = hsize_t{1} << 24;
 constexpr std::size_t longest_text = std::size_t{16} << 20;
-
-/// Closes what it holds.
-class Handle {
-public:
-    Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
-    ~Handle() {
-        if (id_ >= 0) close_(id_);
-    }
-    Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
-    Handle& operator=(Handle&&) = delete;
-    explicit operator bool() const { return id_ >= 0; }
-    operator hid_t() const { return id_; }
-
-private:
-    hid_t id_;
-    herr_t (*close_)(hid_t);
-};
 
 std::optional<DataType> type_of(hid_t type) {
     std::size_t const size = H5Tget_size(type);
@@ -112,6 +94,7 @@ private:
     void choose(std::string const& variable, ParsedGrids& grids);
     void read_scales(Header& header) const;
     void read_about(ParsedGrids& grids);
+    void use_ours(Header& header, std::string const& json) const;
     void find_places(ParsedGrids& grids) const;
 
     std::string path_;
@@ -310,12 +293,40 @@ void File::read_about(ParsedGrids& grids) {
                 header.geometry.spacing[a] = s;
         header.attributes["space units"] = "\"um\" \"um\" \"um\"";
     }
+    if (auto const spacing = numbers(data, "spacing"), origin = numbers(data, "origin");
+        spacing.size() == 3 && origin.size() == 3 && axis_[2] >= 0)
+        for (int a = 0; a < 3; ++a) {
+            auto const k = static_cast<std::size_t>(2 - a);
+            if (spacing[k] > 0 && std::isfinite(spacing[k])) header.geometry.spacing[a] = spacing[k];
+            if (std::isfinite(origin[k])) header.geometry.origin[a] = origin[k];
+        }
     double const slope = number(data, "scale_factor").value_or(1), offset = number(data, "add_offset").value_or(0);
     if (slope != 0) header.values = {slope, offset};
     header.units = words(data, "units");
     if (std::string const name = words(data, "long_name"); !name.empty()) header.attributes["long_name"] = name;
     if (auto const fill = number(data, "_FillValue")) header.attributes["_FillValue"] = to_text(*fill);
     header = in_utf8(std::move(header));
+    use_ours(header, words(data, header_attribute));
+}
+
+/// What vkt wrote has all of the header, and counts as long as spacing and origin are still those written with it.
+void File::use_ours(Header& header, std::string const& json) const {
+    if (json.empty()) return;
+    try {
+        Header ours = header_from_json(json);
+        check(ours);
+        auto const same = [&](char const* name, Vec3 v) {
+            return numbers(*data_, name) == std::vector<double>{v.z, v.y, v.x};
+        };
+        if (ours.kind != Kind::structured || !(ours.dims == header.dims) || ours.dtype != header.dtype ||
+            ours.values != header.values || !same("spacing", ours.geometry.spacing) ||
+            !same("origin", ours.geometry.origin))
+            return;
+        ours.attributes["variable"] = header.attributes["variable"];
+        ours.dry_run = ours.timing = false;
+        header = std::move(ours);
+    } catch (Error const&) { // a damaged one is none
+    }
 }
 
 /// Contiguous data in the machine's own format are read without the library.

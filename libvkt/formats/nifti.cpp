@@ -4,6 +4,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/analyze.h"
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/slab_sink.h"
@@ -18,13 +19,15 @@ namespace {
 std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
     std::string const lower = lower_case(bytes->name());
     std::size_t const end = lower.ends_with(".img.gz") ? 7 : lower.ends_with(".img") ? 4 : 0;
-    if (end == 0 || is_nifti(bytes->peek(352))) return bytes;
+    if (end == 0 || is_nifti(bytes->peek(352)) || is_analyze(bytes->peek(analyze_size))) return bytes;
     return open_bytes(bytes->name().substr(0, bytes->name().size() - end) + ".hdr");
 }
 
 std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     bytes = header_beside(std::move(bytes));
-    RawLayout layout = nifti_layout(read_nifti_header(*bytes), options.trust_paths);
+    RawLayout layout = is_analyze(bytes->peek(analyze_size))
+                           ? read_analyze(*bytes, options.trust_paths)
+                           : nifti_layout(read_nifti_header(*bytes), options.trust_paths);
     return raw_source(std::move(bytes), std::move(layout));
 }
 

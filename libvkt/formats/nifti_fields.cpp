@@ -260,23 +260,7 @@ void Reader::find_voxels(RawLayout& layout) const {
         layout.byte_skip -= header_.position;
         return;
     }
-    std::string base =
-        lower_case(header_.name).ends_with(".gz") ? header_.name.substr(0, header_.name.size() - 3) : header_.name;
-    if (!lower_case(base).ends_with(".hdr"))
-        fail("the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr", "read the pair by that name");
-    base.resize(base.size() - 4);
-    base.erase(0, base.rfind('/') + 1); // npos + 1 is 0
-    std::string const plain = beside(header_.name, base + ".img", trust_paths_);
-    std::error_code error;
-    if (!std::filesystem::exists(plain, error)) {
-        std::string const packed = beside(header_.name, base + ".img.gz", trust_paths_);
-        if (std::filesystem::exists(packed, error)) {
-            layout.encoding = Encoding::deflate;
-            layout.files = {packed};
-            return;
-        }
-    }
-    layout.files = {plain};
+    find_image(layout, header_.name, trust_paths_);
 }
 
 /// What vkt wrote has all digits, and what NIfTI has no place for. If others have changed the fields since, these
@@ -410,6 +394,29 @@ void put_place(NiftiFields& f, Header const& header) {
 }
 
 } // namespace
+
+void find_image(RawLayout& layout, std::string const& header_name, bool trust_paths) {
+    std::string base =
+        lower_case(header_name).ends_with(".gz") ? header_name.substr(0, header_name.size() - 3) : header_name;
+    if (!lower_case(base).ends_with(".hdr"))
+        throw Error(
+            ErrorKind::data,
+            text("'", header_name, "': the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr"),
+            "read the pair by that name");
+    base.resize(base.size() - 4);
+    base.erase(0, base.rfind('/') + 1); // npos + 1 is 0
+    std::string const plain = beside(header_name, base + ".img", trust_paths);
+    std::error_code error;
+    if (!std::filesystem::exists(plain, error)) {
+        std::string const packed = beside(header_name, base + ".img.gz", trust_paths);
+        if (std::filesystem::exists(packed, error)) {
+            layout.encoding = Encoding::deflate;
+            layout.files = {packed};
+            return;
+        }
+    }
+    layout.files = {plain};
+}
 
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }
 

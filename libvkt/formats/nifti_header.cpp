@@ -148,17 +148,10 @@ bool identify(std::span<std::byte const> head, NiftiHeader& header) {
 }
 
 [[noreturn]] void refuse(ByteSource& bytes) {
-    auto const head = bytes.peek(size1);
-    bool const analyze =
-        head.size() == size1 && (bits_at(head, 0, 4, false) == size1 || bits_at(head, 0, 4, true) == size1);
-    if (head.size() < size1)
+    if (bytes.peek(size1).size() < size1)
         throw Error(ErrorKind::data, text("'", bytes.name(), "' ended early: a NIfTI header has ",
                                           static_cast<std::int64_t>(size1), " bytes"));
-    throw Error(ErrorKind::data,
-                text("'", bytes.name(),
-                     analyze ? "' is an Analyze header, without the orientation that NIfTI has"
-                             : "' does not begin with a NIfTI header"),
-                analyze ? "nibabel turns it into NIfTI" : "");
+    throw Error(ErrorKind::data, text("'", bytes.name(), "' does not begin with a NIfTI header"));
 }
 
 std::string padded(std::string extension) {

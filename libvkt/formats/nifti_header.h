@@ -51,6 +51,9 @@ NiftiHeader read_nifti_header(ByteSource& bytes);
 /// Throws Error{data}, also for complex numbers and colours.
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths);
 
+/// Of a pair: the voxels in NAME.img, or NAME.img.gz, beside NAME.hdr. Throws Error{data}.
+void find_image(RawLayout& layout, std::string const& header_name, bool trust_paths);
+
 /// The bytes of a header, with the extension: of version 2 where an extent needs it. Throws Error{usage} for what the
 /// format cannot hold.
 std::string nifti_bytes(HeaderText const& header);

@@ -170,21 +170,6 @@ std::unique_ptr<Source> open_numpy(std::unique_ptr<ByteSource> bytes, ReadOption
     return raw_source(std::move(bytes), std::move(layout));
 }
 
-std::string numpy_bytes(HeaderText const& h) {
-    Index3 const& d = h.first.dims;
-    std::string header = text("{'descr': '", numpy_type_name(h.first.dtype), "', 'fortran_order': False, 'shape': (",
-                              h.volumes > 1 ? text(h.volumes, ", ") : "", d.z, ", ", d.y, ", ", d.x, "), }");
-    std::size_t const start = magic.size() + 4;
-    std::size_t const length =
-        h.length > 0 ? h.length : (start + header.size() + growth + 1 + alignment - 1) / alignment * alignment;
-    header.resize(length - start - 1, ' ');
-    std::string result(magic);
-    result += "\1\0"sv;
-    result += static_cast<char>(length - start);
-    result += static_cast<char>((length - start) >> 8);
-    return result + header + "\n";
-}
-
 std::unique_ptr<Sink> create_numpy(std::string const& path, WriteOptions const& options) {
     HeaderFormat format{"NumPy", ".npy", "", "", "", DeflateWriter::Wrapper::gzip, false, numpy_type_name, numpy_bytes};
     return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
@@ -214,6 +199,21 @@ RawLayout read_numpy_header(ByteSource& bytes) {
     read_type(layout, dictionary.descr, bytes.name());
     read_shape(layout, *dictionary.shape, *dictionary.fortran, bytes.name());
     return layout;
+}
+
+std::string numpy_bytes(HeaderText const& h) {
+    Index3 const& d = h.first.dims;
+    std::string header = text("{'descr': '", numpy_type_name(h.first.dtype), "', 'fortran_order': False, 'shape': (",
+                              h.volumes > 1 ? text(h.volumes, ", ") : "", d.z, ", ", d.y, ", ", d.x, "), }");
+    std::size_t const start = magic.size() + 4;
+    std::size_t const length =
+        h.length > 0 ? h.length : (start + header.size() + growth + 1 + alignment - 1) / alignment * alignment;
+    header.resize(length - start - 1, ' ');
+    std::string result(magic);
+    result += "\1\0"sv;
+    result += static_cast<char>(length - start);
+    result += static_cast<char>((length - start) >> 8);
+    return result + header + "\n";
 }
 
 std::string numpy_type_name(DataType type) {

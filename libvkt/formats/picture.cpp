@@ -1,6 +1,7 @@
-// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits. They are only written.
+// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits. PGM is only written.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/slab_sink.h"
@@ -8,6 +9,7 @@
 #include <png.h>
 
 #include <bit>
+#include <cstring>
 #include <utility>
 #include <vector>
 
@@ -29,7 +31,7 @@ public:
                         "make a grid of them first: vkt resample");
         if (header.dims.z != 1)
             throw Error(ErrorKind::usage, text("a ", name_, " file holds one slice, the volume has ", header.dims.z),
-                        "take one of them with 'vkt slice', or draw the volume with 'vkt render'");
+                        "all of them: -o slice%04d.png; one of them: vkt slice");
         if (header.dtype != DataType::uint8 && header.dtype != DataType::uint16)
             throw Error(
                 ErrorKind::usage, text("a ", name_, " file holds uint8 or uint16, not ", header.dtype),
@@ -128,6 +130,146 @@ private:
     png_infop info_ = nullptr;
 };
 
+using namespace std::string_view_literals;
+
+bool is_png(std::span<std::byte const> head) {
+    constexpr std::string_view magic = "\x89PNG\r\n\x1a\n"sv;
+    return head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0;
+}
+
+/// Grey pictures, also those that say their grey in three colours, row by row as they are decoded.
+class PngSource : public Source {
+public:
+    PngSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options);
+    ~PngSource() override { png_destroy_read_struct(&png_, &info_, nullptr); }
+    PngSource(PngSource const&) = delete;
+    PngSource& operator=(PngSource const&) = delete;
+
+    bool next_volume() override { return !std::exchange(begun_, true); }
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::forward; }
+    void read(AnyView out) override;
+    void finish() override {
+        if (std::exchange(finished_, true)) return;
+        skip_to(header_.dims.y);
+        if (picture_.empty()) png_read_end(png_, nullptr);
+    }
+
+private:
+    static constexpr png_uint_32 most_pixels = 1000000;
+
+    static void take(png_structp png, png_bytep to, std::size_t n) {
+        static_cast<ByteSource*>(png_get_io_ptr(png))->read_exactly(to, n);
+    }
+    [[noreturn]] static void fail(png_structp png, char const* message) {
+        auto const* const bytes = static_cast<ByteSource const*>(png_get_io_ptr(png));
+        throw Error(ErrorKind::data,
+                    text("'", bytes != nullptr ? bytes->name() : "a picture", "': damaged PNG: ", message));
+    }
+    static void ignore(png_structp, char const*) {}
+    void decode_all(std::size_t memory);
+    void next_row();
+    void skip_to(std::int64_t row) {
+        while (row_ < row) next_row();
+    }
+
+    std::unique_ptr<ByteSource> bytes_;
+    png_structp png_ = nullptr;
+    png_infop info_ = nullptr;
+    Header header_;
+    int channels_ = 1;
+    std::size_t row_bytes_ = 0;     ///< as decoded
+    std::vector<png_byte> held_;    ///< the last row, as decoded
+    std::vector<png_byte> picture_; ///< all rows, if they are interlaced
+    std::int64_t row_ = 0;          ///< rows that were decoded
+    bool begun_ = false, finished_ = false;
+};
+
+PngSource::PngSource(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) : bytes_(std::move(bytes)) {
+    png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore);
+    if (png_ != nullptr) info_ = png_create_info_struct(png_);
+    if (info_ == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG decoder");
+    try {
+        png_set_read_fn(png_, bytes_.get(), take);
+        png_set_user_limits(png_, most_pixels, most_pixels);
+        png_set_chunk_malloc_max(png_, png_alloc_size_t{8} << 20);
+        png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, 0);
+        png_read_info(png_, info_);
+        int const depth = png_get_bit_depth(png_, info_), color = png_get_color_type(png_, info_);
+        if (color == PNG_COLOR_TYPE_PALETTE) png_set_palette_to_rgb(png_);
+        if (color == PNG_COLOR_TYPE_GRAY && depth < 8) png_set_packing(png_); // numbers as they are, not spread
+        if (depth == 16 && std::endian::native == std::endian::little) png_set_swap(png_);
+        bool const interlaced = png_get_interlace_type(png_, info_) != PNG_INTERLACE_NONE;
+        if (interlaced) png_set_interlace_handling(png_);
+        png_read_update_info(png_, info_);
+        channels_ = png_get_channels(png_, info_);
+        header_.dims = {static_cast<std::int64_t>(png_get_image_width(png_, info_)),
+                        static_cast<std::int64_t>(png_get_image_height(png_, info_)), 1};
+        header_.dtype = depth == 16 ? DataType::uint16 : DataType::uint8;
+        if (options.spacing) header_.geometry.spacing = *options.spacing;
+        check(header_);
+        row_bytes_ = png_get_rowbytes(png_, info_);
+        held_.resize(row_bytes_);
+        mark_as_given(header_);
+        if (interlaced) decode_all(options.memory.value_or(default_memory()));
+    } catch (...) {
+        png_destroy_read_struct(&png_, &info_, nullptr);
+        throw;
+    }
+}
+
+/// Rows of interlaced pictures come in seven rounds.
+void PngSource::decode_all(std::size_t memory) {
+    auto const rows = static_cast<std::size_t>(header_.dims.y);
+    if (row_bytes_ > memory / rows)
+        throw Error(ErrorKind::resources,
+                    text("'", bytes_->name(), "' is interlaced and has to be held whole, which is beyond --memory"));
+    picture_.resize(row_bytes_ * rows);
+    std::vector<png_bytep> pointers(rows);
+    for (std::size_t y = 0; y < rows; ++y) pointers[y] = picture_.data() + y * row_bytes_;
+    png_read_image(png_, pointers.data());
+    png_read_end(png_, nullptr);
+}
+
+void PngSource::next_row() {
+    if (picture_.empty())
+        png_read_row(png_, held_.data(), nullptr);
+    else
+        std::memcpy(held_.data(), picture_.data() + static_cast<std::size_t>(row_) * row_bytes_, row_bytes_);
+    ++row_;
+    if (channels_ == 1) return;
+    // One grey remains of equal colours that hide nothing.
+    std::size_t const size = size_of(header_.dtype), pixel = static_cast<std::size_t>(channels_) * size;
+    bool const alpha = channels_ == 2 || channels_ == 4;
+    for (std::size_t x = 0; x < static_cast<std::size_t>(header_.dims.x); ++x) {
+        png_byte const* const p = held_.data() + x * pixel;
+        for (std::size_t c = 1; c + (alpha ? 1 : 0) < static_cast<std::size_t>(channels_); ++c)
+            if (std::memcmp(p, p + c * size, size) != 0)
+                throw Error(ErrorKind::data,
+                            text("'", bytes_->name(), "' has colours; a volume has one number in each voxel"),
+                            "ImageMagick makes it grey: convert in.png -colorspace Gray out.png");
+        for (std::size_t i = pixel - size; alpha && i < pixel; ++i)
+            if (p[i] != 255)
+                throw Error(ErrorKind::data, text("'", bytes_->name(),
+                                                  "' is transparent in places; a volume has one number in each voxel"));
+        std::memmove(held_.data() + x * size, p, size);
+    }
+}
+
+void PngSource::read(AnyView out) {
+    std::size_t const size = size_of(header_.dtype);
+    for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; ++y) {
+        if (row_ > y + 1) throw Error(ErrorKind::failure, text("'", bytes_->name(), "' can only be read forward"));
+        skip_to(y + 1);
+        std::memcpy(out.at(out.box.lower.x, y, 0), held_.data() + static_cast<std::size_t>(out.box.lower.x) * size,
+                    static_cast<std::size_t>(out.dims().x) * size);
+    }
+}
+
+std::unique_ptr<Source> open_png(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    return std::make_unique<PngSource>(std::move(bytes), options);
+}
+
 template <class Writer> std::unique_ptr<Sink> create(std::string const& path, WriteOptions const& options) {
     return slab_sink(std::make_unique<Writer>(path, options));
 }
@@ -135,11 +277,15 @@ template <class Writer> std::unique_ptr<Sink> create(std::string const& path, Wr
 } // namespace
 
 Format png_format() {
-    return {"png", "a slice as a grey picture, written only", {".png"}, nullptr, nullptr, create<PngWriter>};
+    return {"png",    "a slice as a grey picture; NAME%04d.png or a folder, a volume",
+            {".png"}, is_png,
+            open_png, create<PngWriter>,
+            false,    true};
 }
 
 Format pgm_format() {
-    return {"pgm", "a slice as a grey picture, written only", {".pgm"}, nullptr, nullptr, create<PgmWriter>};
+    return {"pgm", "a slice as a grey picture, written only", {".pgm"}, nullptr, nullptr, create<PgmWriter>, false,
+            true};
 }
 
 } // namespace vkt

@@ -4,7 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/formats/region_source.h"
-#include "libvkt/formats/series.h"
+#include "libvkt/formats/stack.h"
 
 namespace vkt {
 
@@ -13,11 +13,11 @@ void ReadRequest::declare(Parameters& p) {
     p.option("dtype", options_.dtype, "T", "raw: type of a voxel");
     p.option("skip", options_.skip, "N", "raw: bytes before the first voxel");
     p.option("endian", endian_, "E", "raw: byte order");
-    p.option("spacing", options_.spacing, "S", "raw: distance of voxels, one number or X,Y,Z");
+    p.option("spacing", options_.spacing, "S", "raw and PNG: distance of voxels, one number or X,Y,Z");
     p.option("format", options_.format, "F", "input format, if content and name do not tell it");
     p.option("variable", options_.variable, "NAME", "the variable or grid of a file that holds several");
     p.flag("force-uniform", options_.force_uniform, "DICOM: slices with gaps or on a slant all the same");
-    p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels");
+    p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels; X0:X1:S is every S-th");
     p.option("roi-world", world_roi_, "R", "read only this region, in world units");
 }
 
@@ -42,9 +42,8 @@ ReadOptions ReadRequest::options() const {
 }
 
 std::unique_ptr<Source> ReadRequest::open(std::string const& path) const {
-    return series_source(matching_files(path), [options = options()](std::string const& one) {
-        return open_volume(open_bytes(one), options);
-    });
+    return open_path(path,
+                     [options = options()](std::string const& one) { return open_volume(open_bytes(one), options); });
 }
 
 std::unique_ptr<Source> ReadRequest::region_of(std::unique_ptr<Source> source,

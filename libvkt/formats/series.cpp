@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <fnmatch.h>
 #include <glob.h>
 #include <unistd.h>
@@ -134,9 +135,88 @@ std::vector<std::string> matching_segments(std::string const& pattern) {
     return names;
 }
 
+/// The files that numbers make of a path, in the order of these.
+std::vector<std::string> numbered_files_of(std::string const& path) {
+    namespace fs = std::filesystem;
+    fs::path const folder = fs::path(path).parent_path();
+    auto const [begin, length] = number_place(path);
+    std::vector<std::string> paths;
+    std::error_code failed;
+    for (auto const& entry : fs::directory_iterator(folder.empty() ? fs::path(".") : folder, failed)) {
+        std::string const file = (folder / entry.path().filename()).string();
+        std::size_t end = begin;
+        while (end < file.size() && digit(file[end])) ++end;
+        if (end == begin || end - begin > 18) continue;
+        if (numbered_path(path, parse_integer(file.substr(begin, end - begin))) == file) paths.push_back(file);
+    }
+    if (paths.empty()) throw Error(ErrorKind::io, text("no file matches '", path, "'"));
+    std::sort(paths.begin(), paths.end(), natural_less);
+    return paths;
+}
+
+/// Slabs come as they come; each slice is handed to a sink of its own.
+class SlicesSink : public Sink {
+public:
+    SlicesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create)
+        : pattern_(std::move(pattern)), create_(std::move(create)) {}
+
+    void begin(Header const& header) override {
+        if (header.kind != Kind::structured)
+            throw Error(ErrorKind::usage, "hierarchical volumes have no slices",
+                        "make a grid of it first: vkt resample --cells 50M");
+        header_ = header;
+    }
+    AnyView acquire(Box const& slab) override {
+        slab_ = slab;
+        held_.resize(static_cast<std::size_t>(slab.voxels()) * size_of(header_.dtype));
+        return dense_view(held_.data(), header_.dtype, slab);
+    }
+    void commit() override {
+        ConstView const slab = dense_view<std::byte const>(held_.data(), header_.dtype, slab_);
+        for (std::int64_t z = slab_.lower.z; z < slab_.upper.z; ++z) {
+            Box part = slab_;
+            part.lower.z = z;
+            part.upper.z = z + 1;
+            if (!current_) begin_slice(z);
+            Box target = part;
+            target.lower.z = 0;
+            target.upper.z = 1;
+            copy(slab.part(part), current_->acquire(target));
+            current_->commit();
+            if (part.upper.y < header_.dims.y) continue;
+            current_->end();
+            current_->close();
+            current_.reset();
+        }
+    }
+    void end() override {}
+    void close() override {}
+    std::int64_t natural_slab() const override { return 1; }
+
+private:
+    void begin_slice(std::int64_t z) {
+        current_ = create_(numbered_path(pattern_, number_++));
+        Header slice = header_;
+        slice.dims.z = 1;
+        slice.geometry = cropped(header_.geometry, {0, 0, z});
+        slice.part.reset();
+        current_->begin(slice);
+    }
+
+    std::string pattern_;
+    std::function<std::unique_ptr<Sink>(std::string const&)> create_;
+    Header header_;
+    Box slab_;
+    std::vector<std::byte> held_;
+    std::unique_ptr<Sink> current_;
+    std::int64_t number_ = 0;
+};
+
 } // namespace
 
 std::vector<std::string> matching_files(std::string const& path) {
+    if (path.find('%') != std::string::npos && ::access(path.c_str(), F_OK) != 0 && is_numbered(path))
+        return numbered_files_of(path);
     bool const pattern = path.find_first_of("*?[") != std::string::npos;
     if (pattern && is_segment(path)) return matching_segments(path);
     if (!pattern || ::access(path.c_str(), F_OK) == 0) return {path};
@@ -171,6 +251,11 @@ std::string numbered_path(std::string const& path, std::int64_t number) {
 std::unique_ptr<Sink> series_sink(std::string pattern,
                                   std::function<std::unique_ptr<Sink>(std::string const&)> create) {
     return std::make_unique<SeriesSink>(std::move(pattern), std::move(create));
+}
+
+std::unique_ptr<Sink> slices_sink(std::string pattern,
+                                  std::function<std::unique_ptr<Sink>(std::string const&)> create) {
+    return std::make_unique<SlicesSink>(std::move(pattern), std::move(create));
 }
 
 } // namespace vkt

@@ -12,7 +12,8 @@
 namespace vkt {
 
 /// The files that a path with *, ? or [ ] stands for, numbers in their names compared as numbers (step_9 before
-/// step_10). A path that names a file, or has no such character, stands for itself. Throws Error{io} if none matches.
+/// step_10), or a path with a number's place that is no file itself (slice%04d.png). Any other path stands for itself.
+/// Throws Error{io} if none matches.
 std::vector<std::string> matching_files(std::string const& path);
 
 /// The volumes of several inputs one after another; each input is opened when its turn comes.
@@ -26,5 +27,8 @@ std::string numbered_path(std::string const& path, std::int64_t number);
 
 /// One file per volume, numbered from 0, each complete under its name as soon as its volume is.
 std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
+
+/// The same with a file for each slice, all volumes' slices numbered on.
+std::unique_ptr<Sink> slices_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
 
 } // namespace vkt

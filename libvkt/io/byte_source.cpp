@@ -234,14 +234,24 @@ std::vector<std::byte> ByteSource::take_lookahead() {
     return rest;
 }
 
+FilePart file_part(std::string const& path) {
+    std::size_t colon = path.rfind(":/");
+    if (colon == std::string::npos || colon == 0) {
+        constexpr std::string_view archive = ".npz:";
+        colon = path.rfind(archive);
+        if (colon != std::string::npos) colon += archive.size() - 1;
+    }
+    if (colon == std::string::npos) return {path, {}};
+    return {path.substr(0, colon), path.substr(colon + 1)};
+}
+
 std::unique_ptr<ByteSource> open_bytes(std::string const& path) {
     bool const standard_input = path == "-";
     int descriptor = standard_input     ? STDIN_FILENO
                      : is_segment(path) ? open_segment(path)
                                         : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    // FILE:/DATASET, a part of a file.
-    if (std::size_t const colon = path.rfind(":/"); descriptor < 0 && colon != std::string::npos && colon > 0) {
-        int const whole = ::open(path.substr(0, colon).c_str(), O_RDONLY | O_CLOEXEC);
+    if (FilePart const part = file_part(path); descriptor < 0 && !part.part.empty()) {
+        int const whole = ::open(part.file.c_str(), O_RDONLY | O_CLOEXEC);
         if (whole >= 0) descriptor = whole;
     }
     std::string const name = standard_input ? "standard input" : path;

@@ -69,7 +69,15 @@ private:
     std::function<std::size_t(std::byte*, std::size_t)> next_; ///< instead of a descriptor
 };
 
-/// Opens a path, a segment of shared memory ("shm:NAME"), or standard input for "-". Throws Error{io}.
+/// A name may mean a part of a file: FILE:/GROUP/DATASET (HDF5), FILE.npz:NAME.
+struct FilePart {
+    std::string file;
+    std::string part; ///< "/GROUP/DATASET" or "NAME"; empty: the file
+};
+FilePart file_part(std::string const& path);
+
+/// Opens a path, the file of a part of one, a segment of shared memory ("shm:NAME"), or standard input for "-". Throws
+/// Error{io}.
 std::unique_ptr<ByteSource> open_bytes(std::string const& path);
 
 } // namespace vkt

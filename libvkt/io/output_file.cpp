@@ -115,7 +115,8 @@ void check_output(std::string const& path, bool force) {
 }
 
 OutputFile::OutputFile(std::string path, bool force, OutputKind kind)
-    : path_(std::move(path)), target_(path_), force_(force), segment_(kind == OutputKind::segment) {
+    : path_(std::move(path)), target_(path_), force_(force), segment_(kind == OutputKind::segment),
+      named_(kind == OutputKind::named_file) {
     if (segment_) {
         check_segment(path_, force_);
         target_ = segment_file(path_);
@@ -143,7 +144,7 @@ void OutputFile::open_temporary() {
     // Nobody reads the new voxels who may not read the old ones, not even before the file has its name.
     struct stat old {};
     mode_t const mode = segment_ ? 0600 : ::stat(target_.c_str(), &old) == 0 ? old.st_mode & 0666 : 0666;
-    if (::access("/proc/self/fd", X_OK) == 0)
+    if (!named_ && ::access("/proc/self/fd", X_OK) == 0)
         descriptor_ = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
     bool const unnamed = descriptor_ >= 0;
     if (segment_ && unnamed) (void)::fchmod(descriptor_, mode); // whatever the umask is

@@ -14,8 +14,9 @@ void check_output(std::string const& path, bool force);
 
 class Guard;
 
-/// What an output may be: "shm:NAME" is a segment of shared memory, which holds volumes and nothing else.
-enum class OutputKind : std::uint8_t { file, segment };
+/// What an output may be: a file, which may have a name from the beginning, for libraries that open it by that; or
+/// "shm:NAME", a segment of shared memory, which holds volumes and nothing else.
+enum class OutputKind : std::uint8_t { file, named_file, segment };
 
 /// A file that appears under its final name only when committed: written as ".NAME.vkt-PID-NONCE", O_EXCL | O_NOFOLLOW,
 /// removed on destruction or death by signal, renamed on commit. Where the file system allows it the temporary has no
@@ -32,6 +33,8 @@ public:
 
     int descriptor() const { return descriptor_; }
     std::string const& path() const { return path_; }
+    /// Its name until it is committed; empty if it has none.
+    std::string const& temporary() const { return temporary_; }
     /// Where it will lie: the path, or what it leads to if it is a symbolic link.
     std::string const& target() const { return target_; }
     /// Pipes, devices and standard output are written as they are: there is nothing to replace and nothing to seek in.
@@ -51,7 +54,7 @@ private:
     std::string path_, target_;
     std::string temporary_; ///< empty for an unnamed file
     bool force_ = false;
-    bool segment_ = false;
+    bool segment_ = false, named_ = false;
     bool in_place_ = false;
     int descriptor_ = -1;
     int slot_ = -1; ///< where a temporary name is remembered for signal handlers

@@ -102,6 +102,12 @@ struct HostFill {
     }
 };
 
+template <class T> void gather(std::byte const* from, std::int64_t step, std::byte* to, std::int64_t n) {
+    for (std::int64_t i = 0; i < n; ++i)
+        std::memcpy(to + static_cast<std::size_t>(i) * sizeof(T), from + static_cast<std::size_t>(i * step) * sizeof(T),
+                    sizeof(T));
+}
+
 } // namespace
 
 void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary boundary, double border_value,
@@ -126,6 +132,23 @@ void copy_region(ConstView from, AnyView to, Execution const& execution) {
 #else
     throw Error(ErrorKind::resources, "device memory in a build without CUDA");
 #endif
+}
+
+void copy_every(ConstView from, Index3 step, AnyView to) {
+    std::size_t const size = size_of(to.type);
+    auto const copy_row = [&](std::int64_t y, std::int64_t z) {
+        std::int64_t const n = to.dims().x;
+        std::byte const* const source =
+            from.data + static_cast<std::size_t>(y * step.y * from.row + z * step.z * from.slice) * size;
+        std::byte* const target = to.data + static_cast<std::size_t>(y * to.row + z * to.slice) * size;
+        if (step.x == 1) return static_cast<void>(std::memcpy(target, source, static_cast<std::size_t>(n) * size));
+        if (size == 1) return gather<std::uint8_t>(source, step.x, target, n);
+        if (size == 2) return gather<std::uint16_t>(source, step.x, target, n);
+        if (size == 4) return gather<std::uint32_t>(source, step.x, target, n);
+        gather<std::uint64_t>(source, step.x, target, n);
+    };
+    for (std::int64_t z = 0; z < to.dims().z; ++z)
+        for (std::int64_t y = 0; y < to.dims().y; ++y) copy_row(y, z);
 }
 
 } // namespace vkt

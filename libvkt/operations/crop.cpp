@@ -33,7 +33,7 @@ Box voxels_between_faces(Geometry const& geometry, Index3 dims, Geometry const& 
 VKT_OPERATION(Crop, "crop")
 
 void Crop::parameters(Parameters& parameters) {
-    parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1");
+    parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1; X0:X1:S is every S-th");
     parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");
     parameters.option("like", like_.file, "FILE", "keep what lies within the extent of this volume");
 }
@@ -46,17 +46,18 @@ void Crop::check() const {
 }
 
 /// The region in voxels, or in finest cells.
-Box Crop::wanted(Header const& in) {
+SteppedBox Crop::wanted(Header const& in) {
     if (!like_.file.empty()) {
         Header const& like = like_.header();
         Box const box = voxels_between_faces(in.geometry, in.dims, geometry_beside(in, like), like.dims);
         if (box.empty())
             throw Error(ErrorKind::usage, text("the volume does not overlap ", like_.file),
                         "compare the extents with 'vkt info'");
-        return box;
+        return {box};
     }
-    if (!world_.empty()) return world_.resolve(in.geometry, in.dims);
-    return in.kind == Kind::hierarchical ? resolve_in_tree(region_, in) : region_.resolve(in.dims);
+    if (!world_.empty()) return {world_.resolve(in.geometry, in.dims)};
+    if (in.kind == Kind::hierarchical) return {resolve_in_tree(region_, in)};
+    return region_.resolve_steps(in.dims);
 }
 
 Plan Crop::plan(std::span<Header const> inputs) {
@@ -68,28 +69,35 @@ Plan Crop::plan(std::span<Header const> inputs) {
     plan.passing = ErrorPassing::moved(in.error.values);
     plan.cost = 0;
     if (in.kind == Kind::hierarchical) { // bricks are kept whole, the grid stays
-        plan.output.attributes["roi"] = to_text(box_);
+        plan.output.attributes["roi"] = to_text(box_.box);
         return plan;
     }
     plan.output.dims = box_.dims();
-    plan.output.geometry = cropped(in.geometry, box_.lower);
+    plan.output.geometry = box_.geometry(in.geometry);
+    if (!box_.dense()) {
+        plan.output.part.reset(); // of another lattice
+        plan.method = "copy of every n-th voxel";
+        return plan;
+    }
     // Still the same place in the whole; what a halo was is not known after the cut.
     if (auto& part = plan.output.part) {
-        part->offset = part->offset + box_.lower;
-        if (!(box_ == box_of(in.dims))) part->halo = {};
+        part->offset = part->offset + box_.box.lower;
+        if (!(box_.box == box_of(in.dims))) part->halo = {};
     }
-    plan.shift = box_.lower;
+    plan.shift = box_.box.lower;
     return plan;
 }
 
-Box Crop::footprint(Box const& output, int) const { return {output.lower + box_.lower, output.upper + box_.lower}; }
+Box Crop::footprint(Box const& output, int) const { return box_.source(output); }
 
 std::optional<BrickSequence> Crop::move_bricks(BrickSequence input, Execution const&) {
-    return crop_tree(std::move(input), box_);
+    return crop_tree(std::move(input), box_.box);
 }
 
 void Crop::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
-    copy_region(inputs[0].part(footprint(out.box, 0)), out, execution);
+    ConstView const in = inputs[0].part(footprint(out.box, 0));
+    if (box_.dense()) return copy_region(in, out, execution);
+    copy_every(in, box_.step, out);
 }
 
 } // namespace vkt

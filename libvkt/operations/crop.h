@@ -7,8 +7,8 @@
 
 namespace vkt {
 
-/// Keeps a region and moves the origin so that voxels keep their world positions. Exact for every data type. Only what
-/// is kept is asked for, so that a seekable source reads no more than that.
+/// Keeps a region, or every n-th voxel of it, and moves the origin so that voxels keep their world positions. Exact for
+/// every data type. Only what is kept is asked for, so that a seekable source reads no more than that.
 class Crop : public Operation {
 public:
     Crop() = default;
@@ -26,17 +26,18 @@ public:
     /// Keeps the bricks that any reconstruction inside the region needs.
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return true; }
+    /// What has steps is gathered on the host.
+    bool runs_on_gpu() const override { return !region_.has_steps(); }
     /// Crops to the extent of another volume: voxels whose centres lie between its outer faces.
     ReferenceVolume* like() override { return &like_; }
 
 private:
-    Box wanted(Header const& in);
+    SteppedBox wanted(Header const& in);
 
     Roi region_;
     WorldRoi world_;
     ReferenceVolume like_;
-    Box box_;
+    SteppedBox box_;
 };
 
 } // namespace vkt

@@ -14,6 +14,7 @@ namespace {
 
 /// What there is to say about a volume.
 struct Description {
+    std::string name; ///< of the file, where there are several
     Header header;
     std::string format;                  ///< may be empty
     std::vector<std::string> not_read{}; ///< what else the file holds
@@ -23,6 +24,7 @@ struct Description {
 std::string json_of(Description const& description) {
     std::string json = to_json(description.header);
     json.resize(json.size() - 2); // the object goes on: without its "\n}"
+    if (!description.name.empty()) json += text(",\n \"name\": ", json_string(description.name));
     if (!description.format.empty()) json += text(",\n \"format\": \"", description.format, "\"");
     if (!description.not_read.empty())
         json += text(",\n \"not_read\": [", join(collect(description.not_read, json_string), ", "), "]");
@@ -47,6 +49,7 @@ Report report_of(Description const& description) {
     };
     Geometry const& g = header.geometry;
     bool const hierarchical = header.kind == Kind::hierarchical;
+    line("name", description.name);
     line("format", description.format);
     line("kind", hierarchical ? "hierarchical" : "structured");
     line("dims", to_text(header.dims));
@@ -80,8 +83,7 @@ Report report_of(Description const& description) {
 
 /// The format; where a file is a stream under the name of another format, as after `vkt crop … > out.nrrd`, this is
 /// said, because other programs will not read it.
-std::string described_format(std::string const& format, StageInfo const& info) {
-    std::string const name = info.input_names.empty() ? "-" : info.input_names.front();
+std::string described_format(std::string const& format, std::string const& name, StageInfo const& info) {
     if (format != "vkt" || name == "-" || lower_case(name).ends_with(".vkt")) return format;
     std::string const promised = format_of_name(name);
     if (promised.empty()) return format;
@@ -103,11 +105,13 @@ Texts Info::texts() const {
             "of\n"
             "it is whole; --head stops after the first header, and the command before is cut off.",
             {{"A file", "vkt info volume.nrrd"},
+             {"Several, by name", "vkt flip x volume.nrrd -o flipped.mha && vkt info volume.nrrd flipped.mha"},
              {"For scripts", "vkt info volume.nrrd --json"},
              {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}};
 }
 
 void Info::parameters(Parameters& p) {
+    p.positional("in", files, "inputs: files of any known format, a stream, or '-' (the default)").optional();
     p.flag("head", head, "only the first volume: what comes after its header is not read, nor proven whole");
 }
 
@@ -119,15 +123,19 @@ Plan Info::plan(std::span<Header const> inputs) {
 }
 
 void Info::measure(Measurement& to) {
+    auto const names = input_names();
+    for (std::size_t i = 0; i < names.size(); ++i) measure_input(*to.inputs[i], names[i], to);
+}
+
+void Info::measure_input(Source& source, std::string const& name, Measurement& to) {
     file_ = 0;
-    Source& source = *to.inputs.front();
     std::string opened, format;
     while (source.next_volume()) {
         // Of a series each file is opened when it is its turn.
-        std::string const now = to.info.format ? to.info.format() : "";
-        if (now != opened) format = described_format(now, to.info);
+        std::string const now = to.info.format ? to.info.format(name) : "";
+        if (now != opened) format = described_format(now, name, to.info);
         opened = now;
-        Description volume{source.header(), format, source.not_read()};
+        Description volume{files.size() > 1 ? name : "", source.header(), format, source.not_read()};
         Header& header = volume.header;
         header.timing = false;
         bool const planned = header.dry_run;
@@ -137,7 +145,7 @@ void Info::measure(Measurement& to) {
         if (has_bricks && !lists_variables(header))
             volume.tree = summarise(header.dims, source.take_bricks().bricks());
         else if (has_bricks && to.form == ReportForm::json && !now.empty() && now != "vkt")
-            volume.tree = tree_of_next_file(to.info.input_names.front(), to.execution);
+            volume.tree = tree_of_next_file(name, to.execution);
         to.report(report_of(volume));
         if (head) break;
     }
@@ -147,9 +155,9 @@ void Info::measure(Measurement& to) {
 std::optional<TreeSummary> Info::tree_of_next_file(std::string const& name, Execution const& execution) {
     ReadOptions options;
     options.memory = execution.memory;
-    auto const files = matching_files(name == "-" ? "/dev/stdin" : name);
-    while (file_ < files.size()) {
-        std::string const& file = files[file_++];
+    auto const matching = matching_files(name == "-" ? "/dev/stdin" : name);
+    while (file_ < matching.size()) {
+        std::string const& file = matching[file_++];
         auto const listed = open_volume(open_bytes(file), options);
         if (!listed->next_volume() || !lists_variables(listed->header())) continue;
         constexpr std::string_view before = "variable ";

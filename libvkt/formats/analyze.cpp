@@ -1,0 +1,156 @@
+// Analyze headers (dbh.h of the Mayo Clinic), with the fields that SPM gave another meaning.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/analyze.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/header_text.h"
+#include "libvkt/formats/nifti_header.h"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+namespace vkt {
+namespace {
+
+struct TypeCode {
+    std::int64_t code;
+    std::int64_t bits;
+    DataType type;
+};
+
+constexpr TypeCode type_codes[] = {
+    {2, 8, DataType::uint8},     {4, 16, DataType::int16}, {8, 32, DataType::int32},    {16, 32, DataType::float32},
+    {64, 64, DataType::float64}, {130, 8, DataType::int8}, {132, 16, DataType::uint16}, {136, 32, DataType::uint32},
+};
+/// What else the format knows: bits, complex numbers, colours.
+constexpr std::int64_t foreign_codes[] = {1, 32, 128, 255};
+
+class Fields {
+public:
+    Fields(std::span<std::byte const> bytes, bool big_endian) : bytes_(bytes), big_endian_(big_endian) {}
+
+    std::int64_t integer(std::size_t at, std::size_t n) const {
+        std::uint64_t const bits = bits_at(at, n);
+        unsigned const unused = static_cast<unsigned>(64 - 8 * n);
+        return static_cast<std::int64_t>(bits << unused) >> unused;
+    }
+    double real(std::size_t at) const {
+        return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits_at(at, 4))));
+    }
+    std::string words(std::size_t at, std::size_t n) const {
+        auto const* const begin = reinterpret_cast<char const*>(bytes_.data() + at);
+        return std::string(trimmed(std::string_view(begin, ::strnlen(begin, n))));
+    }
+    bool big_endian() const { return big_endian_; }
+
+private:
+    std::uint64_t bits_at(std::size_t at, std::size_t n) const {
+        std::uint64_t value = 0;
+        for (std::size_t i = 0; i < n; ++i)
+            value = value << 8 | std::to_integer<std::uint64_t>(bytes_[at + (big_endian_ ? i : n - 1 - i)]);
+        return value;
+    }
+
+    std::span<std::byte const> bytes_;
+    bool big_endian_;
+};
+
+std::optional<Fields> fields_of(std::span<std::byte const> head) {
+    if (head.size() < analyze_size || is_nifti(head)) return std::nullopt;
+    for (bool const big : {false, true}) {
+        Fields const f(head, big);
+        std::int64_t const dimensions = f.integer(40, 2), type = f.integer(70, 2);
+        bool const known =
+            std::any_of(std::begin(type_codes), std::end(type_codes),
+                        [&](TypeCode const& t) { return t.code == type && t.bits == f.integer(72, 2); }) ||
+            std::count(std::begin(foreign_codes), std::end(foreign_codes), type) > 0;
+        if (f.integer(0, 4) == std::int64_t{analyze_size} && dimensions >= 1 && dimensions <= 7 && known) return f;
+    }
+    return std::nullopt;
+}
+
+/// As SPM has it: the voxel at the world's origin, counted from 1; none where it lies far outside.
+Vec3 origin_voxel(Fields const& f, Index3 dims) {
+    Vec3 middle;
+    std::array<std::int64_t, 3> said{};
+    bool any = false, near = true;
+    for (int axis = 0; axis < 3; ++axis) {
+        std::int64_t const at = said[static_cast<std::size_t>(axis)] =
+            f.integer(253 + 2 * static_cast<std::size_t>(axis), 2);
+        any = any || at != 0;
+        near = near && at > -dims[axis] && at < 2 * dims[axis];
+        middle[axis] = static_cast<double>(dims[axis] - 1) / 2;
+    }
+    if (!any || !near) return middle;
+    return {static_cast<double>(said[0] - 1), static_cast<double>(said[1] - 1), static_cast<double>(said[2] - 1)};
+}
+
+void place(Header& header, Fields const& f) {
+    Geometry& g = header.geometry;
+    Vec3 const voxel = origin_voxel(f, header.dims);
+    g.direction[0] = {-1, 0, 0};
+    for (int axis = 0; axis < 3; ++axis) {
+        double const s = std::abs(f.real(80 + 4 * static_cast<std::size_t>(axis)));
+        g.spacing[axis] = s > 0 && std::isfinite(s) ? s : 1;
+        g.origin[axis] = (axis == 0 ? voxel[axis] : 0.0 - voxel[axis]) * g.spacing[axis];
+    }
+    header.attributes["space"] = "right-anterior-superior";
+    header.attributes["orientation"] = "assumed: Analyze does not say left from right; x to the left, as SPM has it";
+}
+
+std::unique_ptr<Source> open_analyze(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    RawLayout layout = read_analyze(*bytes, options.trust_paths);
+    return raw_source(std::move(bytes), std::move(layout));
+}
+
+} // namespace
+
+bool is_analyze(std::span<std::byte const> head) { return fields_of(head).has_value(); }
+
+RawLayout read_analyze(ByteSource& bytes, bool trust_paths) {
+    std::string const name = bytes.name();
+    auto const fail = [&](std::string const& what) { throw Error(ErrorKind::data, text("'", name, "': ", what)); };
+    std::vector<std::byte> block(analyze_size);
+    bytes.read_exactly(block.data(), block.size());
+    std::optional<Fields> const f = fields_of(block);
+    if (!f) fail("no Analyze header");
+    RawLayout layout;
+    layout.big_endian = f->big_endian();
+    std::int64_t const dimensions = f->integer(40, 2);
+    for (std::int64_t i = 1; i <= dimensions; ++i) {
+        std::int64_t const n = f->integer(40 + 2 * static_cast<std::size_t>(i), 2);
+        if (n < 1) fail(text("an extent of ", n));
+        if (i <= 3)
+            layout.header.dims[static_cast<int>(i) - 1] = n;
+        else if (i == 4)
+            layout.volumes = n;
+        else if (n > 1)
+            fail("more than four dimensions");
+    }
+    auto const type = std::find_if(std::begin(type_codes), std::end(type_codes),
+                                   [&](TypeCode const& t) { return t.code == f->integer(70, 2); });
+    if (type == std::end(type_codes))
+        fail("its voxels are bits, complex numbers or colours; a volume has one number in each");
+    layout.header.dtype = type->type;
+    place(layout.header, *f);
+    if (double const slope = f->real(112), intercept = f->real(116); slope != 0 && std::isfinite(slope))
+        layout.header.values = {slope, std::isfinite(intercept) ? intercept : 0};
+    if (std::string const words = f->words(148, 80); !words.empty()) layout.header.attributes["descrip"] = words;
+    if (f->words(56, 4) == "mm") layout.header.attributes["space units"] = "\"mm\" \"mm\" \"mm\"";
+    double const offset = std::abs(f->real(108));
+    if (!(offset < 0x1p62) || offset != std::floor(offset)) fail(text("voxels cannot begin at byte ", offset));
+    layout.byte_skip = static_cast<std::int64_t>(offset);
+    find_image(layout, name, trust_paths);
+    layout.header = in_utf8(std::move(layout.header));
+    return layout;
+}
+
+Format analyze_format() {
+    return {"analyze", "Analyze 7.5, a pair", {".hdr", ".img"}, is_analyze, open_analyze, nullptr};
+}
+
+} // namespace vkt

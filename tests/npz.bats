@@ -1,0 +1,83 @@
+# NumPy's .npz, both ways, against NumPy and Python's zipfile.
+load helper
+
+setup_more() { python_with numpy; }
+
+@test "what NumPy saved, stored and deflated, by name and alone" {
+    /usr/bin/python3 - <<'END'
+import json, numpy, subprocess
+rng = numpy.random.default_rng(1)
+def run(line): return subprocess.run(line, shell=True, check=True, capture_output=True).stdout
+a, b = (rng.normal(size=(6, 5, 4)) * 50).astype("i2"), numpy.asfortranarray(rng.normal(size=(3, 4, 5)))
+for save in (numpy.savez, numpy.savez_compressed):
+    save("two.npz", first=a, second=b)
+    save("one.npz", a)
+    for name, option in (("two.npz:first", ""), ("two.npz", "--variable first"), ("one.npz", ""), ("one.npz:arr_0", "")):
+        assert run(f"vkt read {name} {option} | vkt write - --format raw") == a.tobytes(), name
+        assert run(f"vkt read {name} {option} --roi 1:3,2:,::2 | vkt write - --format raw") == a[::2, 2:, 1:3].tobytes(), name
+    assert run("vkt write two.npz:second - --format raw") == b.tobytes("F")
+    assert run("cat one.npz | vkt write - - --format raw") == a.tobytes()
+    assert json.loads(run("vkt info two.npz:first --json"))["format"] == "npz"
+END
+    fails_with 2 'holds several arrays: first, second' vkt info two.npz
+    fails_with 2 "did you mean 'first'" vkt info two.npz:fist
+    fails_with 2 'and --variable another one' vkt read two.npz:first --variable second
+    fails_with 4 "cannot open 'absent.npz:a'" vkt info absent.npz:a
+}
+
+@test "what vkt wrote is what NumPy loads: types, names, series, compressed" {
+    for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
+        vkt make noise --dims 5 4 3 --dtype $type --seed 1 -o $type.npz
+        vkt make noise --dims 50 40 30 --dtype $type --seed 1 -o packed_$type.npz --compress
+        vkt write $type.npz $type.raw
+        vkt write packed_$type.npz packed_$type.raw
+    done
+    vkt make noise --dims 5 4 3 -o n.npz:density
+    for i in 0 1 2; do vkt make noise --dims 5 4 3 --dtype int16 --seed $i -o v$i.nrrd; done
+    vkt stack v0.nrrd v1.nrrd v2.nrrd -o s.npz
+    vkt stack v0.nrrd v1.nrrd v2.nrrd -o c.npz --compress
+    vkt stack v0.nrrd v1.nrrd v2.nrrd | vkt diff - s.npz
+    vkt diff s.npz c.npz
+    /usr/bin/python3 - <<'END'
+import numpy, zipfile
+for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64"):
+    for prefix, shape in (("", (3, 4, 5)), ("packed_", (30, 40, 50))):
+        assert zipfile.ZipFile(f"{prefix}{name}.npz").testzip() is None
+        with numpy.load(f"{prefix}{name}.npz") as f:
+            assert f.files == ["arr_0"] and f["arr_0"].shape == shape and f["arr_0"].dtype == name
+            assert f["arr_0"].tobytes() == open(f"{prefix}{name}.raw", "rb").read(), name
+assert numpy.load("n.npz").files == ["density"]
+s, c = numpy.load("s.npz")["arr_0"], numpy.load("c.npz")["arr_0"]
+assert s.shape == c.shape == (3, 3, 4, 5) and (s == c).all()
+assert zipfile.ZipFile("s.npz").testzip() is None and zipfile.ZipFile("c.npz").testzip() is None
+assert zipfile.ZipFile("c.npz").infolist()[0].compress_type == 8
+END
+    fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt read v0.nrrd | vkt write - --format npz | cat'
+    fails_with 4 'the file exists' vkt read v0.nrrd -o s.npz
+}
+
+@test "damage is told, whatever byte it is in" {
+    /usr/bin/python3 - <<'END'
+import numpy, random, subprocess
+a = numpy.arange(600, dtype="<i2").reshape(10, 6, 10)
+random.seed(5)
+numpy.savez("a.npz", a=a); numpy.savez_compressed("b.npz", b=a)
+for name in ("a.npz", "b.npz"):
+    good = open(name, "rb").read()
+    for i in range(150):
+        bad = bytearray(good)
+        for _ in range(random.randint(1, 4)): bad[random.randrange(len(bad))] = random.randrange(256)
+        if i % 4 == 0: bad = bad[:random.randrange(1, len(bad))]
+        open("bad.npz", "wb").write(bad)
+        run = subprocess.run(["vkt", "write", "bad.npz", "-", "--format", "raw"], capture_output=True, timeout=60)
+        assert run.returncode in (0, 2, 3), (name, i, run)
+good = open("b.npz", "rb").read()
+at = good.index(b"b.npy") + 200
+open("flip.npz", "wb").write(good[:at] + bytes([good[at] ^ 16]) + good[at + 1:])
+open("no.npz", "wb").write(good[:-30])
+END
+    fails_with 3 "'flip.npz'" vkt stats flip.npz
+    fails_with 3 'ended early' vkt stats no.npz
+    printf 'PK\3\4' >x.zip
+    fails_with 3 'is a ZIP archive' vkt info x.zip
+}
