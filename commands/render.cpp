@@ -24,11 +24,15 @@ class Render : public Consumer, public Tunable, public Picturing {
 public:
     void parameters(Parameters& list) override {
         options_.declare(list);
+        list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)");
         list.flag("window", window_, "show it in a window, also where standard output is no terminal").not_in_history();
     }
     void check() const override { options_.check(); }
     bool writes() const override { return true; }
-    std::vector<std::string> suffixes() const override { return {".png"}; }
+    std::vector<std::string> suffixes() const override { return render::picture_suffixes(); }
+    void check_file(std::string const& path) const override {
+        render::check(picture_options(path), options_.background(), path);
+    }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
@@ -44,9 +48,12 @@ public:
             if (settings.goal.any())
                 throw Error(ErrorKind::usage, "--tolerance, --noise and --time are for pictures that are written",
                             "give -o FILE");
+            if (depth_) throw Error(ErrorKind::usage, "--depth is for pictures that are written", "give -o FILE");
             viewer::show_input(*inputs.front(), context, settings, background);
             return 0;
         }
+        render::PictureOptions const file = picture_options(context.output());
+        settings.layers = file.format == render::PictureFormat::exr;
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
@@ -64,7 +71,7 @@ public:
                     throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
                                 "give a place for the number: -o picture-%04d.png");
                 write_picture(numbered_path(context.output(), number++), context.force(),
-                              {image, report, background, settings.goal}, volumes.header(), context.stage_info(),
+                              {image, report, background, settings.goal, file}, volumes.header(), context.stage_info(),
                               context);
                 if (report.quality.stopped) return Watching::exit_code;
             }
@@ -130,6 +137,9 @@ public:
     }
 
 private:
+    render::PictureOptions picture_options(std::string const& path) const {
+        return {render::picture_format(path), depth_.value_or(0), {}};
+    }
     /// Shading has no exact form: there the steps are short.
     static void make_reference(render::RenderSettings& settings) {
         if (settings.algorithm == render::Algorithm::multi_scattering) {
@@ -145,6 +155,7 @@ private:
     }
 
     render::SettingsParameters options_;
+    std::optional<int> depth_;
     bool window_ = false; ///< of interest to the framework only
 };
 
@@ -156,8 +167,8 @@ Command render_command() {
          "Rays are marched through the volume (absorption and emission), meet its iso-surfaces, or are scattered in it "
          "as light "
          "in a cloud. Without options the colours, opacities and the camera are chosen from the data. The picture is a "
-         "PNG file "
-         "that holds its own recipe. Without -o, on a terminal, or with --window, a window shows the volume instead, "
+         "PNG file (.png), OpenEXR (.exr: linear light, with layers such as the distance) or PFM (.pfm); the first two "
+         "hold their own recipe. Without -o, on a terminal, or with --window, a window shows the volume instead, "
          "as "
          "soon as its first slices are there: drag to turn it, drag with the right button or with shift to move it, "
          "wheel to zoom; panels beside it edit transfer function, surfaces, integrator, camera and clip box; keys h "
@@ -172,6 +183,7 @@ Command render_command() {
           {"An iso-surface", "vkt render volume.nrrd --render-algo implicit-iso --iso 60 -o picture.png"},
           {"An AMR volume",
            "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
+          {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});
 }

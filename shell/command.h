@@ -63,6 +63,9 @@ public:
     virtual bool writes() const { return false; }
     /// Suffixes that such a file may have (".png"), if not any; a name without one is always taken.
     virtual std::vector<std::string> suffixes() const { return {}; }
+    /// Throws Error{usage} for a file that the parameters do not suit, or Error{failure} for one that this build cannot
+    /// write, before anything is read.
+    virtual void check_file(std::string const& /*path*/) const {}
     /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer).
     virtual bool shows() const { return false; }
     /// True if it needs whole volumes at once: upstream then puts them into one piece of shared memory if it can.

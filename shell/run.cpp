@@ -456,6 +456,7 @@ void Runner::check_ends() {
                     text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
                     "use -o FILE, or pipe it into another command, e.g. '| vkt info'");
     if (picture) check_suffix(c.output, last_.consumer()->suffixes());
+    if (picture && !window_) last_.consumer()->check_file(c.output);
     if (picture && !window_) check_output(numbered_path(c.output, 0), c.force); // drawing may take long
     Invocation const& first = stages_.front();
     bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();

@@ -173,7 +173,10 @@ public:
 
     Quality draw() {
         SceneView scene = drawing_.scene;
-        scene.sums = {light_.data(), odd_.data(), nullptr, {}};
+        if (drawing_.variance != nullptr) squares_.resize(light_.size());
+        scene.sums = {light_.data(), odd_.data(), squares_.empty() ? nullptr : squares_.data(), {}};
+        for (std::size_t c = 0; c < 3; ++c)
+            scene.sums.behind[c] = static_cast<float>(levels_.behind(c) * drawing_.background.alpha);
         // The first pass is one path everywhere, so that whatever ends it finds a picture.
         advance(scene, tiles_, 1, image_.pixels.data(), true, 0, 0);
         if (drawing_.goal.noise > 0) plan();
@@ -192,6 +195,7 @@ public:
             finished += pass;
             if ((target & (target - 1)) == 0) crew_.set_error(quality().error);
         }
+        if (drawing_.variance != nullptr) tell_variance(scene, *drawing_.variance);
         return quality();
     }
 
@@ -211,6 +215,23 @@ private:
                        drawing_.draw(part, t.tile, pixels, counters);
                        t.done = end;
                    });
+    }
+
+    void tell_variance(SceneView const& scene, std::vector<float>& variance) const {
+        std::size_t const count = light_.size() / 4;
+        variance.assign(3 * count, 0);
+        for (PathTile const& t : tiles_) {
+            double const n = t.done;
+            if (t.done < 2) continue;
+            each_pixel(t.tile, image_.width, [&](std::size_t i) {
+                for (std::size_t c = 0; c < 3; ++c) {
+                    double const mean =
+                        (light_[4 * i + c] + light_[4 * i + 3] * static_cast<double>(scene.sums.behind[c])) / n;
+                    double const spread = std::max(0.0, squares_[4 * i + c] / n - mean * mean);
+                    variance[c * count + i] = static_cast<float>(spread / (n - 1));
+                }
+            });
+        }
     }
 
     void plan() {
@@ -263,7 +284,7 @@ private:
     Crew crew_;
     Levels levels_;
     std::vector<PathTile> tiles_;
-    std::vector<double> light_, odd_;
+    std::vector<double> light_, odd_, squares_;
 };
 
 class Adaptive {

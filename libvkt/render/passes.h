@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <functional>
+#include <vector>
 
 namespace vkt::render {
 
@@ -24,6 +25,9 @@ struct Drawing {
     Goal goal;
     Watch watch;
     int threads = 1;
+    /// Of paths: if not null, three planes of the variance of each pixel's mean, over the background; 0 where one path
+    /// is all there is.
+    std::vector<float>* variance = nullptr;
     std::chrono::steady_clock::time_point start;
 };
 

@@ -419,6 +419,43 @@ Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Wa
     return draw(settings, report, watch, nullptr, true);
 }
 
+std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integrator) const {
+    std::vector<Layer> layers;
+    int const width = static_cast<int>(drawing.scene.frame.width),
+              height = static_cast<int>(drawing.scene.frame.height);
+    std::size_t const count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    auto const drawn = [&](Integrator what) {
+        Image image{width, height, std::vector<float>(4 * count)};
+        Drawing one = drawing;
+        one.draw = [this, what, width, tiles = tile_function(execution_.instructions)](
+                       SceneView const& view, Tile tile, float* pixels, Counters& counters) {
+            tiles(view, lattice_.view, what, tile, pixels, width, counters);
+        };
+        one.scene.samples = 1;
+        Counters counters;
+        draw_once(one, image, counters);
+        return image;
+    };
+    auto const add = [&](char const* name, Image const& from, std::size_t channel) {
+        layers.push_back({name, std::vector<float>(count)});
+        for (std::size_t i = 0; i < count; ++i) layers.back().values[i] = from.pixels[4 * i + channel];
+    };
+    if (integrator == Integrator::iso) {
+        Image const place = drawn(Integrator::place), albedo = drawn(Integrator::albedo);
+        add("Z", place, 3);
+        add("normal.X", place, 0), add("normal.Y", place, 1), add("normal.Z", place, 2);
+        add("albedo.R", albedo, 0), add("albedo.G", albedo, 1), add("albedo.B", albedo, 2);
+    } else {
+        add("Z", drawn(Integrator::half_distance), 3);
+    }
+    if (drawing.variance == nullptr) return layers;
+    for (std::size_t c = 0; c < 3; ++c) {
+        auto const plane = drawing.variance->begin() + static_cast<std::ptrdiff_t>(c * count);
+        layers.push_back({std::string("variance.") + "RGB" [c], { plane, plane + static_cast<std::ptrdiff_t>(count) }});
+    }
+    return layers;
+}
+
 Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
                      Accumulation* accumulation, bool in_passes) const {
     check(settings);
@@ -481,20 +518,24 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
-    Drawing const drawing{[&, of_lattice = tile_function(execution_.instructions),
-                           of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
-                                                                                  float* pixels, Counters& counters) {
-                              if (tree_)
-                                  of_tree(view, tree, tile, pixels, image.width, counters);
-                              else
-                                  of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
-                          },
-                          scene,
-                          settings.background,
-                          settings.goal,
-                          watch,
-                          execution_.threads,
-                          start};
+    Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
+                     of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
+                                                                            float* pixels, Counters& counters) {
+                        if (tree_)
+                            of_tree(view, tree, tile, pixels, image.width, counters);
+                        else
+                            of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
+                    },
+                    scene,
+                    settings.background,
+                    settings.goal,
+                    watch,
+                    execution_.threads,
+                    nullptr,
+                    start};
+    bool const layers = settings.layers && report != nullptr && !tree_ && !projected;
+    std::vector<float> variance;
+    if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
     if (integrator == Integrator::scatter && in_passes)
@@ -513,6 +554,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
         report->capped = counters.capped;
         report->quality = quality;
+        if (layers && !quality.stopped) report->layers = layers_of(drawing, integrator);
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
@@ -520,6 +562,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         if (report->lossy.empty() && !quality.stopped && is_empty(image))
             report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->missing = histogram().missing, report->infinite = histogram().infinite;
+        if (integrator == Integrator::scatter)
+            report->paths = in_passes ? quality.rays : scene.before + settings.samples;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
             : integrator == Integrator::scatter

@@ -10,6 +10,7 @@
 #include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
+#include "libvkt/render/tiles.h"
 #include "libvkt/render/transfer.h"
 #include "libvkt/render/tree.h"
 
@@ -68,6 +69,7 @@ struct RenderSettings {
 
     Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most
     Background background; ///< behind the volume; without a goal it changes no light
+    bool layers = false;   ///< report what is known of every pixel besides its colour
 };
 
 /// Throws Error{usage} for settings that no volume can be rendered with.
@@ -93,13 +95,23 @@ struct RenderReport {
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
     std::int64_t samples = 0;               ///< values that were looked up
     std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
+    double paths = 0;                       ///< a pixel, the mean; 0: no path was traced
     double skipped = 0;                     ///< share of the macrocells or bricks that nothing can be seen in
     char const* parts = "macrocells";       ///< or bricks
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     std::vector<std::string> lossy;         ///< one line each: what was asked for and cannot be seen, and why
     double prepare_seconds = 0, render_seconds = 0;
     Quality quality;
+    /// Of one ray through the middle of each pixel, where asked for: "Z", the world distance from the eye
+    /// (orthographic: from the plane through it) to the nearest surface, or else to where half of the light is held
+    /// back, infinite where nothing is; of surfaces "normal.X", "normal.Y", "normal.Z" in the world, towards the eye,
+    /// and "albedo.R", "albedo.G", "albedo.B", their linear colours, zeros where nothing is. Of paths "variance.R",
+    /// "variance.G", "variance.B" of the pixel's mean, as it lies over the background. Hierarchical volumes,
+    /// projections and pictures that were stopped have none.
+    std::vector<Layer> layers;
 };
+
+struct Drawing;
 
 /// A volume made ready once, for many pictures.
 class Renderer {
@@ -144,6 +156,8 @@ private:
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
+    /// Of a structured volume, as `drawing` draws them with another integrator.
+    std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
     /// What does not change when only the camera moves: of the last picture, if it still holds.
