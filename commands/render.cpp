@@ -24,14 +24,23 @@ class Render : public Consumer, public Tunable, public Picturing {
 public:
     void parameters(Parameters& list) override {
         options_.declare(list);
-        list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)");
+        list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)")
+            .not_in_history();
+        list.option("tiles", tiles_, "I/N",
+                    "draw part I of N of the picture; vkt image join makes one picture of the parts")
+            .not_in_history();
         list.flag("window", window_, "show it in a window, also where standard output is no terminal").not_in_history();
     }
-    void check() const override { options_.check(); }
+    void check() const override {
+        options_.check();
+        (void)settings();
+    }
     bool writes() const override { return true; }
     std::vector<std::string> suffixes() const override { return render::picture_suffixes(); }
     void check_file(std::string const& path) const override {
-        render::check(picture_options(path), options_.background(), path);
+        render::PictureOptions file = picture_options(path);
+        if (!tiles_.empty()) file.part.whole_width = file.part.whole_height = 1; // not known yet
+        render::check(file, options_.background(), path);
     }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
@@ -42,17 +51,21 @@ public:
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
-        render::RenderSettings settings = options_.settings();
+        render::RenderSettings settings = this->settings();
         render::Background const background = options_.background();
         if (context.window()) {
             if (settings.goal.any())
                 throw Error(ErrorKind::usage, "--tolerance, --noise and --time are for pictures that are written",
                             "give -o FILE");
-            if (depth_) throw Error(ErrorKind::usage, "--depth is for pictures that are written", "give -o FILE");
+            if (depth_ || settings.parts > 1)
+                throw Error(ErrorKind::usage,
+                            text("--", depth_ ? "depth" : "tiles", " is for pictures that are written"),
+                            "give -o FILE");
             viewer::show_input(*inputs.front(), context, settings, background);
             return 0;
         }
-        render::PictureOptions const file = picture_options(context.output());
+        render::PictureOptions file = picture_options(context.output());
+        if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
         settings.layers = file.format == render::PictureFormat::exr;
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
@@ -137,6 +150,22 @@ public:
     }
 
 private:
+    render::RenderSettings settings() const {
+        render::RenderSettings settings = options_.settings();
+        if (tiles_.empty()) return settings;
+        auto const words = split(tiles_, '/');
+        auto const count = [&](std::string const& word) {
+            bool const fits =
+                !word.empty() && word.size() < 6 && word.find_first_not_of("0123456789") == std::string::npos;
+            if (words.size() != 2 || !fits)
+                throw Error(ErrorKind::usage, text("--tiles '", tiles_, "' is not I/N"), "for example --tiles 1/4");
+            return static_cast<int>(parse_integer(word));
+        };
+        settings.part = count(words.front());
+        settings.parts = count(words.back());
+        render::check(settings);
+        return settings;
+    }
     render::PictureOptions picture_options(std::string const& path) const {
         return {render::picture_format(path), depth_.value_or(0), {}};
     }
@@ -156,6 +185,7 @@ private:
 
     render::SettingsParameters options_;
     std::optional<int> depth_;
+    std::string tiles_;
     bool window_ = false; ///< of interest to the framework only
 };
 

@@ -80,6 +80,40 @@ bool Volumes::next() {
     return true;
 }
 
+render::PictureTexts with_history(render::PictureTexts const& texts, std::vector<render::PictureContents> const& others,
+                                  StageInfo const& stage) {
+    std::vector<Header> headers;
+    for (render::PictureContents const& other : others) {
+        Header& header = headers.emplace_back();
+        if (std::string const known = other.text(history_keyword); !known.empty())
+            header.history = parse_history(known);
+    }
+    History const history = folded(history_step(stage, headers));
+    render::PictureTexts result{{"Software", "vkt " VKT_VERSION},
+                                {"History", history_as_shell(history)},
+                                {history_keyword, history_text(history, most_history)}};
+    for (auto const& [keyword, content] : texts)
+        if (keyword != "Software" && keyword != "History" && keyword != history_keyword)
+            result.emplace_back(keyword, content);
+    return result;
+}
+
+void write_combined(std::string const& path, render::PictureContents const& picture,
+                    render::PictureOptions const& options, Context& context) {
+    render::Background const background{{0, 0, 0}, picture.alpha ? 0.0 : 1.0};
+    render::check(options, background, path);
+    if (context.dry_run()) {
+        Header header;
+        header.dims = {picture.image.width, picture.image.height, 1};
+        header.dtype = DataType::float32;
+        return context.plan(header, path);
+    }
+    auto const bytes = render::encode_picture(picture.image, background, picture.layers, picture.texts, options);
+    OutputFile file(path, context.force());
+    file.write(bytes.data(), bytes.size());
+    file.commit();
+}
+
 void write_picture(std::string const& path, bool force, Picture const& picture, Header const& header,
                    StageInfo const& stage, Context& context) {
     render::RenderReport const& r = picture.report;

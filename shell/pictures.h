@@ -55,4 +55,12 @@ struct Picture {
 void write_picture(std::string const& path, bool force, Picture const& picture, Header const& header,
                    StageInfo const& stage, Context& context);
 
+/// The texts with the history of a picture that this stage made of others.
+render::PictureTexts with_history(render::PictureTexts const& texts, std::vector<render::PictureContents> const& others,
+                                  StageInfo const& stage);
+
+/// Writes what was made of other pictures, as the options say; a dry run only tells of it.
+void write_combined(std::string const& path, render::PictureContents const& picture,
+                    render::PictureOptions const& options, Context& context);
+
 } // namespace vkt::shell

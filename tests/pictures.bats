@@ -228,6 +228,22 @@ for c in 'RGB':
     assert seen > 1e-4 and abs(told / seen - 1) < 0.05, (c, told, seen)"
 }
 
+@test "the variance of a mean follows from those of what it is made of" {
+    needs_exr
+    vkt make noise --dims 12 12 12 -o v.nrrd
+    vkt render v.nrrd -ra multi-scattering --spp 4 --seed 1 --size 24 -o a.exr
+    vkt render v.nrrd -ra multi-scattering --spp 12 --seed 2 --size 24 -o b.exr
+    vkt image mean a.exr b.exr -o mean.exr
+    /usr/bin/python3 -c "$readers
+a, b, mean = exr('a.exr'), exr('b.exr'), exr('mean.exr')
+assert exr.texts['Samples'] == b'16'
+for c in 'RGB':
+    want = (a['variance.' + c].astype(float) + 9 * b['variance.' + c]) / 16
+    assert want.max() > 1e-3 and np.abs(mean['variance.' + c] - want).max() < 1e-7
+    assert np.abs(mean[c] - (a[c].astype(float) + 3 * b[c]) / 4).max() < 1e-6
+assert np.array_equal(mean['Z'], a['Z'])"
+}
+
 @test "what an integrator does not know is not written" {
     needs_exr
     vkt make noise --dims 12 12 12 -o v.nrrd

@@ -219,6 +219,9 @@ void check(PictureOptions const& options, Background const& background, std::str
         throw Error(ErrorKind::usage,
                     vkt::text("'", path, "': PFM pictures have no alpha, and the background is clear"),
                     "write OpenEXR or PNG, or make the background opaque");
+    if (options.format == PictureFormat::pfm && options.part.whole_width > 0)
+        throw Error(ErrorKind::usage, vkt::text("'", path, "': PFM pictures do not say which part of another they are"),
+                    "write OpenEXR or PNG");
     if (options.format == PictureFormat::exr) require_exr(vkt::text(path, ": writing OpenEXR"));
 }
 

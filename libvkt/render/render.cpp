@@ -176,6 +176,14 @@ struct Renderer::Cache {
     std::int64_t made = 0;
 };
 
+PartRows rows_of_part(RenderSettings const& s) {
+    std::int64_t const strips = (s.height + tile_side - 1) / tile_side;
+    auto const row = [&](int parts) {
+        return static_cast<int>(std::min<std::int64_t>(s.height, strips * parts / s.parts * tile_side));
+    };
+    return {row(s.part - 1), row(s.part)};
+}
+
 void check(RenderSettings const& s) {
     auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
     if (!fits(s.width) || !fits(s.height))
@@ -190,6 +198,12 @@ void check(RenderSettings const& s) {
     auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
     if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
         refuse("errors to stop at and seconds must be positive");
+    if (s.parts < 1 || s.part < 1 || s.part > s.parts) refuse(text("there is no part ", s.part, " of ", s.parts));
+    if (int const strips = (s.height + tile_side - 1) / tile_side; s.parts > strips)
+        refuse(text("a picture of ", s.height, " rows has at most ", strips, " parts, of ", tile_side, " rows each"));
+    if (s.parts > 1 && (s.goal.tolerance > 0 || s.goal.seconds > 0))
+        refuse("with --tolerance or --time pixels of all parts have to do with each other",
+               "--noise and --step do not have that");
     if (s.bounces < 1) refuse("the number of bounces must be at least 1");
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
@@ -451,7 +465,10 @@ std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integr
     if (drawing.variance == nullptr) return layers;
     for (std::size_t c = 0; c < 3; ++c) {
         auto const plane = drawing.variance->begin() + static_cast<std::ptrdiff_t>(c * count);
-        layers.push_back({std::string("variance.") + "RGB" [c], { plane, plane + static_cast<std::ptrdiff_t>(count) }});
+        layers.push_back({c == 0   ? "variance.R"
+                          : c == 1 ? "variance.G"
+                                   : "variance.B",
+                          {plane, plane + static_cast<std::ptrdiff_t>(count)}});
     }
     return layers;
 }
@@ -515,6 +532,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         accumulation->samples += settings.samples;
     }
 
+    PartRows const rows = rows_of_part(settings);
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
@@ -530,6 +548,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                     settings.background,
                     settings.goal,
                     watch,
+                    rows.first,
+                    rows.last,
                     execution_.threads,
                     nullptr,
                     start};
@@ -559,7 +579,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
         report->lossy = projected ? appearance.lossy : unseen(appearance, knots, table);
-        if (report->lossy.empty() && !quality.stopped && is_empty(image))
+        if (report->lossy.empty() && !quality.stopped && settings.parts == 1 && is_empty(image))
             report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->missing = histogram().missing, report->infinite = histogram().infinite;
         if (integrator == Integrator::scatter)
@@ -577,6 +597,17 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                        tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
+    }
+    if (settings.parts > 1) {
+        auto const cut = [&](std::vector<float>& pixels, std::size_t channels) {
+            std::size_t const row = channels * static_cast<std::size_t>(settings.width);
+            pixels.resize(row * static_cast<std::size_t>(rows.last));
+            pixels.erase(pixels.begin(), pixels.begin() + static_cast<std::ptrdiff_t>(row) * rows.first);
+        };
+        cut(image.pixels, 4);
+        image.height = rows.last - rows.first;
+        if (report != nullptr)
+            for (Layer& layer : report->layers) cut(layer.values, 1);
     }
     return image;
 }

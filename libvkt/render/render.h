@@ -69,8 +69,17 @@ struct RenderSettings {
 
     Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most
     Background background; ///< behind the volume; without a goal it changes no light
-    bool layers = false;   ///< report what is known of every pixel besides its colour
+    /// Which of so many parts of the picture is drawn, from 1 on: strips of rows_of_part(), pixel by pixel those of the
+    /// whole picture. Not with a tolerance or seconds, which pixels share.
+    int part = 1, parts = 1;
+    bool layers = false; ///< report what is known of every pixel besides its colour
 };
+
+/// Rows [first, last) of the part that is drawn: whole strips of 16, as many in each part, but for one.
+struct PartRows {
+    int first, last;
+};
+PartRows rows_of_part(RenderSettings const& settings);
 
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
