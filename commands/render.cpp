@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/tunable.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/render/annotate.h"
+#include "libvkt/render/font.h"
 #include "libvkt/render/settings.h"
 #include "shell/command.h"
 #include "shell/pictures.h"
@@ -26,6 +28,10 @@ public:
         options_.declare(list);
         list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)")
             .not_in_history();
+        list.flag("annotate", annotation_.key,
+                  "draw a colour bar with its values, a scale bar in world units and the axes into the picture");
+        list.option("caption", annotation_.caption, "TEXT", "write this below the picture");
+        list.option("font", annotation_.font, "FILE", "font for both (default: one that is found, sans serif)");
         list.option("tiles", tiles_, "I/N",
                     "draw part I of N of the picture; vkt image join makes one picture of the parts")
             .not_in_history();
@@ -33,7 +39,11 @@ public:
     }
     void check() const override {
         options_.check();
-        (void)settings();
+        bool const parts = settings().parts > 1;
+        if (parts && annotation_.any())
+            throw Error(ErrorKind::usage, "--annotate and --caption are for whole pictures, and --tiles draws parts");
+        if (!annotation_.font.empty() && !annotation_.any())
+            throw Error(ErrorKind::usage, "--font is for --annotate and --caption");
     }
     bool writes() const override { return true; }
     std::vector<std::string> suffixes() const override { return render::picture_suffixes(); }
@@ -41,6 +51,8 @@ public:
         render::PictureOptions file = picture_options(path);
         if (!tiles_.empty()) file.part.whole_width = file.part.whole_height = 1; // not known yet
         render::check(file, options_.background(), path);
+        if (annotation_.any()) // fails before anything is drawn
+            render::draw_text(annotation_.font.empty() ? render::default_font() : annotation_.font, 12, "x");
     }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
@@ -57,6 +69,9 @@ public:
             if (settings.goal.any())
                 throw Error(ErrorKind::usage, "--tolerance, --noise and --time are for pictures that are written",
                             "give -o FILE");
+            if (annotation_.any())
+                throw Error(ErrorKind::usage, "--annotate and --caption are for pictures that are written",
+                            "give -o FILE; in a window, v shows a colour bar, a scale bar and the axes");
             if (depth_ || settings.parts > 1)
                 throw Error(ErrorKind::usage,
                             text("--", depth_ ? "depth" : "tiles", " is for pictures that are written"),
@@ -78,11 +93,12 @@ public:
                 settings.camera = camera;
                 render::RenderReport report;
                 Watching const watching(context);
-                render::Image const image = volumes.renderer().watched(settings, &report, watching.watch());
+                render::Image image = volumes.renderer().watched(settings, &report, watching.watch());
                 // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
                 if (!numbered && volumes.another())
                     throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
                                 "give a place for the number: -o picture-%04d.png");
+                if (annotation_.any()) render::annotate(image, report, volumes.header(), background, annotation_);
                 write_picture(numbered_path(context.output(), number++), context.force(),
                               {image, report, background, settings.goal, file}, volumes.header(), context.stage_info(),
                               context);
@@ -184,6 +200,7 @@ private:
     }
 
     render::SettingsParameters options_;
+    render::Annotation annotation_;
     std::optional<int> depth_;
     std::string tiles_;
     bool window_ = false; ///< of interest to the framework only

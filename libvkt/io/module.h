@@ -1,4 +1,4 @@
-// Modules: parts of vkt that need heavy libraries (HDF5, OpenVDB, libtiff, GDCM, OpenEXR, a window's), loaded when
+// Modules: parts of vkt that need heavy libraries (HDF5, OpenVDB, libtiff, GDCM, OpenEXR, FreeType, a window's), loaded when
 // they are asked for first.
 // SPDX-License-Identifier: MIT
 #pragma once

@@ -570,6 +570,11 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->domain = appearance.domain;
         report->transfer = appearance.transfer;
         report->isos = appearance.iso_values;
+        report->iso_colors.clear();
+        for (IsoView const& iso : appearance.isos)
+            report->iso_colors.push_back({linear_to_srgb(static_cast<double>(iso.red)),
+                                          linear_to_srgb(static_cast<double>(iso.green)),
+                                          linear_to_srgb(static_cast<double>(iso.blue))});
         report->shade = appearance.shade;
         report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
         report->capped = counters.capped;

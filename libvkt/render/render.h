@@ -99,6 +99,7 @@ struct RenderReport {
     Domain domain;
     TransferFunction transfer;
     std::vector<double> isos;               ///< physical values of the surfaces that were looked for
+    std::vector<Color> iso_colors;          ///< sRGB, of each
     double shade = 0;                       ///< strength of gradient shading
     std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
