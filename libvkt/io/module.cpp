@@ -27,6 +27,12 @@ extern "C" vkt::ModuleExport const vkt_module_tiff;
 #ifdef VKT_HAVE_GDCM
 extern "C" vkt::ModuleExport const vkt_module_gdcm;
 #endif
+#ifdef VKT_HAVE_OPENEXR
+extern "C" vkt::ModuleExport const vkt_module_openexr;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+extern "C" vkt::ModuleExport const vkt_module_freetype;
+#endif
 #endif
 
 namespace vkt {
@@ -92,6 +98,12 @@ bool built([[maybe_unused]] std::string_view name) {
 #ifdef VKT_HAVE_GDCM
     if (name == "gdcm") return true;
 #endif
+#ifdef VKT_HAVE_OPENEXR
+    if (name == "openexr") return true;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+    if (name == "freetype") return true;
+#endif
 #ifdef VKT_HAVE_WINDOW
     if (name == "window") return true;
 #endif
@@ -134,6 +146,12 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
 #endif
 #ifdef VKT_HAVE_GDCM
     if (name == "gdcm") module = &vkt_module_gdcm;
+#endif
+#ifdef VKT_HAVE_OPENEXR
+    if (name == "openexr") module = &vkt_module_openexr;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+    if (name == "freetype") module = &vkt_module_freetype;
 #endif
 #endif
     rlimit space{};

@@ -12,6 +12,8 @@
 
 namespace vkt::render {
 
+/// Edge of a tile, in pixels.
+inline constexpr int tile_side = 16;
 /// Most paths per pixel where --noise or --time decide, and most rays of a pixel with --tolerance.
 inline constexpr int most_paths = 1 << 20, most_rays = 1024;
 
@@ -24,7 +26,11 @@ struct Drawing {
     Background background; ///< over which errors are measured
     Goal goal;
     Watch watch;
+    int first_row = 0, last_row = 0; ///< the part that is drawn, [first, last): whole tiles, but for the last one
     int threads = 1;
+    /// Of paths: if not null, three planes of the variance of each pixel's mean, over the background; 0 where one path
+    /// is all there is.
+    std::vector<float>* variance = nullptr;
     std::chrono::steady_clock::time_point start;
 };
 
