@@ -3,7 +3,6 @@
 #include "libvkt/render/device.h"
 
 #include "libvkt/core/device.h"
-#include "libvkt/render/passes.h"
 
 #include <algorithm>
 
@@ -78,11 +77,15 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
 }
 
 #ifndef VKT_CUDA
-void launch_drawing(SceneView const&, LatticeView const&, Integrator, float*, std::uint64_t*) { throw_without_cuda(); }
+void launch_drawing(SceneView const&, LatticeView const&, Integrator, Tile, float*, std::uint64_t*) {
+    throw_without_cuda();
+}
 #endif
 
-Quality draw_on_gpu(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Watch const& watch,
-                    Background const& background, Image& image, Counters& total) {
+Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
+                    Image& image, Counters& total) {
+    Watch const& watch = drawing.watch;
+    Tile const part_drawn{0, drawing.first_row, image.width, drawing.last_row};
     std::size_t const count = image.pixels.size();
     Buffer pixels(count * sizeof(float)), totals(4 * sizeof(std::uint64_t));
     auto* const to = reinterpret_cast<float*>(pixels.write(Space::device));
@@ -99,7 +102,7 @@ Quality draw_on_gpu(SceneView const& scene, LatticeView const& lattice, Integrat
             part.samples = std::min(paths_at_once, scene.samples - done);
             part.first_sample = scene.first_sample + done;
             part.before = scene.before + done;
-            launch_drawing(part, lattice, integrator, to, counts);
+            launch_drawing(part, lattice, integrator, part_drawn, to, counts);
             device_synchronize();
             // Rays are pixels that meet the volume, however many passes there are.
             if (done == 0)
@@ -115,13 +118,16 @@ Quality draw_on_gpu(SceneView const& scene, LatticeView const& lattice, Integrat
         }
         std::vector<double> const all = light.values(), some = odd.values();
         bool const stopped = quality.stopped;
-        if (scene.before == 0) quality = quality_of_paths(image, done, all, some, background);
+        if (scene.before == 0) quality = quality_of_paths(drawing, image.width, done, all, some);
         quality.stopped = stopped;
         quality.rays = scene.before + done;
     } else {
-        launch_drawing(scene, lattice, integrator, to, counts);
+        launch_drawing(scene, lattice, integrator, part_drawn, to, counts);
     }
-    copy_to_host(image.pixels.data(), to, count * sizeof(float));
+    std::size_t const row = 4 * static_cast<std::size_t>(image.width);
+    std::size_t const first = static_cast<std::size_t>(drawing.first_row) * row,
+                      last = static_cast<std::size_t>(drawing.last_row) * row;
+    copy_to_host(image.pixels.data() + first, to + first, (last - first) * sizeof(float));
     auto const* const found = reinterpret_cast<std::uint64_t const*>(totals.read(Space::host));
     total.rays += static_cast<std::int64_t>(found[0]);
     total.segments += static_cast<std::int64_t>(found[1]);

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "libvkt/core/buffer.h"
-#include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
+#include "libvkt/render/passes.h"
 #include "libvkt/render/tiles.h"
 
 #include <cstdint>
@@ -29,14 +29,15 @@ private:
     std::shared_ptr<void const> made_for_;
 };
 
-/// Draws all pixels of a frame whose scene and lattice lie on the current GPU. Paths are drawn some at a time, until
-/// the watch says stop; sums that the scene names are of the host, and are brought up to date. Adds to the counters.
-Quality draw_on_gpu(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Watch const& watch,
-                    Background const& background, Image& image, Counters& total);
+/// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU, as the lattice is. Paths are drawn
+/// some at a time, until the watch says stop; sums that the scene names are of the host, and are brought up to date.
+/// Adds to the counters.
+Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
+                    Image& image, Counters& total);
 
-/// One launch: everything that scene and lattice point to, and `pixels`, four floats each, is memory of the current
-/// GPU, and so are the four totals to which rays, segments, samples and capped paths are added.
-void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, float* pixels,
+/// One launch, for the pixels of a part: everything that scene and lattice point to, and `pixels`, four floats each, is
+/// memory of the current GPU, and so are the four totals to which rays, segments, samples and capped paths are added.
+void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
                     std::uint64_t* totals);
 
 } // namespace vkt::render

@@ -472,11 +472,11 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     return q;
 }
 
-Quality quality_of_paths(Image const& image, int paths, std::vector<double> const& light,
-                         std::vector<double> const& odd, Background const& background) {
-    std::vector<PathTile> tiles = tiles_of(image.width, image.height, paths);
+Quality quality_of_paths(Drawing const& drawing, int width, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd) {
+    std::vector<PathTile> tiles = tiles_of(drawing, width, paths);
     for (PathTile& t : tiles) t.done = paths;
-    return quality_of(tiles, image.width, light, odd, Levels(background), 0);
+    return quality_of(tiles, width, light, odd, Levels(drawing.background), 0);
 }
 
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total) {

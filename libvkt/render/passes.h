@@ -47,8 +47,8 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total);
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total);
 
 /// What is known of a picture of so many paths in every pixel, by the sums of all of them and of those of odd number.
-Quality quality_of_paths(Image const& image, int paths, std::vector<double> const& light,
-                         std::vector<double> const& odd, Background const& background);
+Quality quality_of_paths(Drawing const& drawing, int width, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd);
 
 /// Rays until the error of each pixel is estimated to be below the tolerance.
 ///

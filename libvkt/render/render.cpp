@@ -383,11 +383,12 @@ bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
     if (execution_.device != Device::gpu) return false;
     if (!tree_ && !refines) return true;
     if (execution_.only_gpu)
-        throw Error(ErrorKind::usage,
-                    tree_ ? "--device gpu: hierarchical volumes are not drawn on a GPU"
-                          : "--device gpu: pictures with --noise, --time or --tolerance are not drawn on a GPU",
-                    tree_ ? "leave the choice to vkt: --device auto"
-                          : "give --spp, or leave the choice to vkt: --device auto");
+        throw Error(
+            ErrorKind::usage,
+            tree_ ? "--device gpu: hierarchical volumes are not drawn on a GPU"
+                  : "--device gpu: pictures with --noise, --time or --tolerance, and layers, are not drawn on a GPU",
+            tree_ ? "leave the choice to vkt: --device auto"
+                  : "give --spp, write no .exr, or leave the choice to vkt: --device auto");
     return false;
 }
 
@@ -581,14 +582,13 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
-    bool const with_gpu = on_gpu(settings, in_passes && settings.goal.any());
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
     if (with_gpu) {
         device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
         auto& copies = cache_->copies;
         if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-        quality = draw_on_gpu(copies->scene(scene, ready), copies->lattice(), integrator, watch, settings.background,
-                              image, counters);
+        quality = draw_on_gpu(drawing, copies->scene(scene, ready), copies->lattice(), integrator, image, counters);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)

@@ -3,6 +3,7 @@
 #include "libvkt/render/device.h"
 
 #include "libvkt/core/device.h"
+#include "libvkt/core/error.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
 #include "libvkt/render/inner/project.h"
@@ -17,12 +18,12 @@ constexpr int block_x = 8, block_y = 16;
 
 template <Integrator integrator, class T>
 __global__ void __launch_bounds__(block_x* block_y)
-    pixels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, float* pixels,
+    pixels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
                   unsigned long long* totals) {
-    int const x = static_cast<int>(blockIdx.x * block_x + threadIdx.x),
-              y = static_cast<int>(blockIdx.y * block_y + threadIdx.y);
+    int const x = part.x0 + static_cast<int>(blockIdx.x * block_x + threadIdx.x),
+              y = part.y0 + static_cast<int>(blockIdx.y * block_y + threadIdx.y);
     Counters counters;
-    if (x < scene.frame.width && y < scene.frame.height) {
+    if (x < part.x1 && y < part.y1) {
         Tile const tile{x, y, x + 1, y + 1};
         if constexpr (integrator == Integrator::scatter)
             for_pixels(tile, pixels, scene.frame.width,
@@ -44,44 +45,48 @@ __global__ void __launch_bounds__(block_x* block_y)
 }
 
 template <Integrator integrator, class T>
-void launch(SceneView const& scene, LatticeView const& lattice, float* pixels, unsigned long long* totals) {
-    dim3 const grid(static_cast<unsigned>((scene.frame.width + block_x - 1) / block_x),
-                    static_cast<unsigned>((scene.frame.height + block_y - 1) / block_y));
+void launch(SceneView const& scene, LatticeView const& lattice, Tile part, float* pixels, unsigned long long* totals) {
+    if (part.y1 <= part.y0) return;
+    dim3 const grid(static_cast<unsigned>((part.x1 - part.x0 + block_x - 1) / block_x),
+                    static_cast<unsigned>((part.y1 - part.y0 + block_y - 1) / block_y));
     LatticeSampler<T> const sampler{static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
-    pixels_kernel<integrator, T><<<grid, dim3(block_x, block_y)>>>(scene, sampler, pixels, totals);
+    pixels_kernel<integrator, T><<<grid, dim3(block_x, block_y)>>>(scene, sampler, part, pixels, totals);
     check_launch("render");
 }
 
 template <Integrator integrator>
-void launch_type(SceneView const& scene, LatticeView const& lattice, float* pixels, unsigned long long* totals) {
+void launch_type(SceneView const& scene, LatticeView const& lattice, Tile part, float* pixels,
+                 unsigned long long* totals) {
     switch (lattice.type) {
     case LatticeType::uint8:
-        return launch<integrator, std::uint8_t>(scene, lattice, pixels, totals);
+        return launch<integrator, std::uint8_t>(scene, lattice, part, pixels, totals);
     case LatticeType::uint16:
-        return launch<integrator, std::uint16_t>(scene, lattice, pixels, totals);
+        return launch<integrator, std::uint16_t>(scene, lattice, part, pixels, totals);
     case LatticeType::int16:
-        return launch<integrator, std::int16_t>(scene, lattice, pixels, totals);
+        return launch<integrator, std::int16_t>(scene, lattice, part, pixels, totals);
     case LatticeType::float32:
-        return launch<integrator, float>(scene, lattice, pixels, totals);
+        return launch<integrator, float>(scene, lattice, part, pixels, totals);
     }
 }
 
 } // namespace
 
-void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, float* pixels,
+void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
                     std::uint64_t* totals) {
     auto* const counts = reinterpret_cast<unsigned long long*>(totals);
     switch (integrator) {
     case Integrator::march:
-        return launch_type<Integrator::march>(scene, lattice, pixels, counts);
+        return launch_type<Integrator::march>(scene, lattice, part, pixels, counts);
     case Integrator::exact:
-        return launch_type<Integrator::exact>(scene, lattice, pixels, counts);
+        return launch_type<Integrator::exact>(scene, lattice, part, pixels, counts);
     case Integrator::iso:
-        return launch_type<Integrator::iso>(scene, lattice, pixels, counts);
+        return launch_type<Integrator::iso>(scene, lattice, part, pixels, counts);
     case Integrator::project:
-        return launch_type<Integrator::project>(scene, lattice, pixels, counts);
+        return launch_type<Integrator::project>(scene, lattice, part, pixels, counts);
     case Integrator::scatter:
-        return launch_type<Integrator::scatter>(scene, lattice, pixels, counts);
+        return launch_type<Integrator::scatter>(scene, lattice, part, pixels, counts);
+    default:
+        throw Error(ErrorKind::failure, "what is beside a picture is not drawn on a GPU");
     }
 }
 
