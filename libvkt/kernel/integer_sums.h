@@ -105,7 +105,10 @@ template <class T> IntegerSums<T> integer_sums(T const* p, std::int64_t n) {
     std::int64_t i = 0;
     if (n >= width) {
         IntegerLanes<T> lanes(p);
-        for (; i + width <= n; i += width) lanes.add(p + i);
+        for (; i + width <= n; i += width) {
+            __builtin_prefetch(p + i + 4096 / sizeof(T));
+            lanes.add(p + i);
+        }
         result = lanes.total(i);
     }
     for (; i < n; ++i) result.add(p[i]);

@@ -129,7 +129,7 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     Weight const weight = separable ? weight_of(sum_) : weight_of(dense_);
     reach_ = separable ? sum_.radius() : dense_.radius;
     plan.cost = separable ? sum_.cost() : static_cast<double>(dense_.taps.size());
-    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(16, 4 * reach_.z);
     // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
     if (!keeps_type_) {
         for (auto& term : sum_.terms) term.weight *= in.values.slope;

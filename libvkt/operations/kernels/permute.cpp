@@ -67,6 +67,13 @@ void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, E
                                              k = item / down / across;
                           std::int64_t const ni = std::min(edge, dims.x - i0), nj = std::min(edge, dims[own] - j0);
                           U const* const first = p.from + i0 * p.step[0] + k * p.step[static_cast<std::size_t>(other)];
+                          // The next tile along the input's rows: so many rows at once are not foreseen. Of rows that
+                          // are slices apart it gains nothing.
+                          for (std::int64_t i = 0; own == 1 && i < ni; ++i) {
+                              U const* const next = first + i * p.step[0] + (back ? -(j0 + 2 * edge - 1) : j0 + edge);
+                              __builtin_prefetch(next);
+                              __builtin_prefetch(next + edge / 2);
+                          }
                           transpose_tile(back ? first - (j0 + nj - 1) : first + j0, p.step[0], tile, edge, ni, nj);
                           U* const to = p.to + i0 + j0 * to_own + k * to_other;
                           for (std::int64_t j = 0; j < nj; ++j)

@@ -387,6 +387,7 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
         for (; k + row_lanes <= n; k += row_lanes) {
             count += 1;
             double const share = 1 / count;
+            __builtin_prefetch(row + k + 1024);
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
                 V::type v;

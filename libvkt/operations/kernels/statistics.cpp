@@ -17,6 +17,7 @@ namespace {
 constexpr int lanes = 16;
 constexpr int doubles = static_cast<int>(register_bytes / 8);
 constexpr int registers = lanes / doubles;
+constexpr std::int64_t ahead = 1024; ///< voxels that are asked for before they are added
 constexpr std::int64_t chunk = 2048; // stays in the first cache between the two loops; a multiple of the lanes
 
 typedef double DoubleRegister __attribute__((vector_size(register_bytes)));
@@ -119,6 +120,7 @@ private:
         }
         std::int64_t i = 0;
         for (; i + lanes <= n; i += lanes) { // v - v is 0 unless v is infinite or NaN; NaN never compares less
+            __builtin_prefetch(p + i + ahead);
 #pragma GCC unroll 8
             for (int f = 0; f < lanes; f += width) {
                 Full const v = *reinterpret_cast<Unaligned const*>(p + i + f);
