@@ -58,7 +58,8 @@ std::vector<Line> machine() {
     }
     lines.push_back({"reads", reads});
     lines.push_back({"writes", writes});
-    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm"}) lines.push_back({name, module_state(name)});
+    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm", "blosc"})
+        lines.push_back({name, module_state(name)});
     lines.push_back({"gnuplot", can_plot() ? "there" : "missing: vkt chart writes tables only"});
     return lines;
 }
