@@ -7,7 +7,7 @@
 namespace vkt {
 namespace {
 
-constexpr int level = 5;
+constexpr int level = 2; // of Zstandard: 3
 
 bool decompress(std::byte const* from, std::size_t n, std::byte* to, std::size_t m) {
     std::size_t bytes = 0;

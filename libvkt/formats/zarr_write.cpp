@@ -182,7 +182,7 @@ void LevelWriter::write_metadata(Json const& attributes) const {
     if (codec_ == zarr::Codec::blosc)
         compressor = {{"id", "blosc"},
                       {"cname", "zstd"},
-                      {"clevel", 5},
+                      {"clevel", 2},
                       {"shuffle", size_of(dtype_) > 1 ? 1 : 0},
                       {"blocksize", 0}};
     else if (codec_ == zarr::Codec::zstd)
