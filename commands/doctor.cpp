@@ -1,7 +1,9 @@
 // vkt doctor: what this build and this machine can do, and how fast.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/buffer.h"
 #include "libvkt/core/cgroup.h"
 #include "libvkt/core/collect.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/report.h"
@@ -12,6 +14,8 @@
 #include "shell/plot.h"
 #include "shell/short_number.h"
 
+#include <algorithm>
+#include <chrono>
 #include <cstdio>
 
 namespace vkt::shell {
@@ -20,7 +24,7 @@ namespace {
 /// "loads", or why it does not.
 std::string module_state(std::string const& name) {
     try {
-        if (name == "window")
+        if (name == "window" || name == "openexr" || name == "freetype")
             module_functions(name, "nothing");
         else
             module_parser(name, "nothing");
@@ -35,6 +39,40 @@ struct Line {
 };
 
 std::string rate_text(double bytes) { return text(bytes_text(bytes), "/s"); }
+
+/// Bytes a second of work on so many bytes: the best of some runs.
+template <class F> double rate_of(std::size_t bytes, F const& work) {
+    double best = 1e9;
+    for (int run = 0; run < 4; ++run) {
+        auto const begin = std::chrono::steady_clock::now();
+        work();
+        device_synchronize();
+        double const seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        if (run > 0) best = std::min(best, seconds);
+    }
+    return static_cast<double>(bytes) / best;
+}
+
+/// What a GPU is and how fast it copies: in its memory, and from and to that of the host.
+Line gpu_line(int index) {
+    DeviceFacts const facts = device_facts(index);
+    constexpr std::size_t bytes = std::size_t{256} << 20;
+    std::string line = text(facts.name, ", capability ", facts.major, ".", facts.minor, ", ",
+                            bytes_text(static_cast<double>(facts.free)), " of ",
+                            bytes_text(static_cast<double>(facts.memory)), " free");
+    if (facts.free > 4 * bytes) {
+        Buffer host(bytes), one(bytes), other(bytes);
+        std::byte *const h = host.write(Space::host), *const a = one.write(Space::device),
+                         *const b = other.write(Space::device);
+        std::fill_n(h, bytes, std::byte{1});
+        line += text("; copies ", rate_text(2 * rate_of(bytes, [&] { copy_on_device(b, a, bytes); })),
+                     ", from the host ", rate_text(rate_of(bytes, [&] { copy_to_device(a, h, bytes); })), ", to it ",
+                     rate_text(rate_of(bytes, [&] { copy_to_host(h, a, bytes); })));
+    }
+    for (std::size_t i = 0; i < facts.reaches.size(); ++i)
+        line += text(i == 0 ? "; reaches GPU " : ", ", facts.reaches[i]);
+    return {text("GPU ", index), line};
+}
 
 std::vector<Line> machine() {
     std::vector<Line> lines;
@@ -51,6 +89,7 @@ std::vector<Line> machine() {
     lines.push_back({"GPUs", !built_with_cuda() ? std::string("none: built without CUDA")
                              : gpus == 0        ? std::string("none found")
                                                 : to_text(gpus)});
+    for (int i = 0; i < gpus; ++i) lines.push_back(gpu_line(i));
     std::string reads, writes;
     for (Format const& format : formats()) {
         if (format.open != nullptr) reads += text(reads.empty() ? "" : " ", format.name);
@@ -58,7 +97,7 @@ std::vector<Line> machine() {
     }
     lines.push_back({"reads", reads});
     lines.push_back({"writes", writes});
-    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm", "blosc"})
+    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm", "blosc", "openexr", "freetype"})
         lines.push_back({name, module_state(name)});
     lines.push_back({"gnuplot", can_plot() ? "there" : "missing: vkt chart writes tables only"});
     return lines;

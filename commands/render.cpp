@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/tunable.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/render/annotate.h"
+#include "libvkt/render/font.h"
 #include "libvkt/render/settings.h"
 #include "shell/command.h"
 #include "shell/pictures.h"
@@ -24,11 +26,34 @@ class Render : public Consumer, public Tunable, public Picturing {
 public:
     void parameters(Parameters& list) override {
         options_.declare(list);
+        list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)")
+            .not_in_history();
+        list.flag("annotate", annotation_.key,
+                  "draw a colour bar with its values, a scale bar in world units and the axes into the picture");
+        list.option("caption", annotation_.caption, "TEXT", "write this below the picture");
+        list.option("font", annotation_.font, "FILE", "font for both (default: one that is found, sans serif)");
+        list.option("tiles", tiles_, "I/N",
+                    "draw part I of N of the picture; vkt image join makes one picture of the parts")
+            .not_in_history();
         list.flag("window", window_, "show it in a window, also where standard output is no terminal").not_in_history();
     }
-    void check() const override { options_.check(); }
+    void check() const override {
+        options_.check();
+        bool const parts = settings().parts > 1;
+        if (parts && annotation_.any())
+            throw Error(ErrorKind::usage, "--annotate and --caption are for whole pictures, and --tiles draws parts");
+        if (!annotation_.font.empty() && !annotation_.any())
+            throw Error(ErrorKind::usage, "--font is for --annotate and --caption");
+    }
     bool writes() const override { return true; }
-    std::vector<std::string> suffixes() const override { return {".png"}; }
+    std::vector<std::string> suffixes() const override { return render::picture_suffixes(); }
+    void check_file(std::string const& path) const override {
+        render::PictureOptions file = picture_options(path);
+        if (!tiles_.empty()) file.part.whole_width = file.part.whole_height = 1; // not known yet
+        render::check(file, options_.background(), path);
+        if (annotation_.any()) // fails before anything is drawn
+            render::draw_text(annotation_.font.empty() ? render::default_font() : annotation_.font, 12, "x");
+    }
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
@@ -38,15 +63,25 @@ public:
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
-        render::RenderSettings settings = options_.settings();
+        render::RenderSettings settings = this->settings();
         render::Background const background = options_.background();
         if (context.window()) {
             if (settings.goal.any())
                 throw Error(ErrorKind::usage, "--tolerance, --noise and --time are for pictures that are written",
                             "give -o FILE");
+            if (annotation_.any())
+                throw Error(ErrorKind::usage, "--annotate and --caption are for pictures that are written",
+                            "give -o FILE; in a window, v shows a colour bar, a scale bar and the axes");
+            if (depth_ || settings.parts > 1)
+                throw Error(ErrorKind::usage,
+                            text("--", depth_ ? "depth" : "tiles", " is for pictures that are written"),
+                            "give -o FILE");
             viewer::show_input(*inputs.front(), context, settings, background);
             return 0;
         }
+        render::PictureOptions file = picture_options(context.output());
+        if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
+        settings.layers = file.format == render::PictureFormat::exr;
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
@@ -58,13 +93,14 @@ public:
                 settings.camera = camera;
                 render::RenderReport report;
                 Watching const watching(context);
-                render::Image const image = volumes.renderer().watched(settings, &report, watching.watch());
+                render::Image image = volumes.renderer().watched(settings, &report, watching.watch());
                 // A number leaves room for whatever follows; a single name does not, and then no file is to appear.
                 if (!numbered && volumes.another())
                     throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
                                 "give a place for the number: -o picture-%04d.png");
+                if (annotation_.any()) render::annotate(image, report, volumes.header(), background, annotation_);
                 write_picture(numbered_path(context.output(), number++), context.force(),
-                              {image, report, background, settings.goal}, volumes.header(), context.stage_info(),
+                              {image, report, background, settings.goal, file}, volumes.header(), context.stage_info(),
                               context);
                 if (report.quality.stopped) return Watching::exit_code;
             }
@@ -130,6 +166,25 @@ public:
     }
 
 private:
+    render::RenderSettings settings() const {
+        render::RenderSettings settings = options_.settings();
+        if (tiles_.empty()) return settings;
+        auto const words = split(tiles_, '/');
+        auto const count = [&](std::string const& word) {
+            bool const fits =
+                !word.empty() && word.size() < 6 && word.find_first_not_of("0123456789") == std::string::npos;
+            if (words.size() != 2 || !fits)
+                throw Error(ErrorKind::usage, text("--tiles '", tiles_, "' is not I/N"), "for example --tiles 1/4");
+            return static_cast<int>(parse_integer(word));
+        };
+        settings.part = count(words.front());
+        settings.parts = count(words.back());
+        render::check(settings);
+        return settings;
+    }
+    render::PictureOptions picture_options(std::string const& path) const {
+        return {render::picture_format(path), depth_.value_or(0), {}};
+    }
     /// Shading has no exact form: there the steps are short.
     static void make_reference(render::RenderSettings& settings) {
         if (settings.algorithm == render::Algorithm::multi_scattering) {
@@ -145,6 +200,9 @@ private:
     }
 
     render::SettingsParameters options_;
+    render::Annotation annotation_;
+    std::optional<int> depth_;
+    std::string tiles_;
     bool window_ = false; ///< of interest to the framework only
 };
 
@@ -156,8 +214,8 @@ Command render_command() {
          "Rays are marched through the volume (absorption and emission), meet its iso-surfaces, or are scattered in it "
          "as light "
          "in a cloud. Without options the colours, opacities and the camera are chosen from the data. The picture is a "
-         "PNG file "
-         "that holds its own recipe. Without -o, on a terminal, or with --window, a window shows the volume instead, "
+         "PNG file (.png), OpenEXR (.exr: linear light, with layers such as the distance) or PFM (.pfm); the first two "
+         "hold their own recipe. Without -o, on a terminal, or with --window, a window shows the volume instead, "
          "as "
          "soon as its first slices are there: drag to turn it, drag with the right button or with shift to move it, "
          "wheel to zoom; panels beside it edit transfer function, surfaces, integrator, camera and clip box; keys h "
@@ -172,6 +230,7 @@ Command render_command() {
           {"An iso-surface", "vkt render volume.nrrd --render-algo implicit-iso --iso 60 -o picture.png"},
           {"An AMR volume",
            "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
+          {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});
 }

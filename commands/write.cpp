@@ -15,6 +15,7 @@ namespace {
 
 class Write : public Consumer {
 public:
+    bool runs_on_gpu() const override { return true; } // it computes nothing
     void parameters(Parameters& p) override {
         // Two words are IN and OUT, one is OUT; with -o it is IN.
         p.positional("in", first_, "input: a file of any known format, a stream, or '-' (the default)").optional();

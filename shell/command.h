@@ -30,6 +30,7 @@ public:
     virtual bool verbose() const = 0;
     virtual std::string const& output() const = 0; ///< -o, "-" by default
     virtual bool force() const = 0;
+    virtual bool dry_run() const = 0;     ///< nothing is to be written
     virtual bool trust_paths() const = 0; ///< --trust-paths was given
     virtual bool window() const = 0;      ///< there is no -o but a terminal, and the consumer shows()
     /// Prints a report to standard output (or -o). The only way for a command to print.
@@ -57,12 +58,17 @@ public:
     virtual int inputs() const { return 1; }
     /// The inputs, where parameters of its own name them; never empty then.
     virtual std::vector<std::string> input_names() const { return {}; }
+    /// True if it opens what input_names() says itself.
+    virtual bool opens_inputs() const { return false; }
     /// True if `--json` has a meaning. Adds the option.
     virtual bool reports() const { return false; }
     /// True if -o names a file that this command writes itself (picture, volume file). Adds -o and --force.
     virtual bool writes() const { return false; }
     /// Suffixes that such a file may have (".png"), if not any; a name without one is always taken.
     virtual std::vector<std::string> suffixes() const { return {}; }
+    /// Throws Error{usage} for a file that the parameters do not suit, or Error{failure} for one that this build cannot
+    /// write, before anything is read.
+    virtual void check_file(std::string const& /*path*/) const {}
     /// True if without -o, on a terminal, a window shows what -o would write (see shell/viewer), and always for those
     /// that do not write.
     virtual bool shows() const { return false; }

@@ -1,4 +1,4 @@
-// Volumes made ready for drawing; PNG files with their metadata.
+// Volumes made ready for drawing; pictures with their metadata.
 // SPDX-License-Identifier: MIT
 #include "shell/pictures.h"
 
@@ -23,7 +23,7 @@ public:
     explicit PictureSource(std::unique_ptr<ByteSource> bytes) : bytes_(std::move(bytes)) {}
     bool next_volume() override {
         if (std::exchange(opened_, true)) return false;
-        for (auto const& [keyword, content] : render::read_png_texts(*bytes_))
+        for (auto const& [keyword, content] : texts())
             if (keyword == history_keyword) header_.history = parse_history(content);
         return true;
     }
@@ -35,6 +35,12 @@ public:
     void finish() override {}
 
 private:
+    /// Of a PNG without decoding it.
+    render::PictureTexts texts() {
+        if (render::is_png(bytes_->peek(8))) return render::read_png_texts(*bytes_);
+        return render::read_picture(*bytes_).texts;
+    }
+
     std::unique_ptr<ByteSource> bytes_;
     Header header_;
     bool opened_ = false;
@@ -42,7 +48,7 @@ private:
 
 } // namespace
 
-bool is_picture(ByteSource& bytes) { return render::is_png(bytes.peek(8)); }
+bool is_picture(ByteSource& bytes) { return render::is_picture_file(bytes.peek(8)); }
 
 std::unique_ptr<Source> picture_source(std::unique_ptr<ByteSource> bytes) {
     return std::make_unique<PictureSource>(std::move(bytes));
@@ -74,6 +80,40 @@ bool Volumes::next() {
     return true;
 }
 
+render::PictureTexts with_history(render::PictureTexts const& texts, std::vector<render::PictureContents> const& others,
+                                  StageInfo const& stage) {
+    std::vector<Header> headers;
+    for (render::PictureContents const& other : others) {
+        Header& header = headers.emplace_back();
+        if (std::string const known = other.text(history_keyword); !known.empty())
+            header.history = parse_history(known);
+    }
+    History const history = folded(history_step(stage, headers));
+    render::PictureTexts result{{"Software", "vkt " VKT_VERSION},
+                                {"History", history_as_shell(history)},
+                                {history_keyword, history_text(history, most_history)}};
+    for (auto const& [keyword, content] : texts)
+        if (keyword != "Software" && keyword != "History" && keyword != history_keyword)
+            result.emplace_back(keyword, content);
+    return result;
+}
+
+void write_combined(std::string const& path, render::PictureContents const& picture,
+                    render::PictureOptions const& options, Context& context) {
+    render::Background const background{{0, 0, 0}, picture.alpha ? 0.0 : 1.0};
+    render::check(options, background, path);
+    if (context.dry_run()) {
+        Header header;
+        header.dims = {picture.image.width, picture.image.height, 1};
+        header.dtype = DataType::float32;
+        return context.plan(header, path);
+    }
+    auto const bytes = render::encode_picture(picture.image, background, picture.layers, picture.texts, options);
+    OutputFile file(path, context.force());
+    file.write(bytes.data(), bytes.size());
+    file.commit();
+}
+
 void write_picture(std::string const& path, bool force, Picture const& picture, Header const& header,
                    StageInfo const& stage, Context& context) {
     render::RenderReport const& r = picture.report;
@@ -83,12 +123,12 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
                                                            {"History", history_as_shell(history)},
                                                            {history_keyword, history_text(history, most_history)}};
     for (auto& entry : render::texts_of(r, picture.goal)) texts.push_back(std::move(entry));
-    auto const png = render::to_png(picture.image, picture.background, texts);
+    auto const bytes = render::encode_picture(picture.image, picture.background, r.layers, texts, picture.options);
     auto const remarks = render::remarks_of(r, picture.goal);
     for (auto const& line : remarks) context.lossy(line);
     if (remarks.empty() && picture.goal.any()) context.note(quality);
     OutputFile file(path, force);
-    file.write(png.data(), png.size());
+    file.write(bytes.data(), bytes.size());
     file.commit();
     if (r.capped > 0) context.note(text(r.capped, " paths were cut at the bounce limit"));
     if (context.verbose()) context.note(render::report_text(r));

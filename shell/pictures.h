@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/render/cost.h"
+#include "libvkt/render/picture_file.h"
 #include "libvkt/render/render.h"
 #include "shell/command.h"
 
@@ -36,7 +37,7 @@ private:
     std::unique_ptr<render::Renderer> renderer_;
 };
 
-/// Whether the bytes begin a PNG file.
+/// Whether the bytes begin a PNG, PFM or OpenEXR file.
 bool is_picture(ByteSource& bytes);
 /// A volume without voxels that has the history in a picture that write_picture() wrote, or none. Throws Error{data}
 /// for files that are cut off or damaged.
@@ -47,10 +48,19 @@ struct Picture {
     render::RenderReport const& report;
     render::Background const& background;
     render::Goal goal;
+    render::PictureOptions options; ///< a PNG file unless it says otherwise
 };
 
-/// Writes a PNG file that says which stage drew it from a volume with this header; notes what is remarkable.
+/// Writes a file that says which stage drew it from a volume with this header; notes what is remarkable.
 void write_picture(std::string const& path, bool force, Picture const& picture, Header const& header,
                    StageInfo const& stage, Context& context);
+
+/// The texts with the history of a picture that this stage made of others.
+render::PictureTexts with_history(render::PictureTexts const& texts, std::vector<render::PictureContents> const& others,
+                                  StageInfo const& stage);
+
+/// Writes what was made of other pictures, as the options say; a dry run only tells of it.
+void write_combined(std::string const& path, render::PictureContents const& picture,
+                    render::PictureOptions const& options, Context& context);
 
 } // namespace vkt::shell

@@ -139,6 +139,7 @@ public:
     bool force() const override { return invocation_.common().force; }
     bool trust_paths() const override { return invocation_.common().trust_paths; }
     bool window() const override;
+    bool dry_run() const override;
     void print(std::string const& report) override;
     void note(std::string const& message) override;
     void plan(Header const& header, std::string const& output) override;
@@ -214,6 +215,7 @@ private:
     TimeMeter meter_;
 };
 
+bool StageContext::dry_run() const { return runner_.dry_run(); }
 bool StageContext::window() const { return runner_.window(); }
 StageInfo StageContext::stage_info() const { return runner_.stage_info(invocation_); }
 void StageContext::note(std::string const& message) { runner_.log().note(invocation_.stage(), message); }
@@ -465,6 +467,7 @@ void Runner::check_ends() {
                     text("refusing to write a binary ", volumes ? "volume" : "file", " to the terminal"),
                     "use -o FILE, or pipe it into another command, e.g. '| vkt info'");
     if (picture) check_suffix(c.output, last_.consumer()->suffixes());
+    if (picture && !window_) last_.consumer()->check_file(c.output);
     if (picture && !window_) check_output(numbered_path(c.output, 0), c.force); // drawing may take long
     Invocation const& first = stages_.front();
     bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();
@@ -587,7 +590,10 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu)
         throw Error(ErrorKind::usage, text("--device gpu: ", stage.verb().name, " does not run on a GPU"),
                     "leave the choice to vkt: --device auto");
-    auto inputs = open_inputs(stage, std::move(previous));
+    if (stage.consumer()->opens_inputs() && previous)
+        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"));
+    auto inputs = stage.consumer()->opens_inputs() ? std::vector<std::unique_ptr<Source>>{}
+                                                   : open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
     if (stage.common().explain && !inputs.empty())
         inputs.front() = std::make_unique<Announced>(std::move(inputs.front()),

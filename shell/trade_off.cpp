@@ -4,6 +4,7 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/engine/current_volume.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/difference.h"
@@ -84,25 +85,6 @@ Volume cut_out(std::unique_ptr<Source> source, Box const& box, Execution const& 
     return load(*cropped, execution);
 }
 
-/// Lends a source whose current volume is known already.
-class Current : public Source {
-public:
-    explicit Current(Source& source) : source_(source) {}
-    bool next_volume() override { return std::exchange(fresh_, false); }
-    Header const& header() const override { return source_.header(); }
-    Access access() const override { return source_.access(); }
-    void read(AnyView out) override { source_.read(out); }
-    std::optional<ConstView> borrow(Box const& region) override { return source_.borrow(region); }
-    void expect(Box const& region) override { source_.expect(region); }
-    std::int64_t natural_slab() const override { return source_.natural_slab(); }
-    void finish() override { source_.finish(); }
-    BrickSequence take_bricks() override { return source_.take_bricks(); }
-
-private:
-    Source& source_;
-    bool fresh_ = true;
-};
-
 double seconds_of(std::function<void()> const& work) {
     auto const start = std::chrono::steady_clock::now();
     work();
@@ -139,7 +121,7 @@ public:
             throw Error(ErrorKind::resources,
                         text("--roi: ", allowed.voxels(), " voxels are more than --memory allows"),
                         "name a smaller region, or leave the choice to vkt chart");
-        volume_ = cut_out(std::make_unique<Current>(source), held, execution_);
+        volume_ = cut_out(std::make_unique<CurrentVolume>(source), held, execution_);
         part_ = held;
     }
 
@@ -171,7 +153,7 @@ private:
 
     /// Of pictures and hierarchical volumes no part stands for the whole.
     void take_whole(Source& source) {
-        auto current = std::make_unique<Current>(source);
+        auto current = std::make_unique<CurrentVolume>(source);
         bool const tree = source.header().kind != Kind::structured;
         if (tree && !request_.roi.empty())
             throw Error(ErrorKind::usage, "--roi: a region of a hierarchical volume cannot be charted",

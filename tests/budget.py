@@ -130,7 +130,7 @@ tree_arguments = {
     "view": ["{f} -n"],
     "write": ["{f} - --format vkt"],
 }
-no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove"}  # pipe: its stages are the commands above
+no_volumes = {"completion", "doctor", "help", "pipe", "stress", "shm list", "shm remove", "image diff", "image join", "image mean"}  # pipe: its stages are the commands above
 grids_only = {"chart"}  # charts hold hierarchical volumes whole, as their page says
 # May be refused, before anything is held; scan for a slice of sums.
 held_whole = {"distance", "refine", "render", "scan", "slim", "view", "watershed"}

@@ -11,7 +11,7 @@ kept() { vkt doctor --calibrate >said; }
 
 @test "what this build can do" {
     vkt doctor >said
-    for name in version processor threads instructions memory GPUs reads writes hdf5 openvdb tiff gdcm; do
+    for name in version processor threads instructions memory GPUs reads writes hdf5 openvdb tiff gdcm openexr freetype; do
         grep -q "^$name  *[^ ]" said
     done
     grep -q '^reads .*nrrd' said

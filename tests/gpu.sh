@@ -21,6 +21,7 @@ result=0
 sh "$root/tests/gpu/commands.sh" "$build/vkt" || result=1
 "$build/tests/gpu/vkt_gpu_parity" || result=1
 "$build/tests/gpu/vkt_gpu_sampler" || result=1
+"$build/tests/gpu/vkt_gpu_render" || result=1
 "$build/tests/gpu/vkt_gpu_drivers_parity" || result=1
 "$build/tests/gpu/vkt_gpu_drivers_bench" || result=1
 

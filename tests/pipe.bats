@@ -91,3 +91,14 @@ EOF
     vkt pipe 'make amr --blocks 20 --levels 3 | stats --json' | cmp - <(vkt make amr --blocks 20 --levels 3 | vkt stats --json)
     fails_with 2 "'stats' yields no volume for the stage after it" vkt pipe 'read noise.nrrd | stats | flip x'
 }
+
+@test "stages after one another read the file once, also where one of them looks at slices in its own order" {
+    vkt make noise --dims 96 96 400 --dtype float32 -o in.nrrd
+    for turn in 'rotate --axis z --angle 20' 'flip z' 'rotate --axis x --angle 5'; do
+        run -0 --separate-stderr vkt pipe "read in.nrrd | filter gaussian --sigma 4 | filter median | $turn | resample --scale 0.5" \
+            --timing -o out.nrrd --force
+        # shellcheck disable=SC2154  # set by run
+        read_mib=$(tail -n 1 <<<"$stderr" | grep -o '[0-9.]* MiB' | head -n 1 | cut -d ' ' -f 1)
+        awk -v read="$read_mib" 'BEGIN { exit !(read > 14 && read < 1.6 * 14.1) }' || fail "$turn: $read_mib MiB of 14.1"
+    done
+}

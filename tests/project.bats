@@ -94,6 +94,50 @@ EOF
     done
 }
 
+@test "long lines give the same along rows as across them, zeros with their signs" {
+    for type in uint8 int16 int32 int64 float16 float32 float64; do
+        /usr/bin/python3 - $type <<'EOF'
+import sys
+import numpy as np
+rng = np.random.default_rng(5)
+name = sys.argv[1]
+a = rng.normal(0, 100, (5, 9, 203)).clip(-127, 127)
+a = (np.abs(a) if name[0] == "u" else a).astype(name)
+if a.dtype.kind == "f":
+    a[0] = rng.choice([-0.0, 0.0, -1], a[0].shape)
+    a[1] = rng.choice([-0.0, 0.0, 1], a[1].shape)
+    a[2].flat[::7] = np.nan
+    a[3, 4] = np.nan
+a.tofile("long_203x9x5_%s.raw" % name)
+EOF
+        vkt permute yzx long_203x9x5_$type.raw -o upright.vkt --force
+        for what in max min mean sum std median; do
+            project $what x long_203x9x5_$type.raw >rows.raw
+            project $what z upright.vkt >lines.raw
+            /usr/bin/python3 -W ignore - $type $what <<'EOF'
+import sys
+import numpy as np
+name, what = sys.argv[1:]
+wide = name in ("int32", "int64", "float64")
+real = "float64" if wide else "float32"
+type_ = {"mean": real, "std": real, "sum": "float64" if name[0] == "f" else "uint64" if name[0] == "u" else "int64"}.get(what, name)
+a = np.fromfile(f"long_203x9x5_{name}.raw", name).reshape(-1, 203)
+rows, lines = np.fromfile("rows.raw", type_), np.fromfile("lines.raw", type_)
+if what in ("max", "min", "median") or (what == "sum" and name[0] != "f"):
+    assert rows.tobytes() == lines.tobytes(), (name, what)
+else:
+    assert np.allclose(rows, lines, rtol=1e-14 if wide or what == "sum" else 2e-7, atol=1e-10, equal_nan=True), (name, what)
+want = getattr(np, "nan" + what)(a.astype(float), 1)
+if name[0] == "f" and what == "sum":
+    want[np.isnan(a).all(1)] = 0
+if what == "median" and name[0] != "f":
+    want = np.round(want)
+assert np.allclose(rows, want, rtol=1e-3 if name == "float16" else 1e-6, atol=1e-6, equal_nan=True), (name, what)
+EOF
+        done
+    done
+}
+
 @test "NaN is left out and counted, infinities are values" {
     for type in float16 float32 float64; do
         for axis in x y z; do

@@ -442,7 +442,7 @@ EOF
 @test "pictures are written as what their names say" {
     mkfifo silent
     exec 5<>silent
-    for name in a.jpg a.tif a.png.jpeg a.nrrd x-%d.exr; do
+    for name in a.jpg a.tif a.png.jpeg a.nrrd x-%d.exrs; do
         fails_with 2 "end the name in .png" timeout 20 vkt render silent -o $name
         fails_with 2 "end the name in .png" timeout 20 vkt render silent -o $name -n
     done

@@ -16,6 +16,8 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+#include <mutex>
 #include <new>
 #include <string>
 #include <system_error>
@@ -26,7 +28,10 @@
 
 struct vkt_volume {
     vkt::Volume volume;
-    std::string dtype, remarks{}, report{};
+    std::string dtype, remarks{};
+    mutable std::mutex reporting{};
+    mutable std::unique_ptr<vkt::Operation> reporter{}; ///< until it is asked
+    mutable std::string report{};
 };
 
 struct vkt_picture {
@@ -328,12 +333,11 @@ vkt_status vkt_apply(char const* const* words, size_t count, vkt_volume const* c
         auto const volumes = volumes_of(inputs, input_count);
         need(result, "result");
         std::string remarks;
-        std::optional<Report> report;
-        Volume volume = apply(words_of(words, count), volumes, into(remarks), &report);
-        std::string json = report ? report->json() : std::string();
+        std::unique_ptr<Operation> reporter;
+        Volume volume = apply(words_of(words, count), volumes, into(remarks), &reporter);
         *result = wrapped(std::move(volume));
         (*result)->remarks = std::move(remarks);
-        (*result)->report = std::move(json);
+        (*result)->reporter = std::move(reporter);
     });
 }
 
@@ -369,7 +373,19 @@ vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function function, 
 
 char const* vkt_remarks(vkt_volume const* volume) { return volume == nullptr ? "" : volume->remarks.c_str(); }
 
-char const* vkt_report(vkt_volume const* volume) { return volume == nullptr ? "" : volume->report.c_str(); }
+char const* vkt_report(vkt_volume const* volume) {
+    if (volume == nullptr) return "";
+    std::lock_guard const lock(volume->reporting);
+    if (volume->reporter != nullptr) {
+        LastError error = attempt([&] { volume->report = volume->reporter->report().json(); });
+        if (error.status != VKT_OK) {
+            last_error = std::move(error);
+            return "";
+        }
+        volume->reporter.reset();
+    }
+    return volume->report.c_str();
+}
 
 vkt_status vkt_measure(char const* const* words, size_t count, vkt_volume const* const* inputs, size_t input_count,
                        char** json) {

@@ -42,6 +42,20 @@ int device_current() {
     return device;
 }
 
+DeviceFacts device_facts(int device) {
+    device_select(device);
+    cudaDeviceProp properties{};
+    must(cudaGetDeviceProperties(&properties, device), "has no properties");
+    DeviceFacts facts{properties.name, properties.major, properties.minor, 0, 0, {}};
+    must(cudaMemGetInfo(&facts.free, &facts.memory), "its memory is not known");
+    for (int other = 0; other < device_count(); ++other) {
+        int reaches = 0;
+        if (other != device && cudaDeviceCanAccessPeer(&reaches, device, other) == cudaSuccess && reaches != 0)
+            facts.reaches.push_back(other);
+    }
+    return facts;
+}
+
 namespace {
 
 /// The pool of the current device, which from now on keeps what is freed; null where the driver has none.
@@ -107,6 +121,7 @@ void check_launch(char const* kernel) {
 int device_count() { return 0; }
 void device_select(int) { throw_without_cuda(); }
 int device_current() { throw_without_cuda(); }
+DeviceFacts device_facts(int) { throw_without_cuda(); }
 std::byte* device_allocate(std::size_t) { throw_without_cuda(); }
 void device_free(std::byte*, int) noexcept {}
 void copy_to_device(void*, void const*, std::size_t) { throw_without_cuda(); }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
+#include <vector>
 
 namespace vkt {
 
@@ -14,6 +16,15 @@ int device_count();
 /// Makes a device the current one of this thread. Throws Error{resources}.
 void device_select(int device);
 int device_current();
+
+struct DeviceFacts {
+    std::string name;
+    int major = 0, minor = 0;         ///< compute capability
+    std::size_t memory = 0, free = 0; ///< bytes
+    std::vector<int> reaches;         ///< other devices whose memory it can read
+};
+/// Makes the device the current one. Throws Error{resources}.
+DeviceFacts device_facts(int device);
 
 /// Device memory, 256-byte aligned; its size is rounded up to 256 bytes, so that whole words at its end may be read.
 /// It comes from the device's pool, which keeps what is freed, and both happen in the order of the default stream.

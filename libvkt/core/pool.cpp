@@ -60,10 +60,10 @@ public:
         // Held by another thread, or for ever by one that did not survive a fork(): a fresh block is as good.
         std::unique_lock const lock(mutex_, std::try_to_lock);
         if (!lock || blocks_.empty()) return nullptr;
-        // The smallest that is large enough, unless most of it would be cut off.
+        // The smallest that is large enough, unless much would be cut off, which what is asked for next would miss.
         auto best = blocks_.end();
         for (auto b = blocks_.begin(); b != blocks_.end(); ++b)
-            if (b->bytes >= size && b->bytes - size <= size / 2 && (best == blocks_.end() || b->bytes <= best->bytes))
+            if (b->bytes >= size && b->bytes - size <= size / 4 && (best == blocks_.end() || b->bytes <= best->bytes))
                 best = b;
         if (best == blocks_.end()) {
             shrink(capacity_ > size ? capacity_ - size : 0);

@@ -6,6 +6,7 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/current_volume.h"
 #include "libvkt/engine/prepared.h"
 #include "libvkt/engine/stopwatch.h"
 #include "libvkt/engine/travelled.h"
@@ -93,25 +94,6 @@ std::string input_placeholder(std::size_t i, bool explicit_word) {
     return text(std::string(1, placeholder_mark), explicit_word ? "e" : "i", static_cast<std::uint64_t>(i));
 }
 
-/// The current volume of a source that stays in other hands, as a sequence of its own.
-class OperationSource::Current : public Source {
-public:
-    explicit Current(Source& source) : source_(source) {}
-    bool next_volume() override { return !std::exchange(begun_, true); }
-    Header const& header() const override { return source_.header(); }
-    Access access() const override { return source_.access(); }
-    void read(AnyView out) override { source_.read(out); }
-    std::optional<ConstView> borrow(Box const& region) override { return source_.borrow(region); }
-    void expect(Box const& region) override { source_.expect(region); }
-    std::int64_t natural_slab() const override { return source_.natural_slab(); }
-    Space space() const override { return source_.space(); }
-    void finish() override { source_.finish(); }
-
-private:
-    Source& source_;
-    bool begun_ = false;
-};
-
 bool OperationSource::Input::next_volume() {
     spool_.reset();
     preparing_.reset();
@@ -160,7 +142,7 @@ void OperationSource::Input::prepare(Operation& by, Execution const& execution, 
     quiet.label = info.label;
     quiet.times = info.times;
     std::vector<std::unique_ptr<Source>> inputs;
-    inputs.push_back(std::make_unique<Current>(*source_));
+    inputs.push_back(std::make_unique<CurrentVolume>(*source_));
     preparing_ = attach(std::move(inputs), by, execution, std::move(quiet));
     preparing_->next_volume();
     prepared_ = preparing_->header();
@@ -203,6 +185,7 @@ void OperationSource::plan_volume() {
     work_ = {};
     result_.reset();
     done_y_ = done_z_ = 0;
+    ahead_box_ = {};
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
@@ -215,6 +198,7 @@ void OperationSource::plan_volume() {
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
     settle_error(headers, false);
     if (info_.on_plan) info_.on_plan(plan_, headers);
+    expected_end_ = plan_.output.dims.z;
     if (plan_.output.dry_run) return;
     if (plan_.output.kind == Kind::hierarchical) {
         if (inputs_.empty()) { // bricks are made when they are asked for
@@ -390,6 +374,7 @@ std::int64_t OperationSource::natural_slab() const {
 }
 
 void OperationSource::expect(Box const& region) {
+    expected_end_ = region.upper.z;
     if (inputs_used_up_ || region.empty() || plan_.access == Access::random || work_.jumps)
         return; // jumps cannot be read ahead
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
@@ -438,10 +423,14 @@ void OperationSource::read(AnyView out) {
     if (work_.bands && !result_) compute_bands();
     if (result_) return result_->read(out);
     if (plan_.carries) return run_in_order(out);
+    if (execution_.device == Device::gpu && out.space == Space::host) return run_on_gpu(out);
+    compute(out);
+}
+
+void OperationSource::compute(AnyView out) {
     // Large requests (a consumer that wants the whole volume) are still worked in pieces, so windows stay small.
     std::int64_t const height = work_.cut.slices;
-    bool const down =
-        plan_.access == Access::random; // keeps the ascending order of the input for flips as for all others
+    bool const down = descends(out.box);
     std::int64_t const count = (out.dims().z + height - 1) / height;
     for (std::int64_t i = 0; i < count; ++i) {
         std::int64_t const z = out.box.lower.z + (down ? count - 1 - i : i) * height;
@@ -450,6 +439,37 @@ void OperationSource::read(AnyView out) {
         slab.upper.z = std::min(z + height, out.box.upper.z);
         for_each_piece(slab, {slab.upper.z, work_.cut.rows}, [&](Box const& box) { run_in_pieces(out.part(box)); });
     }
+}
+
+/// Consumers on the host ask for slabs that suit their caches; the GPU computes larger ones, of which these are copied.
+void OperationSource::run_on_gpu(AnyView out) {
+    Index3 const n = plan_.output.dims;
+    bool const slabs = out.box.lower.x == 0 && out.box.lower.y == 0 && out.box.upper.x == n.x && out.box.upper.y == n.y;
+    bool const follows = out.box.lower.z == 0 || out.box.lower.z == ahead_box_.upper.z || ahead_box_.contains(out.box);
+    if (!slabs || !follows || inputs_.empty() || descends(box_of(n))) return compute(out);
+    for (std::int64_t z = out.box.lower.z; z < out.box.upper.z;) {
+        if (z < ahead_box_.lower.z || z >= ahead_box_.upper.z) {
+            std::int64_t const end = std::min(std::max(expected_end_, out.box.upper.z), n.z);
+            ahead_box_ = {{0, 0, z}, {n.x, n.y, std::min(z + work_.cut.slices, end)}};
+            ahead_.reserve(static_cast<std::size_t>(ahead_box_.voxels()) * size_of(out.type));
+            compute(dense_view(ahead_.write(Space::device), out.type, ahead_box_, Space::device));
+        }
+        Box part = out.box;
+        part.lower.z = z;
+        part.upper.z = z = std::min(out.box.upper.z, ahead_box_.upper.z);
+        ConstView const made = dense_view(ahead_.read(Space::device), out.type, ahead_box_, Space::device);
+        copy_region(made.part(part), out.part(part), execution_);
+    }
+}
+
+/// True if slices further up are made of slices of the first input further down, as in flips: these are computed from
+/// above, so that the input's slices are asked for in ascending order always. Stages before may keep what came last.
+bool OperationSource::descends(Box const& region) const {
+    if (plan_.access != Access::random || inputs_.empty()) return false;
+    Box first = region, last = region;
+    first.upper.z = first.lower.z + 1;
+    last.lower.z = last.upper.z - 1;
+    return operation_.footprint(first, 0).lower.z > operation_.footprint(last, 0).lower.z;
 }
 
 /// Computes all rows from the next one to the last that is asked for.

@@ -31,8 +31,6 @@ public:
     void finish() override;
 
 private:
-    class Current;
-
     /// An input as the operation sees it: the source itself, or a spool of its current volume.
     class Input : public Source {
     public:
@@ -75,8 +73,11 @@ private:
     void plan_tree(std::vector<Header> const& headers);
     void make_tree();
     void scan();
+    void compute(AnyView out);
     void run_in_pieces(AnyView out);
     void run_in_order(AnyView out);
+    bool descends(Box const& region) const;
+    void run_on_gpu(AnyView out);
     void run(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
     double share_of_memory() const { return static_cast<double>(requested_.memory) / 4; }
@@ -94,6 +95,9 @@ private:
     WorkPlan work_;
     std::unique_ptr<Spool> result_;        ///< if it is computed in bands
     Buffer staging_, passed_;              ///< …, and what nobody asked for but what follows needs
+    Buffer ahead_;                         ///< on the GPU: what was computed there, of which some was asked for
+    Box ahead_box_;                        ///< …, empty if there is none
+    std::int64_t expected_end_ = 0;        ///< no slices are asked for from there on
     std::int64_t done_y_ = 0, done_z_ = 0; ///< if run() keeps what came before: the row that it computes next
     bool generated_ = false;               ///< a source operation yields exactly one volume
 };

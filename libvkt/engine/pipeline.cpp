@@ -55,6 +55,9 @@ private:
     bool begun_ = false;
 };
 
+/// Multiply-adds a voxel up to which memory is what slows an operation down.
+constexpr double bound_by_memory = 4;
+
 /// All passes that a reduction wants.
 void scan_passes(Source& source, Operation& reduction, Execution const& execution, StageTimes* times) {
     do scan_volume(source, reduction, execution, times);
@@ -137,8 +140,19 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
 }
 
 Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info) {
-    constexpr double bound_by_memory = 4; // multiply-adds a voxel
     if (info.among_processes && plan.cost <= bound_by_memory) execution.threads = share_of_threads(execution.threads);
+    return execution;
+}
+
+Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs) {
+    bool const hierarchical =
+        std::ranges::any_of(inputs, [](Header const& header) { return header.kind == Kind::hierarchical; });
+    if (execution.slab > 0 || execution.device == Device::gpu || inputs.empty() || hierarchical) return execution;
+    // There is no way through the caches to keep to, and slabs that stay in them cost twice: threads that meet after
+    // every one, and stores that read what they overwrite.
+    Plan const plan = operation.plan(inputs);
+    bool const streams = plan.cost <= bound_by_memory && !plan.scans && !plan.carries && !plan.whole;
+    if (streams && plan.output.kind == Kind::structured) execution.slab = plan.output.dims.z;
     return execution;
 }
 
@@ -221,7 +235,8 @@ std::unique_ptr<Source> volume_source(std::vector<Volume> volumes) {
 Volume apply(Operation& operation, std::vector<Volume> const& inputs, Execution const& execution) {
     keep_blocks(execution.memory);
     auto sources = collect(inputs, [](Volume const& input) { return volume_source({input}); });
-    auto const result = attach(std::move(sources), operation, execution, {});
+    auto const headers = collect(inputs, [](Volume const& input) { return input.header(); });
+    auto const result = attach(std::move(sources), operation, on_whole_volumes(execution, operation, headers), {});
     result->next_volume();
     return load(*result, execution);
 }

@@ -102,6 +102,7 @@ struct Prepared {
     std::unique_ptr<Operation> operation;
     StageInfo info;
     Execution execution;
+    std::vector<Header> headers;
     std::vector<std::unique_ptr<Source>> sources;
 };
 
@@ -138,6 +139,7 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
     prepared.info.words = history_words(name, own, names, inputs_are_parameters);
     prepared.info.input_names.assign(inputs.size(), "-");
     prepared.info.listener = listener;
+    prepared.headers = collect(order, [&](std::size_t i) { return inputs[i].header(); });
     prepared.sources = collect(order, [&](std::size_t i) { return volume_source({inputs[i]}); });
     prepared.execution = options.execution();
     keep_blocks(prepared.execution.memory);
@@ -147,15 +149,19 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
 } // namespace
 
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener,
-             std::optional<Report>* report) {
+             std::unique_ptr<Operation>* reporter) {
     Prepared prepared = prepare(std::move(words), inputs, listener);
     if (prepared.operation->shape() == Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
-    if (report != nullptr) prepared.info.on_report = [report](Report const& found) { *report = found; };
-    auto const result =
-        attach(std::move(prepared.sources), *prepared.operation, prepared.execution, std::move(prepared.info));
-    result->next_volume();
-    return load(*result, prepared.execution);
+    Volume volume;
+    {
+        Execution const whole = on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers);
+        auto const result = attach(std::move(prepared.sources), *prepared.operation, whole, std::move(prepared.info));
+        result->next_volume();
+        volume = load(*result, prepared.execution);
+    }
+    if (reporter != nullptr && prepared.operation->reports()) *reporter = std::move(prepared.operation);
+    return volume;
 }
 
 std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,

@@ -6,7 +6,6 @@
 #include "libvkt/engine/pipeline.h"
 
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,10 +23,11 @@ std::vector<std::string> history_words(std::string_view name, Parameters const& 
 
 /// Applies the operation that the words of a command line name, {"filter", "gaussian", "--sigma", "2"}, to volumes in
 /// memory. "-" stands for the next volume where the operation takes it as an argument, {"arith", "sub", "-", "-"}, and
-/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener, what
-/// the operation reports into `report`. Throws Error{usage} for operations that make no volume.
+/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener; an
+/// operation that has a report is handed over through `reporter`, since writing it down may take longer than the work.
+/// Throws Error{usage} for operations that make no volume.
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener = {},
-             std::optional<Report>* report = nullptr);
+             std::unique_ptr<Operation>* reporter = nullptr);
 
 /// The same of operations that make no volume but report: stats, diff, info. One report for each volume that was
 /// measured. What the command prints as text alone is a report of one field, "text".

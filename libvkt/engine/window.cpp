@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/window.h"
 
+#include "libvkt/engine/cut.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -111,10 +112,18 @@ void Window::read_part(Source& source, Box const& part, Index3 target, Execution
             source.read(to);
         return;
     }
-    staging_.reserve(to.bytes());
-    AnyView const staged = dense_view(staging_.write(source.space()), rule_.type, part, source.space());
-    source.read(staged);
-    copy_region(staged, to, execution);
+    // To a GPU, or from one, in pieces that stay in the caches on their way: those that a source hands out.
+    Header piece;
+    piece.dims = part.dims();
+    piece.dtype = rule_.type;
+    for_each_piece(part, cut_of(piece, source.natural_slab(), execution), [&](Box const& box) {
+        if (auto const lent = source.borrow(box)) return copy_region(*lent, to.part(box), execution);
+        AnyView const small = to.part(box);
+        staging_.reserve(small.bytes());
+        AnyView const staged = dense_view(staging_.write(source.space()), rule_.type, box, source.space());
+        source.read(staged);
+        copy_region(staged, small, execution);
+    });
 }
 
 /// Slices of the window that lie below or above the volume and were not kept.

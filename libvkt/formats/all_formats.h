@@ -9,6 +9,7 @@ namespace vkt {
 Format amrex_format();
 Format analyze_format();
 Format dicom_format();
+Format exr_format();
 Format flash_format();
 Format hdf5_format();
 Format metaimage_format();
@@ -17,6 +18,7 @@ Format nifti_format();
 Format npz_format();
 Format nrrd_format();
 Format numpy_format();
+Format pfm_format();
 Format pgm_format();
 Format png_format();
 Format raw_format();

@@ -26,6 +26,8 @@ constexpr Signature signatures[] = {
     {0, "\xff\xd8\xff"sv, "a JPEG picture"},
     {0, "GIF8"sv, "a GIF picture"},
     {0, "v/1\x01"sv, "an OpenEXR picture"},
+    {0, "PF\n"sv, "a PFM picture"},
+    {0, "Pf\n"sv, "a PFM picture"},
     {0, "\x89HDF\r\n\x1a\n"sv, "an HDF5 file"},
     {0, "CDF\x01"sv, "a NetCDF file"},
     {0, "CDF\x02"sv, "a NetCDF file"},

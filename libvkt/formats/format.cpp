@@ -181,11 +181,11 @@ bool holds_slices(std::string const& name, std::string const& format) {
 std::string format_name(ByteSource& bytes, ReadOptions const& options) { return format_of(bytes, options).name; }
 
 std::vector<Format> const& formats() {
-    static std::vector<Format> const list{nrrd_format(),    metaimage_format(), raw_format(),   nifti_format(),
-                                          analyze_format(), mrc_format(),       numpy_format(), npz_format(),
-                                          flash_format(),   vdb_format(),       amrex_format(), segment_format(),
-                                          tiff_format(),    vti_format(),       vtk_format(),   zarr_format(),
-                                          dicom_format(),   hdf5_format(),      png_format(),   pgm_format()};
+    static std::vector<Format> const list{
+        nrrd_format(),  metaimage_format(), raw_format(),   nifti_format(), analyze_format(), mrc_format(),
+        numpy_format(), npz_format(),       flash_format(), vdb_format(),   amrex_format(),   segment_format(),
+        tiff_format(),  vti_format(),       vtk_format(),   zarr_format(),  dicom_format(),   hdf5_format(),
+        png_format(),   pgm_format(),       pfm_format(),   exr_format()};
     return list;
 }
 

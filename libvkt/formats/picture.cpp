@@ -1,15 +1,21 @@
-// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits. PGM is only written.
+// Pictures of a single slice, a pixel a voxel: PNG and PGM, grey, 8 or 16 bits; PFM and OpenEXR, floats. PNG is read,
+// too.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/exr.h"
+#include "libvkt/formats/pfm.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/kernel/rows.h"
 
 #include <png.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -32,10 +38,7 @@ public:
         if (header.dims.z != 1)
             throw Error(ErrorKind::usage, text("a ", name_, " file holds one slice, the volume has ", header.dims.z),
                         "all of them: -o slice%04d.png; one of them: vkt slice");
-        if (header.dtype != DataType::uint8 && header.dtype != DataType::uint16)
-            throw Error(
-                ErrorKind::usage, text("a ", name_, " file holds uint8 or uint16, not ", header.dtype),
-                "map values to 256 levels: --range LO:HI of 'vkt slice', or vkt convert --dtype uint8 --range p1:p99");
+        check_type(header.dtype);
         if (std::exchange(begun_, true))
             throw Error(ErrorKind::usage, text("the input holds several volumes, a ", name_, " file holds one"),
                         "give a place for the number: -o slice-%04d.png");
@@ -43,7 +46,7 @@ public:
             throw Error(ErrorKind::usage, text("a picture of ", header.dims.x, " by ", header.dims.y,
                                                " pixels is too large for ", name_));
         row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
-        begin_picture(header.dims, header.dtype == DataType::uint16);
+        begin_picture(header.dims, header.dtype);
     }
     /// Pieces of a slice are whole rows.
     void write(std::byte const* voxels, std::size_t n) override {
@@ -52,16 +55,23 @@ public:
     void close() override { file_.commit(); }
 
 protected:
-    virtual void begin_picture(Index3 dims, bool wide) = 0;
+    /// Throws Error{usage} for types that the format does not hold.
+    virtual void check_type(DataType type) const {
+        if (type != DataType::uint8 && type != DataType::uint16)
+            throw Error(
+                ErrorKind::usage, text("a ", name_, " file holds uint8 or uint16, not ", type),
+                "map values to 256 levels: --range LO:HI of 'vkt slice', or vkt convert --dtype uint8 --range p1:p99");
+    }
+    virtual void begin_picture(Index3 dims, DataType type) = 0;
     virtual void put_row(std::byte const* pixels) = 0;
 
     OutputFile file_;
     std::size_t row_ = 0; ///< bytes
+    char const* name_;
 
 private:
     static constexpr std::int64_t most_pixels = 1000000; // what libpng and most readers allow
 
-    char const* name_;
     bool begun_ = false;
 };
 
@@ -70,9 +80,9 @@ public:
     PgmWriter(std::string const& path, WriteOptions const& options) : PictureWriter(path, options, "PGM") {}
 
 protected:
-    void begin_picture(Index3 dims, bool wide) override {
-        wide_ = wide;
-        std::string const head = text("P5\n", dims.x, " ", dims.y, "\n", wide ? 65535 : 255, "\n");
+    void begin_picture(Index3 dims, DataType type) override {
+        wide_ = type == DataType::uint16;
+        std::string const head = text("P5\n", dims.x, " ", dims.y, "\n", wide_ ? 65535 : 255, "\n");
         file_.write(head.data(), head.size());
     }
     void put_row(std::byte const* pixels) override {
@@ -104,7 +114,8 @@ public:
     void end() override { png_write_end(png_, info_); }
 
 protected:
-    void begin_picture(Index3 dims, bool wide) override {
+    void begin_picture(Index3 dims, DataType type) override {
+        bool const wide = type == DataType::uint16;
         png_set_write_fn(png_, &file_, put, flush);
         png_set_IHDR(png_, info_, static_cast<png_uint_32>(dims.x), static_cast<png_uint_32>(dims.y), wide ? 16 : 8,
                      PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
@@ -270,6 +281,70 @@ std::unique_ptr<Source> open_png(std::unique_ptr<ByteSource> bytes, ReadOptions 
     return std::make_unique<PngSource>(std::move(bytes), options);
 }
 
+/// Holds the slice until it is whole: both formats have what comes last first, rows or a table.
+class FloatWriter : public PictureWriter {
+public:
+    using PictureWriter::PictureWriter;
+    void end() override {
+        std::vector<std::byte> const bytes = encoded();
+        file_.write(bytes.data(), bytes.size());
+    }
+
+protected:
+    virtual std::vector<std::byte> encoded() = 0;
+    void check_type(DataType type) const override {
+        constexpr DataType exact[] = {DataType::uint8, DataType::int8,    DataType::uint16,
+                                      DataType::int16, DataType::float16, DataType::float32};
+        if (std::find(std::begin(exact), std::end(exact), type) == std::end(exact))
+            throw Error(ErrorKind::usage, text("a ", name_, " file holds what float32 can, not ", type),
+                        "vkt convert --dtype float32 rounds");
+    }
+    void begin_picture(Index3 dims, DataType type) override {
+        width_ = static_cast<int>(dims.x), height_ = static_cast<int>(dims.y);
+        type_ = type;
+        values_.reserve(static_cast<std::size_t>(dims.x * dims.y));
+    }
+    void put_row(std::byte const* pixels) override {
+        double piece[baseline::row_piece];
+        for (std::int64_t i = 0; i < width_; i += baseline::row_piece) {
+            std::int64_t const n = std::min(baseline::row_piece, width_ - i);
+            baseline::load_row(type_, pixels + static_cast<std::size_t>(i) * size_of(type_), piece, n);
+            for (std::int64_t k = 0; k < n; ++k) values_.push_back(static_cast<float>(piece[k]));
+        }
+    }
+
+    int width_ = 0, height_ = 0;
+    DataType type_ = DataType::float32;
+    std::vector<float> values_;
+};
+
+class PfmWriter : public FloatWriter {
+public:
+    PfmWriter(std::string const& path, WriteOptions const& options) : FloatWriter(path, options, "PFM") {}
+
+protected:
+    std::vector<std::byte> encoded() override { return pfm_bytes({width_, height_, 1, std::move(values_)}); }
+};
+
+class ExrWriter : public FloatWriter {
+public:
+    ExrWriter(std::string const& path, WriteOptions const& options)
+        : FloatWriter(path, options, "OpenEXR"), what_(text(path, ": writing OpenEXR")) {
+        require_exr(what_);
+    }
+
+protected:
+    std::vector<std::byte> encoded() override {
+        FloatPicture picture;
+        picture.width = width_, picture.height = height_;
+        picture.planes.push_back({"Y", std::move(values_), type_ == DataType::float16});
+        return exr_bytes(picture, what_);
+    }
+
+private:
+    std::string what_;
+};
+
 template <class Writer> std::unique_ptr<Sink> create(std::string const& path, WriteOptions const& options) {
     return slab_sink(std::make_unique<Writer>(path, options));
 }
@@ -285,6 +360,16 @@ Format png_format() {
 
 Format pgm_format() {
     return {"pgm", "a slice as a grey picture, written only", {".pgm"}, nullptr, nullptr, create<PgmWriter>, false,
+            true};
+}
+
+Format pfm_format() {
+    return {"pfm", "a slice as a picture of floats, written only", {".pfm"}, nullptr, nullptr, create<PfmWriter>, false,
+            true};
+}
+
+Format exr_format() {
+    return {"exr", "a slice as an OpenEXR picture, written only", {".exr"}, nullptr, nullptr, create<ExrWriter>, false,
             true};
 }
 

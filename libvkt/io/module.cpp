@@ -30,6 +30,12 @@ extern "C" vkt::ModuleExport const vkt_module_gdcm;
 #ifdef VKT_HAVE_BLOSC
 extern "C" vkt::ModuleExport const vkt_module_blosc;
 #endif
+#ifdef VKT_HAVE_OPENEXR
+extern "C" vkt::ModuleExport const vkt_module_openexr;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+extern "C" vkt::ModuleExport const vkt_module_freetype;
+#endif
 #endif
 
 namespace vkt {
@@ -98,6 +104,12 @@ bool built([[maybe_unused]] std::string_view name) {
 #ifdef VKT_HAVE_BLOSC
     if (name == "blosc") return true;
 #endif
+#ifdef VKT_HAVE_OPENEXR
+    if (name == "openexr") return true;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+    if (name == "freetype") return true;
+#endif
 #ifdef VKT_HAVE_WINDOW
     if (name == "window") return true;
 #endif
@@ -143,6 +155,12 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
 #endif
 #ifdef VKT_HAVE_BLOSC
     if (name == "blosc") module = &vkt_module_blosc;
+#endif
+#ifdef VKT_HAVE_OPENEXR
+    if (name == "openexr") module = &vkt_module_openexr;
+#endif
+#ifdef VKT_HAVE_FREETYPE
+    if (name == "freetype") module = &vkt_module_freetype;
 #endif
 #endif
     rlimit space{};

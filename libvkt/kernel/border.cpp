@@ -3,9 +3,11 @@
 #include "libvkt/kernel/border.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/numeric.h"
 
 #include <cstring>
+#include <vector>
 
 namespace vkt {
 
@@ -29,11 +31,24 @@ struct HostFill {
     VoxelBytes voxel;
     std::size_t size;
 
-    void columns(std::int64_t y, std::int64_t z, std::int64_t x0, std::int64_t x1) const {
-        for (std::int64_t x = x0; x < x1; ++x) {
+    /// Voxels of a row beside `inside`, from those that `sources` tells.
+    template <class U> void columns(U* row, U border, std::vector<std::int64_t> const& sources) const {
+        std::int64_t const left = inside.lower.x - window.box.lower.x, right = inside.upper.x - window.box.lower.x;
+        auto const fill = [&](std::int64_t x, std::int64_t source) { row[x] = source < 0 ? border : row[source]; };
+        for (std::int64_t x = 0; x < left; ++x) fill(x, sources[static_cast<std::size_t>(x)]);
+        for (std::int64_t x = right; x < window.dims().x; ++x)
+            fill(x, sources[static_cast<std::size_t>(x - right + left)]);
+    }
+    /// Where in a row of the window the voxels beside `inside` come from, -1 for the border.
+    std::vector<std::int64_t> sources() const {
+        std::vector<std::int64_t> result;
+        auto const add = [&](std::int64_t x) {
             std::int64_t const from = fold(x, dims.x, boundary);
-            std::memcpy(window.at(x, y, z), from < 0 ? voxel.data() : window.at(from, y, z), size);
-        }
+            result.push_back(from < 0 ? -1 : from - window.box.lower.x);
+        };
+        for (std::int64_t x = window.box.lower.x; x < inside.lower.x; ++x) add(x);
+        for (std::int64_t x = inside.upper.x; x < window.box.upper.x; ++x) add(x);
+        return result;
     }
 
     void row(std::int64_t y, std::int64_t z) const {
@@ -58,18 +73,32 @@ struct HostFill {
         }
     }
 
-    void run() const {
+    /// Rows of a slice from others of it; then slices from others.
+    void run(Execution const& execution) const {
         Box const& w = window.box;
-        for (std::int64_t z = inside.lower.z; z < inside.upper.z && !inside.empty(); ++z) {
-            for (std::int64_t y = inside.lower.y; y < inside.upper.y; ++y) {
-                columns(y, z, w.lower.x, inside.lower.x);
-                columns(y, z, inside.upper.x, w.upper.x);
-            }
-            for (std::int64_t y = w.lower.y; y < inside.lower.y; ++y) row(y, z);
-            for (std::int64_t y = inside.upper.y; y < w.upper.y; ++y) row(y, z);
+        if (!inside.empty()) {
+            std::vector<std::int64_t> const from = sources();
+            in_slices(execution, inside.lower.z, inside.upper.z, [&](std::int64_t z) {
+                baseline::for_each_size(size, [&]<class U>(U border) {
+                    std::memcpy(&border, voxel.data(), sizeof border);
+                    for (std::int64_t y = inside.lower.y; y < inside.upper.y; ++y)
+                        columns(reinterpret_cast<U*>(window.at(w.lower.x, y, z)), border, from);
+                });
+                for (std::int64_t y = w.lower.y; y < inside.lower.y; ++y) row(y, z);
+                for (std::int64_t y = inside.upper.y; y < w.upper.y; ++y) row(y, z);
+            });
         }
-        for (std::int64_t z = w.lower.z; z < w.upper.z; ++z)
+        in_slices(execution, w.lower.z, w.upper.z, [&](std::int64_t z) {
             if (inside.empty() || z < inside.lower.z || z >= inside.upper.z) slice(z);
+        });
+    }
+
+    template <class F>
+    void in_slices(Execution const& execution, std::int64_t first, std::int64_t last, F const& f) const {
+        int const threads = baseline::threads_for(execution, window.box.voxels());
+        baseline::for_each_item(threads, last - first, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t z = first + begin; z < first + end; ++z) f(z);
+        });
     }
 };
 
@@ -82,18 +111,22 @@ template <class T> void gather(std::byte const* from, std::int64_t step, std::by
 } // namespace
 
 void fill_border(AnyView window, Box const& inside, Index3 volume_dims, Boundary boundary, double border_value,
-                 Execution const&) {
+                 Execution const& execution) {
 #ifdef VKT_CUDA
     if (window.space == Space::device)
         return fill_border_on_device(window, inside, volume_dims, boundary, border_value);
 #endif
     HostFill const fill{
         window, inside, volume_dims, boundary, baseline::voxel_bytes(window.type, border_value), size_of(window.type)};
-    fill.run();
+    fill.run(execution);
 }
 
-void copy_region(ConstView from, AnyView to, Execution const&) {
-    if (from.space == Space::host && to.space == Space::host) return copy(from, to);
+void copy_region(ConstView from, AnyView to, Execution const& execution) {
+    if (from.space == Space::host && to.space == Space::host) {
+        bool const alike = from.type == to.type && from.dims() == to.dims();
+        if (!alike || baseline::threads_for(execution, to.box.voxels()) == 1) return copy(from, to);
+        return baseline::copy_box(execution, from, to);
+    }
 #ifdef VKT_CUDA
     copy_region_on_device(from, to);
 #else

@@ -131,6 +131,14 @@ private:
 
 inline bool is_large(AnyView out) { return out.bytes() >= stream_threshold; }
 
+/// Voxels of a row worked on at a time. On the way around the caches a processor looks far enough ahead to read the
+/// next piece while it writes this one, if both are short: 1024 floats at a time took half as long again as 256.
+template <class... In> std::int64_t piece_for(AnyView out, In const&... in) {
+    if (!is_large(out)) return row_piece;
+    std::size_t const largest = std::max({size_of(out.type), size_of(in.type)...});
+    return std::max<std::int64_t>(row_piece / 4, row_piece / static_cast<std::int64_t>(largest));
+}
+
 // The functor arrives by value: its copy's address never escapes, so that stores through `out` cannot alias what it
 // captured, and the loop vectorises.
 template <class R, class F, class... In> void apply(std::int64_t n, R* out, F const f, In const*... in) {
@@ -169,14 +177,15 @@ template <class C, bool At, class F, std::size_t... k, class... In>
 void map_rows(Execution const& execution, AnyView out, Losses& losses, F const& f, std::index_sequence<k...>,
               In const&... in) {
     using Result = typename ResultOf<At, C, F, In...>::type;
+    std::int64_t const piece = At ? row_piece : piece_for(out, in...);
     bool const stream = is_large(out), one_row = !At && dense(out.box, out, in...) && !out.box.empty();
     for_each_segment(
         execution, one_row ? as_one_row(out.box) : out.box,
         [&](std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t n) {
             [[maybe_unused]] alignas(64) C buffer[sizeof...(In) + 1][row_piece]; // one more, lest there is none
             Losses mine;
-            for (std::int64_t begin = x; begin < x + n; begin += row_piece) {
-                std::int64_t const m = std::min(row_piece, x + n - begin);
+            for (std::int64_t begin = x; begin < x + n; begin += piece) {
+                std::int64_t const m = std::min(piece, x + n - begin);
                 RowResult<Result> result(out, out.at(begin, y, z), stream);
                 auto const compute = [&](auto const*... values) -> Result const* {
                     if constexpr (requires { F::is_identity; })

@@ -10,16 +10,18 @@ namespace vkt::VKT_BACKEND {
 namespace driver {
 
 /// A voxel as C, or its key where C is an integer.
+template <class C, class T> __device__ __forceinline__ C neighbour_of(T const* from) {
+    if constexpr (std::is_floating_point_v<C>)
+        return as_compute<C>(*from);
+    else if constexpr (sizeof(T) == sizeof(C))
+        return to_key<T>(*reinterpret_cast<C const*>(from));
+    else
+        return C{};
+}
 template <class C> __device__ __forceinline__ C load_neighbour(DataType type, std::byte const* from) {
-    if constexpr (std::is_floating_point_v<C>) {
-        return load_value<C>(type, from);
-    } else {
-        C key{};
-        with_type(type, [&]<class T>(T) {
-            if constexpr (sizeof(T) == sizeof(C)) key = to_key<T>(*reinterpret_cast<C const*>(from));
-        });
-        return key;
-    }
+    C value{};
+    with_type(type, [&]<class T>(T) { value = neighbour_of<C, T>(reinterpret_cast<T const*>(from)); });
+    return value;
 }
 template <class C>
 __device__ __forceinline__ void store_result(DataType type, std::byte* to, C value, LossCounts& counts) {
@@ -67,15 +69,19 @@ __global__ void __launch_bounds__(tile_x* tile_y)
     std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % tiles.across) * tile_x;
     std::int64_t const y0 = static_cast<std::int64_t>(blockIdx.x / tiles.across % tiles.along) * tile_y;
     std::int64_t const z0 = static_cast<std::int64_t>(blockIdx.x / tiles.across / tiles.along) * tiles.deep;
-    int const thread = static_cast<int>(threadIdx.y * tile_x + threadIdx.x);
     int const deep = static_cast<int>(dims.z - z0 < tiles.deep ? dims.z - z0 : tiles.deep);
-    for (int i = thread; i < slice * (deep + 2 * tiles.rz); i += tile_x * tile_y) {
-        int const k = i / slice, j = i % slice / wide, x = i % wide;
-        // The last blocks reach beyond: neighbours that no voxel of theirs has need not be read.
-        std::int64_t const gx = x0 + x - tiles.rx, gy = y0 + j - tiles.ry;
-        if (gx < dims.x + tiles.rx && gy < dims.y + tiles.ry)
-            values[i] = load_neighbour<C>(in.type, in.at(gx, gy, z0 + k - tiles.rz));
-    }
+    // A warp a row. The last blocks reach beyond: neighbours that no voxel of theirs has need not be read.
+    int const right = static_cast<int>(dims.x - x0 < tile_x ? dims.x - x0 : tile_x) + 2 * tiles.rx;
+    with_type(in.type, [&]<class T>(T) {
+        for (int row = static_cast<int>(threadIdx.y); row < high * (deep + 2 * tiles.rz); row += tile_y) {
+            int const k = row / high, j = row - k * high;
+            std::int64_t const gy = y0 + j - tiles.ry;
+            if (gy >= dims.y + tiles.ry) continue;
+            auto const* const from = reinterpret_cast<T const*>(in.at(x0 - tiles.rx, gy, z0 + k - tiles.rz));
+            for (int x = static_cast<int>(threadIdx.x); x < right; x += tile_x)
+                values[row * wide + x] = neighbour_of<C, T>(from + x);
+        }
+    });
     __syncthreads();
     LossCounts counts;
     std::int64_t const x = x0 + threadIdx.x, y = y0 + threadIdx.y;
@@ -91,14 +97,28 @@ __global__ void __launch_bounds__(tile_x* tile_y)
 
 } // namespace driver
 
+namespace driver {
+
+inline constexpr std::int64_t shared_memory = 200 << 10, comfortable_memory = 48 << 10;
+
+/// Bytes of one slice of a block's neighbourhood.
+template <class C> std::int64_t plane_bytes(Index3 radius) {
+    return (tile_x + 2 * radius.x) * (tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
+}
+/// True if neighbourhoods of this radius fit into shared memory.
+template <class C> bool fits_stencil(Index3 radius) {
+    return plane_bytes<C>(radius) * (2 * radius.z + 1) <= shared_memory;
+}
+
+} // namespace driver
+
 template <class C, class F>
 void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
     if (out.box.empty()) return;
     Index3 const n = out.dims();
-    std::int64_t const plane =
-        (driver::tile_x + 2 * radius.x) * (driver::tile_y + 2 * radius.y) * static_cast<std::int64_t>(sizeof(C));
-    constexpr std::int64_t shared = 200 << 10, comfortable = 48 << 10;
-    std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : shared;
+    std::int64_t const plane = driver::plane_bytes<C>(radius);
+    constexpr std::int64_t comfortable = driver::comfortable_memory;
+    std::int64_t const room = plane * (2 * radius.z + 4) <= comfortable ? comfortable : driver::shared_memory;
     std::int64_t const deep = std::min<std::int64_t>(8, room / plane - 2 * radius.z);
     if (deep < 1)
         throw Error(ErrorKind::resources, "neighbourhoods of this radius do not fit into the GPU's shared memory",

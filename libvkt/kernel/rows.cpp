@@ -37,8 +37,8 @@ template <class T, class C> Losses store_any(C const* from, T* to, std::int64_t 
 /// Of the integers that fit into 16 bits.
 template <class T> constexpr bool is_small = std::is_integral_v<T> && sizeof(T) <= 2;
 
-/// Whole numbers nearest to floats, halves to even: what is no number or beyond an integer becomes the least one, which
-/// is outside of T. So whole numbers tell which voxels are lost.
+/// Whole numbers nearest to floats or doubles, halves to even: what is no number or beyond an integer becomes the least
+/// one, which is outside of T. So whole numbers tell which voxels are lost.
 #if defined(__AVX512F__)
 
 struct Whole {
@@ -46,6 +46,11 @@ struct Whole {
     __m512i v;
 
     static Whole of(float const* from) { return {_mm512_cvtps_epi32(_mm512_loadu_ps(from))}; }
+    static Whole of(double const* from) {
+        __m256i const low = _mm512_cvtpd_epi32(_mm512_loadu_pd(from)),
+                      high = _mm512_cvtpd_epi32(_mm512_loadu_pd(from + 8));
+        return {_mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1)};
+    }
     static Whole of(std::int32_t value) { return {_mm512_set1_epi32(value)}; }
     Whole operator|(Whole other) const { return {_mm512_or_si512(v, other.v)}; }
     Whole operator+(Whole other) const { return {_mm512_add_epi32(v, other.v)}; }
@@ -79,6 +84,11 @@ struct Whole {
     __m256i v;
 
     static Whole of(float const* from) { return {_mm256_cvtps_epi32(_mm256_loadu_ps(from))}; }
+    static Whole of(double const* from) {
+        __m128i const low = _mm256_cvtpd_epi32(_mm256_loadu_pd(from)),
+                      high = _mm256_cvtpd_epi32(_mm256_loadu_pd(from + 4));
+        return {_mm256_set_m128i(high, low)};
+    }
     static Whole of(std::int32_t value) { return {_mm256_set1_epi32(value)}; }
     Whole operator|(Whole other) const { return {_mm256_or_si256(v, other.v)}; }
     Whole operator+(Whole other) const { return {_mm256_add_epi32(v, other.v)}; }
@@ -123,8 +133,8 @@ template <class T> void load_small(T const* from, float* to, std::int64_t n) {
     for (; i < n; ++i) to[i] = static_cast<float>(from[i]);
 }
 
-/// Stores whole steps of the n floats, and says whether all of them were in range; if not, some of them are wrong.
-template <class T> bool store_in_range(float const* from, T* to, std::int64_t n) {
+/// Stores whole steps of the n values, and says whether all of them were in range; if not, some of them are wrong.
+template <class T, class C> bool store_in_range(C const* from, T* to, std::int64_t n) {
     // Of a signed type, the least becomes 0: what is outside has bits above those of T either way.
     constexpr std::int32_t outside = ~static_cast<std::int32_t>(std::numeric_limits<std::make_unsigned_t<T>>::max());
     Whole const offset = Whole::of(-static_cast<std::int32_t>(std::numeric_limits<T>::lowest()));
@@ -141,23 +151,23 @@ template <class T> bool store_in_range(float const* from, T* to, std::int64_t n)
     return !seen.any(outside);
 }
 
-template <class T> Losses store_small(float const* from, T* to, std::int64_t n) {
+template <class T, class C> Losses store_small(C const* from, T* to, std::int64_t n) {
     std::int64_t const steps = n / step * step;
     Losses losses;
     if (!store_in_range(from, to, steps)) { // once more, limited and counted
-        constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
-        alignas(64) float limited[row_piece];
+        constexpr C lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
+        alignas(64) C limited[row_piece];
         std::int32_t clipped = 0, nan = 0;
 #pragma omp simd reduction(+ : clipped, nan)
         for (std::int32_t i = 0; i < static_cast<std::int32_t>(steps); ++i) {
-            float v = from[i];
+            C v = from[i];
             clipped += is_clipped<T>(v) ? 1 : 0;
             nan += v != v ? 1 : 0;
-            v = v == v ? v : 0.0F;
+            v = v == v ? v : C(0);
             v = v > lowest ? v : lowest;
             limited[i] = v < highest ? v : highest;
         }
-        store_in_range(static_cast<float const*>(limited), to, steps);
+        store_in_range(static_cast<C const*>(limited), to, steps);
         losses = {clipped, nan};
     }
     if (steps < n) losses += store_any(from + steps, to + steps, n - steps);
@@ -191,7 +201,7 @@ template <class C> Losses store_row(DataType type, C const* from, std::byte* to,
         if constexpr (std::is_same_v<T, C>)
             std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(C));
 #if defined(__AVX2__)
-        else if constexpr (is_small<T> && std::is_same_v<C, float>)
+        else if constexpr (is_small<T> && std::is_floating_point_v<C>)
             losses = store_small(from, out, n);
 #endif
         else

@@ -234,7 +234,7 @@ void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execut
         window.upper[a] = std::max(window.upper[a], needed.upper[a]);
     }
     window_.reserve(static_cast<std::size_t>(window.voxels()) * size_of(type_));
-    AnyView const filled = dense_view(window_.write(Space::host), type_, window);
+    AnyView const filled = dense_view(window_.write(execution.space()), type_, window, execution.space());
     copy_region(in.part(box_), filled.part(whole), execution);
     fill_border(filled, whole, region_dims_, boundary_->boundary, 0, execution);
     onto_->run(ConstView(filled).part(needed), to, losses_, execution);

@@ -243,8 +243,8 @@ void Arithmetic::choose_values(std::vector<Header const*> const& headers, Header
     algorithm_ = Algorithm::in_double;
     if (stored && integers_ && wide && whole)
         algorithm_ = Algorithm::in_integers;
-    else if (stored && small && !is_function(op))
-        algorithm_ = Algorithm::in_float;
+    else if (stored && small && (!is_function(op) || (op == ArithmeticOp::sqrt && type_ == DataType::float32)))
+        algorithm_ = Algorithm::in_float; // a root in float64, rounded to float32, is the same: 53 >= 2 * 24 + 2 digits
     settles_ = false;
     if (n != 2 || !stored || algorithm_ == Algorithm::in_integers || is_function(op) || is_logic(op)) return;
     auto const of = [&](std::size_t i) {
@@ -290,7 +290,7 @@ Plan Arithmetic::plan(std::span<Header const> inputs) {
     if (settles_) plan.method += ", exact where that would round twice";
     if (algorithm_ == Algorithm::in_integers) plan.cost = 8;
     if (is_function(op)) {
-        plan.cost = 20;
+        plan.cost = op == ArithmeticOp::sqrt ? 4 : 20;
         plan.error.kind = ErrorBound::Kind::estimate;
         plan.error.magnitude = 4 * 0x1p-53 + storing_error(type_);
     } else if (!(maps_ == std::array<ValueMap, 3>{}) && !is_predicate(op)) { // a few roundings, unless values cancel

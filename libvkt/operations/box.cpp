@@ -66,7 +66,7 @@ void BoxMean::prepare(Header const& in, Plan& plan) {
     plan.method = text("windows of sums, ", edges.x, "x", edges.y, "x", edges.z,
                        box_sum_bytes(type_, reach_) == 4 ? ", int32" : ", float64");
     plan.cost = 2 * std::log2(static_cast<double>(edges.x)) + 8;
-    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(8, 8 * reach_.z);
     bool const whole = is_integer(type_);
     if (whole && size_of(type_) < 8 && count_of(reach_) * (highest_of(type_) - lowest_of(type_)) < 0x1p53) return;
     plan.error.kind = ErrorBound::Kind::bound;

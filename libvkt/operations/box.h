@@ -17,6 +17,7 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
 
 protected:
     void prepare(Header const& in, Plan& plan) override;

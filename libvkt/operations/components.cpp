@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::int64_t rows_at_once = 16; ///< their bits stay in the first cache
 
-std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t i) {
+std::uint32_t root_of(LargeVector<std::uint32_t>& parent, std::uint32_t i) {
     while (parent[i] != i) {
         parent[i] = parent[parent[i]];
         i = parent[i];
@@ -24,7 +24,7 @@ std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t i) {
 }
 
 /// The smaller root wins: roots are first in x-fastest order.
-void unite(std::vector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) {
+void unite(LargeVector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) {
     if (parent[a] == parent[b]) return;
     a = root_of(parent, a);
     b = root_of(parent, b);
@@ -234,7 +234,7 @@ void Components::join_rows(Runs const& runs, std::int64_t row, std::int64_t leas
 void Components::join_within(ConstView rows, Chunk& chunk) const {
     Runs& runs = chunk.runs;
     std::size_t const count = runs.edges.size() / 2;
-    std::vector<std::uint32_t>& parent = chunk.parent;
+    LargeVector<std::uint32_t>& parent = chunk.parent;
     parent.resize(count);
     for (std::size_t i = 0; i < count; ++i) parent[i] = static_cast<std::uint32_t>(i);
     std::int64_t const first = runs.first_row, last = first + runs.rows();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/execution.h"
+#include "libvkt/core/large_vector.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/bits.h"
 
@@ -44,7 +45,7 @@ public:
     /// All rows have come: components are numbered from 0.
     void end();
 
-    std::vector<Component> const& found() const { return components_; }
+    LargeVector<Component> const& found() const { return components_; }
     /// Gives every component a name, which for_each_row() tells. Once, after end().
     void rename(std::vector<std::uint32_t> const& names, int threads);
 
@@ -56,9 +57,9 @@ public:
 private:
     /// Runs of neighbouring rows, and how they are joined.
     struct Runs {
-        std::vector<std::int32_t> edges;      ///< first and beyond the last voxel, of all runs
-        std::vector<std::uint64_t> values;    ///< of runs, if they matter
-        std::vector<std::uint32_t> component; ///< provisional, of runs
+        LargeVector<std::int32_t> edges;      ///< first and beyond the last voxel, of all runs
+        LargeVector<std::uint64_t> values;    ///< of runs, if they matter
+        LargeVector<std::uint32_t> component; ///< provisional, of runs
         std::vector<std::size_t> begin;       ///< first run of each row, and one beyond the last
         std::int64_t first_row = 0;           ///< in x-fastest order
 
@@ -70,8 +71,8 @@ private:
     };
     struct Chunk {
         Runs runs;
-        std::vector<std::uint32_t> parent;
-        std::vector<Component> components;
+        LargeVector<std::uint32_t> parent;
+        LargeVector<Component> components;
         std::vector<std::uint64_t> bits;
         std::vector<std::int32_t> row; ///< edges
     };
@@ -91,9 +92,9 @@ private:
     Rules rules_;
     Runs kept_;                         ///< the rows that the next ones may touch
     VoxelBytes last_voxel_{};           ///< of the rows so far
-    std::vector<std::uint32_t> parent_; ///< of provisional components
-    std::vector<Component> components_;
-    std::vector<std::uint32_t> run_names_; ///< of all runs of the volume
+    LargeVector<std::uint32_t> parent_; ///< of provisional components
+    LargeVector<Component> components_;
+    LargeVector<std::uint32_t> run_names_; ///< of all runs of the volume
     std::vector<std::uint32_t> row_begin_; ///< first run of each row, from that of its slice on
     std::vector<std::uint64_t> slice_begin_;
     std::vector<Chunk> chunks_;

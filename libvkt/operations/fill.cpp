@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/tree.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/beside.h"
 #include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/remarks.h"
 
@@ -57,7 +58,8 @@ void Fill::enter_level(Index3 cell_width, Index3 first) {
 
 void Fill::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = whole_ ? out.box : intersect(out.box, box_);
-    if (!(inside == out.box)) copy_region(inputs[0].part(out.box), out, execution);
+    for_each_beside(out.box, inside,
+                    [&](Box const& box) { copy_region(inputs[0].part(box), out.part(box), execution); });
     filled_ += inside.voxels();
     if (!inside.empty()) fill_box(out.part(inside), voxel_bytes(type_, stored_), execution);
 }

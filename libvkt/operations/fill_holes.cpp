@@ -76,7 +76,7 @@ void FillHoles::scan(ConstView slab, Execution const& execution) {
 
 void FillHoles::scan_end() {
     components_.end();
-    std::vector<Components::Component> const& all = components_.found();
+    LargeVector<Components::Component> const& all = components_.found();
     std::vector<std::uint32_t> names(all.size(), 0);
     Index3 const n = input_.dims;
     for (std::size_t i = 0; i < all.size(); ++i) {

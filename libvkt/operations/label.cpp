@@ -94,7 +94,7 @@ void Label::scan(ConstView whole_rows, Execution const& execution) {
 }
 
 void Label::choose() {
-    std::vector<Components::Component> const& all = components_.found();
+    LargeVector<Components::Component> const& all = components_.found();
     for (std::size_t i = 0; i < all.size(); ++i)
         if (all[i].size >= static_cast<std::uint64_t>(min_size)) labelled_.push_back(static_cast<std::uint32_t>(i));
     if (keep_largest && static_cast<std::uint64_t>(*keep_largest) < labelled_.size()) {
@@ -140,7 +140,7 @@ std::vector<Remark> Label::remarks() const {
 
 Report Label::report() const {
     Report result;
-    std::vector<Components::Component> const& all = components_.found();
+    LargeVector<Components::Component> const& all = components_.found();
     result.add("components", static_cast<std::int64_t>(all.size()));
     result.add("labelled", static_cast<std::int64_t>(labelled_.size()));
     std::vector<Report> rows;

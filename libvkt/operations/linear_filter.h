@@ -19,6 +19,7 @@ public:
     void parameters(Parameters& parameters) override;
     std::vector<Knob> knobs() const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
 
 protected:
     /// The filter for physical values, in world units where lengths matter: fills sum_ or, if it stays empty, dense_.

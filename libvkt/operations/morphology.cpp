@@ -78,7 +78,7 @@ void Morphology::prepare(Header const& in, Plan& plan) {
                             ? std::log2(n(r.x)) + 6
                             : std::numbers::pi / 4 * n(r.y) * n(r.z) + 2 * static_cast<double>(r.x);
     plan.cost = once * (twice() || op_ == MorphologyOp::gradient ? 2 : 1);
-    plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
+    plan.slab_hint = std::max<std::int64_t>(8, (shape_ == WindowShape::box ? 8 : 4) * reach_.z);
     plan.method = shape_ == WindowShape::box ? text("windows, ", 2 * r.x + 1, "x", 2 * r.y + 1, "x", 2 * r.z + 1)
                                              : text("chords of a ball, radius ", r.x, ",", r.y, ",", r.z);
     auto values = values_read(in, plan);
@@ -113,9 +113,9 @@ void Morphology::filter(ConstView in, AnyView out, Execution const& execution) {
         else
             extreme_of_balls(from, to, r, extreme, execution);
     };
-    auto const between = [&](std::vector<std::byte>& bytes, Box const& box) {
-        bytes.resize(static_cast<std::size_t>(box.voxels()) * size_of(type_));
-        return dense_view(bytes.data(), type_, box);
+    auto const between = [&](Buffer& bytes, Box const& box) {
+        bytes.reserve(static_cast<std::size_t>(box.voxels()) * size_of(type_));
+        return dense_view(bytes.write(execution.space()), type_, box, execution.space());
     };
     // The greater minus the less, whichever is which in stored values.
     auto const subtract = [&](ConstView greater, ConstView less) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/operations/local_filter.h"
 
 #include <vector>
@@ -36,6 +37,7 @@ public:
     void parameters(Parameters& parameters) override;
     void check() const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
 
 protected:
     void prepare(Header const& in, Plan& plan) override;
@@ -50,7 +52,7 @@ private:
     WindowShape shape_ = WindowShape::ball;
     DataType type_ = DataType::uint8;
     bool reversed_ = false; ///< a negative slope
-    std::vector<std::byte> first_, second_;
+    Buffer first_, second_;
 };
 
 } // namespace vkt

@@ -35,6 +35,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 private:

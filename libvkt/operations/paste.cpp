@@ -4,6 +4,7 @@
 
 #include "libvkt/core/frame.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/operations/beside.h"
 #include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/kernels/paste.h"
 #include "libvkt/operations/remarks.h"
@@ -83,7 +84,8 @@ Box Paste::footprint(Box const& output, int input) const {
 
 void Paste::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     Box const inside = intersect(out.box, box_);
-    if (!(inside == out.box)) copy_region(inputs[1].part(out.box), out, execution);
+    for_each_beside(out.box, inside,
+                    [&](Box const& box) { copy_region(inputs[1].part(box), out.part(box), execution); });
     if (inside.empty()) return;
     AnyView const to = out.part(inside);
     ConstView const from = inputs[0].part(footprint(inside, 0)).moved_to(inside.lower);

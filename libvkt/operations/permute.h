@@ -27,6 +27,7 @@ public:
     Box footprint(Box const& output, int input) const override;
     std::optional<BrickSequence> move_bricks(BrickSequence input, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
 
 private:
     void turn_towards_body(Header const& in);

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/project.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <limits>
 
 namespace vkt {
@@ -63,7 +65,10 @@ void ProjectionState::allocate() {
 }
 
 std::size_t median_line_bytes(DataType type, std::int64_t n) {
-    return 64 * static_cast<std::size_t>(n) * size_of(type);
+    // 32 lines of keys, which also count the voxels of a line.
+    std::size_t const key =
+        n <= std::numeric_limits<std::uint16_t>::max() ? std::max<std::size_t>(2, size_of(type)) : 8;
+    return 32 * static_cast<std::size_t>(n) * key;
 }
 
 } // namespace vkt

@@ -79,7 +79,7 @@ public:
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    bool runs_on_gpu() const override { return algorithm_ != Algorithm::convert && !onto_; }
+    bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 private:

@@ -435,7 +435,8 @@ void Onto::run_spline(ConstView in, AnyView out, Losses& losses, Execution const
         return affine_sample(in.moved_to(in.box.lower - margin), out, sampling_, losses, outside_, execution);
     }
     coefficients_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(spline_.type));
-    AnyView const coefficients = dense_view(coefficients_.write(Space::host), spline_.type, box);
+    AnyView const coefficients =
+        dense_view(coefficients_.write(execution.space()), spline_.type, box, execution.space());
     spline_coefficients(spline_, filter_weights_, from_, in, coefficients, wider_, execution);
     affine_sample(coefficients, out, sampling_, losses, outside_, execution);
 }
@@ -456,7 +457,7 @@ ConstView Onto::with_axes_in_order(ConstView in, Execution const& execution) {
         box.upper[a] = in.box.upper[placement_.axis[static_cast<std::size_t>(a)]];
     }
     ordered_.reserve(in.bytes());
-    AnyView const ordered = dense_view(ordered_.write(Space::host), in.type, box);
+    AnyView const ordered = dense_view(ordered_.write(execution.space()), in.type, box, execution.space());
     permute_box(in, ordered, placement_.axis, {}, execution);
     return ordered;
 }
@@ -482,7 +483,7 @@ void Onto::run_aligned(ConstView in, AnyView out, Losses& losses, Execution cons
         if (algorithm_ == Algorithm::copy) return copy_region(same, to, execution);
         return convert_values(same, to, losses, execution);
     }
-    WeightedSum sum = weighted_sum(tables_, in.type, Space::host);
+    WeightedSum sum = weighted_sum(tables_, in.type, execution.space());
     if (algorithm_ == Algorithm::nearest) return resample_nearest(from, to, sum, execution);
     sum.border = values_.border;
     sum.scale = values_.scale;

@@ -45,7 +45,7 @@ void spline_coefficients(SplineRule const& rule, std::vector<double> const& weig
     filter.border = rule.border;
     if (held == out.box) return bspline_coefficients(in, out, out.box, source, filter, execution);
     scratch.reserve(static_cast<std::size_t>(held.voxels()) * size_of(rule.type));
-    AnyView const wider = dense_view(scratch.write(Space::host), rule.type, held);
+    AnyView const wider = dense_view(scratch.write(execution.space()), rule.type, held, execution.space());
     bspline_coefficients(in, wider, out.box, source, filter, execution);
     copy_region(ConstView(wider).part(out.box), out, execution);
 }

@@ -33,6 +33,7 @@ public:
     Box footprint(Box const& output, int input) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
 
 private:
     Box at_margin(Box const& output) const;

@@ -72,9 +72,35 @@ std::vector<unsigned char> to_bytes(Image const& image, Background const& backgr
     return bytes;
 }
 
+std::array<float, 4> over(float const* pixel, Background const& background) {
+    auto const alpha = static_cast<float>(background.alpha);
+    auto const linear = [&](double v) { return pixel[3] * alpha * static_cast<float>(srgb_to_linear(v)); };
+    return {pixel[0] + linear(background.color.red), pixel[1] + linear(background.color.green),
+            pixel[2] + linear(background.color.blue), 1 - pixel[3] * (1 - alpha)};
+}
+
+std::vector<unsigned char> to_wide_bytes(Image const& image, Background const& background) {
+    bool const opaque = background.alpha >= 1;
+    std::vector<unsigned char> bytes;
+    bytes.reserve(image.pixels.size() * (opaque ? 6 : 8) / 4);
+    auto const put = [&](double share) {
+        auto const level = static_cast<unsigned>(std::lround(65535 * std::clamp(share, 0.0, 1.0)));
+        bytes.push_back(static_cast<unsigned char>(level >> 8));
+        bytes.push_back(static_cast<unsigned char>(level & 255));
+    };
+    for (std::size_t i = 0; i < image.pixels.size(); i += 4) {
+        std::array<float, 4> const light = over(image.pixels.data() + i, background);
+        for (std::size_t c = 0; c < 3; ++c)
+            put(linear_to_srgb(opaque ? light[c] : light[3] > 0 ? light[c] / light[3] : 0.0F));
+        if (!opaque) put(light[3]);
+    }
+    return bytes;
+}
+
 std::vector<std::byte> to_png(Image const& image, Background const& background,
-                              std::vector<std::pair<std::string, std::string>> const& texts) {
-    std::vector<unsigned char> const bytes = to_bytes(image, background);
+                              std::vector<std::pair<std::string, std::string>> const& texts, int depth) {
+    std::vector<unsigned char> const bytes =
+        depth == 16 ? to_wide_bytes(image, background) : to_bytes(image, background);
     bool const opaque = background.alpha >= 1;
     std::vector<std::byte> out;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, fail, ignore);
@@ -83,7 +109,7 @@ std::vector<std::byte> to_png(Image const& image, Background const& background,
     try {
         if (info == nullptr) throw Error(ErrorKind::resources, "no memory for the PNG encoder");
         png_set_write_fn(png, &out, append, nullptr);
-        png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
+        png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), depth,
                      opaque ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE,
                      PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
         png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);

@@ -5,6 +5,7 @@
 #include "libvkt/io/byte_source.h"
 #include "libvkt/render/colormap.h"
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -24,6 +25,12 @@ struct Image {
     }
 };
 
+/// Floats beside the colours, a plane each, under the name that OpenEXR has for it: "Z", "normal.X".
+struct Layer {
+    std::string name;
+    std::vector<float> values; ///< width * height
+};
+
 /// What shows where nothing else does. sRGB; alpha 0 keeps the picture transparent.
 struct Background {
     Color color{0.07, 0.075, 0.09};
@@ -34,9 +41,16 @@ struct Background {
 /// laid behind in linear light; rounding is to nearest.
 std::vector<unsigned char> to_bytes(Image const& image, Background const& background);
 
-/// A PNG file (sRGB chunk, given text chunks as keyword and text). The same picture gives the same bytes.
+/// The same in 16 bits, the most significant byte first.
+std::vector<unsigned char> to_wide_bytes(Image const& image, Background const& background);
+
+/// Light over the background: linear red, green, blue, premultiplied, and alpha.
+std::array<float, 4> over(float const* pixel, Background const& background);
+
+/// A PNG file (sRGB chunk, given text chunks as keyword and text) of 8 or 16 bits a channel. The same picture gives the
+/// same bytes.
 std::vector<std::byte> to_png(Image const& image, Background const& background,
-                              std::vector<std::pair<std::string, std::string>> const& texts);
+                              std::vector<std::pair<std::string, std::string>> const& texts, int depth = 8);
 
 /// Whether these bytes begin a PNG file.
 bool is_png(std::span<std::byte const> head);

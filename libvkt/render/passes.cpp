@@ -15,7 +15,6 @@ namespace vkt::render {
 
 namespace {
 
-constexpr int tile_side = 16;
 constexpr int pilot_paths = 16;
 
 /// Linear light, over the background, as display levels; the fourth is alpha, of pictures that keep it.
@@ -115,11 +114,13 @@ struct PathTile {
     std::int64_t pixels() const { return std::int64_t{tile.x1 - tile.x0} * (tile.y1 - tile.y0); }
 };
 
-std::vector<PathTile> tiles_of(int width, int height, int wanted, int side = tile_side) {
+/// Those of the part that is drawn.
+std::vector<PathTile> tiles_of(Drawing const& drawing, int width, int wanted, int side = tile_side) {
     std::vector<PathTile> tiles;
-    for (int y = 0; y < height; y += side)
+    int const last = drawing.last_row;
+    for (int y = drawing.first_row; y < last; y += side)
         for (int x = 0; x < width; x += side)
-            tiles.push_back({{x, y, std::min(x + side, width), std::min(y + side, height)}, wanted, 0});
+            tiles.push_back({{x, y, std::min(x + side, width), std::min(y + side, last)}, wanted, 0});
     return tiles;
 }
 
@@ -164,16 +165,43 @@ double half_difference(PathTile const& t, std::int64_t width, std::vector<double
     return sum / static_cast<double>(t.pixels());
 }
 
+/// `noise` is what was asked for, 0 if nothing was.
+Quality quality_of(std::vector<PathTile> const& tiles, std::int64_t width, std::vector<double> const& light,
+                   std::vector<double> const& odd, Levels const& levels, double noise) {
+    Quality q;
+    double pixels = 0, known = 0, paths = 0, undrawn = 0, sum = 0;
+    for (PathTile const& t : tiles) {
+        auto const n = static_cast<double>(t.pixels());
+        pixels += n;
+        paths += n * t.done;
+        if (t.done == 0) undrawn += n;
+        if (t.done < 2) continue;
+        double const squared = half_difference(t, width, light, odd, levels);
+        known += n;
+        sum += n * squared;
+        q.worst = std::max(q.worst, std::sqrt(squared));
+        // The estimate of a single tile is uncertain itself.
+        if (noise > 0 && std::sqrt(squared) > 1.25 * noise) ++q.above;
+    }
+    if (known > 0) q.error = std::sqrt(sum / known);
+    q.rays = paths / pixels;
+    q.undrawn = undrawn / pixels;
+    return q;
+}
+
 class Paths {
 public:
     Paths(Drawing const& drawing, Image& image, Counters& total)
         : drawing_(drawing), image_(image), crew_(drawing, total), levels_(drawing.background),
-          tiles_(tiles_of(image.width, image.height, drawing.scene.samples)), light_(image.pixels.size()),
+          tiles_(tiles_of(drawing, image.width, drawing.scene.samples)), light_(image.pixels.size()),
           odd_(image.pixels.size()) {}
 
     Quality draw() {
         SceneView scene = drawing_.scene;
-        scene.sums = {light_.data(), odd_.data(), nullptr, {}};
+        if (drawing_.variance != nullptr) squares_.resize(light_.size());
+        scene.sums = {light_.data(), odd_.data(), squares_.empty() ? nullptr : squares_.data(), {}};
+        for (std::size_t c = 0; c < 3; ++c)
+            scene.sums.behind[c] = static_cast<float>(levels_.behind(c) * drawing_.background.alpha);
         // The first pass is one path everywhere, so that whatever ends it finds a picture.
         advance(scene, tiles_, 1, image_.pixels.data(), true, 0, 0);
         if (drawing_.goal.noise > 0) plan();
@@ -192,6 +220,7 @@ public:
             finished += pass;
             if ((target & (target - 1)) == 0) crew_.set_error(quality().error);
         }
+        if (drawing_.variance != nullptr) tell_variance(scene, *drawing_.variance);
         return quality();
     }
 
@@ -213,10 +242,27 @@ private:
                    });
     }
 
+    void tell_variance(SceneView const& scene, std::vector<float>& variance) const {
+        std::size_t const count = light_.size() / 4;
+        variance.assign(3 * count, 0);
+        for (PathTile const& t : tiles_) {
+            double const n = t.done;
+            if (t.done < 2) continue;
+            each_pixel(t.tile, image_.width, [&](std::size_t i) {
+                for (std::size_t c = 0; c < 3; ++c) {
+                    double const mean =
+                        (light_[4 * i + c] + light_[4 * i + 3] * static_cast<double>(scene.sums.behind[c])) / n;
+                    double const spread = std::max(0.0, squares_[4 * i + c] / n - mean * mean);
+                    variance[c * count + i] = static_cast<float>(spread / (n - 1));
+                }
+            });
+        }
+    }
+
     void plan() {
         std::vector<double> light(light_.size()), squares(light_.size());
         std::vector<float> pixels(image_.pixels.size());
-        std::vector<PathTile> pilots = tiles_of(image_.width, image_.height, drawing_.scene.samples);
+        std::vector<PathTile> pilots = tiles_of(drawing_, image_.width, drawing_.scene.samples);
         SceneView scene = drawing_.scene;
         scene.seed ^= 0x9e3779b97f4a7c15U; // other paths than those of the picture
         scene.sums = {light.data(), nullptr, squares.data(), {}};
@@ -236,25 +282,8 @@ private:
     }
 
     Quality quality() const {
-        Quality q;
+        Quality q = quality_of(tiles_, image_.width, light_, odd_, levels_, drawing_.goal.noise);
         q.stopped = crew_.stopped(), q.late = crew_.late();
-        double pixels = 0, known = 0, paths = 0, undrawn = 0, sum = 0;
-        for (PathTile const& t : tiles_) {
-            auto const n = static_cast<double>(t.pixels());
-            pixels += n;
-            paths += n * t.done;
-            if (t.done == 0) undrawn += n;
-            if (t.done < 2) continue;
-            double const squared = half_difference(t, image_.width, light_, odd_, levels_);
-            known += n;
-            sum += n * squared;
-            q.worst = std::max(q.worst, std::sqrt(squared));
-            // The estimate of a single tile is uncertain itself.
-            if (drawing_.goal.noise > 0 && std::sqrt(squared) > 1.25 * drawing_.goal.noise) ++q.above;
-        }
-        if (known > 0) q.error = std::sqrt(sum / known);
-        q.rays = paths / pixels;
-        q.undrawn = undrawn / pixels;
         return q;
     }
 
@@ -263,7 +292,7 @@ private:
     Crew crew_;
     Levels levels_;
     std::vector<PathTile> tiles_;
-    std::vector<double> light_, odd_;
+    std::vector<double> light_, odd_, squares_;
 };
 
 class Adaptive {
@@ -427,7 +456,7 @@ private:
 Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     // Many paths make a tile long; a small one hears sooner that it is to stop.
     bool const paths = drawing.scene.samples > 1024;
-    std::vector<PathTile> tiles = tiles_of(image.width, image.height, 1, paths ? tile_side / 8 : tile_side);
+    std::vector<PathTile> tiles = tiles_of(drawing, image.width, 1, paths ? tile_side / 8 : tile_side);
     Crew crew(drawing, total);
     std::int64_t drawn = 0;
     crew.work(static_cast<std::int64_t>(tiles.size()), true, 0, 1, [&](std::int64_t i, Counters& counters) {
@@ -438,8 +467,16 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total) {
     for (PathTile const& t : tiles) drawn += t.done * t.pixels();
     Quality q;
     q.stopped = crew.stopped();
-    q.undrawn = 1 - static_cast<double>(drawn) / (static_cast<double>(image.width) * image.height);
+    q.undrawn =
+        1 - static_cast<double>(drawn) / (static_cast<double>(image.width) * (drawing.last_row - drawing.first_row));
     return q;
+}
+
+Quality quality_of_paths(Drawing const& drawing, int width, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd) {
+    std::vector<PathTile> tiles = tiles_of(drawing, width, paths);
+    for (PathTile& t : tiles) t.done = paths;
+    return quality_of(tiles, width, light, odd, Levels(drawing.background), 0);
 }
 
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total) {

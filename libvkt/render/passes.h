@@ -8,9 +8,12 @@
 
 #include <chrono>
 #include <functional>
+#include <vector>
 
 namespace vkt::render {
 
+/// Edge of a tile, in pixels.
+inline constexpr int tile_side = 16;
 /// Most paths per pixel where --noise or --time decide, and most rays of a pixel with --tolerance.
 inline constexpr int most_paths = 1 << 20, most_rays = 1024;
 
@@ -23,7 +26,11 @@ struct Drawing {
     Background background; ///< over which errors are measured
     Goal goal;
     Watch watch;
+    int first_row = 0, last_row = 0; ///< the part that is drawn, [first, last): whole tiles, but for the last one
     int threads = 1;
+    /// Of paths: if not null, three planes of the variance of each pixel's mean, over the background; 0 where one path
+    /// is all there is.
+    std::vector<float>* variance = nullptr;
     std::chrono::steady_clock::time_point start;
 };
 
@@ -38,6 +45,10 @@ Quality draw_once(Drawing const& drawing, Image& image, Counters& total);
 /// Techniques for Image Synthesis, 1991): the number does not depend on the light that is averaged, so that stopping
 /// adds no bias. The error that is reported is estimated from the difference of the paths of odd and of even number.
 Quality draw_paths(Drawing const& drawing, Image& image, Counters& total);
+
+/// What is known of a picture of so many paths in every pixel, by the sums of all of them and of those of odd number.
+Quality quality_of_paths(Drawing const& drawing, int width, int paths, std::vector<double> const& light,
+                         std::vector<double> const& odd);
 
 /// Rays until the error of each pixel is estimated to be below the tolerance.
 ///

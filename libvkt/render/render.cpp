@@ -3,8 +3,10 @@
 #include "libvkt/render/render.h"
 
 #include "libvkt/amr/cells.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/device.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/passes.h"
 
@@ -174,7 +176,17 @@ struct Renderer::Cache {
     std::mutex mutex;
     std::shared_ptr<Prepared const> last;
     std::int64_t made = 0;
+    std::mutex drawing; ///< of who draws with the copies
+    std::unique_ptr<DeviceCopies> copies;
 };
+
+PartRows rows_of_part(RenderSettings const& s) {
+    std::int64_t const strips = (s.height + tile_side - 1) / tile_side;
+    auto const row = [&](int parts) {
+        return static_cast<int>(std::min<std::int64_t>(s.height, strips * parts / s.parts * tile_side));
+    };
+    return {row(s.part - 1), row(s.part)};
+}
 
 void check(RenderSettings const& s) {
     auto const fits = [](int n) { return n >= 1 && n <= largest_image; };
@@ -190,6 +202,12 @@ void check(RenderSettings const& s) {
     auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
     if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
         refuse("errors to stop at and seconds must be positive");
+    if (s.parts < 1 || s.part < 1 || s.part > s.parts) refuse(text("there is no part ", s.part, " of ", s.parts));
+    if (int const strips = (s.height + tile_side - 1) / tile_side; s.parts > strips)
+        refuse(text("a picture of ", s.height, " rows has at most ", strips, " parts, of ", tile_side, " rows each"));
+    if (s.parts > 1 && (s.goal.tolerance > 0 || s.goal.seconds > 0))
+        refuse("with --tolerance or --time pixels of all parts have to do with each other",
+               "--noise and --step do not have that");
     if (s.bounces < 1) refuse("the number of bounces must be at least 1");
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
@@ -354,6 +372,26 @@ std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vec
     return lines;
 }
 
+bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
+    if (execution_.device == Device::automatic) {
+        // Getting hold of a GPU takes as long as a picture, unless that takes many paths.
+        constexpr double worth_it = 2e8;
+        double const paths = static_cast<double>(settings.samples) * settings.width * settings.height;
+        bool const heavy = settings.algorithm == Algorithm::multi_scattering && paths > worth_it;
+        return heavy && !tree_ && !refines && gpu_count() > 0;
+    }
+    if (execution_.device != Device::gpu) return false;
+    if (!tree_ && !refines) return true;
+    if (execution_.only_gpu)
+        throw Error(
+            ErrorKind::usage,
+            tree_ ? "--device gpu: hierarchical volumes are not drawn on a GPU"
+                  : "--device gpu: pictures with --noise, --time or --tolerance, and layers, are not drawn on a GPU",
+            tree_ ? "leave the choice to vkt: --device auto"
+                  : "give --spp, write no .exr, or leave the choice to vkt: --device auto");
+    return false;
+}
+
 SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const {
     SceneView scene{};
     Geometry const& g = header_.geometry;
@@ -419,6 +457,46 @@ Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Wa
     return draw(settings, report, watch, nullptr, true);
 }
 
+std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integrator) const {
+    std::vector<Layer> layers;
+    int const width = static_cast<int>(drawing.scene.frame.width),
+              height = static_cast<int>(drawing.scene.frame.height);
+    std::size_t const count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    auto const drawn = [&](Integrator what) {
+        Image image{width, height, std::vector<float>(4 * count)};
+        Drawing one = drawing;
+        one.draw = [this, what, width, tiles = tile_function(execution_.instructions)](
+                       SceneView const& view, Tile tile, float* pixels, Counters& counters) {
+            tiles(view, lattice_.view, what, tile, pixels, width, counters);
+        };
+        one.scene.samples = 1;
+        Counters counters;
+        draw_once(one, image, counters);
+        return image;
+    };
+    auto const add = [&](char const* name, Image const& from, std::size_t channel) {
+        layers.push_back({name, std::vector<float>(count)});
+        for (std::size_t i = 0; i < count; ++i) layers.back().values[i] = from.pixels[4 * i + channel];
+    };
+    if (integrator == Integrator::iso) {
+        Image const place = drawn(Integrator::place), albedo = drawn(Integrator::albedo);
+        add("Z", place, 3);
+        add("normal.X", place, 0), add("normal.Y", place, 1), add("normal.Z", place, 2);
+        add("albedo.R", albedo, 0), add("albedo.G", albedo, 1), add("albedo.B", albedo, 2);
+    } else {
+        add("Z", drawn(Integrator::half_distance), 3);
+    }
+    if (drawing.variance == nullptr) return layers;
+    for (std::size_t c = 0; c < 3; ++c) {
+        auto const plane = drawing.variance->begin() + static_cast<std::ptrdiff_t>(c * count);
+        layers.push_back({c == 0   ? "variance.R"
+                          : c == 1 ? "variance.G"
+                                   : "variance.B",
+                          {plane, plane + static_cast<std::ptrdiff_t>(count)}});
+    }
+    return layers;
+}
+
 Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
                      Accumulation* accumulation, bool in_passes) const {
     check(settings);
@@ -478,26 +556,40 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         accumulation->samples += settings.samples;
     }
 
+    PartRows const rows = rows_of_part(settings);
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
-    Drawing const drawing{[&, of_lattice = tile_function(execution_.instructions),
-                           of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
-                                                                                  float* pixels, Counters& counters) {
-                              if (tree_)
-                                  of_tree(view, tree, tile, pixels, image.width, counters);
-                              else
-                                  of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
-                          },
-                          scene,
-                          settings.background,
-                          settings.goal,
-                          watch,
-                          execution_.threads,
-                          start};
+    Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
+                     of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
+                                                                            float* pixels, Counters& counters) {
+                        if (tree_)
+                            of_tree(view, tree, tile, pixels, image.width, counters);
+                        else
+                            of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
+                    },
+                    scene,
+                    settings.background,
+                    settings.goal,
+                    watch,
+                    rows.first,
+                    rows.last,
+                    execution_.threads,
+                    nullptr,
+                    start};
+    bool const layers = settings.layers && report != nullptr && !tree_ && !projected;
+    std::vector<float> variance;
+    if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
-    if (integrator == Integrator::scatter && in_passes)
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
+    if (with_gpu) {
+        device_select(execution_.gpu);
+        std::lock_guard const lock(cache_->drawing);
+        auto& copies = cache_->copies;
+        if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
+        quality = draw_on_gpu(drawing, copies->scene(scene, ready), copies->lattice(), integrator, image, counters);
+    } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
         quality = draw_adaptively(drawing, integrator == Integrator::march, image, counters);
@@ -509,17 +601,25 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->domain = appearance.domain;
         report->transfer = appearance.transfer;
         report->isos = appearance.iso_values;
+        report->iso_colors.clear();
+        for (IsoView const& iso : appearance.isos)
+            report->iso_colors.push_back({linear_to_srgb(static_cast<double>(iso.red)),
+                                          linear_to_srgb(static_cast<double>(iso.green)),
+                                          linear_to_srgb(static_cast<double>(iso.blue))});
         report->shade = appearance.shade;
         report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
         report->capped = counters.capped;
         report->quality = quality;
+        if (layers && !quality.stopped) report->layers = layers_of(drawing, integrator);
         auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
         report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
         report->parts = tree_ ? "bricks" : "macrocells";
         report->lossy = projected ? appearance.lossy : unseen(appearance, knots, table);
-        if (report->lossy.empty() && !quality.stopped && is_empty(image))
+        if (report->lossy.empty() && !quality.stopped && settings.parts == 1 && is_empty(image))
             report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");
         report->missing = histogram().missing, report->infinite = histogram().infinite;
+        if (integrator == Integrator::scatter)
+            report->paths = in_passes ? quality.rays : scene.before + settings.samples;
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
             : integrator == Integrator::scatter
@@ -531,8 +631,20 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                 ? "exact, piece by piece between the points of the transfer function"
                 : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,
                        tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
+        if (with_gpu) report->method += ", on a GPU";
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
+    }
+    if (settings.parts > 1) {
+        auto const cut = [&](std::vector<float>& pixels, std::size_t channels) {
+            std::size_t const row = channels * static_cast<std::size_t>(settings.width);
+            pixels.resize(row * static_cast<std::size_t>(rows.last));
+            pixels.erase(pixels.begin(), pixels.begin() + static_cast<std::ptrdiff_t>(row) * rows.first);
+        };
+        cut(image.pixels, 4);
+        image.height = rows.last - rows.first;
+        if (report != nullptr)
+            for (Layer& layer : report->layers) cut(layer.values, 1);
     }
     return image;
 }

@@ -10,6 +10,7 @@
 #include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
+#include "libvkt/render/tiles.h"
 #include "libvkt/render/transfer.h"
 #include "libvkt/render/tree.h"
 
@@ -68,7 +69,17 @@ struct RenderSettings {
 
     Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most
     Background background; ///< behind the volume; without a goal it changes no light
+    /// Which of so many parts of the picture is drawn, from 1 on: strips of rows_of_part(), pixel by pixel those of the
+    /// whole picture. Not with a tolerance or seconds, which pixels share.
+    int part = 1, parts = 1;
+    bool layers = false; ///< report what is known of every pixel besides its colour
 };
+
+/// Rows [first, last) of the part that is drawn: whole strips of 16, as many in each part, but for one.
+struct PartRows {
+    int first, last;
+};
+PartRows rows_of_part(RenderSettings const& settings);
 
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
@@ -88,18 +99,29 @@ struct RenderReport {
     Domain domain;
     TransferFunction transfer;
     std::vector<double> isos;               ///< physical values of the surfaces that were looked for
+    std::vector<Color> iso_colors;          ///< sRGB, of each
     double shade = 0;                       ///< strength of gradient shading
     std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
     std::int64_t samples = 0;               ///< values that were looked up
     std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
+    double paths = 0;                       ///< a pixel, the mean; 0: no path was traced
     double skipped = 0;                     ///< share of the macrocells or bricks that nothing can be seen in
     char const* parts = "macrocells";       ///< or bricks
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     std::vector<std::string> lossy;         ///< one line each: what was asked for and cannot be seen, and why
     double prepare_seconds = 0, render_seconds = 0;
     Quality quality;
+    /// Of one ray through the middle of each pixel, where asked for: "Z", the world distance from the eye
+    /// (orthographic: from the plane through it) to the nearest surface, or else to where half of the light is held
+    /// back, infinite where nothing is; of surfaces "normal.X", "normal.Y", "normal.Z" in the world, towards the eye,
+    /// and "albedo.R", "albedo.G", "albedo.B", their linear colours, zeros where nothing is. Of paths "variance.R",
+    /// "variance.G", "variance.B" of the pixel's mean, as it lies over the background. Hierarchical volumes,
+    /// projections and pictures that were stopped have none.
+    std::vector<Layer> layers;
 };
+
+struct Drawing;
 
 /// A volume made ready once, for many pictures.
 class Renderer {
@@ -144,8 +166,12 @@ private:
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
+    /// Of a structured volume, as `drawing` draws them with another integrator.
+    std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
+    /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.
+    bool on_gpu(RenderSettings const& settings, bool refines) const;
     /// What does not change when only the camera moves: of the last picture, if it still holds.
     std::shared_ptr<Prepared const> prepared(RenderSettings const& settings) const;
 

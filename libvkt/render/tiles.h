@@ -7,7 +7,9 @@
 
 namespace vkt::render {
 
-enum class Integrator : std::uint8_t { march, exact, iso, scatter, project };
+/// The last three draw no light but layers, of rays through the middle of pixels: normal and distance of the nearest
+/// surface, its colour, the distance at which half of the light is held back (in all four).
+enum class Integrator : std::uint8_t { march, exact, iso, scatter, project, place, albedo, half_distance };
 
 /// Storage types that rays can sample; the others are converted to float before.
 enum class LatticeType : std::uint8_t { uint8, uint16, int16, float32 };

@@ -144,14 +144,6 @@ std::optional<std::array<double, 2>> place_of(Camera const& camera, Vec3 point, 
     return std::array<double, 2>{(dot(to, right) / (half * aspect) + 1) / 2, (1 - dot(to, up) / half) / 2};
 }
 
-double round_length(double limit) {
-    if (!(limit > 0) || !std::isfinite(limit)) return 0;
-    double const power = std::pow(10, std::floor(std::log10(limit)));
-    for (double const times : {5.0, 2.0})
-        if (times * power <= limit) return times * power;
-    return power;
-}
-
 std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
                               render::TransferFunction const& transfer, double unit_distance,
                               std::vector<double> const& isos) {

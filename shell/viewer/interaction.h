@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/annotate.h"
 #include "libvkt/render/render.h"
 #include "shell/viewer/view.h"
 
@@ -44,8 +45,7 @@ Line line_under(render::Camera const& camera, double x, double y, double aspect)
 std::optional<std::array<double, 2>> place_of(render::Camera const& camera, Vec3 point, double aspect);
 /// World length from the bottom to the top of the picture at the target.
 double span_of(render::Camera const& camera);
-/// 1, 2 or 5 times a power of ten, the greatest not above the limit: length of a scale bar.
-double round_length(double limit);
+using render::round_length; // of a scale bar
 /// Directions of the picture in the world, of length 1.
 struct Axes {
     Vec3 right, up, forward;

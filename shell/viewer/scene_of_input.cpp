@@ -46,7 +46,7 @@ public:
     }
     std::string save(render::Image const& image, render::RenderReport const& report, View const& view) override {
         std::string path = free_picture_name(input());
-        write_picture(path, false, {image, report, background_, {}}, volumes_.header(), stage_of(view), context_);
+        write_picture(path, false, {image, report, background_, {}, {}}, volumes_.header(), stage_of(view), context_);
         return path;
     }
     std::string command(View const& view) override {

@@ -48,6 +48,12 @@ compare_all() {
     : >comparisons
 }
 
+# Kernels that do not separate: without gaps, with gaps, wide, and of 5^3.
+weights() { awk -v n="$1" -v gap="$2" 'BEGIN { for (i = 0; i < n; ++i) print (gap && i % 3 == 1) ? 0 : (i * 7919 % 101 - 50) / (50 * n) }'; }
+{ echo 3 3 3; weights 27 0; } >cube.txt
+{ echo 3 3 3; weights 27 1; } >cross.txt
+{ echo 25 3 1; weights 75 0; } >long.txt
+{ echo 5 5 5; weights 125 0; } >five.txt
 for type in uint8 uint16 int16 float32 float64; do
     "$vkt" make noise --dims 130 67 41 --dtype $type --seed 3 -o in_$type.nrrd
     case $type in float*) tolerance=1e-6 ;; *) tolerance=0 ;; esac
@@ -55,6 +61,34 @@ for type in uint8 uint16 int16 float32 float64; do
         'resample --scale 0.5' 'resample --dims 77 91 53 --method linear' 'resample --dims 200 50 50 --method nearest' \
         'resample --scale 0.7 --method cubic' 'resample --dims 150 90 50 --boundary border:30.5'; do
         same "$tolerance" "$vkt $command in_$type.nrrd"
+    done
+    # Moved: bytes where nothing is interpolated.
+    for command in 'permute zyx' 'permute yxz' 'permute xzy' 'permute zxy' 'permute yzx' 'pad --by 3:5,0:7,2:0' \
+        'pad --by 200:5,3:90,50:60 --boundary mirror' 'pad --by 1:1,2:2,70:70 --boundary wrap' 'rotate --axis z --angle 90' \
+        'rotate --axis y --angle 20 --method nearest' 'rotate --axis 1,2,3 --angle 40 --method nearest --expand' \
+        'morphology erode --radius 2' 'morphology dilate --radius 3,1,2 --shape box' 'morphology open --radius 1' \
+        'morphology close --radius 2 --boundary border:30' 'morphology gradient --radius 1' \
+        'morphology tophat --radius 2 --shape box --roi 10:50,:,3:20'; do
+        same 0 "$vkt $command in_$type.nrrd -q"
+    done
+    # Sums and interpolants: as CPUs with AVX2 compute them, but for sines and what is summed in another order.
+    case $type in float*) tolerance=1e-6 ;; *) tolerance=1 ;; esac
+    for command in 'rotate --axis z --angle 20' 'rotate --axis 1,2,3 --angle 33 --method cubic' \
+        'rotate --axis z --angle 20 --method bspline3' 'rotate --axis 3,1,2 --angle 50 --method bspline5 --boundary mirror' \
+        'rotate --axis x --angle 7 --method lanczos3 --boundary wrap' 'rotate --axis z --angle 15 --boundary border:9 --expand' \
+        'rotate --axis z --angle 15 --roi 20:100,5:60,:' 'rotate --axis 1,1,0 --angle 11 --method bspline3 --boundary wrap' \
+        'scale --factor 1.3,0.7,1' 'scale --factor 0.6 --method cubic' 'filter box --radius 2' \
+        'filter box --radius 9,0,3 --boundary wrap' 'filter box --radius 1 --roi 5:50,3:60,:'; do
+        same "$tolerance" "$vkt $command in_$type.nrrd -q"
+    done
+    for expression in 'v*2+1' 'sqrt(abs(v-20))' 'v[1,0,0]-v[-1,0,0]+v[0,2,-1]' 'v>30 ? sin(x/7)+cos(wy) : mod(v, 7)' \
+        'max(min(v,50),3)+nz*hypot(x,y)' 'exp(-v/50)*log(1+v)' 'atan2(v,x+1)+pow(v,0.5)' 'clamp(v,10,20)+floor(z/3)' '1/(v-50)'; do
+        same "$tolerance" "$vkt transform '$expression' in_$type.nrrd -q"
+    done
+    same "$tolerance" "$vkt transform 'v+a*0.5' in_$type.nrrd in_float32.nrrd -q"
+    for command in sobel gradient laplacian 'log --sigma 1.5' 'dog --sigma 1' 'sharpen --sigma 1' 'gradient --roi 5:50,:,:' \
+        'kernel cube.txt' 'kernel cross.txt --boundary wrap' 'kernel long.txt' 'kernel five.txt --boundary border:3'; do
+        same 1e-5 "$vkt filter $command in_$type.nrrd -q"
     done
     # Integers may fall to the other side of a half.
     case $type in float*) tolerance=1e-5 ;; *) tolerance=1 ;; esac

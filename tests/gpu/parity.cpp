@@ -1,7 +1,10 @@
 // Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/buffer.h"
 #include "libvkt/core/device.h"
 #include "libvkt/core/half.h"
+#include "libvkt/core/text.h"
+#include "libvkt/engine/registry.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/fill.h"
@@ -270,7 +273,45 @@ double best_ms(std::function<void()> const& run) {
     return best;
 }
 
+std::vector<std::string> words_of(std::string const& line) { return split(line, ' '); }
+
+/// An operation as on the command line, on a cube of zeros and what lies around it.
+template <class Line> void time_words(std::vector<std::string> words, DataType type, std::int64_t n, Line const& line) {
+    std::string name = words.front();
+    bool const two = name == "filter" || name == "arith" || name == "morphology";
+    if (name == "filter") name += " " + words[1];
+    std::string what;
+    for (std::string const& word : words) what += (what.empty() ? "" : " ") + word;
+    words.erase(words.begin(), words.begin() + (two && name.starts_with("filter") ? 2 : 1));
+    auto const operation = make_operation(name);
+    Parameters parameters;
+    operation->parameters(parameters);
+    (void)read_words(words, {&parameters});
+    operation->check();
+    Header header;
+    header.dims = {n, n, n};
+    header.dtype = type;
+    Header const output = operation->plan(std::vector<Header>{header}).output;
+    Box const box = box_of(output.dims), need = operation->footprint(box, 0);
+    Execution const execution = gpu();
+    Buffer in_memory(static_cast<std::size_t>(need.voxels()) * size_of(type)), out_memory(output.bytes());
+    device_clear(in_memory.write(Space::device), in_memory.bytes());
+    ConstView const in = dense_view(in_memory.read(Space::device), type, need, Space::device);
+    AnyView const out = dense_view(out_memory.write(Space::device), output.dtype, box, Space::device);
+    double const ms = best_ms([&] {
+        (void)operation->plan(std::vector<Header>{header}); // forgets what is kept
+        operation->fit(output.dims, execution);
+        operation->run({&in, 1}, out, execution);
+    });
+    line(what, ms, static_cast<double>(in.bytes()) + static_cast<double>(out.bytes()));
+}
+
 void time_all() {
+    if (std::FILE* const cube = std::fopen("cube.txt", "w")) {
+        std::fputs("3 3 3", cube);
+        for (int i = 0; i < 27; ++i) std::fprintf(cube, " %d", i * i % 11);
+        std::fclose(cube);
+    }
     std::printf("\n%-28s %8s %10s %8s %8s\n", "operation", "type", "ms", "TB/s", "of copy");
     for (std::int64_t n : {512, 1024})
         for (DataType type : {DataType::float32, DataType::uint16, DataType::uint8}) {
@@ -317,6 +358,15 @@ void time_all() {
             Resample resample;
             resample.dims = Index3{n / 2, n / 2, n / 2};
             time(resample, "resample to half");
+            for (std::vector<std::string> words :
+                 {words_of("permute zyx"), words_of("permute yxz"), words_of("permute xzy"),
+                  words_of("pad --by 8:8,8:8,8:8 --boundary mirror"), words_of("rotate --axis z --angle 20"),
+                  words_of("rotate --axis 1,2,3 --angle 20"), words_of("rotate --axis 1,2,3 --angle 20 --method cubic"),
+                  words_of("filter kernel cube.txt"), words_of("filter sobel"), words_of("filter box --radius 2"),
+                  words_of("filter median --radius 1"), words_of("filter gaussian --sigma 8"),
+                  words_of("morphology erode --radius 2 --shape box"), words_of("threshold --above 1"),
+                  words_of("arith add - 3"), words_of("convert --dtype uint8")})
+                time_words(std::move(words), type, n, line);
             device_free(from);
             device_free(to);
         }

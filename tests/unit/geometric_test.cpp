@@ -1,6 +1,8 @@
 // Flip, fill and crop on every data type, by definition; sizes beyond 32 bits.
 // SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/kernel/border.h"
+#include "libvkt/operations/beside.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/fill.h"
 #include "libvkt/operations/flip.h"
@@ -171,6 +173,41 @@ TEST(Geometric, IndicesBeyond32Bits) {
     EXPECT_EQ(*out.view().at(0, 1299, 1299), std::byte{77});
     EXPECT_EQ(*out.view().at(1299, 1299, 1299), std::byte{55});
     EXPECT_EQ(*out.view().at(1298, 1299, 1299), std::byte{1});
+}
+
+TEST(Beside, BoxesMakeUpWhatIsNotInside) {
+    Box const whole{{-1, 2, 3}, {4, 6, 8}};
+    for (Box const inside : {Box{{0, 3, 4}, {2, 5, 7}}, Box{{-1, 2, 3}, {4, 6, 8}}, Box{{-1, 2, 3}, {4, 6, 4}},
+                             Box{{3, 5, 7}, {4, 6, 8}}, Box{{0, 3, 5}, {0, 5, 7}}}) {
+        std::vector<int> times(static_cast<std::size_t>(whole.voxels()), 0);
+        auto const count = [&](Box const& box) {
+            for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+                for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+                    for (std::int64_t x = box.lower.x; x < box.upper.x; ++x)
+                        ++times[static_cast<std::size_t>(((z - 3) * 4 + y - 2) * 5 + x + 1)];
+        };
+        for_each_beside(whole, inside, count);
+        count(inside);
+        for (int const n : times) EXPECT_EQ(n, 1);
+    }
+}
+
+TEST(CopyRegion, IsTheSameInAnyNumberOfThreads) {
+    for (DataType const type : {DataType::uint8, DataType::uint16, DataType::float32, DataType::float64}) {
+        Volume const from = bytes_volume({130, 90, 40}, type);
+        for (Box const& box :
+             {Box{{0, 0, 0}, {130, 90, 40}}, Box{{3, 5, 1}, {129, 88, 39}}, Box{{0, 7, 2}, {130, 60, 40}}})
+            for (int const threads : {1, 2, 5}) {
+                Volume to(header_of(box.dims(), type));
+                copy_region(from.view().part(box), to.mutable_view(), with(threads, 0));
+                for (std::int64_t z = 0; z < box.dims().z; ++z)
+                    for (std::int64_t y = 0; y < box.dims().y; ++y)
+                        EXPECT_EQ(std::memcmp(to.view().at(0, y, z),
+                                              from.view().at(box.lower.x, box.lower.y + y, box.lower.z + z),
+                                              static_cast<std::size_t>(box.dims().x) * size_of(type)),
+                                  0);
+            }
+    }
 }
 
 } // namespace

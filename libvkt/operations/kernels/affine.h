@@ -59,12 +59,11 @@ VKT_HD double first_position() { return -0.5 - face_slack; }
 VKT_HD double end_position(std::int64_t n) { return static_cast<double>(n) - 0.5 - face_slack; }
 
 /// `in` holds voxels, or the coefficients of a spline as float32 or float64.
-VKT_CPU_KERNEL(affine_sample,
-               (ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
-                Execution const& execution),
-               (in, out, rule, losses, outside, execution))
-VKT_CPU_KERNEL(affine_nearest,
-               (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside,
-                Execution const& execution),
-               (in, out, rule, outside, execution))
+VKT_KERNEL(affine_sample,
+           (ConstView in, AnyView out, AffineSampling const& rule, Losses& losses, std::int64_t& outside,
+            Execution const& execution),
+           (in, out, rule, losses, outside, execution))
+VKT_KERNEL(affine_nearest,
+           (ConstView in, AnyView out, AffineSampling const& rule, std::int64_t& outside, Execution const& execution),
+           (in, out, rule, outside, execution))
 } // namespace vkt

@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/box_window.h"
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
@@ -50,12 +51,12 @@ template <class Op, class S> void window_along_row(S* values, S* to, std::int64_
     }
 }
 
-/// Windows of w rows of n values: put(s, row) gets row(s) op … op row(s + w - 1) for begin <= s < end. `scratch` has
-/// room for w + 2 rows.
-template <class Op, class S, class Row, class Put>
+/// Windows of w rows of n values: row(s) op … op row(s + w - 1) goes to place(s), then done(s) is called, for
+/// begin <= s < end. `scratch` has room for w + 1 rows.
+template <class Op, class S, class Row, class Place, class Done>
 void window_across_rows(std::int64_t begin, std::int64_t end, std::int64_t w, std::int64_t n, S* scratch,
-                        Row const& row, Put const& put) {
-    S *const ahead = scratch + w * n, *const result = ahead + n;
+                        Row const& row, Place const& place, Done const& done) {
+    S* const ahead = scratch + w * n;
     auto const suffix = [&](std::int64_t s, std::int64_t block) { return scratch + (s - block) * n; };
     std::int64_t const first = begin >= 0 ? begin / w : -((-begin + w - 1) / w);
     for (std::int64_t block = first * w; block < end; block += w) {
@@ -66,7 +67,8 @@ void window_across_rows(std::int64_t begin, std::int64_t end, std::int64_t w, st
         while (--s >= from) combine<Op>(suffix(s, block), row(s), static_cast<S const*>(suffix(s + 1, block)), n);
         for (s = from; s < to; ++s) {
             if (s == block) {
-                put(s, static_cast<S const*>(suffix(s, block)));
+                std::memcpy(place(s), suffix(s, block), static_cast<std::size_t>(n) * sizeof(S));
+                done(s);
                 continue;
             }
             // Rows of the next block up to s + w - 1.
@@ -79,8 +81,8 @@ void window_across_rows(std::int64_t begin, std::int64_t end, std::int64_t w, st
             } else {
                 combine<Op>(ahead, static_cast<S const*>(ahead), row(s + w - 1), n);
             }
-            combine<Op>(result, static_cast<S const*>(suffix(s, block)), static_cast<S const*>(ahead), n);
-            put(s, static_cast<S const*>(result));
+            combine<Op>(place(s), static_cast<S const*>(suffix(s, block)), static_cast<S const*>(ahead), n);
+            done(s);
         }
     }
 }
@@ -91,45 +93,48 @@ void box_windows(Box const& out, Index3 radius, Execution const& execution, Load
     if (out.empty()) return;
     Index3 const n = out.dims(), w{2 * radius.x + 1, 2 * radius.y + 1, 2 * radius.z + 1};
     std::int64_t const slice = n.x * n.y, slices = n.z + 2 * radius.z, rows = n.y + 2 * radius.y;
-    std::vector<S> planes(static_cast<std::size_t>(slice * slices));
+    // In huge pages, and not cleared: what is written is all that is read.
+    Buffer memory(static_cast<std::size_t>(slice * slices) * sizeof(S));
+    S* const planes = reinterpret_cast<S*>(memory.write(Space::host));
     int const threads = threads_for(execution, out.voxels());
-    for_each_item(
-        static_cast<int>(std::min<std::int64_t>(threads, slices)), slices, [&](std::int64_t first, std::int64_t last) {
-            std::vector<S> line(static_cast<std::size_t>(n.x + 2 * radius.x)),
-                lines(static_cast<std::size_t>(rows * n.x)),
-                scratch(static_cast<std::size_t>((w.y + 2) * window_columns(w.y, n.x, sizeof(S))));
-            for (std::int64_t k = first; k < last; ++k) {
-                S* const plane = planes.data() + k * slice;
-                for (std::int64_t j = 0; j < rows; ++j) {
-                    load(out.lower.x - radius.x, out.lower.y - radius.y + j, out.lower.z - radius.z + k,
-                         n.x + 2 * radius.x, line.data());
-                    window_along_row<Op>(line.data(), lines.data() + j * n.x, n.x, w.x);
-                }
-                std::int64_t const columns = window_columns(w.y, n.x, sizeof(S));
-                for (std::int64_t x = 0; x < n.x; x += columns) {
-                    std::int64_t const m = std::min(columns, n.x - x);
-                    std::int64_t const y0 = out.lower.y - radius.y;
-                    window_across_rows<Op>(
-                        y0, y0 + n.y, w.y, m, scratch.data(),
-                        [&](std::int64_t y) { return lines.data() + (y - y0) * n.x + x; },
-                        [&](std::int64_t y, S const* from) {
-                            std::memcpy(plane + (y - y0) * n.x + x, from, static_cast<std::size_t>(m) * sizeof(S));
-                        });
-                }
-            }
-        });
+    for_each_item(static_cast<int>(std::min<std::int64_t>(threads, slices)), slices,
+                  [&](std::int64_t first, std::int64_t last) {
+                      std::vector<S> line(static_cast<std::size_t>(n.x + 2 * radius.x)),
+                          lines(static_cast<std::size_t>(rows * n.x)),
+                          scratch(static_cast<std::size_t>((w.y + 2) * window_columns(w.y, n.x, sizeof(S))));
+                      for (std::int64_t k = first; k < last; ++k) {
+                          S* const plane = planes + k * slice;
+                          for (std::int64_t j = 0; j < rows; ++j) {
+                              load(out.lower.x - radius.x, out.lower.y - radius.y + j, out.lower.z - radius.z + k,
+                                   n.x + 2 * radius.x, line.data());
+                              window_along_row<Op>(line.data(), lines.data() + j * n.x, n.x, w.x);
+                          }
+                          std::int64_t const columns = window_columns(w.y, n.x, sizeof(S));
+                          for (std::int64_t x = 0; x < n.x; x += columns) {
+                              std::int64_t const m = std::min(columns, n.x - x);
+                              std::int64_t const y0 = out.lower.y - radius.y;
+                              window_across_rows<Op>(
+                                  y0, y0 + n.y, w.y, m, scratch.data(),
+                                  [&](std::int64_t y) { return lines.data() + (y - y0) * n.x + x; },
+                                  [&](std::int64_t y) { return plane + (y - y0) * n.x + x; }, [](std::int64_t) {});
+                          }
+                      }
+                  });
     std::int64_t const columns = window_columns(w.z, n.x, sizeof(S)), pieces = (n.x + columns - 1) / columns;
     for_each_item(static_cast<int>(std::min<std::int64_t>(threads, pieces * n.y)), pieces * n.y,
                   [&](std::int64_t first, std::int64_t last) {
                       std::vector<S> scratch(static_cast<std::size_t>((w.z + 2) * columns));
+                      S* const result = scratch.data() + (w.z + 1) * columns;
                       for (std::int64_t item = first; item < last; ++item) {
                           std::int64_t const y = item / pieces, x = item % pieces * columns,
                                              m = std::min(columns, n.x - x), z0 = out.lower.z - radius.z;
                           window_across_rows<Op>(
                               z0, z0 + n.z, w.z, m, scratch.data(),
-                              [&](std::int64_t z) { return planes.data() + (z - z0) * slice + y * n.x + x; },
-                              [&](std::int64_t z, S const* from) {
-                                  store(out.lower.x + x, out.lower.y + y, z + radius.z, m, from);
+                              [&](std::int64_t z) { return planes + (z - z0) * slice + y * n.x + x; },
+                              [&](std::int64_t) { return result; },
+                              [&](std::int64_t z) {
+                                  store(out.lower.x + x, out.lower.y + y, z + radius.z, m,
+                                        static_cast<S const*>(result));
                               });
                       }
                   });

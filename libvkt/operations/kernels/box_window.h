@@ -11,18 +11,16 @@ enum class Extreme : std::uint8_t { least, greatest };
 
 /// Mean of the (2 rx + 1)(2 ry + 1)(2 rz + 1) voxels around each, rounded once to the type; `in` covers them. Integers
 /// are summed exactly below 2^53, floats in float64. A NaN spoils its boxes and nothing else.
-VKT_CPU_KERNEL(mean_of_boxes, (ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution),
-               (in, out, radius, losses, execution))
-VKT_CPU_KERNEL(extreme_of_boxes,
-               (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
-               (in, out, radius, extreme, execution))
+VKT_KERNEL(mean_of_boxes, (ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution),
+           (in, out, radius, losses, execution))
+VKT_KERNEL(extreme_of_boxes, (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
+           (in, out, radius, extreme, execution))
 /// The same of ellipsoids with these half axes: offsets with (x / rx)^2 + (y / ry)^2 + (z / rz)^2 <= 1.
-VKT_CPU_KERNEL(extreme_of_balls,
-               (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
-               (in, out, radius, extreme, execution))
+VKT_KERNEL(extreme_of_balls, (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
+           (in, out, radius, extreme, execution))
 /// out = a - b, rounded and saturated.
-VKT_CPU_KERNEL(difference_of, (ConstView a, ConstView b, AnyView out, Losses& losses, Execution const& execution),
-               (a, b, out, losses, execution))
+VKT_KERNEL(difference_of, (ConstView a, ConstView b, AnyView out, Losses& losses, Execution const& execution),
+           (a, b, out, losses, execution))
 
 /// Columns that windows of w rows of n values are worked on at a time, so that they stay in the second cache.
 [[gnu::always_inline]] inline std::int64_t window_columns(std::int64_t w, std::int64_t n, std::size_t value_bytes) {

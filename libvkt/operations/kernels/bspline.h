@@ -19,9 +19,9 @@ struct SplineFilter {
 /// Computes the coefficients in `box` from the voxels in `source`, which are all that they need. `out`, float32 or
 /// float64, covers both along x and y and the box along z; what it holds outside of the box is lost. Sums are in
 /// double.
-VKT_CPU_KERNEL(bspline_coefficients,
-               (ConstView in, AnyView out, Box const& box, Box const& source, SplineFilter const& filter,
-                Execution const& execution),
-               (in, out, box, source, filter, execution))
+VKT_KERNEL(bspline_coefficients,
+           (ConstView in, AnyView out, Box const& box, Box const& source, SplineFilter const& filter,
+            Execution const& execution),
+           (in, out, box, source, filter, execution))
 
 } // namespace vkt

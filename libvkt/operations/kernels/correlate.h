@@ -63,11 +63,10 @@ struct DenseKernel {
     bool wide = false;
 };
 
-VKT_CPU_KERNEL(correlate,
-               (ConstView in, AnyView out, SeparableSum const& sum, Losses& losses, Execution const& execution),
-               (in, out, sum, losses, execution))
-VKT_CPU_KERNEL(correlate_dense,
-               (ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution),
-               (in, out, kernel, losses, execution))
+VKT_KERNEL(correlate, (ConstView in, AnyView out, SeparableSum const& sum, Losses& losses, Execution const& execution),
+           (in, out, sum, losses, execution))
+VKT_KERNEL(correlate_dense,
+           (ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution),
+           (in, out, kernel, losses, execution))
 
 } // namespace vkt

@@ -165,12 +165,22 @@ private:
         store(data, width, result, pass_.both_sides ? other : nullptr);
     }
 
+    /// `width` numbers of four bytes; most rows of a tile are full, which the compiler should know.
+    static void copy_row(void* to, void const* from, std::int64_t width) {
+        if (width == lanes)
+            std::memcpy(to, from, lanes * 4);
+        else
+            std::memcpy(to, from, static_cast<std::size_t>(width) * 4);
+    }
+
     void load(std::byte const* data, std::int64_t width, Tile<V> const& inside, Tile<V> const& outside) const {
         inside.clear_ends();
         if (pass_.both_sides) outside.clear_ends();
         for (std::int64_t i = 0; i < n_; ++i) {
             S values[lanes] = {};
-            std::memcpy(values, data + 4 * i * stride_, static_cast<std::size_t>(width) * sizeof(S));
+            std::byte const* const from = data + 4 * i * stride_;
+            copy_row(values, from, width);
+            __builtin_prefetch(from + sizeof values, 1); // for the next tile, while this one is computed
             V* const in = inside.row(i);
             V* const out = outside.row(i);
             V const before = static_cast<V>(pass_.weight_before);
@@ -212,14 +222,14 @@ private:
                 S values[lanes];
                 for (std::int64_t k = 0; k < lanes; ++k)
                     values[k] = static_cast<S>(outside != nullptr ? in[k] - outside[i * lanes + k] : in[k]);
-                std::memcpy(to, values, static_cast<std::size_t>(width) * sizeof(S));
+                copy_row(to, values, width);
                 continue;
             }
             float values[lanes];
             for (std::int64_t k = 0; k < lanes; ++k) values[k] = root(in[k]);
             if (outside != nullptr)
                 for (std::int64_t k = 0; k < lanes; ++k) values[k] -= root(outside[i * lanes + k]);
-            std::memcpy(to, values, static_cast<std::size_t>(width) * sizeof(float));
+            copy_row(to, values, width);
         }
     }
 

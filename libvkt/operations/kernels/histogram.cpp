@@ -95,32 +95,49 @@ struct SingleRule {
     }
 };
 
-void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots) {
+/// Slots of values of which some are outside of the range or doubtful; at most as many as are corrected together.
+void place_with_care(Rule const& rule, SingleRule const& single, float const* from, std::int32_t m, std::int32_t* to) {
     float const scale = single.scale, offset = single.offset, low = single.low, high = single.high,
                 last = static_cast<float>(rule.count - 1), near = single.near, far = 1 - single.near;
     std::int32_t const count = rule.count;
+    std::int32_t doubtful = 0;
+#pragma omp simd reduction(+ : doubtful)
+    for (std::int32_t i = 0; i < m; ++i) {
+        float const value = from[i];
+        float at = value * scale - offset;
+        at = at > 0 ? at : 0; // NaN becomes 0
+        float const bounded = at < last ? at : last;
+        auto const k = static_cast<std::int32_t>(bounded);
+        float const rest = at - static_cast<float>(k);
+        std::int32_t const above = value >= low ? 1 : 0, below = value <= high ? 1 : 0;
+        doubtful += (above & below) & ((rest < near ? 1 : 0) | (rest > far ? 1 : 0));
+        std::int32_t const outside = value < low ? count : value > high ? count + 1 : count + 2;
+        to[i] = (above & below) != 0 ? k : outside;
+    }
+    if (doubtful == 0) return;
+    for (std::int32_t i = 0; i < m; ++i)
+        if (to[i] < count) to[i] = correct(static_cast<double>(from[i]), to[i], rule.edges, count);
+}
+
+void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots) {
+    float const scale = single.scale, offset = single.offset, low = single.low, high = single.high,
+                certain = 0.5f - single.near;
     constexpr std::int64_t block = 128; // corrected together
     for (std::int64_t begin = 0; begin < n; begin += block) {
         auto const m = static_cast<std::int32_t>(std::min(block, n - begin));
         float const* const from = values + begin;
         std::int32_t* const to = slots + begin;
-        std::int32_t doubtful = 0;
-#pragma omp simd reduction(+ : doubtful)
+        // Most blocks are in the range and well within bins: no more is looked at then.
+        std::int32_t clear = 0;
+#pragma omp simd reduction(+ : clear)
         for (std::int32_t i = 0; i < m; ++i) {
-            float const value = from[i];
-            float at = value * scale - offset;
-            at = at > 0 ? at : 0; // NaN becomes 0
-            float const bounded = at < last ? at : last;
-            auto const k = static_cast<std::int32_t>(bounded);
-            float const rest = at - static_cast<float>(k);
-            std::int32_t const above = value >= low ? 1 : 0, below = value <= high ? 1 : 0;
-            doubtful += (above & below) & ((rest < near ? 1 : 0) | (rest > far ? 1 : 0));
-            std::int32_t const outside = value < low ? count : value > high ? count + 1 : count + 2;
-            to[i] = (above & below) != 0 ? k : outside;
+            float const value = from[i], at = value * scale - offset;
+            auto const k = static_cast<std::int32_t>(at >= 0 && at < 0x1p30f ? at : 0);
+            float const beside = at - static_cast<float>(k) - 0.5f, distance = beside < 0 ? -beside : beside;
+            clear += (value >= low ? 1 : 0) & (value <= high ? 1 : 0) & (distance <= certain ? 1 : 0);
+            to[i] = k;
         }
-        if (doubtful == 0) continue;
-        for (std::int32_t i = 0; i < m; ++i)
-            if (to[i] < count) to[i] = correct(static_cast<double>(from[i]), to[i], rule.edges, count);
+        if (clear != m) place_with_care(rule, single, from, m, to);
     }
 }
 

@@ -13,7 +13,7 @@ struct PadRule {
     VoxelBytes border{};
 };
 
-VKT_CPU_KERNEL(pad_box, (ConstView in, AnyView out, PadRule const& rule, Execution const& execution),
-               (in, out, rule, execution))
+VKT_KERNEL(pad_box, (ConstView in, AnyView out, PadRule const& rule, Execution const& execution),
+           (in, out, rule, execution))
 
 } // namespace vkt

@@ -28,6 +28,19 @@ void transpose_tile(U const* from, std::int64_t from_row, U* to, std::int64_t to
         for (std::int64_t i = j < whole_j ? whole_i : 0; i < ni; ++i) to[j * to_row + i] = from[i * from_row + j];
 }
 
+/// Rows of a tile to where they belong. Whole cache lines go straight past the caches: for so few, looking for the ends
+/// of a row would take as long as the copy.
+template <class U> void copy_row(U* to, U const* from, std::int64_t n, bool stream) {
+    bool const lines =
+        n * static_cast<std::int64_t>(sizeof(U)) % 64 == 0 && reinterpret_cast<std::uintptr_t>(to) % 64 == 0;
+    if (!stream || !lines) return driver::copy_forward(to, from, n, stream);
+    for (std::int64_t i = 0; i < n; i += Register<U>::lanes) {
+        typename Register<U>::type v;
+        std::memcpy(&v, from + i, sizeof v);
+        stream_register(to + i, v);
+    }
+}
+
 /// Strides of the input along the axes of the output, and its voxel that becomes the first; strides of the output.
 template <class U> struct Permutation {
     U const* from;
@@ -57,7 +70,7 @@ void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, E
                           transpose_tile(back ? first - (j0 + nj - 1) : first + j0, p.step[0], tile, edge, ni, nj);
                           U* const to = p.to + i0 + j0 * to_own + k * to_other;
                           for (std::int64_t j = 0; j < nj; ++j)
-                              driver::copy_forward(to + j * to_own, tile + (back ? nj - 1 - j : j) * edge, ni, stream);
+                              copy_row(to + j * to_own, tile + (back ? nj - 1 - j : j) * edge, ni, stream);
                       }
                       stream_fence();
                   });

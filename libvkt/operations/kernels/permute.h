@@ -10,8 +10,7 @@ namespace vkt {
 
 /// Axis k of `out` is axis axes[k] of `in`, reversed where `mirror`, which is about the input's axes, says so. Boxes
 /// correspond: in's dims are out's, permuted.
-VKT_CPU_KERNEL(permute_box,
-               (ConstView in, AnyView out, std::array<int, 3> axes, Mirror mirror, Execution const& execution),
-               (in, out, axes, mirror, execution))
+VKT_KERNEL(permute_box, (ConstView in, AnyView out, std::array<int, 3> axes, Mirror mirror, Execution const& execution),
+           (in, out, axes, mirror, execution))
 
 } // namespace vkt

@@ -1,4 +1,5 @@
-// Projections: pixels in vectors, lines one voxel after the other, so that results do not depend on where slabs end.
+// Projections: across rows pixels are the lanes of vectors and lines come one voxel after the other; along rows, which
+// no slab cuts, voxels are. So results do not depend on where slabs end.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/project.h"
 
@@ -79,6 +80,17 @@ void for_each_upright(ProjectionState const& state, ConstView in, Execution cons
     });
 }
 
+/// Calls f(Lines) for parts of the lines that stay in the first cache, in order.
+template <class T, class F> void in_blocks(Lines<T> const& lines, F const& f) {
+    std::int64_t const most = std::max<std::int64_t>(4, (16 << 10) / static_cast<int>(sizeof(T)) / lines.pixels);
+    Lines<T> part = lines;
+    for (std::int64_t k = 0; k < lines.n; k += most) {
+        part.first = lines.first + k * lines.step;
+        part.n = std::min(most, lines.n - k);
+        f(part);
+    }
+}
+
 /// acc[i] = f(acc[i], voxel) for all voxels of the lines. The functor arrives by value, as in the drivers.
 template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* acc, F const f) {
     std::int64_t const pixels = lines.pixels, step = lines.step;
@@ -119,25 +131,28 @@ template <class A> struct Plus {
     template <class T> VKT_HD A operator()(A a, T voxel) const { return a + static_cast<A>(voxel); }
 };
 
-template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+template <class T> [[gnu::noinline]] std::int64_t nan_in_row(T const* row, std::int64_t n) {
     std::int64_t nan = 0;
-    for (std::int64_t k = 0; k < lines.n; ++k) {
-        T const* const from = lines.first + k * lines.step;
-        std::int32_t here = 0; // of at most row_piece
-        if (lines.pixel == 1) {
+    for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+        auto const m = static_cast<std::int32_t>(std::min(row_piece, n - begin));
+        T const* const from = row + begin;
+        std::int32_t here = 0;
 #pragma omp simd reduction(+ : here)
-            for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i) {
-                auto const v = static_cast<compute_t<T>>(from[i]);
-                here += v != v ? 1 : 0;
-            }
-        } else {
-            for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                auto const v = static_cast<compute_t<T>>(from[i * lines.pixel]);
-                here += v != v ? 1 : 0;
-            }
+        for (std::int32_t i = 0; i < m; ++i) {
+            auto const v = static_cast<compute_t<T>>(from[i]);
+            here += v != v ? 1 : 0; // NOLINT(misc-redundant-expression): NaN
         }
         nan += here;
     }
+    return nan;
+}
+
+template <class T> std::int64_t count_nan(Lines<T> const& lines) {
+    std::int64_t nan = 0;
+    if (lines.pixel == 1)
+        for (std::int64_t k = 0; k < lines.n; ++k) nan += nan_in_row(lines.first + k * lines.step, lines.pixels);
+    else // along rows
+        for (std::int64_t i = 0; i < lines.pixels; ++i) nan += nan_in_row(lines.first + i * lines.pixel, lines.n);
     return nan;
 }
 
@@ -147,20 +162,129 @@ void add_nan(ProjectionState& state, std::int64_t nan) {
     state.nan += nan;
 }
 
+/// a op v for numbers, of which the first of two that are equal stays: 0 and -0 are.
+struct Above {
+    template <class T> VKT_HD T operator()(T a, T v) const { return v > a ? v : a; }
+    template <class V> static auto picks(V a, V v) { return v > a; }
+};
+struct Below {
+    template <class T> VKT_HD T operator()(T a, T v) const { return v < a ? v : a; }
+    template <class V> static auto picks(V a, V v) { return v < a; }
+};
+
+/// As many values as fit into a register.
+template <class A> struct Vector {
+    typedef A type __attribute__((vector_size(register_bytes)));
+    typedef A unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(A)), may_alias));
+    static constexpr std::int64_t lanes = static_cast<std::int64_t>(register_bytes / sizeof(A));
+    static type load(A const* from) { return *reinterpret_cast<unaligned const*>(from); }
+};
+
+/// The extreme of a row of numbers, as if its voxels were looked at one after the other.
+template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Best const best) {
+    using V = Vector<A>;
+    constexpr std::int64_t together = 4 * V::lanes;
+    A result = row[0];
+    std::int64_t k = 1;
+    if (n >= together) {
+        typename V::type most[4];
+#pragma GCC unroll 4
+        for (int r = 0; r < 4; ++r) most[r] = V::load(row + r * V::lanes);
+        for (k = together; k + together <= n; k += together)
+#pragma GCC unroll 4
+            for (int r = 0; r < 4; ++r) {
+                typename V::type const v = V::load(row + k + r * V::lanes);
+                most[r] = best.picks(most[r], v) ? v : most[r];
+            }
+        for (auto const& lanes : most)
+            for (std::int64_t i = 0; i < V::lanes; ++i) result = best(result, lanes[i]);
+    }
+    for (; k < n; ++k) result = best(result, row[k]);
+    if constexpr (std::is_floating_point_v<A>)
+        if (result == A(0)) result = *std::find(row, row + n, A(0)); // lanes do not know which zero came first
+    return result;
+}
+
+/// Adds the extremes of lines without NaN: each is found first, and then compared with what there is.
+template <class A, class T, class Fold, class Best>
+void add_extremes_of(Lines<T> const& lines, A* image, Fold const fold, Best const best) {
+    A found[row_piece];
+    if constexpr (std::is_same_v<A, T>) {
+        if (lines.pixel == 1) {
+            Lines<T> rest = lines;
+            std::copy_n(lines.first, lines.pixels, found);
+            rest.first += lines.step;
+            --rest.n;
+            fold_lines(rest, static_cast<A*>(found), best);
+        } else {
+            for (std::int64_t i = 0; i < lines.pixels; ++i)
+                found[i] = extreme_of_row(lines.first + i * lines.pixel, lines.n, best);
+        }
+        Lines<A> const one{found, 1, 0, 1, lines.at, lines.pixels};
+        return fold_lines(one, image + lines.at, fold);
+    }
+    fold_lines(lines, image + lines.at, fold);
+}
+
 template <class T> void add_extremes(ProjectionState& state, ConstView in, Execution const& execution) {
     using A = std::conditional_t<std::is_same_v<T, Half>, float, T>;
     auto* const image = reinterpret_cast<A*>(state.extremes.data());
-    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
+    auto const add = [&](Lines<T> const& lines) {
+        std::int64_t nan = 0;
+        if constexpr (!std::is_integral_v<T>) add_nan(state, nan = count_nan(lines));
+        auto const with = [&](auto const fold, auto const best) {
+            if (nan == 0)
+                add_extremes_of(lines, image, fold, best);
+            else
+                fold_lines(lines, image + lines.at, fold);
+        };
         if (state.kind == Projection::max)
-            fold_lines(lines, image + lines.at, Larger<A>{});
+            with(Larger<A>{}, Above{});
         else
-            fold_lines(lines, image + lines.at, Smaller<A>{});
-        if constexpr (!std::is_integral_v<T>) add_nan(state, count_nan(lines));
-    });
+            with(Smaller<A>{}, Below{});
+    };
+    if (state.axis == 0) return for_each_lines<T>(state, in, 4, execution, add);
+    for_each_lines<T>(state, in, row_piece, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
+}
+
+/// What lanes that take turns along a row have in the end, added up in pairs.
+constexpr int row_lanes = 16;
+template <class A> A sum_of_lanes(A (&lanes)[row_lanes]) {
+    for (int half = row_lanes / 2; half > 0; half /= 2)
+        for (int j = 0; j < half; ++j) lanes[j] += lanes[j + half];
+    return lanes[0];
+}
+
+/// The sum of a row, its numbers in lanes that take turns: the same ones whatever the registers hold. What is no number
+/// adds nothing.
+template <class A, class T> A sum_of_row(T const* row, std::int64_t n) {
+    A sums[row_lanes] = {};
+    auto const value = [](T voxel) {
+        A const v = static_cast<A>(voxel);
+        if constexpr (std::is_integral_v<T>)
+            return v;
+        else
+            return v == v ? v : A(0); // NOLINT(misc-redundant-expression): NaN
+    };
+    std::int64_t k = 0;
+    for (; k + row_lanes <= n; k += row_lanes)
+#pragma omp simd
+        for (int j = 0; j < row_lanes; ++j) sums[j] += value(row[k + j]);
+    for (int j = 0; k < n; ++k, ++j) sums[j] += value(row[k]);
+    return sum_of_lanes(sums);
 }
 
 /// Integers: small ones in 32 bits for as many voxels as fit.
 template <class T> void add_whole(ProjectionState& state, ConstView in, Execution const& execution) {
+    if (state.axis == 0 && state.wide.empty())
+        return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
+            constexpr std::int64_t most = sizeof(T) <= 2 ? std::int64_t{row_lanes} << 15 : std::int64_t{1} << 40;
+            using A = std::conditional_t<(sizeof(T) <= 2), std::int32_t, std::int64_t>;
+            std::int64_t sum = 0;
+            for (std::int64_t k = 0; k < line.n; k += most)
+                sum += sum_of_row<A>(line.first + k, std::min(most, line.n - k));
+            state.whole[line.at] += sum;
+        });
     for_each_upright<T>(state, in, execution, [&](Lines<T> lines) {
         if (!state.wide.empty()) return fold_lines(lines, state.wide.data() + lines.at, Plus<Int128>{});
         std::int64_t* const to = state.whole.data() + lines.at;
@@ -183,7 +307,14 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
 
 /// Sums of floats; those of float64 with what each addition lost (Neumaier).
 template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
-    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
+    if (state.axis == 0 && state.extra.empty())
+        return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
+            std::int64_t const nan = nan_in_row(line.first, line.n);
+            add_nan(state, nan);
+            state.value[line.at] += sum_of_row<double>(line.first, line.n);
+            state.count[line.at] += static_cast<double>(line.n - nan);
+        });
+    auto const add = [&](Lines<T> const& lines) {
         double* const sum = state.value.data() + lines.at;
         double* const lost = state.extra.empty() ? nullptr : state.extra.data() + lines.at;
         double* const count = state.count.data() + lines.at;
@@ -217,42 +348,145 @@ template <class T> void add_floats(ProjectionState& state, ConstView in, Executi
                 count[i] += v == v ? 1 : 0;
             }
         }
-    });
+    };
+    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
 }
 
-/// Means and squared deviations (Welford).
+/// Means and sums of squared deviations from them (Welford), and how many values they are of.
+struct Spread {
+    double mean = 0, squares = 0, count = 0;
+
+    void add(double v) {
+        double const d = v - mean;
+        count += 1;
+        mean += d * (1 / count);
+        squares += d * (v - mean);
+    }
+    /// Of both together (Chan, Golub and LeVeque).
+    void merge(Spread const& other) {
+        if (other.count == 0) return;
+        double const d = other.mean - mean, n = count + other.count;
+        squares = (squares + other.squares) + d * d * (count * other.count / n);
+        mean += d * (other.count / n);
+        count = n;
+    }
+};
+
+/// The spread of a row, its numbers in lanes that take turns. What is no number is left out: then voxels come one after
+/// the other.
+template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbers) {
+    Spread all;
+    std::int64_t k = 0;
+    if (numbers && n >= row_lanes) {
+        using V = Vector<double>;
+        constexpr int registers = row_lanes / static_cast<int>(V::lanes);
+        using Stored = std::conditional_t<std::is_same_v<T, Half>, std::uint16_t, T>; // Half is in no register
+        typedef Stored Part __attribute__((vector_size(V::lanes * sizeof(T)), aligned(sizeof(T)), may_alias));
+        V::type mean[registers] = {}, squares[registers] = {};
+        double count = 0;
+        for (; k + row_lanes <= n; k += row_lanes) {
+            count += 1;
+            double const share = 1 / count;
+#pragma GCC unroll 8
+            for (int r = 0; r < registers; ++r) {
+                V::type v;
+                if constexpr (std::is_same_v<T, Half>)
+                    for (int j = 0; j < V::lanes; ++j) v[j] = static_cast<double>(row[k + r * V::lanes + j]);
+                else
+                    v = __builtin_convertvector(*reinterpret_cast<Part const*>(row + k + r * V::lanes), V::type);
+                V::type const d = v - mean[r], m = mean[r] + d * share;
+                squares[r] += d * (v - m);
+                mean[r] = m;
+            }
+        }
+        Spread lanes[row_lanes];
+        for (int j = 0; j < row_lanes; ++j)
+            lanes[j] = {mean[j / V::lanes][j % V::lanes], squares[j / V::lanes][j % V::lanes], count};
+        for (int half = row_lanes / 2; half > 0; half /= 2)
+            for (int j = 0; j < half; ++j) lanes[j].merge(lanes[j + half]);
+        all = lanes[0];
+    }
+    for (; k < n; ++k) {
+        auto const v = static_cast<double>(row[k]);
+        if (v == v) all.add(v); // NOLINT(misc-redundant-expression): NaN
+    }
+    return all;
+}
+
+/// The same of lines side by side, `count` values each so far: several voxels of each at a time, so that results are
+/// loaded and stored less often.
+template <int together, class T>
+void add_upright_deviations(Lines<T> const& lines, std::int64_t k, double* mean, double* squares, double count) {
+    T const* const first = lines.first + k * lines.step;
+    std::int64_t const step = lines.step;
+    double const a = 1 / (count + 1), b = 1 / (count + 2), c = 1 / (count + 3), d = 1 / (count + 4);
+#pragma omp simd
+    for (std::int64_t i = 0; i < lines.pixels; ++i) {
+        double m = mean[i], q = squares[i];
+        auto const add = [&](std::int64_t j, double share) {
+            auto const v = static_cast<double>(first[j * step + i]);
+            double const off = v - m;
+            m += off * share;
+            q += off * (v - m);
+        };
+        add(0, a);
+        if constexpr (together > 1) {
+            add(1, b);
+            add(2, c);
+            add(3, d);
+        }
+        mean[i] = m;
+        squares[i] = q;
+    }
+}
+
+/// Multiplied by 1 / n, not divided by n: always, so that it does not matter which voxels come together.
 template <class T> void add_deviations(ProjectionState& state, ConstView in, Execution const& execution) {
-    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
+    auto const missing = [&](Lines<T> const& lines) {
+        if constexpr (std::is_integral_v<T>) return std::int64_t{0};
+        std::int64_t const nan = count_nan(lines);
+        add_nan(state, nan);
+        return nan;
+    };
+    if (state.axis == 0)
+        return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
+            bool const numbers = missing(line) == 0;
+            Spread const spread = spread_of_row(line.first, line.n, numbers);
+            state.value[line.at] = spread.mean;
+            state.extra[line.at] = spread.squares;
+            state.count[line.at] = spread.count;
+        });
+    auto const add = [&](Lines<T> const& lines) {
         double* const mean = state.value.data() + lines.at;
         double* const squares = state.extra.data() + lines.at;
         double* const count = state.count.data() + lines.at;
-        std::int64_t nan = 0;
-        if constexpr (!std::is_integral_v<T>) add_nan(state, nan = count_nan(lines));
+        std::int32_t others = 0;
+#pragma omp simd reduction(+ : others)
+        for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i)
+            others += count[i] != count[0] ? 1 : 0;
+        if (missing(lines) == 0 && others == 0) {
+            std::int64_t k = 0;
+            double const n = count[0];
+            for (; k + 4 <= lines.n; k += 4)
+                add_upright_deviations<4>(lines, k, mean, squares, n + static_cast<double>(k));
+            for (; k < lines.n; ++k) add_upright_deviations<1>(lines, k, mean, squares, n + static_cast<double>(k));
+            std::fill_n(count, lines.pixels, n + static_cast<double>(lines.n));
+            return;
+        }
         for (std::int64_t k = 0; k < lines.n; ++k) {
             T const* const from = lines.first + k * lines.step;
-            std::int64_t const pixel = lines.pixel;
-            if (nan == 0 && pixel == 1) {
-#pragma omp simd
-                for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                    auto const v = static_cast<double>(from[i]);
-                    double const n = count[i] + 1, d = v - mean[i], m = mean[i] + d / n;
-                    squares[i] += d * (v - m);
-                    mean[i] = m;
-                    count[i] = n;
-                }
-                continue;
-            }
 #pragma omp simd
             for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                auto const v = static_cast<double>(from[i * pixel]);
-                bool const is = v == v;
-                double const n = count[i] + (is ? 1 : 0), d = v - mean[i], m = mean[i] + d / n;
+                auto const v = static_cast<double>(from[i]);
+                bool const is = v == v; // NOLINT(misc-redundant-expression): NaN
+                double const n = count[i] + (is ? 1 : 0), d = v - mean[i], m = mean[i] + d * (1 / n);
                 squares[i] += is ? d * (v - m) : 0;
                 mean[i] = is ? m : mean[i];
                 count[i] = n;
             }
         }
-    });
+    };
+    for_each_lines<T>(state, in, row_piece, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
 }
 
 /// The results of a piece of a row of the image.
@@ -295,19 +529,127 @@ template <class K> K highest_number(DataType type) {
     return key;
 }
 
-/// The voxel in the middle of `count` keys; of an even number the mean of the two there, as the type has it.
-template <class K> void median_of(DataType type, K* keys, std::size_t count, std::byte* to) {
-    K* const upper = keys + count / 2;
-    std::nth_element(keys, upper, keys + count);
-    K const middle_keys[2] = {count % 2 != 0 ? *upper : *std::max_element(keys, upper), *upper};
+/// The pixel of the two keys in the middle, which are the same one of an odd number: their mean as the type has it.
+template <class K> void store_median(DataType type, K lower, K upper, bool odd, std::byte* to) {
+    K const keys[2] = {lower, upper};
     for_each_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
+            K stored[2];
             T voxels[2];
-            store_keys(type, static_cast<K const*>(middle_keys), reinterpret_cast<std::byte*>(voxels), 2);
-            T const result = count % 2 != 0 ? voxels[1] : middle(voxels[0], voxels[1]);
+            store_keys(type, static_cast<K const*>(keys), reinterpret_cast<std::byte*>(stored), 2);
+            std::memcpy(voxels, stored, sizeof voxels);
+            T const result = odd ? voxels[1] : middle(voxels[0], voxels[1]);
             std::memcpy(to, &result, sizeof result);
         }
     });
+}
+
+constexpr std::int64_t median_lines_together = 32; ///< next to one another, which share cache lines and registers
+
+/// The keys in the middle of lines side by side: keys[k * median_lines_together + i], `count[i]` of which are numbers,
+/// the least. Bit by bit, by counting how many are less: the same steps for all lines.
+template <class W> class MiddleKeys {
+public:
+    MiddleKeys(W const* keys, std::int64_t n) : keys_(keys), n_(n) {}
+
+    void find(W const* count, W* lower, W* upper) const {
+        alignas(64) W rank[lines], found[lines] = {}, less[lines], tried[lines], before[lines];
+        for (std::int64_t i = 0; i < lines; ++i) rank[i] = count[i] / 2;
+        for (int bit = static_cast<int>(8 * sizeof(W)) - 1; bit >= 0; --bit) {
+            for (std::int64_t i = 0; i < lines; ++i) tried[i] = static_cast<W>(found[i] | W(1) << bit);
+            count_less(tried, less);
+            for (std::int64_t i = 0; i < lines; ++i) found[i] = less[i] <= rank[i] ? tried[i] : found[i];
+        }
+        // The one before: the same if that many are equal, else the largest that is less.
+        count_less(found, less);
+        largest_below(found, before);
+        for (std::int64_t i = 0; i < lines; ++i) {
+            bool const odd = count[i] % 2 != 0;
+            upper[i] = found[i];
+            lower[i] = odd || less[i] < rank[i] ? found[i] : before[i];
+        }
+    }
+
+    /// Of each line, how many keys are less than its bound.
+    void count_less(W const* than, W* less) const {
+        typename V::type bound[registers], sum[registers] = {};
+#pragma GCC unroll 16
+        for (int r = 0; r < registers; ++r) bound[r] = V::load(than + r * V::lanes);
+        for (std::int64_t k = 0; k < n_; ++k)
+#pragma GCC unroll 16
+            for (int r = 0; r < registers; ++r)
+                sum[r] = V::load(keys_ + k * lines + r * V::lanes) < bound[r] ? sum[r] + 1 : sum[r];
+        std::memcpy(less, sum, sizeof sum);
+    }
+
+private:
+    using V = Vector<W>;
+    static constexpr std::int64_t lines = median_lines_together;
+    static constexpr int registers = static_cast<int>(std::max<std::int64_t>(1, lines / V::lanes));
+    static_assert(lines % V::lanes == 0);
+
+    void largest_below(W const* than, W* largest) const {
+        typename V::type bound[registers], most[registers] = {};
+#pragma GCC unroll 16
+        for (int r = 0; r < registers; ++r) bound[r] = V::load(than + r * V::lanes);
+        for (std::int64_t k = 0; k < n_; ++k)
+#pragma GCC unroll 16
+            for (int r = 0; r < registers; ++r) {
+                typename V::type const key = V::load(keys_ + k * lines + r * V::lanes);
+                typename V::type const candidate = key < bound[r] ? key : typename V::type{};
+                most[r] = candidate > most[r] ? candidate : most[r];
+            }
+        std::memcpy(largest, most, sizeof most);
+    }
+
+    W const* keys_;
+    std::int64_t n_;
+};
+
+/// Keys as unsigned numbers in the same order.
+template <class K> using UnsignedKey = std::make_unsigned_t<K>;
+template <class K>
+constexpr UnsignedKey<K> key_offset = std::is_signed_v<K>
+                                          ? static_cast<UnsignedKey<K>>(UnsignedKey<K>(1) << (8 * sizeof(K) - 1))
+                                          : UnsignedKey<K>(0);
+template <class K> UnsignedKey<K> unsigned_key(K key) {
+    return static_cast<UnsignedKey<K>>(static_cast<UnsignedKey<K>>(key) ^ key_offset<K>);
+}
+
+template <class K, class W> K key_of(W key) { return static_cast<K>(static_cast<UnsignedKey<K>>(key) ^ key_offset<K>); }
+
+/// Medians of lines; W is unsigned, as wide as K or wider, and holds the length of a line.
+template <class K, class W>
+std::int64_t medians_of(Lines<K> const& lines, ConstView in, AnyView out, std::int64_t row, VoxelBytes const& none) {
+    constexpr std::int64_t together = median_lines_together;
+    W const highest = unsigned_key(highest_number<K>(in.type));
+    std::vector<W> keys(static_cast<std::size_t>(lines.n * together));
+    for (std::int64_t k = 0; k < lines.n; ++k) {
+        alignas(64) K voxels[together] = {};
+        for (std::int64_t i = 0; i < lines.pixels; ++i) voxels[i] = lines.first[k * lines.step + i * lines.pixel];
+        load_keys(in.type, reinterpret_cast<std::byte const*>(voxels), voxels, together);
+        W* const to = keys.data() + k * together;
+        for (std::int64_t i = 0; i < together; ++i) to[i] = unsigned_key(voxels[i]);
+    }
+    MiddleKeys<W> const middle(keys.data(), lines.n);
+    alignas(64) W count[together], lower[together], upper[together];
+    std::fill_n(count, together, static_cast<W>(lines.n));
+    if (!is_integer(in.type)) { // then there are keys above that of infinity
+        std::fill_n(lower, together, static_cast<W>(highest + 1));
+        middle.count_less(lower, count);
+    }
+    middle.find(count, lower, upper);
+    std::int64_t missing = 0;
+    for (std::int64_t i = 0; i < lines.pixels; ++i) {
+        auto const place = static_cast<std::int64_t>(lines.at) + i;
+        std::byte* const pixel = out.at(out.box.lower.x + place % row, out.box.lower.y + place / row, out.box.lower.z);
+        missing += lines.n - static_cast<std::int64_t>(count[i]);
+        if (count[i] > 0)
+            store_median(in.type, key_of<K>(lower[i]), key_of<K>(upper[i]), count[i] % 2 != 0, pixel);
+        else
+            std::memcpy(pixel, none.data(), sizeof(K));
+    }
+    return missing;
 }
 
 } // namespace
@@ -366,31 +708,13 @@ void median_lines(ConstView in, AnyView out, int axis, std::int64_t& nan, Execut
     ConstView const from = in.moved_to({});
     VoxelBytes const none = voxel_bytes(out.type, std::numeric_limits<double>::quiet_NaN());
     with_order_key(in.type, [&]<class K>(K) {
-        constexpr std::int64_t together = 32; // lines next to one another, which share cache lines
-        K const highest = highest_number<K>(in.type);
-        for_each_lines<K>(image, from, together, execution, [&](Lines<K> const& lines) {
-            auto const n = static_cast<std::size_t>(lines.n);
-            std::vector<K> all(static_cast<std::size_t>(lines.pixels) * n);
-            for (std::size_t k = 0; k < n; ++k)
-                for (std::int64_t i = 0; i < lines.pixels; ++i)
-                    all[static_cast<std::size_t>(i) * n + k] =
-                        lines.first[static_cast<std::int64_t>(k) * lines.step + i * lines.pixel];
-            load_keys(in.type, reinterpret_cast<std::byte const*>(all.data()), all.data(),
-                      static_cast<std::int64_t>(all.size()));
+        using W = std::conditional_t<sizeof(K) == 1, std::uint16_t, UnsignedKey<K>>;
+        for_each_lines<K>(image, from, median_lines_together, execution, [&](Lines<K> const& lines) {
             std::int64_t missing = 0;
-            for (std::int64_t i = 0; i < lines.pixels; ++i) {
-                K* const line = all.data() + static_cast<std::size_t>(i) * n;
-                auto const numbers = static_cast<std::size_t>(
-                    std::remove_if(line, line + n, [&](K key) { return key > highest; }) - line);
-                missing += static_cast<std::int64_t>(n - numbers);
-                auto const place = static_cast<std::int64_t>(lines.at) + i;
-                std::byte* const pixel = out.at(out.box.lower.x + place % image.row(),
-                                                out.box.lower.y + place / image.row(), out.box.lower.z);
-                if (numbers > 0)
-                    median_of(in.type, line, numbers, pixel);
-                else
-                    std::memcpy(pixel, none.data(), sizeof(K));
-            }
+            if (lines.n <= static_cast<std::int64_t>(std::min<std::uint64_t>(std::numeric_limits<W>::max(), 1u << 31)))
+                missing = medians_of<K, W>(lines, in, out, image.row(), none);
+            else
+                missing = medians_of<K, std::uint64_t>(lines, in, out, image.row(), none);
             if (missing == 0) return;
 #pragma omp atomic
             nan += missing;

@@ -35,6 +35,7 @@ VKT_HD double lost(double a, double b, double sum) {
 
 /// to += from for n sums; `from` has no second part where it is voxels.
 template <class A, int parts, class V> void add_values(std::int64_t n, A* to, A* rest, V const* from) {
+#pragma omp simd
     for (std::int64_t i = 0; i < n; ++i) {
         A const v = static_cast<A>(from[i]);
         if constexpr (parts == 2) {
@@ -47,24 +48,33 @@ template <class A, int parts, class V> void add_values(std::int64_t n, A* to, A*
     }
 }
 
-/// Sums along x of rows next to one another: chains of additions that do not wait for each other.
-template <class A, int parts, int rows>
-void add_along(std::int64_t n, bool exclusive, std::array<Sums<A, parts>, rows> const& from,
-               std::array<Sums<A, parts>, rows> const& to) {
-    A sum[rows] = {}, rest[rows] = {};
+/// Sums along x of rows next to one another: chains of additions that do not wait for each other. Spelt out for each
+/// row, so that the sums are in registers.
+template <class A, int parts, std::size_t... r>
+void add_along(std::int64_t n, bool exclusive, std::array<Sums<A, parts>, sizeof...(r)> const& from,
+               std::array<Sums<A, parts>, sizeof...(r)> const& to, std::index_sequence<r...>) {
+    constexpr std::size_t rows = sizeof...(r);
     std::int64_t const shift = exclusive ? 1 : 0;
-    if (exclusive)
-        for (int r = 0; r < rows; ++r)
-            for (int p = 0; p < parts; ++p) to[r].part[p][0] = A(0);
-    for (std::int64_t i = 0; i < n - shift; ++i)
-        for (int r = 0; r < rows; ++r) {
-            A const v = from[r].part[0][i], next = sum[r] + v;
+    A sum[rows] = {}, rest[rows] = {};
+    A const* const values[rows] = {from[r].part[0]...};
+    [[maybe_unused]] A const* const lost_before[rows] = {from[r].part[parts - 1]...};
+    A* const sums[rows] = {to[r].part[0] + shift...};
+    [[maybe_unused]] A* const rests[rows] = {to[r].part[parts - 1] + shift...};
+    if (exclusive) {
+        ((sums[r][-1] = A(0)), ...);
+        ((rests[r][-1] = A(0)), ...);
+    }
+    for (std::int64_t i = 0; i < n - shift; ++i) {
+        auto const add = [&]<std::size_t row>() {
+            A const v = values[row][i], next = sum[row] + v;
             if constexpr (parts == 2) {
-                rest[r] += lost(sum[r], v, next) + from[r].part[1][i];
-                to[r].part[1][i + shift] = rest[r];
+                rest[row] += lost(sum[row], v, next) + lost_before[row][i];
+                rests[row][i] = rest[row];
             }
-            to[r].part[0][i + shift] = sum[r] = next;
-        }
+            sums[row][i] = sum[row] = next;
+        };
+        (add.template operator()<r>(), ...);
+    }
 }
 
 template <class A, int parts> class Scanner {
@@ -87,10 +97,11 @@ public:
 
     template <class T> void run(Losses& losses, Execution const& execution) {
         int const threads = threads_for(execution, voxels_);
-        for_each_item(threads, (n_.y + 3) / 4, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t y = 4 * begin; y < std::min(4 * end, n_.y); y += 4) {
-                if (y + 4 <= n_.y)
-                    add_rows<T, 4>(y);
+        constexpr int together = sizeof(A) * parts > 8 ? 4 : 8;
+        for_each_item(threads, (n_.y + together - 1) / together, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t y = together * begin; y < std::min(together * end, n_.y); y += together) {
+                if (y + together <= n_.y)
+                    add_rows<T, together>(y);
                 else
                     for (std::int64_t last = y; last < n_.y; ++last) add_rows<T, 1>(last);
             }
@@ -118,10 +129,10 @@ private:
         std::array<S, rows> z_sums = each_row<rows>(along_z_, columns_, (in_.box.lower.y + y) * n_.x, n_.x);
         for (std::int64_t z = 0; z < n_.z; ++z) {
             auto const x_sums = each_row<rows>(rows_, voxels_, (z * n_.y + y) * n_.x, n_.x);
-            if (state_.exclusive) add_along<A, parts, rows>(n_.x, true, z_sums, x_sums);
+            if (state_.exclusive) add_along<A, parts>(n_.x, true, z_sums, x_sums, std::make_index_sequence<rows>{});
             for (int r = 0; r < rows; ++r)
                 add_voxels<T>(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
-            if (!state_.exclusive) add_along<A, parts, rows>(n_.x, false, z_sums, x_sums);
+            if (!state_.exclusive) add_along<A, parts>(n_.x, false, z_sums, x_sums, std::make_index_sequence<rows>{});
         }
     }
     template <int rows>
@@ -143,6 +154,7 @@ private:
                 load_row(in_.type, from + static_cast<std::size_t>(x) * sizeof(T), values, m);
                 if (!(state_.map == ValueMap{})) {
                     double const slope = state_.map.slope, intercept = state_.map.intercept;
+#pragma omp simd
                     for (std::int64_t i = 0; i < m; ++i) values[i] = slope * values[i] + intercept;
                 }
                 add_values<A, parts>(m, sums.part[0] + x, rest + x, static_cast<double const*>(values));
@@ -166,9 +178,11 @@ private:
             std::byte* const to = out_.at(out_.box.lower.x + x, out_.box.lower.y + y, out_.box.lower.z + z);
             std::size_t const bytes = static_cast<std::size_t>(n) * 8;
             if (state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
+            A const *const values = row.part[0], *const lost_before = row.part[parts - 1];
+#pragma omp simd
             for (std::int64_t i = 0; i < n; ++i) {
-                A const v = row.part[0][i], next = sum[i] + v;
-                if constexpr (parts == 2) rest[i] += lost(sum[i], v, next) + row.part[1][i];
+                A const v = values[i], next = sum[i] + v;
+                if constexpr (parts == 2) rest[i] += lost(sum[i], v, next) + lost_before[i];
                 sum[i] = next;
             }
             if (!state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
@@ -190,6 +204,7 @@ private:
         if constexpr (std::is_same_v<A, double>) {
             auto* const to = reinterpret_cast<double*>(stored);
             std::int64_t nan = 0;
+#pragma omp simd reduction(+ : nan)
             for (std::int64_t i = 0; i < n; ++i) {
                 double const s = sum[i];
                 bool const finite = s - s == 0;

@@ -3,7 +3,7 @@
 #include "libvkt/operations/kernels/transform.h"
 
 #include "libvkt/kernel/kernel.h"
-#include "libvkt/operations/kernels/functions.h"
+#include "libvkt/operations/kernels/elementwise.h"
 
 namespace vkt {
 
@@ -41,135 +41,23 @@ void of_angles(std::int64_t n, C* to, C const* a, Fast const fast, Slow const sl
         to[i] = static_cast<C>(small(a[i]) ? fast(a[i]) : slow(static_cast<double>(a[i])));
 }
 
-/// Functions of the C library, for values as double.
-template <class C, class F> void called(std::int64_t n, C* to, C const* a, F const f) {
-    for (std::int64_t i = 0; i < n; ++i) to[i] = static_cast<C>(f(static_cast<double>(a[i])));
-}
-template <class C, class F> void called(std::int64_t n, C* to, C const* a, C const* b, F const f) {
-    for (std::int64_t i = 0; i < n; ++i)
-        to[i] = static_cast<C>(f(static_cast<double>(a[i]), static_cast<double>(b[i])));
-}
-
-/// The rest of a / b with the sign of a, exact.
-template <class C> C rest_of(C a, C b) {
-    if constexpr (sizeof(C) == 4) {
-        // Below 2^29 the product of the whole quotient and b fits a double; the quotient may have been rounded up.
-        double const u = std::fabs(static_cast<double>(a)), v = std::fabs(static_cast<double>(b)), q = u / v;
-        if (q < 0x1p29) {
-            double const rest = u - std::trunc(q) * v;
-            return std::copysign(static_cast<C>(rest < 0 ? rest + v : rest), a);
-        }
-    }
-    return std::fmod(a, b);
-}
-
 template <class C> void apply_one(Op op, std::int64_t n, C* to, C const* a) {
-    switch (op) {
-    case Op::neg:
-        return each(n, to, a, [](C u) { return -u; });
-    case Op::abs:
-        return each(n, to, a, [](C u) { return std::fabs(u); });
-    case Op::sqrt:
-        return each(n, to, a, [](C u) { return std::sqrt(u); });
-    case Op::exp:
-        return each(n, to, a, [](C u) { return exponential_of(static_cast<double>(u)); });
-    case Op::log:
-        return each(n, to, a, [](C u) { return logarithm_of(static_cast<double>(u)); });
-    case Op::log10:
-        return called(n, to, a, [](double u) { return std::log10(u); });
-    case Op::sin:
+    if (op == Op::sin)
         return of_angles(
             n, to, a, [](C u) { return sine_of(static_cast<double>(u), 0); }, [](double u) { return std::sin(u); });
-    case Op::cos:
+    if (op == Op::cos)
         return of_angles(
             n, to, a, [](C u) { return sine_of(static_cast<double>(u), 1); }, [](double u) { return std::cos(u); });
-    case Op::tan:
+    if (op == Op::tan)
         return of_angles(
             n, to, a, [](C u) { return tangent_of(static_cast<double>(u)); }, [](double u) { return std::tan(u); });
-    case Op::asin:
-        return called(n, to, a, [](double u) { return std::asin(u); });
-    case Op::acos:
-        return called(n, to, a, [](double u) { return std::acos(u); });
-    case Op::atan:
-        return called(n, to, a, [](double u) { return std::atan(u); });
-    case Op::floor:
-        return each(n, to, a, [](C u) { return std::floor(u); });
-    case Op::ceil:
-        return each(n, to, a, [](C u) { return std::ceil(u); });
-    case Op::round:
-        return each(n, to, a, [](C u) { return std::nearbyint(u); });
-    case Op::trunc:
-        return each(n, to, a, [](C u) { return std::trunc(u); });
-    case Op::sign:
-        return each(n, to, a, [](C u) { return u > C(0) ? C(1) : u < C(0) ? C(-1) : u; });
-    case Op::not_:
-        return each(n, to, a, [](C u) { return u == C(0) ? C(1) : C(0); });
-    case Op::isnan:
-        return each(n, to, a, [](C u) { return u != u ? C(1) : C(0); });
-    case Op::isinf:
-        return each(n, to, a, [](C u) { return std::fabs(u) > std::numeric_limits<C>::max() ? C(1) : C(0); });
-    default: // a value as it is
-        return each(n, to, a, [](C u) { return u; });
-    }
+    with_one<C>(op, [&](auto const f) { each(n, to, a, f); });
 }
-
 template <class C> void apply_two(Op op, std::int64_t n, C* to, C const* a, C const* b) {
-    switch (op) {
-    case Op::add:
-        return each(n, to, a, b, [](C u, C v) { return u + v; });
-    case Op::sub:
-        return each(n, to, a, b, [](C u, C v) { return u - v; });
-    case Op::mul:
-        return each(n, to, a, b, [](C u, C v) { return u * v; });
-    case Op::div:
-        return each(n, to, a, b, [](C u, C v) { return u / v; });
-    case Op::min:
-        return each(n, to, a, b, [](C u, C v) { return u < v || u != u ? u : v; });
-    case Op::max:
-        return each(n, to, a, b, [](C u, C v) { return u > v || u != u ? u : v; });
-    case Op::pow:
-        return called(n, to, a, b, [](double u, double v) { return std::pow(u, v); });
-    case Op::atan2:
-        return called(n, to, a, b, [](double u, double v) { return std::atan2(u, v); });
-    case Op::fmod:
-        for (std::int64_t i = 0; i < n; ++i) to[i] = rest_of(a[i], b[i]);
-        return;
-    case Op::mod:
-        for (std::int64_t i = 0; i < n; ++i) {
-            C const divisor = b[i], rest = rest_of(a[i], divisor);
-            to[i] = rest != C(0) && (rest < C(0)) != (divisor < C(0)) ? rest + divisor : rest;
-        }
-        return;
-    case Op::hypot:
-        if constexpr (sizeof(C) == 4)
-            return each(n, to, a, b, [](C u, C v) {
-                double const p = static_cast<double>(u), q = static_cast<double>(v);
-                double const length = std::sqrt(p * p + q * q), infinite = std::numeric_limits<double>::infinity();
-                return std::fabs(p) == infinite || std::fabs(q) == infinite ? infinite : length;
-            });
-        else
-            return called(n, to, a, b, [](double u, double v) { return std::hypot(u, v); });
-    case Op::lt:
-        return each(n, to, a, b, [](C u, C v) { return u < v ? C(1) : C(0); });
-    case Op::le:
-        return each(n, to, a, b, [](C u, C v) { return u <= v ? C(1) : C(0); });
-    case Op::eq:
-        return each(n, to, a, b, [](C u, C v) { return u == v ? C(1) : C(0); });
-    case Op::ne:
-        return each(n, to, a, b, [](C u, C v) { return u != v ? C(1) : C(0); });
-    case Op::and_:
-        return each(n, to, a, b, [](C u, C v) { return u != C(0) && v != C(0) ? C(1) : C(0); });
-    default: // or
-        return each(n, to, a, b, [](C u, C v) { return u != C(0) || v != C(0) ? C(1) : C(0); });
-    }
+    with_two<C>(op, [&](auto const f) { each(n, to, a, b, f); });
 }
-
 template <class C> void apply_three(Op op, std::int64_t n, C* to, C const* a, C const* b, C const* c) {
-    if (op == Op::select) return each(n, to, a, b, c, [](C u, C v, C w) { return u != C(0) ? v : w; });
-    each(n, to, a, b, c, [](C u, C low, C high) {
-        C const above = u < low ? low : u; // NaN passes
-        return above > high ? high : above;
-    });
+    with_three<C>(op, [&](auto const f) { each(n, to, a, b, c, f); });
 }
 
 /// One thread's slots.
@@ -231,7 +119,8 @@ private:
             each(m, buffer, rows_[r], [=](C v) {
                 C const value = slope * v + intercept;
                 // The product may be beyond C where the sum is not.
-                return value - value == 0 ? value : C(2) * (C(0.5) * slope * v + C(0.5) * intercept);
+                bool const finite = value - value == 0; // NOLINT(misc-redundant-expression)
+                return finite ? value : C(2) * (C(0.5) * slope * v + C(0.5) * intercept);
             });
             rows_[r] = buffer;
         }

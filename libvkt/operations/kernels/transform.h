@@ -22,9 +22,9 @@ struct TransformTask {
     std::size_t workspace_bytes = 0;
 };
 
-VKT_CPU_KERNEL(transform_voxels,
-               (TransformTask const& task, std::span<ConstView const> in, AnyView out, TransformLosses& losses,
-                Execution const& execution),
-               (task, in, out, losses, execution))
+VKT_KERNEL(transform_voxels,
+           (TransformTask const& task, std::span<ConstView const> in, AnyView out, TransformLosses& losses,
+            Execution const& execution),
+           (task, in, out, losses, execution))
 
 } // namespace vkt

@@ -161,29 +161,37 @@ VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& 
     return sum;
 }
 
+/// The nearest crossing of a ray with surfaces that can be seen; surface -1: none.
+struct Nearest {
+    double t;
+    int surface;
+};
+template <CellSampler S>
+VKT_HD Nearest nearest_surface(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    Nearest nearest{ray.length, -1};
+    for (int i = 0; i < scene.iso_count; ++i) {
+        if (!(scene.isos[i].alpha > 0)) continue;
+        // A nearer surface found before shortens the ray for the ones that follow.
+        Ray shorter = ray;
+        shorter.length = nearest.t;
+        cross_ray(
+            sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
+                if (nearest.surface < 0 || t < nearest.t) nearest = {t, i};
+                return false;
+            });
+    }
+    return nearest;
+}
+
 /// The nearest surface of all iso-values, shaded by a light at the eye.
 template <CellSampler S>
 VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ++counters.rays;
     for (int i = 0; i < scene.iso_count; ++i)
         if (scene.isos[i].alpha < 1) return layers_ray(sampler, scene, ray, counters);
-    double nearest = ray.length;
-    int surface = -1;
-    for (int i = 0; i < scene.iso_count; ++i) {
-        // A nearer surface found before shortens the ray for the ones that follow.
-        Ray shorter = ray;
-        shorter.length = nearest;
-        cross_ray(
-            sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
-                if (surface < 0 || t < nearest) {
-                    nearest = t;
-                    surface = i;
-                }
-                return false;
-            });
-    }
-    if (surface < 0) return {0, 0, 0, 1};
-    return lit_surface(sampler, scene, ray, nearest, scene.isos[surface]);
+    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
+    if (hit.surface < 0) return {0, 0, 0, 1};
+    return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface]);
 }
 
 } // namespace vkt::render

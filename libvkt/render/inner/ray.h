@@ -27,6 +27,7 @@ struct Ray {
     Double3 entry, direction;
     double length;            ///< lattice units
     double world_per_lattice; ///< world length of one lattice unit along this ray
+    double start = 0;         ///< lattice units from the camera to the entry
 };
 
 /// Part of a line within the box [lower, upper]; false if there is none. Written so that 0 and NaN take defined paths.
@@ -60,6 +61,7 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, D
     if (!clip(origin, ray.direction, lower, upper, near, far)) return false;
     ray.entry = origin + ray.direction * near;
     ray.length = far - near;
+    ray.start = near;
     return true;
 }
 

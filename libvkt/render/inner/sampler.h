@@ -23,8 +23,13 @@
 
 namespace vkt::render {
 
-/// Samples that are taken together along a ray.
+/// Samples that are taken together along a ray: as many as registers hold on CPUs; on GPUs, which have other rays to go
+/// on with, one, so that it stays in registers. What is seen is the same.
+#ifdef __CUDACC__
+inline constexpr int chunk = 1;
+#else
 inline constexpr int chunk = 16;
+#endif
 
 /// value(): the stored value at a lattice position inside the box (NaN: no data),
 /// gradient(): its derivative per lattice unit, values() and gradients(): `chunk` positions origin + t[k]*direction at

@@ -32,4 +32,16 @@ VKT_HD void for_rays(SceneView const& scene, Tile tile, float* pixels, std::int6
     });
 }
 
+/// One ray through the middle of each pixel: calls look(ray) for those that meet the volume, the others have `nothing`
+/// as their fourth number.
+template <class Look>
+VKT_HD void for_middles(SceneView const& scene, Tile tile, float* pixels, std::int64_t width, float nothing,
+                        Look look) {
+    for_pixels(tile, pixels, width, [&](int x, int y) {
+        Ray ray;
+        if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, nothing};
+        return look(ray);
+    });
+}
+
 } // namespace vkt::render

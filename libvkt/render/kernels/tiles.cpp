@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/place.h"
 #include "libvkt/render/inner/project.h"
 #include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/pixels.h"
@@ -34,6 +35,20 @@ void run(SceneView const& scene, LatticeView const& lattice, Integrator integrat
         break;
     case Integrator::project:
         along_ray([&](Ray const& ray) { return project_ray(sampler, scene, ray, counters); });
+        break;
+    case Integrator::place:
+        for_middles(scene, tile, pixels, width, std::numeric_limits<float>::infinity(),
+                    [&](Ray const& ray) { return surface_place(sampler, scene, ray, counters); });
+        break;
+    case Integrator::albedo:
+        for_middles(scene, tile, pixels, width, 1,
+                    [&](Ray const& ray) { return surface_albedo(sampler, scene, ray, counters); });
+        break;
+    case Integrator::half_distance:
+        for_middles(scene, tile, pixels, width, std::numeric_limits<float>::infinity(), [&](Ray const& ray) {
+            float const at = half_distance(sampler, scene, ray, counters);
+            return Radiance{at, at, at, at};
+        });
         break;
     case Integrator::scatter:
         for_pixels(tile, pixels, width, [&](int x, int y) { return scatter_pixel(sampler, scene, x, y, counters); });

@@ -1,0 +1,277 @@
+// Correlation on GPUs: separable kernels axis by axis, dense ones from neighbours in shared memory; the sums of the CPU
+// in their order.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/correlate.h"
+
+#include "libvkt/kernel/cuda_stencil.h"
+#include "libvkt/kernel/cuda_voxels.h"
+#include "libvkt/kernel/kernel.h"
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+namespace vkt::VKT_BACKEND {
+namespace {
+
+/// Values in device memory: voxels of a type, or what a pass made.
+template <class C> struct Values {
+    driver::DeviceRows rows;
+    __device__ __forceinline__ C operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
+        return driver::load_value<C>(rows.type, rows.at(x, y, z));
+    }
+};
+
+/// A dense volume of C for the time of one call.
+template <class C> class Stage {
+public:
+    explicit Stage(Index3 dims)
+        : dims_(dims), memory_(static_cast<std::size_t>(dims.x * dims.y * dims.z) * sizeof(C)) {}
+    Values<C> values() const { return {driver::device_rows(ConstView(view()), box_of(dims_))}; }
+    View<C> as() const { return view().template as<C>(); }
+
+private:
+    AnyView view() const {
+        return dense_view(memory_.get(), sizeof(C) == 4 ? DataType::float32 : DataType::float64, box_of(dims_),
+                          Space::device);
+    }
+    Index3 dims_;
+    driver::DeviceScratch memory_;
+};
+
+/// The taps of all axes on the device.
+template <class C> class Weights {
+public:
+    explicit Weights(std::vector<AxisTaps> const& all) : list_(values_of(all)) {
+        std::size_t next = 0;
+        for (AxisTaps const& taps : all) {
+            first_.push_back(next);
+            next += taps.taps.size();
+        }
+    }
+    C const* of(std::size_t taps) const { return list_.get() + first_[taps]; }
+
+private:
+    static std::vector<C> values_of(std::vector<AxisTaps> const& all) {
+        std::vector<C> values;
+        for (AxisTaps const& taps : all)
+            for (double const tap : taps.taps) values.push_back(static_cast<C>(tap));
+        return values;
+    }
+
+    std::vector<std::size_t> first_;
+    driver::DeviceList<C> list_;
+};
+
+/// One axis of a filter over a box of results: `at` is where the middle of the first result's voxels lies in `in`.
+template <class C> struct AxisPass {
+    Values<C> in;
+    View<C> out;
+    Index3 at;
+    int axis;
+    AxisTaps::Kind kind;
+    int radius;
+    C const* weight;
+    bool add;    ///< to what there is
+    bool scaled; ///< the sum times `scale` is added
+    C scale;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts&) const {
+        std::int64_t const px = at.x + x, py = at.y + y, pz = at.z + z;
+        auto const value = [&](int k) {
+            return axis == 0 ? in(px + k, py, pz) : axis == 1 ? in(px, py + k, pz) : in(px, py, pz + k);
+        };
+        C& to = out(x, y, z);
+        C const before = add ? to : C(0);
+        C sum = scaled ? C(0) : before;
+        switch (kind) {
+        case AxisTaps::Kind::plain:
+            for (int k = 0; k <= 2 * radius; ++k) sum = madd(weight[k], value(k - radius), sum);
+            break;
+        case AxisTaps::Kind::even:
+            sum = madd(weight[0], value(0), sum);
+            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) + value(-k), sum);
+            break;
+        case AxisTaps::Kind::odd:
+            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) - value(-k), sum);
+            break;
+        default: {
+            C const v = value(0);
+            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], (value(k) - v) + (value(-k) - v), sum);
+            if (kind == AxisTaps::Kind::average) sum += v;
+        }
+        }
+        to = scaled ? madd(scale, sum, before) : sum;
+    }
+};
+
+constexpr int most_parts = 6;
+
+/// What is made of the parts of a sum.
+template <class C> struct Finish {
+    C const* part[most_parts];
+    int parts;
+    std::int64_t row, slice;
+    C offset;
+    driver::DeviceRows out;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        std::int64_t const i = x + y * row + z * slice;
+        C result = part[0][i];
+        if (parts > 1) {
+            result *= result;
+#pragma unroll
+            for (int p = 1; p < most_parts; ++p)
+                if (p < parts) result = madd(part[p][i], part[p][i], result);
+            result = sqrt(result);
+        }
+        if (offset != 0) result += offset;
+        driver::store_value(out.type, out.at(x, y, z), result, counts);
+    }
+};
+
+template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses) {
+    if (out.box.empty()) return;
+    if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
+    Index3 const r = sum.radius(), n = out.dims();
+    Index3 const rows{n.x, n.y + 2 * r.y, n.z + 2 * r.z}, columns{n.x, n.y, rows.z};
+    Weights<C> const wx(sum.x), wy(sum.y), wz(sum.z);
+    Values<C> const voxels{driver::device_rows(in, {out.box.lower - r, out.box.upper + r})};
+    auto const pass = [](Values<C> const& from, View<C> to, Index3 dims, Index3 at, int axis, AxisTaps const& taps,
+                         C const* weight, bool add, double scale) {
+        driver::for_each_voxel(dims,
+                               AxisPass<C>{from, to, at, axis, taps.kind, static_cast<int>(taps.radius()), weight, add,
+                                           scale != 1, static_cast<C>(scale)},
+                               nullptr, "correlate");
+    };
+    std::vector<std::unique_ptr<Stage<C>>> lines, planes, parts;
+    for (std::size_t t = 0; t < sum.x.size(); ++t) {
+        lines.push_back(std::make_unique<Stage<C>>(rows));
+        pass(voxels, lines.back()->as(), rows, {r.x, 0, 0}, 0, sum.x[t], wx.of(t), false, 1);
+    }
+    for (auto const& plane : sum.planes) {
+        auto const t = static_cast<std::size_t>(plane.y);
+        planes.push_back(std::make_unique<Stage<C>>(columns));
+        pass(lines[static_cast<std::size_t>(plane.x)]->values(), planes.back()->as(), columns, {0, r.y, 0}, 1, sum.y[t],
+             wy.of(t), false, 1);
+    }
+    lines.clear();
+    for (int p = 0; p < sum.parts; ++p) parts.push_back(std::make_unique<Stage<C>>(n));
+    int before = -1;
+    for (auto const& term : sum.terms) {
+        auto const t = static_cast<std::size_t>(term.z);
+        pass(planes[static_cast<std::size_t>(term.plane)]->values(), parts[static_cast<std::size_t>(term.part)]->as(),
+             n, {0, 0, r.z}, 2, sum.z[t], wz.of(t), term.part == before, term.weight);
+        before = term.part;
+    }
+    Finish<C> finish{};
+    for (std::size_t p = 0; p < parts.size(); ++p) finish.part[p] = parts[p]->as().data;
+    finish.parts = sum.parts;
+    finish.row = n.x;
+    finish.slice = n.x * n.y;
+    finish.offset = static_cast<C>(sum.offset);
+    finish.out = driver::device_rows(ConstView(out), out.box);
+    driver::DeviceLosses const counts;
+    driver::for_each_voxel(n, finish, counts.get(), "correlate");
+    counts.add_to(losses);
+}
+
+/// 27 weights, in the registers of a launch's parameters.
+template <class C> struct Cube {
+    C weight[27];
+    C offset;
+
+    VKT_DEVICE C operator()(Window<C> const& window) const {
+        C sum = 0;
+#pragma unroll
+        for (int k = 0; k < 3; ++k)
+#pragma unroll
+            for (int j = 0; j < 3; ++j)
+#pragma unroll
+                for (int i = 0; i < 3; ++i) sum = madd(weight[(k * 3 + j) * 3 + i], window(i - 1, j - 1, k - 1), sum);
+        return offset != 0 ? sum + offset : sum;
+    }
+};
+
+template <class C> struct DeviceTap {
+    int x, y, z;
+    C weight;
+};
+
+/// Any taps, in their order, from wherever voxel(dx, dy, dz) comes.
+template <class C> struct AnyTaps {
+    DeviceTap<C> const* tap;
+    int count;
+    C offset;
+
+    template <class V> VKT_DEVICE C sum(V const& voxel) const {
+        C total = 0;
+        for (int k = 0; k < count; ++k) {
+            DeviceTap<C> const t = tap[k];
+            total = madd(t.weight, voxel(t.x, t.y, t.z), total);
+        }
+        return offset != 0 ? total + offset : total;
+    }
+    VKT_DEVICE C operator()(Window<C> const& window) const { return sum(window); }
+};
+
+/// The same without shared memory, for neighbourhoods that are too large for it.
+template <class C> struct FarTaps {
+    AnyTaps<C> taps;
+    Values<C> in;
+    Index3 at;
+    driver::DeviceRows out;
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        C const sum = taps.sum([&](int i, int j, int k) { return in(at.x + x + i, at.y + y + j, at.z + z + k); });
+        driver::store_value(out.type, out.at(x, y, z), sum, counts);
+    }
+};
+
+template <class C>
+void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
+    if (out.box.empty()) return;
+    Index3 const r = kernel.radius;
+    auto const offset = static_cast<C>(kernel.offset);
+    if (r == Index3{1, 1, 1} && kernel.taps.size() == 27) {
+        Cube<C> cube{};
+        for (std::size_t k = 0; k < 27; ++k) cube.weight[k] = static_cast<C>(kernel.taps[k].weight);
+        cube.offset = offset;
+        return stencil<C>(execution, out, losses, r, cube, in);
+    }
+    std::vector<DeviceTap<C>> taps;
+    for (Tap const& tap : kernel.taps)
+        taps.push_back({static_cast<int>(tap.at.x), static_cast<int>(tap.at.y), static_cast<int>(tap.at.z),
+                        static_cast<C>(tap.weight)});
+    driver::DeviceList const list(taps);
+    AnyTaps<C> const any{list.get(), static_cast<int>(taps.size()), offset};
+    if (driver::fits_stencil<C>(r)) return stencil<C>(execution, out, losses, r, any, in);
+    driver::DeviceLosses const counts;
+    FarTaps<C> const far{any,
+                         {driver::device_rows(in, {out.box.lower - r, out.box.upper + r})},
+                         r,
+                         driver::device_rows(ConstView(out), out.box)};
+    driver::for_each_voxel(out.dims(), far, counts.get(), "correlate_dense");
+    counts.add_to(losses);
+}
+
+} // namespace
+
+void correlate(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses, Execution const&) {
+    if (sum.wide)
+        correlate_terms<double>(in, out, sum, losses);
+    else
+        correlate_terms<float>(in, out, sum, losses);
+}
+
+void correlate_dense(ConstView in, AnyView out, DenseKernel const& kernel, Losses& losses, Execution const& execution) {
+    if (kernel.wide)
+        correlate_any<double>(in, out, kernel, losses, execution);
+    else
+        correlate_any<float>(in, out, kernel, losses, execution);
+}
+
+} // namespace vkt::VKT_BACKEND

@@ -1,0 +1,253 @@
+// Annotations: where they stand, lines and boxes, text.
+// SPDX-License-Identifier: MIT
+#include "libvkt/render/annotate.h"
+
+#include "libvkt/core/text.h"
+#include "libvkt/render/font.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace vkt::render {
+
+namespace {
+
+constexpr double edge = 0.8; ///< half the width of thin lines, in pixels
+
+struct Point {
+    double x, y;
+};
+
+/// A picture that is drawn on: coverage of pixels and their middles, from the top left.
+class Canvas {
+public:
+    Canvas(Image& image, std::string font, double size) : image_(image), font_(std::move(font)), size_(size) {}
+
+    double size() const { return size_; }
+    void blend(int x, int y, double coverage, Color const& color) {
+        if (x < 0 || y < 0 || x >= image_.width || y >= image_.height || !(coverage > 0)) return;
+        float* const p =
+            image_.pixels.data() +
+            4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image_.width) + static_cast<std::size_t>(x));
+        auto const share = static_cast<float>(std::min(coverage, 1.0));
+        double const light[3] = {srgb_to_linear(color.red), srgb_to_linear(color.green), srgb_to_linear(color.blue)};
+        for (std::size_t c = 0; c < 3; ++c) p[c] = (1 - share) * p[c] + share * static_cast<float>(light[c]);
+        p[3] *= 1 - share;
+    }
+    void box(int x0, int y0, int x1, int y1, Color const& color) {
+        for (int y = y0; y < y1; ++y)
+            for (int x = x0; x < x1; ++x) blend(x, y, 1, color);
+    }
+    /// A frame of one pixel around [x0, x1) x [y0, y1).
+    void frame(int x0, int y0, int x1, int y1, Color const& color) {
+        box(x0 - 1, y0 - 1, x1 + 1, y0, color);
+        box(x0 - 1, y1, x1 + 1, y1 + 1, color);
+        box(x0 - 1, y0, x0, y1, color);
+        box(x1, y0, x1 + 1, y1, color);
+    }
+    void line(Point a, Point b, double half, Color const& color) {
+        double const dx = b.x - a.x, dy = b.y - a.y, squared = dx * dx + dy * dy;
+        auto const low = [&](double u, double v) { return static_cast<int>(std::floor(std::min(u, v) - half - 1)); };
+        auto const high = [&](double u, double v) { return static_cast<int>(std::ceil(std::max(u, v) + half + 1)); };
+        for (int y = low(a.y, b.y); y <= high(a.y, b.y); ++y)
+            for (int x = low(a.x, b.x); x <= high(a.x, b.x); ++x) {
+                double const px = x + 0.5 - a.x, py = y + 0.5 - a.y;
+                double const t = squared > 0 ? std::clamp((px * dx + py * dy) / squared, 0.0, 1.0) : 0;
+                blend(x, y, half + 0.5 - std::hypot(px - t * dx, py - t * dy), color);
+            }
+    }
+    TextLine text(std::string const& words) const { return draw_text(font_, size_, words); }
+    /// Over a faint outline of the other shade, so that it can be read on anything.
+    void put(TextLine const& line, int x, int y, Color const& ink) {
+        auto const at = [&](int u, int v) {
+            bool const inside = u >= 0 && v >= 0 && u < line.width && v < line.height;
+            std::size_t const i = static_cast<std::size_t>(v) * static_cast<std::size_t>(line.width);
+            return inside ? line.coverage[i + static_cast<std::size_t>(u)] / 255.0 : 0.0;
+        };
+        double const other = ink.red > 0.5 ? 0 : 1;
+        for (int v = -1; v <= line.height; ++v)
+            for (int u = -1; u <= line.width; ++u) {
+                double near = 0;
+                for (int k = 0; k < 9; ++k) near = std::max(near, at(u + k % 3 - 1, v + k / 3 - 1));
+                blend(x + u, y + v, 0.7 * near, {other, other, other});
+            }
+        for (int v = 0; v < line.height; ++v)
+            for (int u = 0; u < line.width; ++u) blend(x + u, y + v, at(u, v), ink);
+    }
+    int width() const { return image_.width; }
+    int height() const { return image_.height; }
+
+private:
+    Image& image_;
+    std::string font_;
+    double size_;
+};
+
+double luminance(Color const& c) {
+    return 0.2126 * srgb_to_linear(c.red) + 0.7152 * srgb_to_linear(c.green) + 0.0722 * srgb_to_linear(c.blue);
+}
+
+/// sRGB of the transfer function at a value, in straight lines as it is drawn.
+Color color_at(TransferFunction const& transfer, double value) {
+    auto const& points = transfer.points;
+    auto const linear = [&](double v) { return transfer.linear_colors ? v : srgb_to_linear(v); };
+    auto const of = [&](ControlPoint const& p) {
+        return std::array{linear(p.color.red), linear(p.color.green), linear(p.color.blue)};
+    };
+    auto const next = std::find_if(points.begin(), points.end(), [&](auto const& p) { return p.value > value; });
+    std::array<double, 3> light{};
+    if (next == points.begin() || next == points.end()) {
+        light = of(next == points.end() ? points.back() : points.front());
+    } else {
+        double const share = (value - (next - 1)->value) / (next->value - (next - 1)->value);
+        auto const a = of(*(next - 1)), b = of(*next);
+        for (std::size_t c = 0; c < 3; ++c) light[c] = a[c] + share * (b[c] - a[c]);
+    }
+    return {linear_to_srgb(light[0]), linear_to_srgb(light[1]), linear_to_srgb(light[2])};
+}
+
+/// Without digits that rounding left behind.
+std::string short_text(double value, double step) {
+    double const unit = std::pow(10, std::floor(std::log10(step)));
+    double const digits = std::round(value / unit);
+    return to_text(unit < 1 ? digits / std::round(1 / unit) : digits * unit);
+}
+
+void draw_color_bar(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
+    auto const size = static_cast<int>(std::lround(canvas.size()));
+    double const lower = report.domain.lower, upper = report.domain.upper;
+    if (!(upper > lower)) return;
+    std::vector<double> const ticks = ticks_of(lower, upper);
+    double const step = ticks.size() > 1 ? ticks[1] - ticks[0] : upper - lower;
+    std::vector<TextLine> labels;
+    int widest = 0;
+    for (double const tick : ticks) {
+        labels.push_back(canvas.text(short_text(tick, step)));
+        widest = std::max(widest, labels.back().width);
+    }
+    int const x1 = canvas.width() - size - widest - size / 2, x0 = x1 - size;
+    int const y0 = canvas.height() / 5, y1 = canvas.height() - canvas.height() / 5;
+    for (int y = y0; y < y1; ++y) {
+        double const share = (y1 - y - 0.5) / (y1 - y0);
+        canvas.box(x0, y, x1, y + 1, color_at(report.transfer, std::lerp(lower, upper, share)));
+    }
+    canvas.frame(x0, y0, x1, y1, ink);
+    for (std::size_t i = 0; i < ticks.size(); ++i) {
+        double const y = y1 - (ticks[i] - lower) / (upper - lower) * (y1 - y0);
+        int const row = std::clamp(static_cast<int>(std::floor(y)), y0, y1 - 1);
+        canvas.box(x1, row, x1 + size / 4 + 1, row + 1, ink);
+        canvas.put(labels[i], x1 + size / 2, row - labels[i].height / 2, ink);
+    }
+    if (units.empty()) return;
+    TextLine const unit = canvas.text(units);
+    canvas.put(unit, std::min(x0, canvas.width() - size / 2 - unit.width), y0 - unit.height - size / 2, ink);
+}
+
+void draw_surfaces(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
+    auto const size = static_cast<int>(std::lround(canvas.size()));
+    std::vector<TextLine> labels;
+    int widest = 0;
+    for (double const iso : report.isos) {
+        labels.push_back(canvas.text(units.empty() ? to_text(iso) : text(iso, " ", units)));
+        widest = std::max(widest, labels.back().width);
+    }
+    int const x1 = canvas.width() - size - widest - size / 2, x0 = x1 - size;
+    for (std::size_t i = 0; i < labels.size(); ++i) {
+        int const y = canvas.height() / 5 + static_cast<int>(i) * (2 * size);
+        canvas.box(x0, y, x1, y + size, report.iso_colors[i]);
+        canvas.frame(x0, y, x1, y + size, ink);
+        canvas.put(labels[i], x1 + size / 2, y + (size - labels[i].height) / 2, ink);
+    }
+}
+
+Vec3 minus(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+Vec3 unit(Vec3 a) {
+    double const length = std::sqrt(dot(a, a));
+    return {a.x / length, a.y / length, a.z / length};
+}
+
+void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
+    auto const size = static_cast<int>(std::lround(canvas.size()));
+    Vec3 const way = minus(camera.target, camera.eye);
+    double const height = camera.projection == Projection::orthographic
+                              ? camera.height
+                              : 2 * std::tan(camera.fov * std::numbers::pi / 360) * std::sqrt(dot(way, way));
+    double const per_pixel = height / canvas.height();
+    double const length = round_length(per_pixel * canvas.width() / 4);
+    if (!(length > 0)) return;
+    int const x0 = size, x1 = x0 + static_cast<int>(std::lround(length / per_pixel)), y = canvas.height() - size;
+    int const thick = std::max(1, size / 6);
+    canvas.box(x0, y - thick, x1, y, ink);
+    canvas.box(x0, y - size / 2, x0 + thick, y, ink);
+    canvas.box(x1 - thick, y - size / 2, x1, y, ink);
+    TextLine const label = canvas.text(to_text(length));
+    canvas.put(label, (x0 + x1 - label.width) / 2, y - size / 2 - label.height, ink);
+}
+
+void draw_axes(Canvas& canvas, Camera const& camera, Color const& ink) {
+    double const size = canvas.size(), reach = 2.5 * size;
+    Vec3 const forward = unit(minus(camera.target, camera.eye)), right = unit(cross(forward, camera.up)),
+               up = cross(right, forward);
+    Point const center{size * 1.5 + reach, size * 1.5 + reach};
+    struct Arm {
+        Vec3 way;
+        char const* name;
+        Color color;
+    };
+    std::array<Arm, 3> arms{
+        {{{1, 0, 0}, "x", {0.9, 0.25, 0.2}}, {{0, 1, 0}, "y", {0.2, 0.7, 0.25}}, {{0, 0, 1}, "z", {0.25, 0.45, 0.95}}}};
+    // The furthest first.
+    std::stable_sort(arms.begin(), arms.end(),
+                     [&](Arm const& a, Arm const& b) { return dot(a.way, forward) > dot(b.way, forward); });
+    for (Arm const& arm : arms) {
+        Point const way{dot(arm.way, right), -dot(arm.way, up)};
+        canvas.line(center, {center.x + reach * way.x, center.y + reach * way.y}, edge * size / 16 + 0.5, arm.color);
+        TextLine const name = canvas.text(arm.name);
+        double const beyond = reach + 0.7 * size;
+        canvas.put(name, static_cast<int>(std::lround(center.x + beyond * way.x - name.width / 2.0)),
+                   static_cast<int>(std::lround(center.y + beyond * way.y - name.height / 2.0)), ink);
+    }
+}
+
+} // namespace
+
+double round_length(double limit) {
+    if (!(limit > 0) || !std::isfinite(limit)) return 0;
+    double const decade = std::pow(10, std::floor(std::log10(limit)));
+    for (double const factor : {5.0, 2.0})
+        if (factor * decade <= limit) return factor * decade;
+    return decade;
+}
+
+std::vector<double> ticks_of(double lower, double upper) {
+    if (!(upper > lower)) return {lower};
+    double const step = round_length((upper - lower) / 3);
+    std::vector<double> ticks;
+    for (double k = std::ceil(lower / step); k * step <= upper && ticks.size() < 16; ++k) ticks.push_back(k * step);
+    return ticks;
+}
+
+void annotate(Image& image, RenderReport const& report, Header const& header, Background const& background,
+              Annotation const& annotation) {
+    Color const ink = luminance(background.color) > 0.18 ? Color{0, 0, 0} : Color{1, 1, 1};
+    double const size = std::max(9.0, image.height / 32.0);
+    Canvas canvas(image, annotation.font.empty() ? default_font() : annotation.font, size);
+    if (annotation.key) {
+        if (report.isos.empty())
+            draw_color_bar(canvas, report, header.units, ink);
+        else
+            draw_surfaces(canvas, report, header.units, ink);
+        draw_scale_bar(canvas, report.camera, ink);
+        draw_axes(canvas, report.camera, ink);
+    }
+    if (annotation.caption.empty()) return;
+    TextLine const caption = canvas.text(annotation.caption);
+    canvas.put(caption, (canvas.width() - caption.width) / 2,
+               canvas.height() - static_cast<int>(std::lround(size / 2)) - caption.height, ink);
+}
+
+} // namespace vkt::render

@@ -1,0 +1,31 @@
+// What a picture says of itself within it: colour bar, scale bar, axes, a caption.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/header.h"
+#include "libvkt/render/render.h"
+
+#include <string>
+#include <vector>
+
+namespace vkt::render {
+
+struct Annotation {
+    bool key = false;    ///< colour bar or values of surfaces, scale bar, axes
+    std::string caption; ///< below; empty: none
+    std::string font;    ///< a file; empty: default_font()
+
+    bool any() const { return key || !caption.empty(); }
+};
+
+/// 1, 2 or 5 times a power of ten, the greatest not above the limit.
+double round_length(double limit);
+/// At least three and at most eight multiples of such a step in [lower, upper]; both ends if these are equal.
+std::vector<double> ticks_of(double lower, double upper);
+
+/// Draws it over the picture, in black or white, whatever is further from the background. The scale bar is a length in
+/// the world, at the camera's target. Throws what draw_text() and default_font() throw.
+void annotate(Image& image, RenderReport const& report, Header const& header, Background const& background,
+              Annotation const& annotation);
+
+} // namespace vkt::render

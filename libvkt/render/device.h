@@ -1,0 +1,43 @@
+// Drawing on a GPU: what rays see is copied there once, and pixels come back.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/buffer.h"
+#include "libvkt/render/image.h"
+#include "libvkt/render/passes.h"
+#include "libvkt/render/tiles.h"
+
+#include <cstdint>
+#include <memory>
+
+namespace vkt::render {
+
+/// Arrays of the host that are wanted on the GPU. They have to outlive it and must not change.
+class DeviceCopies {
+public:
+    /// The lattice's voxels, so many bytes.
+    DeviceCopies(LatticeView const& lattice, std::size_t bytes);
+    LatticeView lattice();
+
+    /// The scene with its cells, table and knots on the GPU. They are copied when `made_for`, which keeps them alive,
+    /// is another than the last time.
+    SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for);
+
+private:
+    LatticeView lattice_;
+    Buffer voxels_, lowest_, majorant_, distance_, nodes_, knots_;
+    std::shared_ptr<void const> made_for_;
+};
+
+/// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU, as the lattice is. Paths are drawn
+/// some at a time, until the watch says stop; sums that the scene names are of the host, and are brought up to date.
+/// Adds to the counters.
+Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
+                    Image& image, Counters& total);
+
+/// One launch, for the pixels of a part: everything that scene and lattice point to, and `pixels`, four floats each, is
+/// memory of the current GPU, and so are the four totals to which rays, segments, samples and capped paths are added.
+void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
+                    std::uint64_t* totals);
+
+} // namespace vkt::render

@@ -1,0 +1,388 @@
+#!/usr/bin/python3
+# Error against seconds: vkt and its peers, on fields whose results are known. Writes one CSV and one SVG a chart.
+# SPDX-License-Identifier: MIT
+#
+#   charts.py [--build DIR] [--out DIR] [--only WORD …] [--size N] [--runs N]      see run.sh
+#
+# Referees are not vkt: convolutions in float64 by SciPy with kernels cut at 8 sigma, values of smooth fields at the new
+# positions, sums in exact integers, vtk's and SciPy's labels. Peers that are not installed are left out, and said.
+import argparse
+import csv
+import datetime
+import importlib
+import math
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+here = Path(__file__).resolve().parent
+vkt = None
+missing = set()
+
+
+def module(name):
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        missing.add(name)
+        return None
+
+
+def seconds_of(function, runs):
+    """The best time of some runs after one that warms, and the result."""
+    best, result = math.inf, None
+    for run in range(runs + 1):
+        begin = time.perf_counter()
+        result = function()
+        if run > 0:
+            best = min(best, time.perf_counter() - begin)
+    return best, result
+
+
+def array_of(result):
+    return result.array if hasattr(result, "array") else np.asarray(result)
+
+
+class Chart:
+    """Points of one figure: tool, variant, seconds, error."""
+
+    def __init__(self, name, title, error, options, x="seconds"):
+        self.name, self.title, self.error, self.options, self.x = name, title, error, options, x
+        self.rows = []
+
+    def add(self, tool, variant, function, error_of):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            seconds, result = seconds_of(function, self.options.runs)
+            error = error_of(array_of(result))
+        if math.isfinite(error):
+            self.point(tool, variant, seconds, error)
+        else:
+            print(f"{self.name:<28} {tool:<10} {variant:<30} no finite result", flush=True)
+
+    def point(self, tool, variant, seconds, error):
+        self.rows.append((tool, variant, float(seconds), float(error)))
+        print(f"{self.name:<28} {tool:<10} {variant:<30} {seconds:10.5f} {self.x} {error:12.4g}", flush=True)
+
+    def write(self, folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / f"{self.name}.csv", "w", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(["tool", "variant", self.x, "error"])
+            for tool, variant, seconds, error in self.rows:
+                table.writerow([tool, variant, f"{seconds:.6g}", f"{error:.6g}"])
+        self.draw(folder)
+
+    def draw(self, folder):
+        tools = list(dict.fromkeys(row[0] for row in self.rows))
+        floor = 1e-9
+        quoted = lambda text: '"' + text.replace('"', "'") + '"'
+        script = [
+            f'set terminal svg size 760,480 font "sans,13" background "white"',
+            f"set output {quoted(str(folder / (self.name + '.svg')))}",
+            f"set title {quoted(self.title)}",
+            f"set xlabel {quoted('seconds' if self.x == 'seconds' else 'million voxels')}",
+            f"set ylabel {quoted(self.error)}",
+            "set logscale xy", 'set format xy "%g"', "set grid back lc rgb '#dddddd'", "set key outside right top",
+        ]
+        plots = []
+        colours = ["#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#8c564b", "#17becf", "#7f7f7f", "#bcbd22"]
+        for i, tool in enumerate(tools):
+            points = sorted((max(s, 1e-9), max(e, floor), v) for t, v, s, e in self.rows if t == tool)
+            script.append(f"$data{i} << end")
+            script += [f"{s} {e} {quoted(v)}" for s, e, v in points]
+            script.append("end")
+            width = 2.5 if tool == "vkt" else 1
+            plots.append(f"$data{i} using 1:2 with linespoints lw {width} pt {5 + i} ps 0.7 lc rgb '{colours[i % 8]}' title {quoted(tool)}")
+            plots.append(f"$data{i} using 1:2:3 with labels font ',8' offset 0.6,0.5 left tc rgb '{colours[i % 8]}' notitle")
+        script.append("plot " + ", ".join(plots))
+        subprocess.run(["gnuplot"], input="\n".join(script), text=True, check=True)
+
+
+def largest(reference):
+    return lambda result: np.max(np.abs(result.astype(np.float64) - reference))
+
+
+def inside(reference, mask):
+    return lambda result: np.max(np.abs(result.astype(np.float64) - reference)[mask])
+
+
+def field(n, seed=1):
+    """Noise on several scales, 0 to 1, float32."""
+    ndimage = importlib.import_module("scipy.ndimage")
+    random = np.random.default_rng(seed)
+    total = np.zeros((n, n, n))
+    for sigma in (0, 2, 6):
+        v = random.random((n, n, n))
+        v = ndimage.gaussian_filter(v, sigma) if sigma else v
+        total += (v - v.min()) / (v.max() - v.min())
+    total -= total.min()
+    return (total / total.max()).astype(np.float32)
+
+
+def waves(positions):
+    """A smooth field of positions in [-1, 1]^3, (z, y, x): a Gaussian with ripples of five voxels in 64."""
+    z, y, x = positions
+    r2 = x * x + y * y + z * z
+    return np.exp(-3 * r2) * (0.6 + 0.4 * np.cos(12 * x + 3 * y) * np.cos(11 * y - 2 * z) * np.cos(10 * z))
+
+
+def grid(n):
+    """Positions of voxel centres."""
+    line = (np.arange(n) + 0.5) / n * 2 - 1
+    return np.meshgrid(line, line, line, indexing="ij")
+
+
+def gaussians(options):
+    ndimage, cv2, itk = module("scipy.ndimage"), module("cv2"), module("SimpleITK")
+    n = options.size
+    v = field(n)
+    volume = vkt.Volume(v)
+    charts = []
+    for sigma in (1, 2, 4, 8, 16, 32):
+        chart = Chart(f"gaussian-{sigma}", f"Gaussian, sigma {sigma}, {n}^3 float32", "largest error, of the range", options)
+        error = largest(ndimage.gaussian_filter(v.astype(np.float64), sigma, truncate=8))
+        for tolerance in ("3%", "1%", "0.1%", "0.01%", "0.001%"):
+            chart.add("vkt", tolerance, lambda: volume.apply("filter gaussian", sigma=sigma, tolerance=tolerance), error)
+        for cut in (2, 3, 4, 5):
+            chart.add("SciPy", f"cut at {cut}", lambda: ndimage.gaussian_filter(v, sigma, truncate=cut), error)
+        if cv2:
+            for cut in (2, 3, 4, 5):
+                chart.add("OpenCV", f"cut at {cut}", lambda: opencv_gaussian(cv2, v, sigma, cut), error)
+        if itk:
+            image = itk.GetImageFromArray(v)
+            for most in (0.1, 0.01, 0.001):
+                def discrete():
+                    return itk.GetArrayFromImage(itk.DiscreteGaussian(image, sigma**2, 16 * sigma, most, False))
+                chart.add("ITK", f"discrete {most:g}", discrete, error)
+            chart.add("ITK recursive", "", lambda: itk.GetArrayFromImage(itk.SmoothingRecursiveGaussian(image, sigma)), error)
+        charts.append(chart)
+    return charts
+
+
+def opencv_gaussian(cv2, v, sigma, cut):
+    radius = int(cut * sigma + 0.5)
+    k = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    k = (k / k.sum()).astype(np.float32)
+    between = np.empty_like(v)
+    for z in range(v.shape[0]):
+        cv2.sepFilter2D(v[z], cv2.CV_32F, k, k, dst=between[z], borderType=cv2.BORDER_REFLECT)
+    flat = between.reshape(v.shape[0], -1)
+    return cv2.sepFilter2D(flat, cv2.CV_32F, np.ones(1, np.float32), k, borderType=cv2.BORDER_REFLECT).reshape(v.shape)
+
+
+def resampling(options):
+    ndimage, itk, transform = module("scipy.ndimage"), module("SimpleITK"), module("skimage.transform")
+    n = options.size
+    v = waves(grid(n)).astype(np.float32)
+    volume = vkt.Volume(v)
+    charts = []
+    for name, m in (("half", n // 2), ("larger", n * 3 // 2)):
+        chart = Chart(f"resample-{name}", f"{n}^3 to {m}^3, a smooth field", "largest error, of the range", options)
+        at = grid(m)
+        rim = np.max(np.abs(np.stack(at)), axis=0) < 0.9
+        error = inside(waves(at), rim)
+        for method in ("nearest", "linear", "cubic", "lanczos3", "auto"):
+            chart.add("vkt", method, lambda: volume.apply("resample", dims=(m, m, m), method=method), error)
+        for order in (0, 1, 3, 5):
+            chart.add("SciPy", f"order {order}",
+                      lambda: ndimage.zoom(v, m / n, order=order, mode="nearest", grid_mode=True), error)
+        if transform:
+            for order in (1, 3):
+                chart.add("skimage", f"order {order}",
+                          lambda: transform.resize(v, (m, m, m), order=order, anti_aliasing=False, mode="edge"), error)
+        if itk:
+            image = itk.GetImageFromArray(v)
+            image.SetSpacing([1.0 / n] * 3)
+            image.SetOrigin([0.5 / n] * 3)
+            for label, kind in (("nearest", itk.sitkNearestNeighbor), ("linear", itk.sitkLinear), ("bspline", itk.sitkBSpline)):
+                chart.add("ITK", label, lambda: itk.GetArrayFromImage(itk.Resample(
+                    image, [m] * 3, itk.Transform(), kind, [0.5 / m] * 3, [1.0 / m] * 3)), error)
+        charts.append(chart)
+    return charts
+
+
+def rotations(options):
+    ndimage, itk, cv2 = module("scipy.ndimage"), module("SimpleITK"), module("cv2")
+    n = options.size
+    at = grid(n)
+    v = waves(at).astype(np.float32)
+    volume = vkt.Volume(v)
+    ball = at[0] ** 2 + at[1] ** 2 + at[2] ** 2 < 0.8
+    charts = []
+    for turns, angle in ((1, 30), (12, 30)):
+        chart = Chart(f"rotate-{turns}", f"{turns} rotation(s) by {angle} degrees about z, {n}^3 float32",
+                      "largest error, of the range", options)
+        t = math.radians(turns * angle)
+        # Tools turn one way or the other.
+        both = [inside(waves((at[0], at[1] * math.cos(t) - way * at[2] * math.sin(t),
+                              at[2] * math.cos(t) + way * at[1] * math.sin(t))), ball) for way in (1, -1)]
+        error = lambda result: min(way(result) for way in both)
+
+        def ours(method):
+            result = volume
+            for _ in range(turns):
+                result = result.apply("rotate", axis="z", angle=angle, method=method)
+            return result
+
+        def scipy(order):
+            result = v
+            for _ in range(turns):
+                result = ndimage.rotate(result, angle, (1, 2), reshape=False, order=order, mode="constant")
+            return result
+
+        for method in ("nearest", "linear", "cubic", "lanczos3", "bspline3", "bspline5"):
+            chart.add("vkt", method, lambda: ours(method), error)
+        for order in (1, 3, 5) if turns == 1 else (1, 3):
+            chart.add("SciPy", f"order {order}", lambda: scipy(order), error)
+        if cv2:
+            matrix = cv2.getRotationMatrix2D(((n - 1) / 2, (n - 1) / 2), angle, 1)
+            for label, flag in (("linear", cv2.INTER_LINEAR), ("cubic", cv2.INTER_CUBIC), ("lanczos4", cv2.INTER_LANCZOS4)):
+                def opencv():
+                    result = v
+                    for _ in range(turns):
+                        result = np.stack([cv2.warpAffine(s, matrix, (n, n), flags=flag) for s in result])
+                    return result
+                chart.add("OpenCV", label, opencv, error)
+        if itk:
+            for label, kind in (("linear", itk.sitkLinear), ("bspline", itk.sitkBSpline)):
+                def itk_turns():
+                    image = itk.GetImageFromArray(v)
+                    centre = [(n - 1) / 2] * 3
+                    rotation = itk.Euler3DTransform(centre, 0, 0, math.radians(angle), (0, 0, 0))
+                    for _ in range(turns):
+                        image = itk.Resample(image, image, rotation, kind, 0.0)
+                    return itk.GetArrayFromImage(image)
+                chart.add("ITK", label, itk_turns, error)
+        charts.append(chart)
+    return charts
+
+
+def equalization(options):
+    exposure = module("skimage.exposure")
+    n = options.size // 2
+    v = field(n, 2)
+    volume = vkt.Volume(v)
+    chart = Chart("clahe-bins", f"CLAHE, {n}^3 float32, 8^3 bricks", "largest change from 65536 bins, of the range", options)
+    reference = volume.apply("clahe", bins=65536, bricks=(8, 8, 8), clip=2).array.astype(np.float64)
+    span = float(reference.max() - reference.min())
+    error = lambda result: np.max(np.abs(result - reference)) / span
+    for bins in (16, 64, 256, 1024, 4096):
+        chart.add("vkt", f"{bins} bins", lambda: volume.apply("clahe", bins=bins, bricks=(8, 8, 8), clip=2), error)
+    if exposure:
+        settle = lambda nbins: exposure.equalize_adapthist(v, kernel_size=n // 8, clip_limit=0.01, nbins=nbins)
+        fine = settle(4096).astype(np.float64)
+        peer = lambda result: np.max(np.abs(result - fine)) / float(fine.max() - fine.min())
+        for bins in (16, 64, 256, 1024):
+            chart.add("skimage", f"{bins} bins, from its 4096", lambda: settle(bins), peer)
+    return [chart]
+
+
+def sums(options):
+    charts = []
+    n = options.size
+    base = np.random.default_rng(4).random((n, n, n), np.float32)
+    for offset in (0, 1e3, 1e6):
+        v = (base + np.float32(offset)).astype(np.float32)
+        whole = v.astype(np.float64)
+        mean = math.fsum(whole.reshape(-1, n * n).sum(axis=1)) / whole.size
+        variance = float(np.mean((whole - mean) ** 2, dtype=np.longdouble))
+        volume = vkt.Volume(v)
+        chart = Chart(f"variance-{offset:g}", f"Variance of {n}^3 float32 around {offset:g}", "relative error", options)
+        error = lambda result: abs(float(result) / variance - 1) if variance else abs(float(result))
+        chart.add("vkt", "stats", lambda: np.float64(volume.stats()["variance"]), error)
+        chart.add("NumPy", "float32", lambda: np.var(v), error)
+        chart.add("NumPy", "float64", lambda: np.var(v, dtype=np.float64), error)
+        chart.add("one pass", "float64 squares", lambda: np.mean(np.square(whole)) - np.mean(whole) ** 2, error)
+        charts.append(chart)
+    return charts
+
+
+def scaling(options):
+    ndimage, cc3d, edt = module("scipy.ndimage"), module("cc3d"), module("edt")
+    charts = []
+    for name in ("label", "distance"):
+        chart = Chart(f"{name}-scaling", f"{name}, blobs of half the volume", "seconds", options, x="megavoxels")
+        for n in (32, 64, 128, options.size):
+            smooth = ndimage.gaussian_filter(np.random.default_rng(5).random((n, n, n)), 2)
+            mask = (smooth > np.median(smooth)).astype(np.uint8)
+            volume = vkt.Volume(mask)
+            def time_of(tool, function):
+                seconds, _ = seconds_of(function, options.runs)
+                chart.point(tool, f"{n}^3", n**3 / 1e6, seconds)
+            if name == "label":
+                time_of("vkt", lambda: volume.apply("label", connectivity=26))
+                time_of("SciPy", lambda: ndimage.label(mask, np.ones((3, 3, 3))))
+                if cc3d:
+                    time_of("cc3d", lambda: cc3d.connected_components(mask, connectivity=26))
+            else:
+                time_of("vkt", lambda: volume.apply("distance"))
+                time_of("SciPy", lambda: ndimage.distance_transform_edt(mask))
+                if edt:
+                    time_of("edt", lambda: edt.edt(mask, parallel=len(os.sched_getaffinity(0))))
+        charts.append(chart)
+    return charts
+
+
+def pictures(options):
+    """March, iso-surfaces and paths against a reference of their own that no table and no step enters."""
+    n = options.size // 2
+    charts = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/v.nrrd"
+        volume = vkt.Volume((255 * waves(grid(n))).clip(0, 255).astype(np.uint8))
+        volume.write(path)
+        for name, words in (("march", "render --size 256x256"),
+                            ("scattering", "render --size 96x96 --render-algo multi-scattering")):
+            chart = Chart(name, f"{words}, {n}^3 uint8", "largest error, display levels", options)
+            done = subprocess.run([options.vkt, "chart", words, path, "--csv", "--budget", "20"],
+                                  capture_output=True, text=True)
+            if done.returncode != 0:
+                sys.exit(done.stderr)
+            for row in csv.DictReader(done.stdout.splitlines()):
+                last = row["pipeline"].split()[-2:]
+                knob = " ".join(last)[2:] if last[0] in ("--step", "--spp") else "as it is"
+                if int(row["threads"]) == len(os.sched_getaffinity(0)):
+                    chart.point("vkt", knob, float(row["seconds"]), float(row["max_error"]))
+            charts.append(chart)
+    return charts
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--build", default=str(here.parent.parent / "build"))
+    parser.add_argument("--out", default=str(here / "results"))
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--size", type=int, default=192)
+    parser.add_argument("--runs", type=int, default=2)
+    options = parser.parse_args()
+    options.vkt = str(Path(options.build) / "vkt")
+    sys.path.insert(0, str(Path(options.build) / "python"))
+    global vkt
+    vkt = importlib.import_module("vkt")
+    out = Path(options.out)
+    made = []
+    for make in (gaussians, resampling, rotations, equalization, sums, scaling, pictures):
+        if options.only and not any(word in make.__name__ for word in options.only):
+            continue
+        for chart in make(options):
+            chart.write(out)
+            made.append(chart)
+    processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
+                     platform.processor())
+    with open(out / "machine.txt", "w") as file:
+        print(f"{datetime.date.today()}, {processor}, {len(os.sched_getaffinity(0))} threads", file=file)
+        print(f"not installed: {', '.join(sorted(missing)) or 'none'}", file=file)
+    if missing:
+        print("left out, not installed: " + ", ".join(sorted(missing)), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
