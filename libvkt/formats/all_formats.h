@@ -27,5 +27,6 @@ Format tiff_format();
 Format vdb_format();
 Format vti_format();
 Format vtk_format();
+Format zarr_format();
 
 } // namespace vkt

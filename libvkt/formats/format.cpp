@@ -15,6 +15,7 @@
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/wrapper.h"
+#include "libvkt/formats/zarr_array.h"
 #include "libvkt/io/shared_memory.h"
 
 #include <filesystem>
@@ -28,7 +29,9 @@ constexpr std::size_t head_bytes = 4096;
 constexpr std::size_t packed_head_bytes = std::size_t{1} << 20;
 
 /// A volume is one file, which may be compressed as a whole.
-bool is_one_file(Format const& format) { return format.name != "amrex" && format.name != "shm"; }
+bool is_one_file(Format const& format) {
+    return format.name != "amrex" && format.name != "shm" && format.name != "zarr";
+}
 
 Format const& by_format_name(std::string const& name) {
     std::vector<std::string> names;
@@ -88,13 +91,14 @@ std::string writable_extensions() {
 Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (bytes.directory() && options.format.empty()) {
         if (is_amrex(bytes.name())) return by_format_name("amrex");
+        if (zarr::is_zarr(file_part(bytes.name()).file)) return by_format_name("zarr");
         if (is_dicom_folder(bytes.name())) return by_format_name("dicom");
         throw Error(ErrorKind::io,
                     text("cannot read '", bytes.name(),
                          "': it is a directory, and holds neither DICOM files nor slices (.png .tif .tiff)"),
                     text("name a file in it, or several: '", bytes.name(), "/*.tif'"));
     }
-    if (bytes.directory() && options.format != "amrex" && options.format != "dicom")
+    if (bytes.directory() && options.format != "amrex" && options.format != "dicom" && options.format != "zarr")
         throw Error(ErrorKind::io, text("cannot read '", bytes.name(), "': it is a directory"), "name a file in it");
     if (is_segment(bytes.name())) {
         if (describes_raw(options) || (!options.format.empty() && options.format != "shm"))
@@ -180,8 +184,8 @@ std::vector<Format> const& formats() {
     static std::vector<Format> const list{
         nrrd_format(),  metaimage_format(), raw_format(),   nifti_format(), analyze_format(), mrc_format(),
         numpy_format(), npz_format(),       flash_format(), vdb_format(),   amrex_format(),   segment_format(),
-        tiff_format(),  vti_format(),       vtk_format(),   dicom_format(), hdf5_format(),    png_format(),
-        pgm_format(),   pfm_format(),       exr_format()};
+        tiff_format(),  vti_format(),       vtk_format(),   zarr_format(),  dicom_format(),   hdf5_format(),
+        png_format(),   pgm_format(),       pfm_format(),   exr_format()};
     return list;
 }
 

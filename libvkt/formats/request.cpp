@@ -58,11 +58,15 @@ void WriteRequest::declare(Parameters& p) {
              "OpenVDB: voxels of this stored value are left out (default: the volume's own background, or 0)");
     p.option("prune", options_.prune, "TOLERANCE",
              "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
+    p.flag("pyramid", options_.pyramid, "Zarr: an OME-Zarr image, with coarser levels besides");
     p.flag("force", options_.force, "overwrite an existing output file");
 }
 
 void WriteRequest::check(std::string const& path) const {
-    bool const sparse = (options_.format.empty() ? format_of_name(path) : options_.format) == "vdb";
+    std::string const format = options_.format.empty() ? format_of_name(path) : options_.format;
+    bool const sparse = format == "vdb";
+    if (options_.pyramid && format != "zarr")
+        throw Error(ErrorKind::usage, "--pyramid is for Zarr", "e.g. vkt write out.zarr --pyramid");
     if (!sparse && (background_ || options_.prune))
         throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
                     "e.g. vkt write out.vdb --prune 0.01");

@@ -8,6 +8,7 @@
 #include "libvkt/formats/amrex.h"
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/formats/zarr_array.h"
 
 #include <algorithm>
 #include <cmath>
@@ -315,7 +316,7 @@ std::vector<std::string> slices_in(std::string const& path) {
     namespace fs = std::filesystem;
     std::error_code failed;
     std::vector<std::string> kinds;
-    if (!fs::is_directory(path, failed) || is_amrex(path) || is_dicom_folder(path)) return {};
+    if (!fs::is_directory(path, failed) || is_amrex(path) || zarr::is_zarr(path) || is_dicom_folder(path)) return {};
     for (auto const& entry : fs::directory_iterator(path, failed)) {
         std::string const extension = lower_case(entry.path().extension().string());
         bool const slice = extension == ".png" || extension == ".tif" || extension == ".tiff";

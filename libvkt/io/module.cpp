@@ -27,6 +27,9 @@ extern "C" vkt::ModuleExport const vkt_module_tiff;
 #ifdef VKT_HAVE_GDCM
 extern "C" vkt::ModuleExport const vkt_module_gdcm;
 #endif
+#ifdef VKT_HAVE_BLOSC
+extern "C" vkt::ModuleExport const vkt_module_blosc;
+#endif
 #ifdef VKT_HAVE_OPENEXR
 extern "C" vkt::ModuleExport const vkt_module_openexr;
 #endif
@@ -98,6 +101,9 @@ bool built([[maybe_unused]] std::string_view name) {
 #ifdef VKT_HAVE_GDCM
     if (name == "gdcm") return true;
 #endif
+#ifdef VKT_HAVE_BLOSC
+    if (name == "blosc") return true;
+#endif
 #ifdef VKT_HAVE_OPENEXR
     if (name == "openexr") return true;
 #endif
@@ -146,6 +152,9 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
 #endif
 #ifdef VKT_HAVE_GDCM
     if (name == "gdcm") module = &vkt_module_gdcm;
+#endif
+#ifdef VKT_HAVE_BLOSC
+    if (name == "blosc") module = &vkt_module_blosc;
 #endif
 #ifdef VKT_HAVE_OPENEXR
     if (name == "openexr") module = &vkt_module_openexr;

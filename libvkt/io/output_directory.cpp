@@ -34,7 +34,7 @@ Error exists_already(std::string const& path) {
 } // namespace
 
 OutputDirectory::OutputDirectory(std::string path, bool force,
-                                 std::function<bool(std::string const&)> const& replaceable)
+                                 std::function<bool(std::string const&)> const& replaceable, std::string const& what)
     : path_(real_path(std::move(path))) {
     struct stat status {};
     if (::lstat(path_.c_str(), &status) == 0) {
@@ -45,8 +45,8 @@ OutputDirectory::OutputDirectory(std::string path, bool force,
         replaces_ = !std::filesystem::is_empty(path_, failure);
         if (replaces_ && !force) throw exists_already(path_);
         if (replaces_ && !replaceable(path_))
-            throw Error(ErrorKind::io, text("cannot write '", path_, "': it holds files that are no bricks"),
-                        "only directories that vkt brick wrote are replaced");
+            throw Error(ErrorKind::io, text("cannot write '", path_, "': it holds files that are no ", what),
+                        text("only directories of ", what, " are replaced"));
     }
     remove_leftovers(path_);
     temporary_ = temporary_name(path_);

@@ -16,8 +16,10 @@ class Guard;
 /// empty directory without force.
 class OutputDirectory {
 public:
-    /// `replaceable` says of a directory that is not empty whether it may be replaced with force. Throws Error{io}.
-    OutputDirectory(std::string path, bool force, std::function<bool(std::string const&)> const& replaceable);
+    /// `replaceable` says of a directory that is not empty whether it may be replaced with force, because it holds
+    /// `what` and nothing else. Throws Error{io}.
+    OutputDirectory(std::string path, bool force, std::function<bool(std::string const&)> const& replaceable,
+                    std::string const& what = "bricks");
     ~OutputDirectory();
     OutputDirectory(OutputDirectory const&) = delete;
     OutputDirectory& operator=(OutputDirectory const&) = delete;

@@ -78,11 +78,14 @@ struct KernelEntry {
     char name[1];
 };
 
-/// Removes a file, or a directory with the files in it. Async-signal-safe.
-void remove_temporary(char const* path) noexcept {
-    if (::unlink(path) == 0 || (errno != EISDIR && errno != EPERM)) return;
-    int const folder = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (folder < 0) return;
+bool is_number(char const* name) {
+    for (; *name >= '0' && *name <= '9'; ++name) {
+    }
+    return *name == '\0';
+}
+
+/// Removes the files in a directory, and below it those in directories whose names are numbers.
+void empty_directory(int folder, int depth) noexcept {
     alignas(KernelEntry) char entries[4096];
     for (bool any = true; any;) { // from the start again, since what is removed may shift what follows
         any = false;
@@ -91,11 +94,26 @@ void remove_temporary(char const* path) noexcept {
             for (long at = 0; at < n;) {
                 auto const* const entry = reinterpret_cast<KernelEntry const*>(entries + at);
                 char const* const name = entries + at + offsetof(KernelEntry, name);
-                any = ::unlinkat(folder, name, 0) == 0 || any;
+                bool gone = ::unlinkat(folder, name, 0) == 0;
+                if (!gone && (errno == EISDIR || errno == EPERM) && depth > 0 && is_number(name)) {
+                    int const inner = ::openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+                    if (inner >= 0) empty_directory(inner, depth - 1);
+                    gone = ::unlinkat(folder, name, AT_REMOVEDIR) == 0;
+                }
+                any = gone || any;
                 at += entry->bytes;
             }
     }
     ::close(folder);
+}
+
+/// Removes a file, or a directory with the files in it. Async-signal-safe.
+void remove_temporary(char const* path) noexcept {
+    if (::unlink(path) == 0 || (errno != EISDIR && errno != EPERM)) return;
+    int const folder = ::open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (folder < 0) return;
+    constexpr int deepest = 8;
+    empty_directory(folder, deepest);
     ::rmdir(path);
 }
 

@@ -1,0 +1,466 @@
+// Zarr arrays and OME-Zarr images as volumes: which array, what its dimensions mean, regions chunk by chunk.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/first_failure.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/zarr_array.h"
+#include "libvkt/formats/zarr_write.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <utility>
+
+namespace vkt {
+namespace {
+
+using Json = nlohmann::json;
+using zarr::Array;
+using zarr::Position;
+
+constexpr int deepest_group = 8;
+
+/// What an OME-Zarr group says of one of its arrays.
+struct Level {
+    std::string path;
+    std::vector<double> scale, translation; ///< of all dimensions; may be empty
+};
+struct Multiscale {
+    std::vector<Level> levels; ///< the finest first
+    std::vector<std::string> names, kinds, units;
+};
+
+Json const* member(Json const& object, char const* name) {
+    auto const found = object.is_object() ? object.find(name) : object.end();
+    return !object.is_object() || found == object.end() ? nullptr : &*found;
+}
+
+std::string words(Json const& object, char const* name) {
+    Json const* const found = member(object, name);
+    return found != nullptr && found->is_string() ? found->get<std::string>() : "";
+}
+
+std::vector<double> numbers(Json const& list) {
+    std::vector<double> result;
+    if (!list.is_array() || list.size() > zarr::most_dimensions) return result;
+    for (auto const& n : list) {
+        if (!n.is_number()) return {};
+        result.push_back(n.get<double>());
+    }
+    return result;
+}
+
+/// Scales multiply, and scale translations that were made before them.
+void apply_transformations(Json const* list, Level& level) {
+    if (list == nullptr || !list->is_array()) return;
+    for (auto const& step : *list) {
+        std::string const type = words(step, "type");
+        Json const* const values = member(step, type.c_str());
+        if (values == nullptr) continue;
+        std::vector<double> const v = numbers(*values);
+        if (type == "scale") {
+            if (level.scale.empty()) level.scale.assign(v.size(), 1);
+            for (std::size_t i = 0; i < std::min(v.size(), level.scale.size()); ++i) level.scale[i] *= v[i];
+            for (std::size_t i = 0; i < std::min(v.size(), level.translation.size()); ++i) level.translation[i] *= v[i];
+        } else if (type == "translation") {
+            if (level.translation.empty()) level.translation.assign(v.size(), 0);
+            for (std::size_t i = 0; i < std::min(v.size(), level.translation.size()); ++i) level.translation[i] += v[i];
+        }
+    }
+}
+
+/// What the attributes of a group say of an image; none if they say nothing.
+std::optional<Multiscale> multiscale_in(std::string const& attributes) {
+    Json const json = Json::parse(attributes, nullptr, false);
+    Json const* list = member(json, "multiscales");
+    if (Json const* const ome = member(json, "ome"); list == nullptr && ome != nullptr)
+        list = member(*ome, "multiscales");
+    if (list == nullptr || !list->is_array() || list->empty()) return std::nullopt;
+    Json const& image = list->front();
+    Multiscale result;
+    if (Json const* const axes = member(image, "axes"); axes != nullptr && axes->is_array())
+        for (auto const& axis : *axes) {
+            result.names.push_back(axis.is_string() ? axis.get<std::string>() : words(axis, "name"));
+            result.kinds.push_back(words(axis, "type"));
+            result.units.push_back(words(axis, "unit"));
+        }
+    Json const* const datasets = member(image, "datasets");
+    if (datasets == nullptr || !datasets->is_array()) return std::nullopt;
+    for (auto const& dataset : *datasets) {
+        Level level{words(dataset, "path"), {}, {}};
+        apply_transformations(member(dataset, "coordinateTransformations"), level);
+        apply_transformations(member(image, "coordinateTransformations"), level);
+        if (!level.path.empty()) result.levels.push_back(std::move(level));
+    }
+    if (result.levels.empty()) return std::nullopt;
+    return result;
+}
+
+/// An array, and what is known about it from around it.
+struct Found {
+    Array array;
+    std::optional<Multiscale> image;
+    std::size_t level = 0;
+};
+
+/// Arrays and groups right below a group.
+std::vector<std::string> children(std::string const& folder) {
+    std::vector<std::string> result;
+    std::error_code failed;
+    for (auto const& entry : std::filesystem::directory_iterator(folder, failed))
+        if (entry.is_directory(failed) && zarr::is_zarr(entry.path().string()) && result.size() < 1000)
+            result.push_back(entry.path().filename().string());
+    std::sort(result.begin(), result.end());
+    return result;
+}
+
+/// Names in metadata lead to what lies below, and nowhere else.
+std::string below(std::string const& folder, std::string path, std::string const& shown) {
+    while (path.starts_with('/')) path.erase(0, 1);
+    while (path.ends_with('/')) path.pop_back();
+    for (auto const& part : split(path, '/'))
+        if (part == ".." || part == "." || part.empty())
+            throw Error(ErrorKind::data, text("'", shown, "': '", path.substr(0, 200), "' is no path below it"));
+    return folder + "/" + path;
+}
+
+Found find_array(std::string const& folder, std::string const& inside, std::string const& shown, int depth) {
+    if (depth == 0) throw Error(ErrorKind::data, text("'", shown, "': groups in groups, too many"));
+    if (auto array = zarr::read_array(folder)) {
+        if (!inside.empty())
+            throw Error(ErrorKind::usage, text("'", shown, "' is an array, and holds no '", inside, "'"));
+        Found found{std::move(*array), {}, 0};
+        // A level of an image that was named itself.
+        std::filesystem::path const path(folder);
+        std::string const parent = path.has_parent_path() ? path.parent_path().string() : ".";
+        if (!zarr::is_zarr(parent)) return found;
+        found.image = multiscale_in(zarr::read_attributes(parent));
+        if (!found.image) return found;
+        auto const& levels = found.image->levels;
+        auto const own =
+            std::find_if(levels.begin(), levels.end(), [&](Level const& l) { return l.path == path.filename(); });
+        if (own == levels.end())
+            found.image.reset();
+        else
+            found.level = static_cast<std::size_t>(own - levels.begin());
+        return found;
+    }
+    if (!inside.empty()) {
+        std::string const path = below(folder, inside, shown);
+        if (!zarr::is_zarr(path)) {
+            auto const names = children(folder);
+            std::string const near = nearest_name(inside, names);
+            throw Error(
+                ErrorKind::usage,
+                text("'", shown, "' holds no array '", inside, "', but ", names.empty() ? "none" : join(names, ", ")),
+                near.empty() ? "" : text("did you mean '", near, "'?"));
+        }
+        return find_array(path, "", shown, depth - 1);
+    }
+    if (auto image = multiscale_in(zarr::read_attributes(folder))) {
+        auto array = zarr::read_array(below(folder, image->levels.front().path, shown));
+        if (!array)
+            throw Error(ErrorKind::data,
+                        text("'", shown, "': the array '", image->levels.front().path, "' of its image is missing"));
+        return {std::move(*array), std::move(image), 0};
+    }
+    auto const names = children(folder);
+    if (names.size() == 1) return find_array(below(folder, names.front(), shown), "", shown, depth - 1);
+    if (names.empty()) throw Error(ErrorKind::data, text("'", shown, "' is a group that holds no array"));
+    throw Error(ErrorKind::usage, text("'", shown, "' holds several arrays: ", join(names, ", ")),
+                text("name one: --variable ", names.front()));
+}
+
+/// Which dimension is x, y, z (-1: none); the others enumerate volumes.
+std::array<int, 3> spatial_axes(Found const& found) {
+    auto const rank = static_cast<int>(found.array.shape.size());
+    std::vector<std::string> const& names =
+        found.image && std::ssize(found.image->names) == rank ? found.image->names : found.array.names;
+    std::array<int, 3> axes{-1, -1, -1};
+    if (std::ssize(names) == rank)
+        for (int k = 0; k < rank; ++k)
+            for (std::size_t a = 0; a < 3; ++a)
+                if (lower_case(names[static_cast<std::size_t>(k)]) == std::string(1, "xyz"[a])) axes[a] = k;
+    if (axes[0] >= 0 && axes[1] >= 0) return axes;
+    for (int a = 0; a < 3; ++a) axes[static_cast<std::size_t>(a)] = std::max(rank - 1 - a, -1);
+    return axes;
+}
+
+char const* short_unit(std::string const& unit) {
+    constexpr std::pair<char const*, char const*> known[] = {{"micrometer", "um"}, {"millimeter", "mm"},
+                                                             {"nanometer", "nm"},  {"meter", "m"},
+                                                             {"centimeter", "cm"}, {"angstrom", "angstrom"}};
+    for (auto const& [name, sign] : known)
+        if (unit == name || unit == sign) return sign;
+    return nullptr;
+}
+
+class ZarrSource : public Source {
+public:
+    ZarrSource(Found found, std::string name, ReadOptions const& options);
+
+    bool next_volume() override;
+    Header const& header() const override { return header_; }
+    Access access() const override { return Access::random; }
+    void read(AnyView out) override;
+    std::int64_t natural_slab() const override { return axes_[2] >= 0 ? inner(2) : 0; }
+    void finish() override {}
+
+private:
+    std::int64_t inner(std::size_t axis) const {
+        return axes_[axis] < 0 ? 1 : chunks_.array().inner[static_cast<std::size_t>(axes_[axis])];
+    }
+    void describe(Found const& found);
+    void use_ours(Json const& attributes);
+    void read_chunk(Index3 at, AnyView const& out, std::vector<std::byte>& held);
+    void place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const;
+
+    std::string name_;
+    zarr::Chunks chunks_;
+    std::array<int, 3> axes_{};
+    std::vector<std::size_t> leading_; ///< dimensions that enumerate volumes, the first one slowest
+    std::vector<std::string> leading_names_;
+    std::vector<std::int64_t> strides_; ///< of each dimension in a chunk, in voxels
+    std::map<std::string, std::string> shared_attributes_;
+    std::int64_t volumes_ = 1, index_ = -1;
+    Position outer_;          ///< chunk of the current volume along the leading dimensions, 0 elsewhere
+    std::int64_t offset_ = 0; ///< of the current volume within such chunks, in voxels
+    Header header_;
+    int threads_ = 1;
+    std::size_t most_kept_;
+    std::mutex mutex_;
+    std::map<std::array<std::int64_t, 3>, std::shared_ptr<std::vector<std::byte> const>> kept_;
+    std::deque<std::array<std::int64_t, 3>> kept_order_;
+};
+
+ZarrSource::ZarrSource(Found found, std::string name, ReadOptions const& options)
+    : name_(std::move(name)), chunks_(found.array), axes_(spatial_axes(found)) {
+    Array const& array = chunks_.array();
+    std::size_t const memory = options.memory.value_or(default_memory()), chunk = array.inner_bytes();
+    if (chunk > memory)
+        throw Error(ErrorKind::resources, text("'", name_, "': a chunk of ", bytes_text(static_cast<double>(chunk)),
+                                               " is beyond --memory, ", bytes_text(static_cast<double>(memory))));
+    threads_ =
+        static_cast<int>(std::clamp<std::size_t>(memory / 4 / chunk, 1, static_cast<std::size_t>(default_threads())));
+    most_kept_ = memory / 8 / chunk;
+    strides_.resize(array.shape.size());
+    std::int64_t stride = 1;
+    for (std::size_t i = array.order.size(); i-- > 0;) {
+        strides_[array.order[i]] = stride;
+        stride *= array.inner[array.order[i]];
+    }
+    for (std::size_t k = 0; k < array.shape.size(); ++k)
+        if (std::find(axes_.begin(), axes_.end(), static_cast<int>(k)) == axes_.end()) {
+            leading_.push_back(k);
+            volumes_ *= array.shape[k];
+            bool const named = found.image && found.image->names.size() == array.shape.size();
+            leading_names_.push_back(named ? found.image->names[k] : k < array.names.size() ? array.names[k] : "");
+        }
+    describe(found);
+    check(header_);
+}
+
+void ZarrSource::describe(Found const& found) {
+    Array const& array = chunks_.array();
+    header_.dtype = array.dtype;
+    for (int a = 0; a < 3; ++a)
+        if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0)
+            header_.dims[a] = array.shape[static_cast<std::size_t>(k)];
+    if (found.image) {
+        Level const& level = found.image->levels[found.level];
+        std::string units;
+        for (int a = 0; a < 3; ++a) {
+            auto const k = static_cast<std::size_t>(axes_[static_cast<std::size_t>(a)]);
+            if (axes_[static_cast<std::size_t>(a)] < 0) continue;
+            if (k < level.scale.size() && level.scale[k] > 0 && std::isfinite(level.scale[k]))
+                header_.geometry.spacing[a] = level.scale[k];
+            if (k < level.translation.size() && std::isfinite(level.translation[k]))
+                header_.geometry.origin[a] = level.translation[k];
+        }
+        auto const x = static_cast<std::size_t>(axes_[0]);
+        if (x < found.image->units.size())
+            if (char const* const unit = short_unit(found.image->units[x]))
+                header_.attributes["space units"] = text("\"", unit, "\" \"", unit, "\" \"", unit, "\"");
+        if (found.image->levels.size() > 1) {
+            std::string levels;
+            for (Level const& l : found.image->levels) levels += text(levels.empty() ? "" : " ", l.path);
+            header_.attributes["levels"] = levels;
+        }
+        header_.attributes["variable"] = level.path;
+    }
+    Json const attributes = Json::parse(array.attributes, nullptr, false);
+    auto const number = [&](char const* name, double otherwise) {
+        Json const* const found_number = member(attributes, name);
+        double const value =
+            found_number != nullptr && found_number->is_number() ? found_number->get<double>() : otherwise;
+        return std::isfinite(value) ? value : otherwise;
+    };
+    if (double const slope = number("scale_factor", 1); slope != 0) header_.values = {slope, number("add_offset", 0)};
+    header_.units = words(attributes, "units");
+    use_ours(attributes);
+    header_ = in_utf8(std::move(header_));
+    mark_as_given(header_);
+    shared_attributes_ = header_.attributes;
+}
+
+/// What vkt wrote has all of the header, and counts as long as the array still is what was written with it.
+void ZarrSource::use_ours(Json const& attributes) {
+    Json const* const kept = member(attributes, "vkt");
+    if (kept == nullptr || !kept->is_object()) return;
+    try {
+        Header ours = header_from_json(kept->dump());
+        check(ours);
+        bool const placed = header_.attributes.contains("variable"); // by an image around it
+        if (ours.kind != Kind::structured || !(ours.dims == header_.dims) || ours.dtype != header_.dtype ||
+            ours.values != header_.values ||
+            (placed &&
+             !(ours.geometry.spacing == header_.geometry.spacing && ours.geometry.origin == header_.geometry.origin)))
+            return;
+        for (char const* const key : {"levels", "variable"})
+            if (auto const found = header_.attributes.find(key); found != header_.attributes.end())
+                ours.attributes[key] = found->second;
+        ours.dry_run = ours.timing = false;
+        header_ = std::move(ours);
+    } catch (Error const&) { // a damaged one is none
+    }
+}
+
+bool ZarrSource::next_volume() {
+    if (index_ + 1 >= volumes_) {
+        index_ = volumes_;
+        return false;
+    }
+    ++index_;
+    kept_.clear();
+    kept_order_.clear();
+    Array const& array = chunks_.array();
+    header_.attributes = shared_attributes_;
+    outer_.assign(array.shape.size(), 0);
+    offset_ = 0;
+    std::int64_t rest = index_;
+    for (std::size_t i = leading_.size(); i-- > 0;) {
+        std::size_t const k = leading_[i];
+        std::int64_t const at = rest % array.shape[k];
+        rest /= array.shape[k];
+        outer_[k] = at / array.inner[k];
+        offset_ += at % array.inner[k] * strides_[k];
+        if (array.shape[k] == 1 || leading_names_[i].empty()) continue;
+        std::string const& name = leading_names_[i];
+        header_.attributes[name == "c" ? "channel" : name == "t" ? "sequence position" : name] = to_text(at);
+    }
+    return true;
+}
+
+/// Copies the part of a chunk, or of none, that lies in `box` of the volume.
+void ZarrSource::place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const {
+    std::size_t const size = size_of(out.type);
+    auto const stride = [&](std::size_t a) { return axes_[a] < 0 ? 0 : strides_[static_cast<std::size_t>(axes_[a])]; };
+    std::int64_t const sx = stride(0), sy = stride(1), sz = stride(2), n = box.dims().x;
+    auto const& fill = chunks_.array().fill;
+    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+        for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+            std::byte* const to = out.at(box.lower.x, y, z);
+            if (chunk == nullptr) {
+                for (std::int64_t x = 0; x < n; ++x)
+                    std::memcpy(to + static_cast<std::size_t>(x) * size, fill.data(), size);
+                continue;
+            }
+            std::byte const* const from = chunk + static_cast<std::size_t>(offset_ + (box.lower.x - first.x) * sx +
+                                                                           (y - first.y) * sy + (z - first.z) * sz) *
+                                                      size;
+            if (sx == 1) {
+                std::memcpy(to, from, static_cast<std::size_t>(n) * size);
+                continue;
+            }
+            for (std::int64_t x = 0; x < n; ++x)
+                std::memcpy(to + static_cast<std::size_t>(x) * size, from + static_cast<std::size_t>(x * sx) * size,
+                            size);
+        }
+}
+
+void ZarrSource::read_chunk(Index3 at, AnyView const& out, std::vector<std::byte>& held) {
+    Index3 const extent{inner(0), inner(1), inner(2)};
+    Index3 const first{at.x * extent.x, at.y * extent.y, at.z * extent.z};
+    Box const whole = intersect({first, first + extent}, box_of(header_.dims));
+    Box const box = intersect(whole, out.box);
+    std::array<std::int64_t, 3> const key{at.x, at.y, at.z};
+    std::shared_ptr<std::vector<std::byte> const> known;
+    {
+        std::lock_guard const lock(mutex_);
+        if (auto const found = kept_.find(key); found != kept_.end()) known = found->second;
+    }
+    if (known) return place(known->empty() ? nullptr : known->data(), box, first, out);
+    Position position = outer_;
+    for (int a = 0; a < 3; ++a)
+        if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0) position[static_cast<std::size_t>(k)] = at[a];
+    held.resize(chunks_.array().inner_bytes());
+    bool const there = chunks_.read(position, held);
+    place(there ? held.data() : nullptr, box, first, out);
+    if (box == whole || most_kept_ == 0) return;
+    // The rest of it is going to be asked for next.
+    auto kept = std::make_shared<std::vector<std::byte>>();
+    if (there) kept->swap(held);
+    std::lock_guard const lock(mutex_);
+    if (!kept_.emplace(key, std::move(kept)).second) return;
+    kept_order_.push_back(key);
+    if (kept_order_.size() <= most_kept_) return;
+    kept_.erase(kept_order_.front());
+    kept_order_.pop_front();
+}
+
+void ZarrSource::read(AnyView out) {
+    if (out.box.empty()) return;
+    if (!box_of(header_.dims).contains(out.box) || index_ < 0 || index_ >= volumes_)
+        throw Error(ErrorKind::failure, text("region ", out.box, " is outside of '", name_, "'"));
+    Box chunks;
+    for (int a = 0; a < 3; ++a) {
+        std::int64_t const n = inner(static_cast<std::size_t>(a));
+        chunks.lower[a] = out.box.lower[a] / n;
+        chunks.upper[a] = (out.box.upper[a] - 1) / n + 1;
+    }
+    Index3 const count = chunks.dims();
+    FirstFailure failure;
+#pragma omp parallel num_threads(static_cast <int>(std::min <std::int64_t>(threads_, chunks.voxels())))
+    {
+        std::vector<std::byte> held;
+#pragma omp for schedule(dynamic)
+        for (std::int64_t i = 0; i < chunks.voxels(); ++i) {
+            failure.catch_from([&] {
+                Index3 const at{i % count.x, i / count.x % count.y, i / count.x / count.y};
+                read_chunk(chunks.lower + at, out, held);
+            });
+        }
+    }
+    failure.rethrow();
+}
+
+std::unique_ptr<Source> open_zarr(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    std::string const name = bytes->name();
+    auto [folder, inside] = file_part(name);
+    // The metadata themselves stand for their folder.
+    for (char const* const file : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
+        if (folder.ends_with(file)) folder.erase(folder.rfind('/'));
+    while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
+    if (!inside.empty() && !options.variable.empty())
+        throw Error(ErrorKind::usage, text("'", name, "' names an array, and --variable another one"));
+    if (!zarr::is_zarr(folder))
+        throw Error(ErrorKind::data,
+                    text("'", folder, "' is no Zarr store: it holds neither zarr.json nor .zarray nor .zgroup"));
+    return std::make_unique<ZarrSource>(
+        find_array(folder, inside.empty() ? options.variable : inside, folder, deepest_group), name, options);
+}
+
+} // namespace
+
+Format zarr_format() {
+    return {"zarr", "Zarr arrays and OME-Zarr images, versions 2 and 3", {".zarr"}, nullptr, open_zarr, create_zarr};
+}
+
+} // namespace vkt

@@ -1,0 +1,519 @@
+// Metadata of Zarr arrays, and their chunks.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/zarr_array.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/half.h"
+#include "libvkt/core/header.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/raw_source.h"
+#include "libvkt/io/system_error.h"
+#include "libvkt/io/whole_text.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace vkt::zarr {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::size_t most_text = std::size_t{16} << 20;
+constexpr std::int64_t most_chunk = std::int64_t{1} << 31; ///< bytes: what codecs count to
+constexpr std::int64_t most_in_shard = std::int64_t{1} << 22;
+constexpr std::uint64_t absent = ~std::uint64_t{0};
+
+struct TypeName {
+    char const* v2; ///< without byte order
+    char const* v3;
+    DataType type;
+};
+constexpr TypeName type_names[] = {
+    {"u1", "uint8", DataType::uint8},     {"i1", "int8", DataType::int8},       {"u2", "uint16", DataType::uint16},
+    {"i2", "int16", DataType::int16},     {"u4", "uint32", DataType::uint32},   {"i4", "int32", DataType::int32},
+    {"u8", "uint64", DataType::uint64},   {"i8", "int64", DataType::int64},     {"f2", "float16", DataType::float16},
+    {"f4", "float32", DataType::float32}, {"f8", "float64", DataType::float64}, {"b1", "bool", DataType::uint8},
+};
+
+class Metadata {
+public:
+    explicit Metadata(std::string folder) { array_.folder = std::move(folder); }
+    Array read(Json const& json, int version);
+
+private:
+    [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
+        throw Error(ErrorKind::data, text("'", array_.folder, "': ", what), hint);
+    }
+    Json const& member(Json const& object, char const* name) const {
+        auto const found = object.is_object() ? object.find(name) : object.end();
+        if (!object.is_object() || found == object.end()) fail(text("its metadata lack ", name));
+        return *found;
+    }
+    static Json const* maybe(Json const& object, char const* name) {
+        auto const found = object.is_object() ? object.find(name) : object.end();
+        return !object.is_object() || found == object.end() || found->is_null() ? nullptr : &*found;
+    }
+    std::string words(Json const& value, char const* what) const {
+        if (!value.is_string()) fail(text(what, " is no text"));
+        return value.get<std::string>();
+    }
+    Position extents(Json const& value, char const* what) const;
+    void read_v2(Json const& json);
+    void read_v3(Json const& json);
+    void read_type(std::string name, bool v2);
+    void read_codecs(Json const& list, bool inside_shard);
+    void read_shard(Json const& configuration);
+    void read_transpose(Json const& configuration);
+    void read_fill(Json const& value);
+    void put_fill(double value);
+    void check();
+
+    Array array_;
+};
+
+Position Metadata::extents(Json const& value, char const* what) const {
+    Position result;
+    if (!value.is_array() || value.empty() || value.size() > most_dimensions)
+        fail(text(what, " is no list of 1 to 16 extents"));
+    for (auto const& n : value) {
+        if (!n.is_number_integer() || n.is_number_float()) fail(text(what, " holds what is no number"));
+        std::int64_t const extent =
+            n.is_number_unsigned() && n.get<std::uint64_t>() > INT64_MAX ? -1 : n.get<std::int64_t>();
+        if (extent < 1 || extent > max_extent)
+            fail(text(what, ": an extent of ", extent, " is not between 1 and 2^40"));
+        result.push_back(extent);
+    }
+    return result;
+}
+
+void Metadata::read_type(std::string name, bool v2) {
+    if (v2 && name.size() == 3 && std::string_view("<>|").find(name.front()) != std::string_view::npos) {
+        array_.big_endian = name.front() == '>';
+        name.erase(0, 1);
+    }
+    for (TypeName const& entry : type_names)
+        if (name == (v2 ? entry.v2 : entry.v3)) {
+            array_.dtype = entry.type;
+            return;
+        }
+    fail(text("elements of type '", name.substr(0, 40), "', which volumes do not have"));
+}
+
+void Metadata::put_fill(double value) {
+    auto const put = [&]<class T>(T v) { std::memcpy(array_.fill.data(), &v, sizeof v); };
+    auto const integer = [&]<class T>(T) {
+        double const low = static_cast<double>(std::numeric_limits<T>::lowest()),
+                     high = static_cast<double>(std::numeric_limits<T>::max());
+        if (!(value >= low && value <= high)) fail(text("its fill value ", value, " is none of its type"));
+        // The largest 64-bit numbers have no double of their own.
+        put(value >= high ? std::numeric_limits<T>::max() : static_cast<T>(value));
+    };
+    switch (array_.dtype) {
+    case DataType::uint8:
+        return integer(std::uint8_t{});
+    case DataType::int8:
+        return integer(std::int8_t{});
+    case DataType::uint16:
+        return integer(std::uint16_t{});
+    case DataType::int16:
+        return integer(std::int16_t{});
+    case DataType::uint32:
+        return integer(std::uint32_t{});
+    case DataType::int32:
+        return integer(std::int32_t{});
+    case DataType::uint64:
+        return integer(std::uint64_t{});
+    case DataType::int64:
+        return integer(std::int64_t{});
+    case DataType::float16:
+        return put(Half(value).bits);
+    case DataType::float32:
+        return put(static_cast<float>(value));
+    case DataType::float64:
+        return put(value);
+    }
+}
+
+void Metadata::read_fill(Json const& value) {
+    bool const real = !is_integer(array_.dtype);
+    if (value.is_null()) return;
+    if (value.is_boolean()) return put_fill(value.get<bool>() ? 1 : 0);
+    if (value.is_number_unsigned() && array_.dtype == DataType::uint64) {
+        auto const v = value.get<std::uint64_t>();
+        std::memcpy(array_.fill.data(), &v, 8);
+        return;
+    }
+    if (value.is_number_integer() && array_.dtype == DataType::int64 && !value.is_number_unsigned()) {
+        auto const v = value.get<std::int64_t>();
+        std::memcpy(array_.fill.data(), &v, 8);
+        return;
+    }
+    if (value.is_number()) return put_fill(value.get<double>());
+    if (real && value.is_string()) {
+        std::string const word = value.get<std::string>();
+        double const infinity = std::numeric_limits<double>::infinity();
+        if (word == "NaN") return put_fill(std::numeric_limits<double>::quiet_NaN());
+        if (word == "Infinity") return put_fill(infinity);
+        if (word == "-Infinity") return put_fill(-infinity);
+        if (word.starts_with("0x") && word.size() == 2 + 2 * size_of(array_.dtype)) { // its bits
+            std::uint64_t bits = 0;
+            for (char const c : word.substr(2)) {
+                int const digit = c >= '0' && c <= '9'   ? c - '0'
+                                  : c >= 'a' && c <= 'f' ? c - 'a' + 10
+                                  : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                                         : -1;
+                if (digit < 0) fail("its fill value is no number");
+                bits = bits << 4 | static_cast<std::uint64_t>(digit);
+            }
+            std::memcpy(array_.fill.data(), &bits, 8); // little-endian, as all machines that this is built for
+            return;
+        }
+    }
+    fail("its fill value is no number");
+}
+
+void Metadata::read_v2(Json const& json) {
+    array_.shape = extents(member(json, "shape"), "shape");
+    array_.chunk = array_.inner = extents(member(json, "chunks"), "chunks");
+    read_type(words(member(json, "dtype").is_string() ? member(json, "dtype") : Json("structured"), "dtype"), true);
+    if (Json const* const separator = maybe(json, "dimension_separator"))
+        array_.separator = *separator == "/" ? '/' : '.';
+    array_.order.resize(array_.shape.size());
+    std::iota(array_.order.begin(), array_.order.end(), std::size_t{0});
+    if (Json const* const order = maybe(json, "order"); order != nullptr && *order == "F")
+        std::reverse(array_.order.begin(), array_.order.end());
+    if (Json const* const filters = maybe(json, "filters"); filters != nullptr && !filters->empty())
+        fail("filters before compression, which are not read", "in Python: store it again without filters");
+    if (Json const* const compressor = maybe(json, "compressor")) {
+        std::string const id = words(member(*compressor, "id"), "the compressor's id");
+        constexpr std::pair<char const*, Codec> known[] = {{"zlib", Codec::zlib},
+                                                           {"gzip", Codec::gzip},
+                                                           {"zstd", Codec::zstd},
+                                                           {"blosc", Codec::blosc},
+                                                           {"lz4", Codec::lz4}};
+        auto const found =
+            std::find_if(std::begin(known), std::end(known), [&](auto const& k) { return id == k.first; });
+        if (found == std::end(known))
+            fail(text("compressed by '", id.substr(0, 40), "'; zlib, gzip, zstd, blosc and lz4 are read"));
+        array_.codecs.push_back(found->second);
+    }
+    if (Json const* const fill = maybe(json, "fill_value")) read_fill(*fill);
+}
+
+void Metadata::read_transpose(Json const& configuration) {
+    Json const& order = member(configuration, "order");
+    std::size_t const n = array_.shape.size();
+    if (order == "C") return;
+    if (order == "F") return std::reverse(array_.order.begin(), array_.order.end());
+    std::vector<bool> seen(n);
+    if (!order.is_array() || order.size() != n) fail("a transposition of other dimensions");
+    for (std::size_t i = 0; i < n; ++i) {
+        if (!order[i].is_number_unsigned() || order[i].get<std::uint64_t>() >= n)
+            fail("a transposition of other dimensions");
+        auto const axis = order[i].get<std::size_t>();
+        if (seen[axis]) fail("a transposition that names a dimension twice");
+        seen[axis] = true;
+        array_.order[i] = axis;
+    }
+}
+
+void Metadata::read_shard(Json const& configuration) {
+    array_.sharded = true;
+    array_.inner = extents(member(configuration, "chunk_shape"), "chunk_shape");
+    if (array_.inner.size() != array_.chunk.size()) fail("shards of other dimensions");
+    std::int64_t count = 1;
+    for (std::size_t i = 0; i < array_.inner.size(); ++i) {
+        if (array_.chunk[i] % array_.inner[i] != 0) fail("shards that are no whole chunks");
+        count *= array_.chunk[i] / array_.inner[i];
+        if (count > most_in_shard) fail("shards of more than 2^22 chunks");
+    }
+    read_codecs(member(configuration, "codecs"), true);
+    Json const& index = member(configuration, "index_codecs");
+    for (auto const& codec : index) {
+        std::string const name = words(member(codec, "name"), "a codec");
+        Json const* const how = maybe(codec, "configuration");
+        bool const little = how == nullptr || maybe(*how, "endian") == nullptr || *maybe(*how, "endian") == "little";
+        if (name == "crc32c")
+            array_.index_checksum = true;
+        else if (name != "bytes" || !little)
+            fail(text("shards whose index is encoded by '", name.substr(0, 40), "'"));
+    }
+    if (Json const* const where = maybe(configuration, "index_location")) array_.index_first = *where == "start";
+}
+
+void Metadata::read_codecs(Json const& list, bool inside_shard) {
+    if (!list.is_array()) fail("its codecs are no list");
+    bool bytes = false;
+    int compressors = 0;
+    for (auto const& codec : list) {
+        std::string const name = codec.is_string() ? codec.get<std::string>() : words(member(codec, "name"), "a codec");
+        Json const* const found = maybe(codec, "configuration");
+        Json const how = found != nullptr ? *found : Json::object();
+        if (name == "transpose" && !bytes) {
+            if (!inside_shard && list.size() > 1 && list.back().is_object() &&
+                list.back().value("name", "") == "sharding_indexed")
+                fail("shards that are transposed, which are not read");
+            read_transpose(how);
+        } else if (name == "bytes" && !bytes) {
+            bytes = true;
+            if (Json const* const endian = maybe(how, "endian")) array_.big_endian = *endian == "big";
+        } else if (name == "sharding_indexed" && !inside_shard && list.size() == 1) {
+            return read_shard(how);
+        } else if (bytes && name == "crc32c") {
+            array_.codecs.push_back(Codec::crc32c);
+        } else if (bytes && (name == "gzip" || name == "zstd" || name == "blosc") && ++compressors == 1) {
+            array_.codecs.push_back(name == "gzip" ? Codec::gzip : name == "zstd" ? Codec::zstd : Codec::blosc);
+        } else {
+            fail(text("encoded by '", name.substr(0, 40),
+                      "' in a way that is not read; bytes, transpose, gzip, zstd, blosc, crc32c and "
+                      "sharding_indexed are"));
+        }
+    }
+    if (!bytes) fail("its codecs make no bytes of numbers");
+}
+
+void Metadata::read_v3(Json const& json) {
+    array_.shape = extents(member(json, "shape"), "shape");
+    array_.order.resize(array_.shape.size());
+    std::iota(array_.order.begin(), array_.order.end(), std::size_t{0});
+    Json const& grid = member(json, "chunk_grid");
+    if (member(grid, "name") != "regular") fail("chunks on no regular grid");
+    array_.chunk = array_.inner = extents(member(member(grid, "configuration"), "chunk_shape"), "chunk_shape");
+    if (array_.chunk.size() != array_.shape.size()) fail("chunks of other dimensions");
+    Json const& type = member(json, "data_type");
+    read_type(type.is_string() ? type.get<std::string>() : "structured", false);
+    Json const& keys = member(json, "chunk_key_encoding");
+    std::string const name = words(keys.is_string() ? keys : member(keys, "name"), "chunk_key_encoding");
+    array_.prefix = name == "default";
+    array_.separator = array_.prefix ? '/' : '.';
+    if (!array_.prefix && name != "v2") fail("keys of chunks in no known form");
+    if (Json const* const how = maybe(keys, "configuration"))
+        if (Json const* const separator = maybe(*how, "separator")) array_.separator = *separator == "/" ? '/' : '.';
+    if (Json const* const transformers = maybe(json, "storage_transformers");
+        transformers != nullptr && !transformers->empty())
+        fail("storage transformers, which are not read");
+    read_codecs(member(json, "codecs"), false);
+    if (Json const* const fill = maybe(json, "fill_value")) read_fill(*fill);
+    if (Json const* const names = maybe(json, "dimension_names"); names != nullptr && names->is_array())
+        for (auto const& n : *names) array_.names.push_back(n.is_string() ? n.get<std::string>() : "");
+}
+
+void Metadata::check() {
+    if (array_.chunk.size() != array_.shape.size()) fail("chunks of other dimensions");
+    std::int64_t bytes = static_cast<std::int64_t>(size_of(array_.dtype));
+    for (std::int64_t const n : array_.inner)
+        if (__builtin_mul_overflow(bytes, n, &bytes) || bytes >= most_chunk) fail("chunks of 2 GiB or more");
+    std::int64_t all = static_cast<std::int64_t>(size_of(array_.dtype));
+    for (std::int64_t const n : array_.shape)
+        if (__builtin_mul_overflow(all, n, &all) || all >= std::int64_t{1} << 62) fail("more than 2^62 bytes");
+}
+
+Array Metadata::read(Json const& json, int version) {
+    if (!json.is_object()) fail("damaged: its metadata are no JSON");
+    if (version == 2)
+        read_v2(json);
+    else
+        read_v3(json);
+    check();
+    if (Json const* const attributes = maybe(json, "attributes"))
+        array_.attributes = attributes->dump(-1, ' ', false, Json::error_handler_t::replace);
+    return array_;
+}
+
+bool exists(std::string const& path) {
+    std::error_code failed;
+    return std::filesystem::is_regular_file(path, failed);
+}
+
+Json json_of(std::string const& path) { return Json::parse(whole_text(path, most_text), nullptr, false); }
+
+/// A file that is open, if it is there.
+class Opened {
+public:
+    explicit Opened(std::string const& path) : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
+        if (descriptor_ < 0 && errno != ENOENT) throw system_error(text("cannot open '", path, "'"));
+        struct stat status {};
+        if (descriptor_ < 0) return;
+        if (::fstat(descriptor_, &status) != 0 || !S_ISREG(status.st_mode)) {
+            ::close(descriptor_);
+            throw Error(ErrorKind::data, text("'", path, "' is no regular file"));
+        }
+        size_ = status.st_size;
+    }
+    ~Opened() {
+        if (descriptor_ >= 0) ::close(descriptor_);
+    }
+    Opened(Opened const&) = delete;
+    Opened& operator=(Opened const&) = delete;
+    int descriptor() const { return descriptor_; }
+    std::int64_t size() const { return size_; }
+
+private:
+    int descriptor_;
+    std::int64_t size_ = 0;
+};
+
+void read_at(int descriptor, std::uint64_t at, std::span<std::byte> to, std::string const& file) {
+    std::size_t done = 0;
+    while (done < to.size()) {
+        ssize_t const got = ::pread(descriptor, to.data() + done, to.size() - done, static_cast<off_t>(at + done));
+        if (got < 0 && errno == EINTR) continue;
+        if (got < 0) throw system_error(text("cannot read '", file, "'"));
+        if (got == 0) throw Error(ErrorKind::data, text("'", file, "' ended early"));
+        done += static_cast<std::size_t>(got);
+    }
+}
+
+} // namespace
+
+std::size_t Array::inner_bytes() const {
+    std::size_t bytes = size_of(dtype);
+    for (std::int64_t const n : inner) bytes *= static_cast<std::size_t>(n);
+    return bytes;
+}
+
+std::string Array::key(Position const& file) const {
+    std::string key = prefix ? "c" : "";
+    for (std::int64_t const n : file) key += text(key.empty() ? "" : std::string(1, separator), n);
+    return key;
+}
+
+bool is_zarr(std::string const& folder) {
+    return exists(folder + "/zarr.json") || exists(folder + "/.zarray") || exists(folder + "/.zgroup");
+}
+
+Array parse_array(std::string const& json, int version, std::string const& folder) {
+    return Metadata(folder).read(Json::parse(json, nullptr, false), version);
+}
+
+std::optional<Array> read_array(std::string const& folder) {
+    if (exists(folder + "/.zarray")) {
+        Array array = parse_array(whole_text(folder + "/.zarray", most_text), 2, folder);
+        array.attributes = read_attributes(folder);
+        return array;
+    }
+    if (!exists(folder + "/zarr.json")) return std::nullopt;
+    std::string const json = whole_text(folder + "/zarr.json", most_text);
+    Json const node = Json::parse(json, nullptr, false);
+    if (!node.is_object() || (node.contains("node_type") && node["node_type"] == "group")) {
+        if (!node.is_object()) throw Error(ErrorKind::data, text("'", folder, "': damaged: zarr.json is no JSON"));
+        return std::nullopt;
+    }
+    return parse_array(json, 3, folder);
+}
+
+std::string read_attributes(std::string const& folder) {
+    Json json;
+    if (exists(folder + "/.zattrs"))
+        json = json_of(folder + "/.zattrs");
+    else if (exists(folder + "/zarr.json"))
+        if (Json const node = json_of(folder + "/zarr.json"); node.is_object() && node.contains("attributes"))
+            json = node["attributes"];
+    return json.is_object() ? json.dump(-1, ' ', false, Json::error_handler_t::replace) : "{}";
+}
+
+Chunks::Chunks(Array array) : array_(std::move(array)) {
+    for (Codec const codec : array_.codecs) require(codec, array_.folder);
+}
+
+std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(int descriptor, std::int64_t size,
+                                                                   std::string const& file) const {
+    {
+        std::lock_guard const lock(mutex_);
+        if (auto const found = indices_.find(file); found != indices_.end()) return found->second;
+    }
+    std::size_t count = 1;
+    for (std::size_t i = 0; i < array_.chunk.size(); ++i)
+        count *= static_cast<std::size_t>(array_.chunk[i] / array_.inner[i]);
+    std::size_t const bytes = count * 16, stored = bytes + (array_.index_checksum ? 4 : 0);
+    if (size < static_cast<std::int64_t>(stored))
+        throw Error(ErrorKind::data, text("'", file, "' ended early: no whole shard"));
+    std::vector<std::byte> held(stored);
+    read_at(descriptor, array_.index_first ? 0 : static_cast<std::uint64_t>(size) - stored, held, file);
+    auto const index = std::make_shared<std::vector<std::uint64_t>>(2 * count);
+    std::span<std::byte> const to(reinterpret_cast<std::byte*>(index->data()), bytes);
+    if (array_.index_checksum)
+        decode(Codec::crc32c, held, to, file);
+    else
+        std::memcpy(to.data(), held.data(), bytes);
+    std::lock_guard const lock(mutex_);
+    if (indices_.size() > 256) indices_.clear();
+    return indices_[file] = index;
+}
+
+/// The bytes as they lie in the file.
+std::optional<std::vector<std::byte>> Chunks::encoded(Position const& at, std::string& file) const {
+    Position of_file = at;
+    std::size_t within = 0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+        std::int64_t const parts = array_.chunk[i] / array_.inner[i];
+        of_file[i] = at[i] / parts;
+        within = within * static_cast<std::size_t>(parts) + static_cast<std::size_t>(at[i] % parts);
+    }
+    file = array_.folder + "/" + array_.key(of_file);
+    Opened const opened(file);
+    if (opened.descriptor() < 0) return std::nullopt;
+    std::uint64_t begin = 0, length = static_cast<std::uint64_t>(opened.size());
+    if (array_.sharded) {
+        auto const index = index_of(opened.descriptor(), opened.size(), file);
+        begin = (*index)[2 * within];
+        if (begin == absent && (*index)[2 * within + 1] == absent) return std::nullopt;
+        std::uint64_t const whole = length;
+        length = (*index)[2 * within + 1];
+        if (begin > whole || length > whole - begin)
+            throw Error(ErrorKind::data, text("'", file, "': damaged: a chunk lies outside of its shard"));
+    }
+    // What compression can make of a chunk at worst.
+    if (length > 2 * array_.inner_bytes() + 4096)
+        throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(length),
+                                          " bytes are too many for a chunk"));
+    std::vector<std::byte> bytes(length);
+    read_at(opened.descriptor(), begin, bytes, file);
+    return bytes;
+}
+
+bool Chunks::read(Position const& at, std::span<std::byte> to) const {
+    std::string file;
+    auto bytes = encoded(at, file);
+    if (!bytes) return false;
+    auto const& codecs = array_.codecs;
+    for (std::size_t i = codecs.size(); i-- > 0;) {
+        auto const checksums_before = static_cast<std::size_t>(
+            std::count(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), Codec::crc32c));
+        std::size_t size = to.size() + 4 * checksums_before;
+        if (codecs[i] == Codec::crc32c) size = std::max<std::size_t>(bytes->size(), 4) - 4;
+        std::vector<std::byte> next;
+        std::span<std::byte> target = to;
+        if (i > 0 || size != to.size()) {
+            next.resize(size);
+            target = next;
+        }
+        decode(codecs[i], *bytes, target, file);
+        if (target.data() == to.data())
+            bytes.reset();
+        else
+            *bytes = std::move(next);
+    }
+    if (bytes) { // as it lies in the file
+        if (bytes->size() != to.size())
+            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(bytes->size()),
+                                              " bytes, ", static_cast<std::int64_t>(to.size()), " expected"));
+        std::memcpy(to.data(), bytes->data(), to.size());
+    }
+    if (array_.big_endian) swap_bytes(to.data(), to.size() / size_of(array_.dtype), size_of(array_.dtype));
+    return true;
+}
+
+} // namespace vkt::zarr

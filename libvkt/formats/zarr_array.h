@@ -1,0 +1,84 @@
+// Zarr arrays, version 2 and 3 (https://zarr-specs.readthedocs.io): what their metadata say, and one chunk at a time.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/types.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vkt::zarr {
+
+/// What undoes, or does, one step of compression.
+enum class Codec : std::uint8_t { zlib, gzip, zstd, blosc, lz4, crc32c };
+
+/// What the library has of each codec; loads the module blosc. Throws Error{failure} for what the build is without.
+void require(Codec codec, std::string const& file);
+
+/// Exactly `to.size()` bytes. Throws Error{data} naming `file` for anything else.
+void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
+/// Throws Error{failure}. Not for lz4.
+std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element);
+
+inline constexpr std::size_t most_dimensions = 16;
+using Position = std::vector<std::int64_t>; ///< one number for each dimension, as the metadata order them
+
+struct Array {
+    std::string folder; ///< where its metadata and chunks lie
+    Position shape;
+    Position chunk;                 ///< of a file
+    Position inner;                 ///< what is encoded by itself: the same, or a part of a shard
+    std::vector<std::size_t> order; ///< of dimensions in the bytes of a chunk, slowest first
+    DataType dtype = DataType::uint8;
+    bool big_endian = false;
+    std::array<std::byte, 8> fill{}; ///< of one voxel, in this machine's byte order
+    std::vector<Codec> codecs;       ///< of what is encoded by itself, in the order of encoding
+    bool sharded = false, index_first = false, index_checksum = false;
+    char separator = '.';
+    bool prefix = false;            ///< keys begin with "c"
+    std::vector<std::string> names; ///< of dimensions; may be empty
+    std::string attributes = "{}";  ///< JSON
+
+    std::size_t inner_bytes() const;
+    std::string key(Position const& file) const;
+};
+
+/// True if the folder has metadata of an array or a group.
+bool is_zarr(std::string const& folder);
+/// The metadata of the array in this folder; none if it is a group or nothing. Throws Error{data} for what is damaged
+/// and what volumes are not.
+std::optional<Array> read_array(std::string const& folder);
+/// Attributes of an array or group as JSON; "{}" if there are none.
+std::string read_attributes(std::string const& folder);
+/// The same from the text of a file (.zarray: version 2; zarr.json: 3).
+Array parse_array(std::string const& json, int version, std::string const& folder);
+
+/// Chunks, read by any number of threads.
+class Chunks {
+public:
+    explicit Chunks(Array array);
+    Array const& array() const { return array_; }
+    /// The chunk at this position among those that are encoded by themselves: decoded, in this machine's byte order,
+    /// array().inner_bytes() of it. False if there is none: it holds the fill value. Throws Error{data, io}.
+    bool read(Position const& at, std::span<std::byte> to) const;
+
+private:
+    std::optional<std::vector<std::byte>> encoded(Position const& at, std::string& file) const;
+    std::shared_ptr<std::vector<std::uint64_t> const> index_of(int descriptor, std::int64_t size,
+                                                               std::string const& file) const;
+
+    Array array_;
+    mutable std::mutex mutex_;
+    mutable std::map<std::string, std::shared_ptr<std::vector<std::uint64_t> const>> indices_;
+};
+
+} // namespace vkt::zarr

@@ -1,0 +1,142 @@
+// Compression of chunks.
+// SPDX-License-Identifier: MIT
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+#include "libvkt/formats/blosc_module.h"
+#include "libvkt/formats/zarr_array.h"
+
+#include <cstring>
+
+#include <zlib.h>
+#ifdef VKT_HAVE_ZSTD
+#include <zstd.h>
+#endif
+#ifdef VKT_HAVE_LZ4
+#include <lz4.h>
+#endif
+
+namespace vkt::zarr {
+namespace {
+
+constexpr int zstd_level = 3, zlib_level = 4;
+
+BloscFunctions const& blosc(std::string const& what) {
+    static auto const* const functions = static_cast<BloscFunctions const*>(module_functions("blosc", what));
+    return *functions;
+}
+
+[[noreturn, maybe_unused]] void without(char const* library, std::string const& file) {
+    throw Error(ErrorKind::failure, text(file, ": this build is without ", library),
+                text("build vkt with lib", library, ", or compress with zlib"));
+}
+
+std::array<std::uint32_t, 256> crc_table() {
+    std::array<std::uint32_t, 256> table{};
+    for (std::uint32_t i = 0; i < 256; ++i) {
+        std::uint32_t c = i;
+        for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? c >> 1 ^ 0x82f63b78U : c >> 1;
+        table[i] = c;
+    }
+    return table;
+}
+
+std::uint32_t crc32c(std::span<std::byte const> bytes) {
+    static std::array<std::uint32_t, 256> const table = crc_table();
+    std::uint32_t c = ~0U;
+    for (std::byte const b : bytes) c = table[(c ^ std::to_integer<std::uint32_t>(b)) & 255] ^ c >> 8;
+    return ~c;
+}
+
+bool inflate_all(std::span<std::byte const> from, std::span<std::byte> to) {
+    z_stream state{};
+    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX || inflateInit2(&state, 15 + 32) != Z_OK) return false;
+    state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(from.data()));
+    state.avail_in = static_cast<uInt>(from.size());
+    state.next_out = reinterpret_cast<Bytef*>(to.data());
+    state.avail_out = static_cast<uInt>(to.size());
+    int const result = inflate(&state, Z_FINISH);
+    bool const whole = result == Z_STREAM_END && state.avail_out == 0;
+    inflateEnd(&state);
+    return whole;
+}
+
+bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
+    switch (codec) {
+    case Codec::zlib:
+    case Codec::gzip:
+        return inflate_all(from, to);
+    case Codec::zstd:
+#ifdef VKT_HAVE_ZSTD
+        return ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) == to.size();
+#else
+        without("zstd", file);
+#endif
+    case Codec::blosc:
+        return blosc(file).decompress(from.data(), from.size(), to.data(), to.size());
+    case Codec::lz4: { // numcodecs puts the size first
+#ifdef VKT_HAVE_LZ4
+        if (from.size() < 4 || from.size() > INT32_MAX || to.size() > INT32_MAX) return false;
+        std::uint32_t size = 0;
+        std::memcpy(&size, from.data(), 4);
+        return size == to.size() &&
+               LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()) + 4, reinterpret_cast<char*>(to.data()),
+                                   static_cast<int>(from.size() - 4),
+                                   static_cast<int>(to.size())) == static_cast<int>(to.size());
+#else
+        without("lz4", file);
+#endif
+    }
+    case Codec::crc32c:
+        break;
+    }
+    if (from.size() != to.size() + 4) return false;
+    std::uint32_t said = 0;
+    std::memcpy(&said, from.data() + to.size(), 4);
+    std::memcpy(to.data(), from.data(), to.size());
+    return said == crc32c(to);
+}
+
+} // namespace
+
+void require(Codec codec, std::string const& file) {
+    if (codec == Codec::blosc) blosc(file);
+#ifndef VKT_HAVE_ZSTD
+    if (codec == Codec::zstd) without("zstd", file);
+#endif
+#ifndef VKT_HAVE_LZ4
+    if (codec == Codec::lz4) without("lz4", file);
+#endif
+}
+
+void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
+    if (!decoded(codec, from, to, file))
+        throw Error(ErrorKind::data,
+                    text("'", file, "': damaged: the chunk does not decompress to what it should hold"));
+}
+
+std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element) {
+    std::vector<std::byte> to;
+    std::size_t size = 0;
+    if (codec == Codec::blosc) {
+        to.resize(from.size() + 16);
+        size = blosc("writing Zarr").compress(from.data(), from.size(), element, to.data());
+#ifdef VKT_HAVE_ZSTD
+    } else if (codec == Codec::zstd) {
+        to.resize(ZSTD_compressBound(from.size()));
+        std::size_t const done = ZSTD_compress(to.data(), to.size(), from.data(), from.size(), zstd_level);
+        size = ZSTD_isError(done) != 0 ? 0 : done;
+#endif
+    } else {
+        uLongf length = compressBound(static_cast<uLong>(from.size()));
+        to.resize(length);
+        bool const done =
+            compress2(reinterpret_cast<Bytef*>(to.data()), &length, reinterpret_cast<Bytef const*>(from.data()),
+                      static_cast<uLong>(from.size()), zlib_level) == Z_OK;
+        size = done ? length : 0;
+    }
+    if (size == 0) throw Error(ErrorKind::failure, "a chunk cannot be compressed");
+    to.resize(size);
+    return to;
+}
+
+} // namespace vkt::zarr
