@@ -63,6 +63,7 @@ struct RenderSettings {
     int first_sample = 0; ///< number of the first one, to continue elsewhere
     std::uint64_t seed = 0;
     double albedo = 1;     ///< multiplies the colours
+    double anisotropy = 0; ///< mean cosine of the scattering angle, in (-1, 1); Henyey–Greenstein
     bool emission = false; ///< colours also glow
     Color light{1, 1, 1};  ///< from all around, linear
     int bounces = 100000;

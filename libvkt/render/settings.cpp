@@ -128,6 +128,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
     list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
     list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
+    list.option("anisotropy", s.anisotropy, "G",
+                "multi-scattering: mean cosine of the scattering angle, above 0 forwards (Henyey-Greenstein)");
     list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
@@ -138,7 +140,7 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 20> uses{{{"step", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
                                     {"exact", true, false, false, false},
@@ -155,6 +157,7 @@ constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
                                     {"albedo", false, false, true, false},
+                                    {"anisotropy", false, false, true, false},
                                     {"light", false, false, true, false},
                                     {"emission", false, false, true, false}}};
 
@@ -255,6 +258,7 @@ void SettingsParameters::check() const {
     try_out("iso-color", [](S& to, S const& from) { to.isos = from.isos, to.iso_colors = from.iso_colors; });
     try_out("iso-opacity", [](S& to, S const& from) { to.isos = from.isos, to.iso_opacities = from.iso_opacities; });
     try_out("albedo", [](S& to, S const& from) { to.albedo = from.albedo; });
+    try_out("anisotropy", [](S& to, S const& from) { to.anisotropy = from.anisotropy; });
     try_out("first-sample", [](S& to, S const& from) { to.first_sample = from.first_sample; });
     in_name_of("spp", [&] {
         RenderSettings one;
@@ -364,6 +368,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.first_sample != 0) add("first-sample", {to_text(s.first_sample)});
     if (s.seed != 0) add("seed", {text(s.seed)});
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
+    if (s.anisotropy != 0) add("anisotropy", {to_text(s.anisotropy)});
     if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
     if (s.emission) add("emission", {});
     if (!s.clip.empty()) add("clip-box", {s.clip.text});

@@ -76,6 +76,8 @@ struct SceneView {
     int samples, first_sample, bounces;
     std::uint64_t seed;
     float albedo, light[3];
+    float anisotropy = 0; ///< mean cosine of the scattering angle
+    Matrix3 to_world;     ///< the inverse of to_lattice
     bool emission;
     SumsView sums;
     int before; ///< number of the rays in the sums
