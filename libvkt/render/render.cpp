@@ -196,6 +196,16 @@ void check(RenderSettings const& s) {
     if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
     if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
     if (!(std::abs(s.anisotropy) <= 0.9999)) refuse("the anisotropy must be between -0.9999 and 0.9999");
+    if (s.light_direction) {
+        Vec3 const v = *s.light_direction;
+        double const squared = v.x * v.x + v.y * v.y + v.z * v.z;
+        if (!(squared > 0) || !std::isfinite(squared))
+            refuse("the direction of the light must be finite and not 0,0,0");
+    }
+    if (!(s.ambient >= 0 && s.ambient <= 1)) refuse("the ambient light must be between 0 and 1");
+    if (!(s.specular >= 0 && s.specular <= 1)) refuse("the specular light must be between 0 and 1");
+    if (s.shadows && !s.light_direction)
+        refuse("--shadows needs a light that is not at the camera, which throws none", "give --light-direction X,Y,Z");
     auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
     if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
         refuse("errors to stop at and seconds must be positive");
@@ -401,11 +411,17 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         part / std::abs(header_.values.slope) * rescaling().scale / (tree_ ? tree_->typical_width() : 1);
     scene.shade = {
         static_cast<float>(appearance.shade),
-        0.25F,
-        0.12F,
+        static_cast<float>(settings.ambient),
+        static_cast<float>(settings.specular),
         static_cast<float>(std::min(1 / reference, 1e30)),
         static_cast<float>(smallest),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
+    if (settings.light_direction) {
+        Vec3 const v = *settings.light_direction;
+        double const length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+        Double3 const toward{v.x / length, v.y / length, v.z / length};
+        scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
+    }
     scene.iso_count = static_cast<int>(appearance.isos.size());
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
