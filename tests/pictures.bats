@@ -286,3 +286,58 @@ assert np.array_equal(e['Y'], v, equal_nan=True) and np.array_equal(pfm('s.pfm')
     fails_with 2 "holds what float32 can" vkt slice v_13x11x7_float64.raw -o d.exr
     fails_with 2 "holds one slice" vkt write v_13x11x7_uint8.raw d.exr
 }
+
+@test "a light from one direction: Lambert's cosine and the shadow of a ball" {
+    needs_exr
+    # A ball of radius 6 around (20, 20, 22) above the plane z = 8, as one field; both are surfaces of 0.
+    /usr/bin/python3 -c "
+import numpy as np
+z, y, x = np.mgrid[0:40, 0:40, 0:40].astype(float)
+np.maximum(6 - np.sqrt((x - 20) ** 2 + (y - 20) ** 2 + (z - 22) ** 2), 8 - z).astype('<f4').tofile('scene.raw')"
+    vkt read scene.raw --dims 40 40 40 --dtype float32 -o scene.nrrd
+    common=(scene.nrrd --render-algo implicit-iso --iso 0 --iso-color 0.5 0.7 0.9 --size 80 --projection orthographic
+        --eye 20,-40,60 --target 20,20,12 --span 40 --light-direction 1,0.5,2 --ambient 0.3 --specular 0)
+    vkt render "${common[@]}" -o plain.exr
+    vkt render "${common[@]}" --shadows -o shadow.exr
+    /usr/bin/python3 -c "$readers
+e, s = exr('plain.exr'), exr('shadow.exr')
+light = np.array([1, 0.5, 2]) / np.sqrt(5.25)
+hit = np.isfinite(e['Z'])
+normal = np.stack([e['normal.' + c] for c in 'XYZ'], -1).astype(float)
+cosine = np.maximum(0, normal @ light)
+assert cosine[hit].max() > 0.9 and (cosine[hit] == 0).any()
+for c in 'RGB':
+    want = e['albedo.' + c] * (0.3 + 0.7 * cosine)
+    assert np.abs(e[c] - want)[hit].max() < 1e-5, np.abs(e[c] - want)[hit].max()
+# Where a pixel's point lies, and whether the ball stands between it and the light.
+eye, target = np.array([20, -40, 60.]), np.array([20, 20, 12.])
+forward = (target - eye) / np.linalg.norm(target - eye)
+right = np.cross(forward, [0, 0, 1.]); right /= np.linalg.norm(right)
+up = np.cross(right, forward)
+v, u = np.mgrid[0:80, 0:80]
+u, v = (2 * (u + 0.5) / 80 - 1)[..., None], (1 - 2 * (v + 0.5) / 80)[..., None]
+point = eye + 20 * (u * right + v * up) + np.where(hit, e['Z'], 0)[..., None].astype(float) * forward
+to = np.array([20, 20, 22]) - point
+miss = np.linalg.norm(to - (to @ light)[..., None] * light, axis=-1)
+plane = hit & (np.abs(point[..., 2] - 8) < 0.01) & ((point[..., :2] > 1) & (point[..., :2] < 38)).all(-1)
+dark, lit = plane & (miss < 5.8), plane & (miss > 6.2)
+assert dark.sum() > 100 and lit.sum() > 500, (dark.sum(), lit.sum())
+assert np.abs(s['R'] - 0.3 * e['albedo.R'])[dark].max() < 1e-5
+assert np.abs(s['R'] - e['R'])[lit].max() < 1e-5"
+    fails_with 2 "--shadows needs a light" vkt render scene.nrrd -ra implicit-iso --shadows -o a.png
+    fails_with 2 "--shadows does not apply" vkt render scene.nrrd --light-direction 0,0,1 --shadows -o a.png
+    fails_with 2 "--light-direction" vkt render scene.nrrd --light-direction 0,0,0 -o a.png
+    fails_with 2 "does not apply to --shade none" vkt render scene.nrrd --light-direction 0,0,1 --shade none -o a.png
+    fails_with 2 "--ambient" vkt render scene.nrrd --ambient 2 -o a.png
+}
+
+@test "a light where the camera is shades marched volumes as the headlight does" {
+    vkt make sphere --dims 24 24 24 --edge distance -o v.nrrd
+    common=(v.nrrd --opacity 0.5,0 --domain -3:3 --view -y --projection orthographic --size 60 --specular 0)
+    vkt render "${common[@]}" --shade gradient -o head.png
+    vkt render "${common[@]}" --light-direction 0,-1,0 -o lamp.png
+    vkt render "${common[@]}" --light-direction 0,1,0 -o behind.png
+    vkt image diff head.png lamp.png --tolerance 1e-3
+    run vkt image diff head.png behind.png --tolerance 0.05
+    [ "$status" = 1 ]
+}

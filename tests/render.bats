@@ -163,6 +163,8 @@ EOF
     fails_with 2 "--span: " vkt render $f -n -o a.png --projection orthographic --span 0
     fails_with 2 "--iso: " vkt render $f -n -o a.png -ra implicit-iso --iso nan
     fails_with 2 "--albedo: " vkt render $f -n -o a.png -ra multi-scattering --albedo 2
+    fails_with 2 "--anisotropy: " vkt render $f -n -o a.png -ra multi-scattering --anisotropy 1
+    fails_with 2 "--anisotropy does not apply" vkt render $f -n -o a.png --anisotropy 0.5
     fails_with 2 "--spp: " vkt render $f -n -o a.png -ra multi-scattering --spp 0
     fails_with 2 "--rgba-lookup-table" vkt render $f -n -o a.png --lut 1 1 1 2
     # What suits some volume is not refused: the middle of this one is elsewhere.

@@ -199,6 +199,17 @@ void check(RenderSettings const& s) {
     if (s.samples < 1 || s.samples > 1 << 24) refuse("the samples per pixel must be 1 to 16777216");
     if (s.first_sample < 0 || s.first_sample > 1 << 30) refuse("the number of the first sample must be 0 to 2^30");
     if (!(s.albedo >= 0 && s.albedo <= 1)) refuse("the albedo must be between 0 and 1");
+    if (!(std::abs(s.anisotropy) <= 0.9999)) refuse("the anisotropy must be between -0.9999 and 0.9999");
+    if (s.light_direction) {
+        Vec3 const v = *s.light_direction;
+        double const squared = v.x * v.x + v.y * v.y + v.z * v.z;
+        if (!(squared > 0) || !std::isfinite(squared))
+            refuse("the direction of the light must be finite and not 0,0,0");
+    }
+    if (!(s.ambient >= 0 && s.ambient <= 1)) refuse("the ambient light must be between 0 and 1");
+    if (!(s.specular >= 0 && s.specular <= 1)) refuse("the specular light must be between 0 and 1");
+    if (s.shadows && !s.light_direction)
+        refuse("--shadows needs a light that is not at the camera, which throws none", "give --light-direction X,Y,Z");
     auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
     if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
         refuse("errors to stop at and seconds must be positive");
@@ -406,6 +417,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     scene.lower = place(shown.lower);
     scene.upper = place(shown.upper);
     scene.to_lattice = world_to_lattice(g);
+    scene.to_world = lattice_to_world(g);
 
     // Gradients are shaded in units of a reference, so that the sizes of values and of the world do not matter. |A^T
     // g|^2 for a lattice gradient g, A mapping world vectors, in smallest spacings, to lattice vectors.
@@ -423,11 +435,17 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         part / std::abs(header_.values.slope) * rescaling().scale / (tree_ ? tree_->typical_width() : 1);
     scene.shade = {
         static_cast<float>(appearance.shade),
-        0.25F,
-        0.12F,
+        static_cast<float>(settings.ambient),
+        static_cast<float>(settings.specular),
         static_cast<float>(std::min(1 / reference, 1e30)),
         static_cast<float>(smallest),
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
+    if (settings.light_direction) {
+        Vec3 const v = *settings.light_direction;
+        double const length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+        Double3 const toward{v.x / length, v.y / length, v.z / length};
+        scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
+    }
     scene.iso_count = static_cast<int>(appearance.isos.size());
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
     scene.step = static_cast<float>(settings.step);
@@ -439,6 +457,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     scene.bounces = settings.bounces;
     scene.seed = settings.seed;
     scene.albedo = static_cast<float>(settings.albedo);
+    scene.anisotropy = static_cast<float>(settings.anisotropy);
     scene.emission = settings.emission;
     scene.light[0] = static_cast<float>(settings.light.red);
     scene.light[1] = static_cast<float>(settings.light.green);
@@ -623,8 +642,10 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->method =
             surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
             : integrator == Integrator::scatter
-                ? text("delta tracking, isotropic, ",
-                       in_passes ? mean_text(quality.rays) : text(scene.before + settings.samples),
+                ? text("delta tracking, ",
+                       settings.anisotropy == 0 ? std::string("isotropic")
+                                                : text("Henyey-Greenstein of mean cosine ", settings.anisotropy),
+                       ", ", in_passes ? mean_text(quality.rays) : text(scene.before + settings.samples),
                        " paths per pixel, seed ", settings.seed)
             : projected ? text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic")
             : settings.exact

@@ -49,7 +49,10 @@ struct RenderSettings {
     bool exact = false; ///< reference mode, which has no step
     double shade =
         -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
-    bool skip = true; ///< leave out empty space; the picture is the same bit for bit
+    std::optional<Vec3> light_direction;    ///< towards a light that is far away, in the world; none: it is at the eye
+    double ambient = 0.25, specular = 0.12; ///< shares of the light, in [0,1]: from everywhere, of the highlight
+    bool shadows = false;                   ///< of surfaces, from that light
+    bool skip = true;                       ///< leave out empty space; the picture is the same bit for bit
 
     // Iso-surfaces: physical values; none: one is chosen from the data.
     std::vector<double> isos;
@@ -63,6 +66,7 @@ struct RenderSettings {
     int first_sample = 0; ///< number of the first one, to continue elsewhere
     std::uint64_t seed = 0;
     double albedo = 1;     ///< multiplies the colours
+    double anisotropy = 0; ///< mean cosine of the scattering angle, in (-1, 1); Henyey–Greenstein
     bool emission = false; ///< colours also glow
     Color light{1, 1, 1};  ///< from all around, linear
     int bounces = 100000;

@@ -106,6 +106,10 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("shade", shading_, "SHADING",
                 "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
         .choices = {"auto", "none", "gradient"};
+    list.option("light-direction", s.light_direction, "X,Y,Z",
+                "direction towards the light, in world axes, instead of a light at the camera");
+    list.option("ambient", s.ambient, "SHARE", "share of the light that comes from everywhere, 0 to 1");
+    list.option("specular", s.specular, "SHARE", "strength of highlights, 0 to 1");
     list.option("clip-box", s.clip, "REGION", "show only this part, named as --roi of vkt crop names it");
 
     list.option(
@@ -124,10 +128,14 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("iso-color", s.iso_colors, "R G B", "implicit-iso: colour of each surface, 0 to 1");
     list.option("iso-opacity", s.iso_opacities, "A", "implicit-iso: opacity of each surface, 0 to 1 (default: 1)");
 
+    list.flag("shadows", s.shadows, "implicit-iso: surfaces throw shadows, with --light-direction");
+
     list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
     list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
     list.option("albedo", s.albedo, "SHARE", "multi-scattering: multiplies the colours, 0 to 1");
+    list.option("anisotropy", s.anisotropy, "G",
+                "multi-scattering: mean cosine of the scattering angle, above 0 forwards (Henyey-Greenstein)");
     list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
@@ -138,12 +146,16 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 24> uses{{{"step", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
                                     {"exact", true, false, false, false},
                                     {"no-skip", true, false, false, false},
                                     {"shade", true, true, false, false},
+                                    {"light-direction", true, true, false, false},
+                                    {"ambient", true, true, false, false},
+                                    {"specular", true, true, false, false},
+                                    {"shadows", false, true, false, false},
                                     {"iso", false, true, false, false},
                                     {"iso-color", false, true, false, false},
                                     {"iso-opacity", false, true, false, false},
@@ -155,6 +167,7 @@ constexpr std::array<Use, 19> uses{{{"step", true, false, false, false},
                                     {"first-sample", false, false, true, false},
                                     {"seed", false, false, true, false},
                                     {"albedo", false, false, true, false},
+                                    {"anisotropy", false, false, true, false},
                                     {"light", false, false, true, false},
                                     {"emission", false, false, true, false}}};
 
@@ -194,6 +207,7 @@ void SettingsParameters::refuse_misfits() const {
     exclude("orbit", "eye");
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     exclude("exact", "shade");
+    for (char const* other : {"light-direction", "ambient", "specular"}) exclude("exact", other);
     exclude("exact", "no-skip");
     exclude("exact", "step");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
@@ -255,6 +269,10 @@ void SettingsParameters::check() const {
     try_out("iso-color", [](S& to, S const& from) { to.isos = from.isos, to.iso_colors = from.iso_colors; });
     try_out("iso-opacity", [](S& to, S const& from) { to.isos = from.isos, to.iso_opacities = from.iso_opacities; });
     try_out("albedo", [](S& to, S const& from) { to.albedo = from.albedo; });
+    try_out("anisotropy", [](S& to, S const& from) { to.anisotropy = from.anisotropy; });
+    try_out("light-direction", [](S& to, S const& from) { to.light_direction = from.light_direction; });
+    try_out("ambient", [](S& to, S const& from) { to.ambient = from.ambient; });
+    try_out("specular", [](S& to, S const& from) { to.specular = from.specular; });
     try_out("first-sample", [](S& to, S const& from) { to.first_sample = from.first_sample; });
     in_name_of("spp", [&] {
         RenderSettings one;
@@ -282,6 +300,11 @@ RenderSettings SettingsParameters::settings() const {
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
+    for (char const* const name : {"light-direction", "ambient", "specular"}) {
+        if (!list_->given(name)) continue;
+        if (s.shade == 0) refuse(text("--", name, " does not apply to --shade ", shading_));
+        if (s.shade < 0) s.shade = 1; // whoever places a light wants to see it
+    }
     std::vector<double> const light = read_color("light", light_, 3);
     s.light = {light[0], light[1], light[2]};
     if (!s.colormap.empty()) (void)colormap(s.colormap, 0);
@@ -352,6 +375,10 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     bool const exact = s.exact && s.algorithm == Algorithm::ray_marching;
     if (exact) add("exact", {});
     if (!exact && s.shade >= 0) add("shade", {s.shade == 0 ? "none" : s.shade == 1 ? "gradient" : to_text(s.shade)});
+    if (!exact && s.light_direction) add("light-direction", {triple(*s.light_direction)});
+    if (!exact && s.ambient != plain.ambient) add("ambient", {to_text(s.ambient)});
+    if (!exact && s.specular != plain.specular) add("specular", {to_text(s.specular)});
+    if (s.shadows) add("shadows", {});
     if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
     if (s.goal.tolerance > 0) add("tolerance", {to_text(s.goal.tolerance)});
     if (s.goal.noise > 0) add("noise", {to_text(s.goal.noise)});
@@ -364,6 +391,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.first_sample != 0) add("first-sample", {to_text(s.first_sample)});
     if (s.seed != 0) add("seed", {text(s.seed)});
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
+    if (s.anisotropy != 0) add("anisotropy", {to_text(s.anisotropy)});
     if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
     if (s.emission) add("emission", {});
     if (!s.clip.empty()) add("clip-box", {s.clip.text});
@@ -424,11 +452,15 @@ std::vector<std::string> model_text(RenderSettings const& s) {
     std::string model, why;
     switch (s.algorithm) {
     case Algorithm::ray_marching:
-        model = s.shade == 0 ? "absorption and emission" : "absorption and emission, surfaces lit from the camera";
+        model = s.shade == 0        ? "absorption and emission"
+                : s.light_direction ? "absorption and emission, surfaces lit from one direction"
+                                    : "absorption and emission, surfaces lit from the camera";
         why = "light that is scattered once or more is not asked for (--render-algo multi-scattering)";
         break;
     case Algorithm::implicit_iso:
-        model = "surfaces, lit from the camera";
+        model = !s.light_direction ? "surfaces, lit from the camera"
+                : s.shadows        ? "surfaces, lit from one direction, with shadows"
+                                   : "surfaces, lit from one direction";
         why = "opacity of the volume itself is not asked for (--render-algo ray-marching)";
         break;
     case Algorithm::multi_scattering:

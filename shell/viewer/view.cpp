@@ -85,18 +85,25 @@ std::vector<std::vector<std::string_view>> const& groups() {
         {"opacity-scale"},
         {"eye", "view", "azimuth", "elevation", "target", "up", "fov", "zoom", "projection", "span", "fit"},
         {"exact", "shade", "step", "no-skip"},
+        {"light-direction"},
+        {"ambient"},
+        {"specular"},
+        {"shadows"},
         {"iso", "iso-color", "iso-opacity"},
         {"spp"},
         {"first-sample"},
         {"seed"},
         {"albedo"},
+        {"anisotropy"},
         {"light"},
         {"emission"},
         {"clip-box"}};
     return all;
 }
 
-bool takes_no_value(std::string_view name) { return name == "exact" || name == "no-skip" || name == "emission"; }
+bool takes_no_value(std::string_view name) {
+    return name == "exact" || name == "no-skip" || name == "emission" || name == "shadows";
+}
 bool takes_numbers(std::string_view name) {
     return name == "iso" || name == "iso-color" || name == "iso-opacity" || name == "rgba-lookup-table";
 }

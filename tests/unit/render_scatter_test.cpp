@@ -1,6 +1,7 @@
 // Multiple scattering: transmittance, furnace, single scattering in closed form, agreement with the marcher.
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/inner/philox.h"
+#include "libvkt/render/inner/scatter.h"
 #include "tests/unit/render_testing.h"
 
 #include <gtest/gtest.h>
@@ -58,13 +59,58 @@ TEST(RenderScatter, TransmittanceIsExponential) {
 // White light from everywhere on a medium that absorbs nothing: every path brings exactly 1.
 TEST(RenderScatter, FurnaceIsExactlyOne) {
     Volume volume = blobs({24, 18, 30}, DataType::float32);
-    RenderSettings s = scattering("oblique", 24, 16);
-    s.transfer = flat_transfer({1, 1, 1}, 0.3, 1);
+    for (double const anisotropy : {0.0, 0.8, -0.6}) {
+        RenderSettings s = scattering("oblique", 24, 16);
+        s.anisotropy = anisotropy;
+        s.transfer = flat_transfer({1, 1, 1}, 0.3, 1);
+        Picture const picture = render_one(volume, s);
+        EXPECT_EQ(picture.report.capped, 0);
+        for (std::size_t i = 0; i < picture.image.pixels.size(); i += 4)
+            for (std::size_t c = 0; c < 3; ++c)
+                EXPECT_FLOAT_EQ(picture.image.pixels[i + c] + picture.image.pixels[i + 3], 1.0F) << anisotropy;
+    }
+}
+
+// Moments of the phase function: the mean cosine is g, the mean square (1 + 2 g^2) / 3.
+TEST(RenderScatter, HenyeyGreensteinHasItsMoments) {
+    for (float const g : {-0.95F, -0.5F, -1e-3F, 0.0F, 1e-5F, 0.3F, 0.75F, 0.99F}) {
+        constexpr int n = 1 << 18;
+        double first = 0, second = 0;
+        for (int i = 0; i < n; ++i) {
+            auto const cosine = static_cast<double>(henyey_greenstein_cosine(g, (static_cast<float>(i) + 0.5F) / n));
+            first += cosine / n;
+            second += cosine * cosine / n;
+        }
+        EXPECT_NEAR(first, static_cast<double>(g), 2e-6) << g;
+        EXPECT_NEAR(second, (1 + 2 * static_cast<double>(g) * static_cast<double>(g)) / 3, 4e-6) << g;
+    }
+    for (Double3 const axis : {Double3{0, 0, 2}, Double3{0, 0, -1}, Double3{1, -2, 0.5}, Double3{-3, 1e-9, 0}})
+        for (float const angle : {0.0F, 1.0F, 4.0F}) {
+            Double3 const way = direction_around(axis, 0.25F, angle);
+            EXPECT_NEAR(dot(way, way), 1, 1e-12);
+            EXPECT_NEAR(dot(way, axis), 0.25 * std::sqrt(dot(axis, axis)), 1e-12);
+        }
+}
+
+// What leaves a slab of optical thickness 2 whose albedo is 0.9 with g = 0.75, met head-on: 0.09739 of the light is
+// reflected and 0.66096 transmitted, e^-2 of it unscattered (van de Hulst, Multiple Light Scattering, 1980, table 35).
+// Light from all around brings the sum of what is scattered out on either side.
+TEST(RenderScatter, AnisotropicSlabAgreesWithVanDeHulst) {
+    Volume volume = constant_volume({400, 400, 4}, 1.0F, {1, 1, 0.5}); // wide: 200 times as wide as it is thick
+    RenderSettings s = scattering("z", 16, 800);
+    s.anisotropy = 0.75;
+    s.albedo = 0.9;
+    s.camera.zoom = 100;
+    s.transfer = flat_transfer({1, 1, 1}, -std::expm1(-1.0), 1); // extinction 1, thickness 2
     Picture const picture = render_one(volume, s);
-    EXPECT_EQ(picture.report.capped, 0);
-    for (std::size_t i = 0; i < picture.image.pixels.size(); i += 4)
-        for (std::size_t c = 0; c < 3; ++c)
-            EXPECT_FLOAT_EQ(picture.image.pixels[i + c] + picture.image.pixels[i + 3], 1.0F);
+    double light = 0, through = 0;
+    for (std::size_t i = 0; i < picture.image.pixels.size(); i += 4) {
+        light += static_cast<double>(picture.image.pixels[i]) / 256;
+        through += static_cast<double>(picture.image.pixels[i + 3]) / 256;
+    }
+    // 204800 paths, whose light has a standard deviation of at most 1/2
+    EXPECT_NEAR(through, std::exp(-2.0), 4 * 0.35 / std::sqrt(204800.0));
+    EXPECT_NEAR(light, 0.09739 + 0.66096 - std::exp(-2.0), 4 * 0.5 / std::sqrt(204800.0));
 }
 
 // Without scattering but with glow, paths estimate what the marcher integrates.

@@ -101,14 +101,45 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
     } while (outer.leap(distance));
 }
 
-/// A surface element as a light at the eye shows it.
+/// Share of the lamp's light that reaches a point through the surfaces.
 template <CellSampler S>
-VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso) {
+VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Counters& counters) {
+    Ray ray{};
+    ray.direction = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
+    double near = 0, far = std::numeric_limits<double>::infinity();
+    if (!clip(point, ray.direction, scene.lower, scene.upper, near, far)) return 1;
+    ray.entry = point + ray.direction * near;
+    ray.length = far - near;
+    float light = 1;
+    for (int i = 0; i < scene.iso_count && light > 0; ++i) {
+        float const passes = 1.0F - scene.isos[i].alpha;
+        if (!(passes < 1)) continue;
+        cross_ray(
+            sampler, scene, ray, scene.isos[i].value, counters, [&](double, Side) __attribute__((always_inline)) {
+                light *= passes;
+                return light > 0;
+            });
+    }
+    return light;
+}
+
+/// A surface element as a light at the eye, or the lamp, shows it.
+template <CellSampler S>
+VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
+                            Counters& counters) {
     Float3 g = sampler.gradient(to_float(ray.entry + ray.direction * t));
     // A surface is a surface, however faint the gradient: only its direction matters.
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
     if (most > 0) g = g * (1.0F / most);
+    if (scene.lamp.on) {
+        constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
+        LampParts const parts = lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g);
+        bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
+        float const light = asked ? light_at(sampler, scene, ray.entry + ray.direction * (t - off), counters) : 1.0F;
+        Reflection const s = lamplight(scene.shade, g, parts, light, 0.0F);
+        return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+    }
     float const along =
         dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
     Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
@@ -152,7 +183,7 @@ VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& 
     Radiance sum{0, 0, 0, 1};
     for (int k = 0; k < layers.count; ++k) {
         IsoView const& iso = scene.isos[layers.surface[k]];
-        Radiance const one = lit_surface(sampler, scene, ray, layers.t[k], iso);
+        Radiance const one = lit_surface(sampler, scene, ray, layers.t[k], iso, counters);
         float const share = sum.transmittance * iso.alpha;
         sum.red += share * one.red, sum.green += share * one.green, sum.blue += share * one.blue;
         sum.transmittance *= 1.0F - iso.alpha;
@@ -191,7 +222,7 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
         if (scene.isos[i].alpha < 1) return layers_ray(sampler, scene, ray, counters);
     Nearest const hit = nearest_surface(sampler, scene, ray, counters);
     if (hit.surface < 0) return {0, 0, 0, 1};
-    return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface]);
+    return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface], counters);
 }
 
 } // namespace vkt::render

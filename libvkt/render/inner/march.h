@@ -45,6 +45,39 @@ VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz
     return {1.0F + surface * (lit - 1.0F), surface * shade.specular * c16 * c16};
 }
 
+/// Parts of a gradient along unit vectors of the world: the ray's, towards the lamp, and halfway from that to the eye.
+struct LampParts {
+    float ray, lamp, half;
+};
+/// Lattice vectors that these parts are dot products with, per smallest spacing.
+struct LampFrame {
+    Float3 ray, lamp, half;
+    VKT_HD LampParts of(Float3 g) const { return {dot(g, ray), dot(g, lamp), dot(g, half)}; }
+};
+VKT_HD LampFrame lamp_frame(SceneView const& scene, Double3 direction, double world_per_lattice) {
+    double const spacing = scene.shade.spacing;
+    Double3 const way = direction * (1 / world_per_lattice); // of unit length in the world
+    double const cosine = -dot(scene.lamp.world, scene.to_world * way), squared = 2 + 2 * cosine;
+    double const per = squared > 1e-12 ? spacing / std::sqrt(squared) : 0;
+    return {to_float(way * spacing), to_float(scene.lamp.lattice * spacing),
+            to_float((scene.lamp.lattice - way) * per)};
+}
+
+/// As headlight(), with a lamp of which the share `light` arrives. What faces the eye and not the lamp is dark.
+VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, float light, float reference) {
+    float const* m = shade.metric;
+    float const squared =
+        m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z + m[5] * g.y * g.z;
+    float const surface = squared > 0 ? shade.strength * squared / (squared + reference * reference) : 0.0F;
+    bool const faces = parts.ray * parts.lamp < 0;
+    float const per = squared > 0 && faces ? 1.0F / squared : 0.0F;
+    float const ratio = parts.lamp * parts.lamp * per, glancing = parts.half * parts.half * per;
+    float const cosine2 = ratio < 1.0F ? ratio : 1.0F, half2 = glancing < 1.0F ? glancing : 1.0F;
+    float const c4 = half2 * half2, c8 = c4 * c4, c16 = c8 * c8;
+    float const lit = shade.ambient + (1.0F - shade.ambient) * light * std::sqrt(cosine2);
+    return {1.0F + surface * (lit - 1.0F), light * surface * shade.specular * c16 * c16};
+}
+
 /// Where the segments of a ray lie in a lattice: between the points k * step, the last one ends where the ray does.
 struct EvenComb {
     using Real = float;
@@ -133,7 +166,17 @@ template <class S, class Comb> struct March {
             sampler.gradients(origin, direction, t, gx, gy, gz);
             float const per_spacing = scene.shade.spacing / world;
             Float3 const toward = to_float(direction);
-            for (int j = 0; j < chunk; ++j) {
+            LampFrame const lamp = scene.lamp.on ? lamp_frame(scene, Double3{direction.x, direction.y, direction.z},
+                                                              static_cast<double>(world))
+                                                 : LampFrame{};
+            for (int j = 0; j < chunk && scene.lamp.on; ++j) {
+                Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
+                               in_references(scene.shade, gz[j])};
+                Reflection const s = lamplight(scene.shade, g, lamp.of(g), 1.0F, 1.0F);
+                diffuse[j] = s.diffuse;
+                glint[j] = s.glint;
+            }
+            for (int j = 0; j < chunk && !scene.lamp.on; ++j) {
                 Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
                                in_references(scene.shade, gz[j])};
                 Reflection const s = headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, 1.0F);

@@ -1,4 +1,5 @@
-// Volumetric path tracing: delta tracking through macrocell majorants, isotropic phase function, light from all around.
+// Volumetric path tracing: delta tracking through macrocell majorants, light from all around, scattered in all
+// directions alike or as Henyey and Greenstein have it.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -53,6 +54,25 @@ VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float
     return {false, length, {}};
 }
 
+/// Cosine between the directions before and after, for a uniform number in [0, 1): its mean is g, in (-1, 1) (Henyey
+/// and Greenstein, Diffuse radiation in the galaxy, 1941). The inverse of the distribution, multiplied out so that
+/// nothing cancels at small g.
+VKT_HD float henyey_greenstein_cosine(float g, float uniform) {
+    float const t = 2.0F * uniform - 1.0F, per = 1.0F / (1.0F + g * t);
+    float const cosine = (t + g * (0.5F * (t * t + 3.0F) + g * (t + 0.5F * g * (t * t - 1.0F)))) * per * per;
+    return cosine < -1.0F ? -1.0F : cosine > 1.0F ? 1.0F : cosine;
+}
+
+/// A direction of unit length at this cosine from another, which has any length, and this angle around it.
+VKT_HD Double3 direction_around(Double3 axis, float cosine, float angle) {
+    Double3 const w = axis * (1 / std::sqrt(dot(axis, axis)));
+    // Duff and others, Building an Orthonormal Basis, Revisited, 2017.
+    double const sign = std::copysign(1.0, w.z), a = -1 / (sign + w.z), b = w.x * w.y * a;
+    Double3 const u{1 + sign * w.x * w.x * a, sign * b, -sign * w.x}, v{b, sign + w.y * w.y * a, -w.y};
+    double const z = cosine, r = std::sqrt(1 - z * z > 0 ? 1 - z * z : 0.0), at = angle;
+    return u * (r * std::cos(at)) + v * (r * std::sin(at)) + w * z;
+}
+
 /// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
 template <Sampler S>
 VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random,
@@ -87,9 +107,16 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
             for (float& w : through) w /= most;
         }
         p = p + d * flight.t;
-        float const z = 1.0F - 2.0F * random.next(), angle = two_pi * random.next();
-        float const r = std::sqrt(1.0F - z * z > 0 ? 1.0F - z * z : 0.0F);
-        Double3 const lattice = scene.to_lattice * Double3{r * std::cos(angle), r * std::sin(angle), z};
+        float const place = random.next(), angle = two_pi * random.next();
+        Double3 world_way;
+        if (scene.anisotropy == 0) {
+            float const z = 1.0F - 2.0F * place, r = std::sqrt(1.0F - z * z > 0 ? 1.0F - z * z : 0.0F);
+            world_way = {r * std::cos(angle), r * std::sin(angle), z};
+        } else {
+            world_way = direction_around(scene.to_world * Double3{d.x, d.y, d.z},
+                                         henyey_greenstein_cosine(scene.anisotropy, place), angle);
+        }
+        Double3 const lattice = scene.to_lattice * world_way;
         double const norm = std::sqrt(dot(lattice, lattice));
         d = to_float(lattice * (1 / norm));
         world = static_cast<float>(1 / norm);

@@ -38,6 +38,13 @@ struct ShadeView {
     float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared length of a lattice gradient, per smallest spacing
 };
 
+/// A light that is far away, instead of the one at the eye.
+struct LampView {
+    bool on = false, shadows = false;
+    Double3 world{};   ///< towards it, of unit length
+    Double3 lattice{}; ///< the same in the lattice
+};
+
 struct IsoView {
     float value;
     float red, green, blue; ///< linear
@@ -65,6 +72,7 @@ struct SceneView {
     Knot const* knots;
     int knot_count;
     ShadeView shade;
+    LampView lamp;
     IsoView isos[most_isos];
     int iso_count;
     float step;         ///< lattice units
@@ -76,6 +84,8 @@ struct SceneView {
     int samples, first_sample, bounces;
     std::uint64_t seed;
     float albedo, light[3];
+    float anisotropy = 0; ///< mean cosine of the scattering angle
+    Matrix3 to_world;     ///< the inverse of to_lattice
     bool emission;
     SumsView sums;
     int before; ///< number of the rays in the sums
