@@ -70,8 +70,8 @@ std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Oper
 /// How to run a plan among other stages: one that memory alone slows down takes its share_of_threads().
 Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo const& info);
 
-/// How to run an operation whose inputs lie in memory and whose result is made there, both as a whole: what memory alone
-/// slows down is worked on at once, or in few pieces within the budget, unless --slab says otherwise.
+/// How to run an operation whose inputs lie in memory and whose result is made there, both as a whole: what memory
+/// alone slows down is worked on at once, or in few pieces within the budget, unless --slab says otherwise.
 Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs);
 
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.

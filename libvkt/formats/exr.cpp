@@ -35,7 +35,8 @@ bool is_exr(std::span<std::byte const> head) {
 }
 
 FloatPicture read_exr(ByteSource& bytes) {
-    ExrFunctions const& exr = functions(text(bytes.name(), ": reading OpenEXR"));
+    std::string const what = text(bytes.name(), ": reading OpenEXR");
+    ExrFunctions const& exr = functions(what);
     std::vector<std::byte> const file = whole_file(bytes, most_picture_bytes);
     return exr.decode(file, bytes.name());
 }

@@ -390,7 +390,7 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
             __builtin_prefetch(row + k + 1024);
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
-                V::type v;
+                V::type v{};
                 if constexpr (std::is_same_v<T, Half>)
                     for (int j = 0; j < V::lanes; ++j) v[j] = static_cast<double>(row[k + r * V::lanes + j]);
                 else
