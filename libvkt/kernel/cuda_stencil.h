@@ -53,7 +53,7 @@ private:
 
 namespace driver {
 
-inline constexpr int tile_x = 32, tile_y = 8, rows_at_once = 4;
+inline constexpr int tile_x = 32, tile_y = 8;
 
 struct Tiles {
     int deep, across, along; ///< slices a block; blocks in x and y
@@ -72,24 +72,15 @@ __global__ void __launch_bounds__(tile_x* tile_y)
     int const deep = static_cast<int>(dims.z - z0 < tiles.deep ? dims.z - z0 : tiles.deep);
     // A warp a row. The last blocks reach beyond: neighbours that no voxel of theirs has need not be read.
     int const right = static_cast<int>(dims.x - x0 < tile_x ? dims.x - x0 : tile_x) + 2 * tiles.rx;
-    int const rows = high * (deep + 2 * tiles.rz);
     with_type(in.type, [&]<class T>(T) {
-        for (int x = static_cast<int>(threadIdx.x); x < right; x += tile_x)
-            for (int first = static_cast<int>(threadIdx.y); first < rows; first += rows_at_once * tile_y) {
-                C loaded[rows_at_once]; // all of them are under way before the first is waited for
-#pragma unroll
-                for (int i = 0; i < rows_at_once; ++i) {
-                    int const row = first + i * tile_y, k = row / high, j = row - k * high;
-                    std::int64_t const gy = y0 + j - tiles.ry;
-                    loaded[i] = C{};
-                    if (row < rows && gy < dims.y + tiles.ry)
-                        loaded[i] = neighbour_of<C, T>(
-                            reinterpret_cast<T const*>(in.at(x0 - tiles.rx + x, gy, z0 + k - tiles.rz)));
-                }
-#pragma unroll
-                for (int i = 0; i < rows_at_once; ++i)
-                    if (first + i * tile_y < rows) values[(first + i * tile_y) * wide + x] = loaded[i];
-            }
+        for (int row = static_cast<int>(threadIdx.y); row < high * (deep + 2 * tiles.rz); row += tile_y) {
+            int const k = row / high, j = row - k * high;
+            std::int64_t const gy = y0 + j - tiles.ry;
+            if (gy >= dims.y + tiles.ry) continue;
+            auto const* const from = reinterpret_cast<T const*>(in.at(x0 - tiles.rx, gy, z0 + k - tiles.rz));
+            for (int x = static_cast<int>(threadIdx.x); x < right; x += tile_x)
+                values[row * wide + x] = neighbour_of<C, T>(from + x);
+        }
     });
     __syncthreads();
     LossCounts counts;
