@@ -5,6 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/hdf5_handle.h"
 
 #include <hdf5.h>
 
@@ -22,23 +23,7 @@ namespace vkt {
 
 namespace {
 
-/// An HDF5 identifier that closes itself. Invalid ones are allowed: opening optional things may fail.
-class Handle {
-public:
-    Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
-    ~Handle() {
-        if (id_ >= 0) close_(id_);
-    }
-    Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
-    Handle& operator=(Handle&&) = delete;
-
-    explicit operator bool() const { return id_ >= 0; }
-    operator hid_t() const { return id_; }
-
-private:
-    hid_t id_;
-    herr_t (*close_)(hid_t);
-};
+using hdf5::Handle; // invalid ones are allowed: opening optional things may fail
 
 /// The library is neither silent nor thread-safe by default: one caller at a time, and no messages on standard error.
 class LibraryGuard {
