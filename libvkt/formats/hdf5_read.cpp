@@ -6,6 +6,8 @@
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/tree_file.h"
 
+#include <hdf5.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

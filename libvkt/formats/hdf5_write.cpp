@@ -8,6 +8,8 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
 
+#include <hdf5.h>
+
 #include <algorithm>
 #include <array>
 #include <optional>
