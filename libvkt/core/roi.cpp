@@ -138,11 +138,11 @@ SteppedBox Roi::resolve_steps(Index3 dims) const {
         throw Error(ErrorKind::usage, vkt::text("--roi '", text, "' does not name three ranges"),
                     "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
     SteppedBox region;
-    auto& [box, step] = region;
+    Box& box = region.box;
     for (int axis = 0; axis < 3; ++axis)
         in_name_of("--roi", text, [&] {
             std::string_view range = ranges[static_cast<std::size_t>(axis)];
-            step[axis] = take_step(range);
+            region.step[axis] = take_step(range);
             resolve_axis(range, axis, dims[axis], box.lower[axis], box.upper[axis]);
         });
     box = region.source(box_of(region.dims())); // nothing behind the last voxel
