@@ -78,6 +78,8 @@ open("no.npz", "wb").write(good[:-30])
 END
     fails_with 3 "'flip.npz'" vkt stats flip.npz
     fails_with 3 'ended early' vkt stats no.npz
+    : >empty.npz
+    fails_with 3 'ended early' bash -c 'set -o pipefail; vkt read empty.npz --format npz | cat >rest'
     printf 'PK\3\4' >x.zip
     fails_with 3 'is a ZIP archive' vkt info x.zip
 }

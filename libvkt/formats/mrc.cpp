@@ -138,6 +138,8 @@ DataType type_of(Words const& w, std::string const& name) {
 
 std::string bytes_of(Header const& header, std::int64_t volumes);
 
+constexpr std::int64_t longest_extended = 64 << 20; ///< that is taken for one of ours
+
 /// The extended header, if it is ours and the rest of the file is still what was written with it.
 void read_extended(ByteSource& bytes, RawLayout& layout, std::span<std::byte const> head, std::int64_t length) {
     std::string_view const type(reinterpret_cast<char const*>(head.data()) + 104, 4);
@@ -146,6 +148,8 @@ void read_extended(ByteSource& bytes, RawLayout& layout, std::span<std::byte con
         if (length > 0) header.attributes["mrc extended header"] = text(length, " bytes, not kept");
         return bytes.skip(length);
     }
+    if (length > longest_extended)
+        throw Error(ErrorKind::data, text("'", bytes.name(), "': its extended header exceeds 64 MiB"));
     std::string json(static_cast<std::size_t>(length), '\0');
     bytes.read_exactly(json.data(), json.size());
     json.resize(std::min(json.size(), json.find('\0')));

@@ -81,7 +81,8 @@ private:
     [[noreturn]] void fail(std::string const& what) const {
         throw Error(ErrorKind::data, text("'", bytes_.name(), "': ", what));
     }
-    std::uint64_t size() const { return static_cast<std::uint64_t>(bytes_.size()); }
+    /// 0 also where nothing is known of it, as of files without a byte.
+    std::uint64_t size() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(bytes_.size(), 0)); }
     Record record(std::uint64_t at, std::uint64_t n) const {
         if (at > size() || n > size() - at) fail("ended early: no whole ZIP file");
         std::vector<unsigned char> bytes(n);
@@ -111,8 +112,7 @@ void Archive::read_extra(Record const& r, std::size_t at, std::size_t end, Membe
 }
 
 void Archive::read_directory() {
-    auto const tail_size = static_cast<std::uint64_t>(
-        std::min<std::int64_t>(bytes_.size(), longest_comment + static_cast<std::int64_t>(end_size)));
+    std::uint64_t const tail_size = std::min<std::uint64_t>(size(), longest_comment + end_size);
     std::uint64_t const tail_at = size() - tail_size;
     Record const tail = record(tail_at, tail_size);
     std::string const all = tail.words(0, tail.size());
