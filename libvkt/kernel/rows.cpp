@@ -162,8 +162,8 @@ template <class T, class C> Losses store_small(C const* from, T* to, std::int64_
         for (std::int32_t i = 0; i < static_cast<std::int32_t>(steps); ++i) {
             C v = from[i];
             clipped += is_clipped<T>(v) ? 1 : 0;
-            nan += v != v ? 1 : 0;
-            v = v == v ? v : C(0);
+            nan += v != v ? 1 : 0; // NOLINT(misc-redundant-expression): NaN
+            v = v == v ? v : C(0); // NOLINT(misc-redundant-expression): NaN
             v = v > lowest ? v : lowest;
             limited[i] = v < highest ? v : highest;
         }

@@ -131,7 +131,7 @@ Placement place(Affine const& map, Index3 dims) {
 
 Onto::Onto(Placement placement, Index3 from, Index3 to, ResampleMethod method, std::optional<BoundaryRule> boundary,
            OntoValues const& values)
-    : placement_(std::move(placement)), from_(from), to_(to), method_(method), boundary_(boundary), values_(values) {
+    : placement_(placement), from_(from), to_(to), method_(method), boundary_(boundary), values_(values) {
     if (placement_.aligned)
         plan_aligned();
     else

@@ -92,7 +92,7 @@ Plane filtered(Plane const& in, Line const& along_x, Line const& along_y) {
         for (int x = 0; x < in.width; ++x) {
             double sum = 0;
             for (int k = -r; k <= r; ++k)
-                sum += along_x.weights[static_cast<std::size_t>(k + r)] * row[std::clamp(x + k, 0, in.width - 1)];
+                sum += along_x.weights.data()[k + r] * row[std::clamp(x + k, 0, in.width - 1)];
             across.values[static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x)] = sum;
         }
     }
@@ -101,7 +101,7 @@ Plane filtered(Plane const& in, Line const& along_x, Line const& along_y) {
         double* const row = out.values.data() + static_cast<std::size_t>(y) * width;
         int const r = along_y.radius();
         for (int k = -r; k <= r; ++k) {
-            double const weight = along_y.weights[static_cast<std::size_t>(k + r)];
+            double const weight = along_y.weights.data()[k + r];
             double const* const from =
                 across.values.data() + static_cast<std::size_t>(std::clamp(y + k, 0, in.height - 1)) * width;
             for (std::size_t x = 0; x < width; ++x) row[x] += weight * from[x];
@@ -150,8 +150,7 @@ std::vector<double> features(Plane const& lightness, double ppd, bool points) {
     int const radius = static_cast<int>(std::ceil(3 * sd));
     Line const smooth = gaussian(1 / (2 * sd * sd), radius);
     Line steep = smooth;
-    for (int k = -radius; k <= radius; ++k)
-        steep.weights[static_cast<std::size_t>(k + radius)] *= points ? k * k / (sd * sd) - 1 : -k;
+    for (int k = -radius; k <= radius; ++k) steep.weights.data()[k + radius] *= points ? k * k / (sd * sd) - 1 : -k;
     double above = 0, below = 0;
     for (double const w : steep.weights) (w < 0 ? below : above) += std::abs(w);
     for (double& w : steep.weights) w /= (w < 0 ? below : above) * sum_of(smooth);

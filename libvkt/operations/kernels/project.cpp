@@ -116,14 +116,14 @@ template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* a
 template <class A> struct Larger {
     template <class T> VKT_HD A operator()(A a, T voxel) const {
         A const v = static_cast<A>(voxel);
-        bool const first = a != a;        // NaN is no value, but what there is at first
+        bool const first = a != a; // NOLINT(misc-redundant-expression): NaN is no value, but what there is at first
         return ((v > a) | first) ? v : a; // no ||: a branch for each of several lines would not be a vector
     }
 };
 template <class A> struct Smaller {
     template <class T> VKT_HD A operator()(A a, T voxel) const {
         A const v = static_cast<A>(voxel);
-        bool const first = a != a;
+        bool const first = a != a; // NOLINT(misc-redundant-expression): NaN is no value, but what there is at first
         return ((v < a) | first) ? v : a;
     }
 };

@@ -40,8 +40,8 @@ public:
         if (add_finite(p, n)) return;
         T replaced[chunk];
         for (std::int64_t i = 0; i < n; ++i) {
-            bool const finite = p[i] - p[i] == T(0);
-            nan_ += p[i] != p[i];
+            bool const finite = p[i] - p[i] == T(0); // NOLINT(misc-redundant-expression): NaN, and what is not finite
+            nan_ += p[i] != p[i];                    // NOLINT(misc-redundant-expression): NaN, and what is not finite
             above_ += p[i] == infinity;
             below_ += p[i] == -infinity;
             replaced[i] = finite ? p[i] : static_cast<T>(nothing_); // contributes nothing
@@ -126,7 +126,7 @@ private:
                 Full const v = *reinterpret_cast<Unaligned const*>(p + i + f);
                 low = v < low ? v : low;
                 high = v > high ? v : high;
-                odds += v - v;
+                odds += v - v; // NOLINT(misc-redundant-expression): NaN, and what is not finite
             }
             add_lanes(p + i, s, q);
         }
@@ -138,7 +138,7 @@ private:
         for (; i < n; ++i) {
             low_ = p[i] < low_ ? p[i] : low_;
             high_ = p[i] > high_ ? p[i] : high_;
-            odd += p[i] - p[i];
+            odd += p[i] - p[i]; // NOLINT(misc-redundant-expression): NaN, and what is not finite
         }
         if (odd != T(0)) return false;
         keep(s, q);
