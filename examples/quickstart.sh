@@ -38,7 +38,7 @@ PATH=$root/build:$PATH
 
 # Each stage is a process of its own; voxels stream from one to the next. No stage can succeed on half a volume, so the
 # status of the last one is that of the whole pipeline.
-vkt read "$root/examples/data/phantom.nrrd" | vkt crop --roi :,:,2:94 | vkt resample --scale 3 |
+(cd "$root" && vkt read examples/data/phantom.nrrd) | vkt crop --roi :,:,2:94 | vkt resample --scale 3 |
     vkt filter gaussian --sigma 1.2 | vkt render --azimuth 30 --elevation 18 --force -o quickstart.png
 
 echo "wrote $(pwd)/quickstart.png"
