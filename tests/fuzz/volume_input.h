@@ -48,4 +48,18 @@ inline void consume(Source& source) {
     }
 }
 
+/// Reads bytes as a file of a format, and once more as a pipe of it.
+inline void read_as(char const* format, char const* name, std::uint8_t const* data, std::size_t size) {
+    ReadOptions options;
+    options.format = format;
+    for (bool const pipe_like : {false, true}) {
+        try {
+            auto source =
+                open_volume(std::make_unique<ByteSource>(descriptor_with(data, size, pipe_like), name), options);
+            consume(*source);
+        } catch (Error const&) {
+        } // the only thing that may come out of a reader
+    }
+}
+
 } // namespace vkt::fuzz

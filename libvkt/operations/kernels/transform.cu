@@ -147,7 +147,8 @@ void transform_voxels(TransformTask const& task, std::span<ConstView const> in, 
     Program const& program = *task.program;
     if (program.slots > most_slots || in.size() > most_inputs)
         throw Error(ErrorKind::resources, "the expression is too long for a GPU", "use --device cpu");
-    driver::DeviceList const steps(steps_of(program));
+    std::vector<Step> const code = steps_of(program);
+    driver::DeviceList const steps(code);
     driver::DeviceList const numbers(program.numbers);
     driver::DeviceList const neighbours(neighbours_of(program));
     driver::DeviceList const inexact(std::vector<unsigned long long>{0});
@@ -155,7 +156,7 @@ void transform_voxels(TransformTask const& task, std::span<ConstView const> in, 
     m.steps = steps.get();
     m.numbers = numbers.get();
     m.neighbours = neighbours.get();
-    m.step_count = static_cast<int>(steps_of(program).size());
+    m.step_count = static_cast<int>(code.size());
     m.number_count = static_cast<int>(program.numbers.size());
     m.neighbour_count = static_cast<int>(program.voxels.size());
     m.result = program.result;
