@@ -8,21 +8,12 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
 #include "libvkt/kernel/stencil.h"
+#include "libvkt/operations/kernels/window_parts.h"
 
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
-
-struct Sum {
-    template <class S> static S of(S a, S b) { return a + b; }
-};
-struct Least {
-    template <class S> static S of(S a, S b) { return a < b ? a : b; }
-};
-struct Greatest {
-    template <class S> static S of(S a, S b) { return a < b ? b : a; }
-};
 
 /// to[i] = a[i] op b[i]; `to` may be one of them.
 template <class Op, class S> void combine(S* to, S const* a, S const* b, std::int64_t n) {
@@ -172,19 +163,10 @@ public:
         deep_ = 2 * radius.z + 1;
         rows_ = tile_.y + 2 * radius.y;
         pitch_ = tile_.x + 2 * radius.x;
-        auto const inside = [](std::int64_t d, std::int64_t r) {
-            double const share = r == 0 ? 0 : static_cast<double>(d) / static_cast<double>(r);
-            return share * share;
-        };
-        // Exactly 1 for whole numbers: compared with room for rounding, far less than the next offset is off.
-        for (std::int64_t dz = -radius.z; dz <= radius.z; ++dz)
-            for (std::int64_t dy = -radius.y; dy <= radius.y; ++dy) {
-                double const rest = inside(dy, radius.y) + inside(dz, radius.z);
-                if (rest > 1 + 1e-9) continue;
-                std::int64_t half = 0;
-                while (half < radius.x && rest + inside(half + 1, radius.x) <= 1 + 1e-9) ++half;
-                chords_.push_back({dy, dz, half});
-            }
+        std::vector<int> const halves = halves_of(radius);
+        for (std::int64_t dz = -radius.z, i = 0; dz <= radius.z; ++dz)
+            for (std::int64_t dy = -radius.y; dy <= radius.y; ++dy, ++i)
+                if (int const half = halves[static_cast<std::size_t>(i)]; half >= 0) chords_.push_back({dy, dz, half});
         values_.resize(static_cast<std::size_t>((radius.x + 1) * deep_ * rows_ * pitch_));
         result_.resize(static_cast<std::size_t>(tile_.x));
     }
@@ -257,20 +239,6 @@ template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius
                       }
                   });
 }
-
-/// Calls f(Op{}, K{}).
-template <class F> void with_extreme(Extreme extreme, DataType type, F const& f) {
-    with_order_key(type, [&]<class K>(K key) {
-        if (extreme == Extreme::least)
-            f(Least{}, key);
-        else
-            f(Greatest{}, key);
-    });
-}
-
-template <class C> struct Subtract {
-    VKT_HD C operator()(C a, C b) const { return a - b; }
-};
 
 } // namespace
 

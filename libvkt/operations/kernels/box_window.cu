@@ -6,22 +6,13 @@
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/order.h"
+#include "libvkt/operations/kernels/window_parts.h"
 
 #include <cstring>
 #include <vector>
 
 namespace vkt::VKT_BACKEND {
 namespace {
-
-struct Sum {
-    template <class S> __device__ __forceinline__ static S of(S a, S b) { return a + b; }
-};
-struct Least {
-    template <class S> __device__ __forceinline__ static S of(S a, S b) { return a < b ? a : b; }
-};
-struct Greatest {
-    template <class S> __device__ __forceinline__ static S of(S a, S b) { return a < b ? b : a; }
-};
 
 /// A voxel as what is summed up, or as its key.
 template <class Op, class S> __device__ __forceinline__ S load(DataType type, std::byte const* from) {
@@ -122,23 +113,6 @@ template <class Op, class K> struct Ball {
     }
 };
 
-/// The halves of an ellipsoid's rows, as on CPUs: exactly 1 for whole numbers, with room for rounding.
-std::vector<int> halves_of(Index3 radius) {
-    auto const inside = [](std::int64_t d, std::int64_t r) {
-        double const share = r == 0 ? 0 : static_cast<double>(d) / static_cast<double>(r);
-        return share * share;
-    };
-    std::vector<int> halves;
-    for (std::int64_t dz = -radius.z; dz <= radius.z; ++dz)
-        for (std::int64_t dy = -radius.y; dy <= radius.y; ++dy) {
-            double const rest = inside(dy, radius.y) + inside(dz, radius.z);
-            int half = rest > 1 + 1e-9 ? -1 : 0;
-            while (half >= 0 && half < radius.x && rest + inside(half + 1, radius.x) <= 1 + 1e-9) ++half;
-            halves.push_back(half);
-        }
-    return halves;
-}
-
 template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius) {
     std::vector<int> const halves = halves_of(radius);
     driver::DeviceList const table(halves);
@@ -149,20 +123,6 @@ template <class Op, class K> void balls(ConstView in, AnyView out, Index3 radius
                                        static_cast<int>(radius.z)},
                            nullptr, "balls");
 }
-
-/// Calls work(Op{}, K{}).
-template <class F> void with_extreme(Extreme extreme, DataType type, F const& work) {
-    with_order_key(type, [&]<class K>(K key) {
-        if (extreme == Extreme::least)
-            work(Least{}, key);
-        else
-            work(Greatest{}, key);
-    });
-}
-
-template <class C> struct Subtract {
-    VKT_HD C operator()(C a, C b) const { return a - b; }
-};
 
 } // namespace
 
