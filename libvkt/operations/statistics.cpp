@@ -264,8 +264,10 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     // Of a slice that comes in pieces, its first bands were seen before.
     bool const grid = input_.kind == Kind::structured;
     if (grid && box.lower.y > region_.lower.y) slices_.front() = slice_;
-    for (std::int64_t b = 0; b < bands * n.z; ++b)
-        slices_[static_cast<std::size_t>(b / bands)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
+#pragma omp parallel for num_threads(execution.threads) if (bands * n.z > 4096 && execution.threads > 1)
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t b = z * bands; b < (z + 1) * bands; ++b)
+            slices_[static_cast<std::size_t>(z)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
     if (grid && box.upper.y < region_.upper.y)
         slice_ = slices_.front();
     else

@@ -12,8 +12,10 @@
 namespace vkt::VKT_BACKEND::driver {
 
 /// Rows are cut into segments; a warp takes one after the other.
-inline constexpr std::int64_t count_segment = 4096;
-inline constexpr unsigned most_shared_counters = 10240; ///< of 32 bits
+inline constexpr std::int64_t count_segment = 2048;
+inline constexpr unsigned most_shared_counters = 10240;       ///< of 32 bits
+inline constexpr unsigned most_packed_counters = 65536 + 256; ///< of 16 bits, which a block counts no more voxels than
+inline constexpr unsigned packed_threads = 1024;              ///< of such a block: no other has room beside it
 
 /// What one block of threads counts.
 struct CountItem {
@@ -50,28 +52,31 @@ template <class Add> struct CountRun {
     }
 };
 
-/// `slots` counters a brick, of which so many copies lie in shared memory; none if they have no room there. A slot
-/// below 0 is of no interest.
-template <class T, int N, class SlotOf>
-__global__ void __launch_bounds__(block_threads)
+/// `slots` counters a brick, of which so many copies lie in shared memory; none if they have no room there, one of 16
+/// bits each if Packed.
+template <class T, int N, bool Packed, class SlotOf>
+__global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
     count_kernel(DeviceRows in, CountItem const* items, CountGrid grid, __grid_constant__ SlotOf const slot_of,
                  unsigned slots, unsigned copies, unsigned long long* counters) {
     extern __shared__ unsigned shared[];
     CountItem const item = items[blockIdx.x];
-    for (unsigned i = threadIdx.x; i < slots * copies; i += block_threads) shared[i] = 0;
+    unsigned const words = Packed ? (slots + 1) / 2 : slots * copies;
+    for (unsigned i = threadIdx.x; i < words; i += blockDim.x) shared[i] = 0;
     __syncthreads();
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    unsigned* const mine = copies > 0 ? shared + warp % copies * slots : nullptr;
+    unsigned* const mine = Packed ? shared : copies > 0 ? shared + warp % copies * slots : nullptr;
     unsigned long long* const all = counters + item.counters;
     auto const add = [&](int slot, std::uint64_t sum) {
-        if (mine != nullptr)
+        if constexpr (Packed)
+            atomicAdd(mine + slot / 2, static_cast<unsigned>(sum) << (slot % 2 * 16));
+        else if (mine != nullptr)
             atomicAdd(mine + slot, static_cast<unsigned>(sum));
         else
             atomicAdd(all + slot, static_cast<unsigned long long>(sum));
     };
     CountRun<decltype(add)> run{add};
     std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
-    for (std::int64_t s = item.begin + warp; s < item.end; s += block_threads / 32) {
+    for (std::int64_t s = item.begin + warp; s < item.end; s += blockDim.x / 32) {
         std::int64_t const row = quotient_of(s, segments), begin = (s - row * segments) * count_segment;
         std::int64_t const slice = quotient_of(row, item.ny), y = item.y + row - slice * item.ny, z = item.z + slice;
         std::int64_t const share = share_of_voxel(grid.before.y + y, item.brick_y, grid.dims.y, grid.bricks.y) *
@@ -100,25 +105,38 @@ __global__ void __launch_bounds__(block_threads)
     run.flush();
     if (copies == 0) return;
     __syncthreads();
-    for (unsigned i = threadIdx.x; i < slots; i += block_threads) {
-        unsigned long long sum = 0;
-        for (unsigned copy = 0; copy < copies; ++copy) sum += shared[copy * slots + i];
-        if (sum != 0) atomicAdd(all + i, sum);
+    if constexpr (Packed) {
+        for (unsigned i = threadIdx.x; i < words; i += blockDim.x) {
+            unsigned const pair = shared[i];
+            if ((pair & 0xffff) != 0) atomicAdd(all + 2 * i, static_cast<unsigned long long>(pair & 0xffff));
+            if (pair >> 16 != 0) atomicAdd(all + 2 * i + 1, static_cast<unsigned long long>(pair >> 16));
+        }
+    } else {
+        for (unsigned i = threadIdx.x; i < slots; i += blockDim.x) {
+            unsigned long long sum = 0;
+            for (unsigned copy = 0; copy < copies; ++copy) sum += shared[copy * slots + i];
+            if (sum != 0) atomicAdd(all + i, sum);
+        }
     }
 }
 
-template <class T, int N, class SlotOf>
+template <class T, int N, bool Packed, class SlotOf>
 void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, CountGrid const& grid,
                   SlotOf const& slot_of, unsigned slots, unsigned copies, unsigned long long* counters) {
     DeviceList<CountItem> const list(items);
-    count_kernel<T, N, SlotOf>
-        <<<static_cast<unsigned>(items.size()), block_threads, slots * copies * sizeof(unsigned)>>>(
+    unsigned const bytes = Packed ? (slots + 1) / 2 * 4 : slots * copies * 4;
+    if constexpr (Packed)
+        cudaFuncSetAttribute(count_kernel<T, N, Packed, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                             static_cast<int>(bytes));
+    count_kernel<T, N, Packed, SlotOf>
+        <<<static_cast<unsigned>(items.size()), Packed ? packed_threads : block_threads, bytes>>>(
             in, list.get(), grid, slot_of, slots, copies, counters);
     check_launch("count");
 }
 
 /// The parts of bricks in a slab, each no more than 32 bits count.
-inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid, std::size_t slots, Index3 lower) {
+inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid, std::size_t slots, Index3 lower,
+                                          bool packed) {
     std::vector<CountItem> items;
     double const weight =
         static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
@@ -127,7 +145,7 @@ inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid
         std::int64_t const nx = box.dims().x, segments = (nx + count_segment - 1) / count_segment,
                            total = segments * box.dims().y * box.dims().z;
         std::int64_t const voxels = std::max({least, box.voxels() / blocks, static_cast<std::int64_t>(4 * slots)});
-        double const held = 0x1p31 / weight / static_cast<double>(std::min(nx, count_segment));
+        double const held = (packed ? 65535.0 : 0x1p31 / weight) / static_cast<double>(std::min(nx, count_segment));
         std::int64_t const each = std::clamp<std::int64_t>(voxels / std::min(nx, count_segment), 1,
                                                            std::max<std::int64_t>(1, static_cast<std::int64_t>(held)));
         for (std::int64_t begin = 0; begin < total; begin += each) {
@@ -165,12 +183,16 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
         grid.box = slab;
     }
     DeviceRows const rows = device_rows(in, in.box);
-    std::vector<CountItem> const items = count_items(slab, grid, slots, in.box.lower);
     CountGrid const cut{in.box.lower - grid.box.lower, grid.box.dims(), grid.bricks};
     double const weight =
         static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
     bool const fits = slots <= most_shared_counters && weight * static_cast<double>(count_segment) < 0x1p31;
     unsigned const copies = !fits ? 0 : std::min(8u, most_shared_counters / static_cast<unsigned>(slots));
+    int room = 0;
+    cudaDeviceGetAttribute(&room, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_current());
+    bool const packed = slots > most_shared_counters && slots <= most_packed_counters && grid.count() == 1 &&
+                        static_cast<int>((slots + 1) / 2 * 4) <= room;
+    std::vector<CountItem> const items = count_items(slab, grid, slots, in.box.lower, packed);
     DeviceScratch const memory(counts.size() * sizeof(std::uint64_t));
     device_clear(memory.get(), counts.size() * sizeof(std::uint64_t));
     auto* const counters = reinterpret_cast<unsigned long long*>(memory.get());
@@ -179,10 +201,12 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     // Short rows leave lanes idle, the more the wider what each of them loads.
     bool const short_rows = slab.dims().x / grid.bricks.x < 32 * wide;
     constexpr int small = sizeof(T) >= 4 ? wide : narrow;
-    if (short_rows)
-        launch_count<T, small>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+    if (packed)
+        launch_count<T, wide, true>(rows, items, cut, slot_of, static_cast<unsigned>(slots), 1, counters);
+    else if (short_rows)
+        launch_count<T, small, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
     else
-        launch_count<T, wide>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+        launch_count<T, wide, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
     copy_to_host(counts.data(), memory.get(), counts.size() * sizeof(std::uint64_t));
 }
 

@@ -2,19 +2,19 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/statistics.h"
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/statistics_bands.h"
 
 #include <limits>
-#include <vector>
 
 namespace vkt {
 
 namespace VKT_BACKEND {
 namespace {
 
-constexpr int lanes = 16;
+constexpr int lanes = statistics_lanes;
 constexpr int block = 128;
 constexpr std::int64_t product_chunk = 2048; ///< of how many voxels CPUs multiply small integers together
 
@@ -189,14 +189,6 @@ template <class T> __global__ void __launch_bounds__(block) float_bands(T const*
     if (lane.index == 0) out[lane.band] = result;
 }
 
-/// Integers: sums are exact, but for the deviations of 64-bit ones, which are added in the order of the voxels.
-struct IntegerBand {
-    std::int64_t count = 0, low = 0, high = 0, first = 0; ///< uint64: the same bits
-    Int128 sum = 0;
-    std::uint64_t squares_low = 0, squares_high = 0; ///< sums of the halves of squares
-    double s = 0, q = 0;
-};
-
 template <class T> __global__ void __launch_bounds__(block) integer_bands(T const* in, Bands bands, IntegerBand* out) {
     Lane const lane = this_lane();
     if (lane.band >= bands.count) return;
@@ -269,28 +261,23 @@ template <class T> __global__ void __launch_bounds__(block) wide_bands(T const* 
     if (lane.index == 0) out[lane.band] = result;
 }
 
-/// A lane's product: mantissa in [1,2), or 0.
-struct LaneProduct {
-    double mantissa = 1;
-    std::int64_t exponent = 0;
-
-    __device__ static void split(double& number, std::int64_t& exponent) {
-        auto const bits = static_cast<std::uint64_t>(__double_as_longlong(number));
-        if (number == 0) return;
-        exponent += static_cast<std::int64_t>(bits >> 52 & 0x7ff) - 1023;
-        number = __longlong_as_double(
-            static_cast<std::int64_t>((bits & ~(std::uint64_t{0x7ff} << 52)) | std::uint64_t{1023} << 52));
+/// Moves the exponent of a normal number from the one to the other.
+__device__ void split(double& number, std::int64_t& exponent) {
+    if (number == 0) return;
+    auto const bits = static_cast<std::uint64_t>(__double_as_longlong(number));
+    exponent += static_cast<std::int64_t>(bits >> 52 & 0x7ff) - 1023;
+    number = __longlong_as_double(
+        static_cast<std::int64_t>((bits & ~(std::uint64_t{0x7ff} << 52)) | std::uint64_t{1023} << 52));
+}
+__device__ void multiply(LaneProduct& product, double factor) {
+    if (fabs(factor) < 0x1p-900) { // perhaps subnormal
+        factor *= 0x1p200;
+        product.exponent -= 200;
     }
-    __device__ void multiply(double factor) {
-        if (fabs(factor) < 0x1p-900) { // perhaps subnormal
-            factor *= 0x1p200;
-            exponent -= 200;
-        }
-        split(factor, exponent);
-        mantissa *= factor;
-        split(mantissa, exponent);
-    }
-};
+    split(factor, product.exponent);
+    product.mantissa *= factor;
+    split(product.mantissa, product.exponent);
+}
 
 /// Products of the lanes of each band, in the order in which CPUs multiply.
 template <class T>
@@ -313,7 +300,7 @@ __global__ void __launch_bounds__(block)
                         double value = static_cast<double>(p[i < each ? i : i + each * (factors - 1)]);
                         for (std::int64_t k = 1; k < factors && i < each; ++k)
                             value *= static_cast<double>(p[i + k * each]);
-                        product.multiply(value);
+                        multiply(product, value);
                     }
                     zero = __any_sync(lane.mask, product.mantissa == 0);
                     continue;
@@ -326,7 +313,7 @@ __global__ void __launch_bounds__(block)
                     value = slope * stored + intercept;
                     if (!is_finite(value)) value = fma(slope, stored, intercept);
                 }
-                if (is_finite(value)) product.multiply(value);
+                if (is_finite(value)) multiply(product, value);
             }
             zero = __any_sync(lane.mask, product.mantissa == 0);
         }
@@ -335,9 +322,9 @@ __global__ void __launch_bounds__(block)
 }
 
 // Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
-template <class T, class Band> void launch_bands(T const* in, Bands const& bands, std::vector<Band>& to) {
-    driver::DeviceScratch const memory(to.size() * sizeof(Band));
-    auto* const out = reinterpret_cast<Band*>(memory.get());
+template <class T, class Band> Band const* launch_bands(T const* in, Bands const& bands, Buffer& memory) {
+    memory.reserve(static_cast<std::size_t>(bands.count) * sizeof(Band));
+    auto* const out = reinterpret_cast<Band*>(memory.write(Space::device));
     auto const blocks = static_cast<unsigned>((bands.count * lanes + block - 1) / block);
     if constexpr (!std::is_integral_v<T>)
         float_bands<T><<<blocks, block>>>(in, bands, out);
@@ -346,67 +333,39 @@ template <class T, class Band> void launch_bands(T const* in, Bands const& bands
     else
         wide_bands<T><<<blocks, block>>>(in, bands, out);
     check_launch("statistics");
-    copy_to_host(to.data(), out, to.size() * sizeof(Band));
+    return reinterpret_cast<Band const*>(memory.read(Space::host));
 }
 
-template <class T> void launch_products(T const* in, Bands const& bands, ValueMap const& map, BandStatistics* to) {
-    std::vector<LaneProduct> products(static_cast<std::size_t>(bands.count) * lanes);
-    driver::DeviceScratch const memory(products.size() * sizeof(LaneProduct));
-    auto* const out = reinterpret_cast<LaneProduct*>(memory.get());
+template <class T>
+LaneProduct const* launch_products(T const* in, Bands const& bands, ValueMap const& map, Buffer& memory) {
+    memory.reserve(static_cast<std::size_t>(bands.count) * lanes * sizeof(LaneProduct));
+    auto* const out = reinterpret_cast<LaneProduct*>(memory.write(Space::device));
     auto const blocks = static_cast<unsigned>((bands.count * lanes + block - 1) / block);
     product_bands<T><<<blocks, block>>>(in, bands, !(map == ValueMap{}), map.slope, map.intercept, out);
     check_launch("products");
-    copy_to_host(products.data(), out, products.size() * sizeof(LaneProduct));
-    for (std::int64_t b = 0; b < bands.count; ++b) {
-        LaneProduct const* const lane = products.data() + b * lanes;
-        Product all;
-        for (int j = 0; j < lanes; ++j) all.multiply({lane[j].mantissa, lane[j].exponent});
-        to[b].product = lane[0].mantissa == 0 ? Product{0, 0} : all;
-    }
-}
-
-template <class T> void finish(IntegerBand const& band, Int128 origin, BandStatistics& out) {
-    Moments& m = out.moments;
-    m = {};
-    m.finite = band.count;
-    m.integer_sum = band.sum;
-    if constexpr (sizeof(T) <= 4) {
-        m.squares = (static_cast<Unsigned128>(band.squares_high) << 32) + band.squares_low;
-    } else {
-        auto const count = static_cast<double>(band.count);
-        m.mean = static_cast<double>(static_cast<Int128>(static_cast<T>(band.first)) - origin) + band.s / count;
-        m.deviations = std::max(0.0, band.q - band.s * band.s / count);
-    }
-    T const low = static_cast<T>(band.low), high = static_cast<T>(band.high);
-    out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
+    return reinterpret_cast<LaneProduct const*>(memory.read(Space::host));
 }
 
 template <class T>
 void bands_of(ConstView slab, Bands const& bands, MeanOrigin const& origin, ValueMap const* product_map,
-              BandStatistics* to) {
+              BandStatistics* to, int threads) {
+    using Band = std::conditional_t<std::is_integral_v<T>, IntegerBand, FloatBand>;
     auto const* const in = reinterpret_cast<T const*>(slab.data);
-    auto const count = static_cast<std::size_t>(bands.count);
-    if constexpr (std::is_integral_v<T>) {
-        std::vector<IntegerBand> found(count);
-        launch_bands(in, bands, found);
-        for (std::size_t b = 0; b < count; ++b) finish<T>(found[b], origin.integer, to[b]);
-    } else {
-        std::vector<FloatBand> found(count);
-        launch_bands(in, bands, found);
-        for (std::size_t b = 0; b < count; ++b) finish_band(found[b], std::is_same_v<T, double>, origin.value, to[b]);
-    }
-    for (std::size_t b = 0; b < count; ++b) to[b].product = Product{};
-    if (product_map != nullptr) launch_products(in, bands, *product_map, to);
+    Buffer memory;
+    finish_bands(launch_bands<T, Band>(in, bands, memory), bands.count, slab.type, origin, to, threads);
+    if (product_map != nullptr)
+        finish_products(launch_products(in, bands, *product_map, memory), bands.count, to, threads);
 }
 
 } // namespace
 
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
-                     Execution const&) {
+                     Execution const& execution) {
     Index3 const n = slab.dims();
     std::int64_t const per_slice = bands_in_slice(n, slab.type);
     Bands const cut{n.x, rows_in_band(n, slab.type), slab.row, slab.slice, n.y, per_slice, per_slice * n.z};
-    for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, cut, origin, product_map, bands); });
+    for_each_type(slab.type,
+                  [&]<class T>(T) { bands_of<T>(slab, cut, origin, product_map, bands, execution.threads); });
 }
 
 } // namespace VKT_BACKEND

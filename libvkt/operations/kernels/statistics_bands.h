@@ -15,35 +15,30 @@ struct FloatBand {
     double low = 0, high = 0;    ///< of all that is a number
 };
 
+/// Integers: sums are exact, but for the deviations of 64-bit ones, which are added in the order of the voxels.
+struct IntegerBand {
+    std::int64_t count = 0, low = 0, high = 0, first = 0; ///< uint64: the same bits
+    Int128 sum = 0;
+    std::uint64_t squares_low = 0, squares_high = 0; ///< sums of the halves of squares
+    double s = 0, q = 0;
+};
+
+/// The product of what one of a band's lanes multiplies: a mantissa in [1,2), or 0.
+struct LaneProduct {
+    double mantissa = 1;
+    std::int64_t exponent = 0;
+};
+inline constexpr int statistics_lanes = 16;
+
 /// Statistics of a band, its mean less `origin`. `doubles`: the voxels are float64, whose differences need the room.
-inline void finish_band(FloatBand const& band, bool doubles, double origin, BandStatistics& out) {
-    Moments& m = out.moments;
-    m = {};
-    m.nan = band.nan;
-    m.positive_infinity = band.above;
-    m.negative_infinity = band.below;
-    m.finite = band.count - band.nan - band.above - band.below;
-    if (m.finite > 0) {
-        auto const n = static_cast<double>(m.finite);
-        double const shift = band.shift * band.scale;
-        double const product = n * shift;
-        double const sum = product + band.sum, back = sum - product;
-        double const error = (product - (sum - back)) + (band.sum - back) + __builtin_fma(n, shift, -product);
-        double const deviations = band.squares - band.sum * band.sum / n;
-        m.deviations = deviations > 0 || deviations != deviations ? deviations : 0;
-        long double const unscaled = 1 / static_cast<long double>(band.scale);
-        m.sum = sum * unscaled;
-        m.sum_error = error * unscaled;
-        m.deviations *= unscaled * unscaled;
-        if (doubles)
-            m.mean = (band.shift - static_cast<long double>(origin)) + band.sum / n * unscaled;
-        else
-            m.mean = (shift - origin) + band.sum / n;
-    }
-    out.range = {};
-    out.range.valid = band.count > band.nan;
-    out.range.low = band.low;
-    out.range.high = band.high;
-}
+void finish_band(FloatBand const& band, bool doubles, double origin, BandStatistics& out);
+
+/// The same of what a GPU summed: of voxels of this type, without products.
+void finish_bands(FloatBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
+                  BandStatistics* out, int threads);
+void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
+                  BandStatistics* out, int threads);
+/// Products of bands from those of their lanes, one band after the other.
+void finish_products(LaneProduct const* lanes, std::int64_t count, BandStatistics* out, int threads);
 
 } // namespace vkt
