@@ -22,7 +22,14 @@ void calculate(char const* operation, vktStructuredVolume to, vktStructuredVolum
     // What nobody would see need not be computed.
     Box const wanted = intersect(box, {whole(to).lower - offset, whole(to).upper - offset});
     if (wanted.empty()) return;
-    Owned const first = part_of(a->volume.get(), wanted), second = part_of(b->volume.get(), wanted);
+    Owned const first = part_of(a->volume.get(), wanted);
+    Owned second = part_of(b->volume.get(), wanted);
+    vktVec3f_t const dist = vktStructuredVolumeGetDist3fv(a), other = vktStructuredVolumeGetDist3fv(b);
+    if (dist.x != other.x || dist.y != other.y || dist.z != other.z) { // voxels meet by their number here
+        auto same = made(wanted.upper, b->format, dist, b->low, b->high);
+        paste(same.get(), second.get(), wanted.lower);
+        second = part_of(same->volume.get(), wanted);
+    }
     paste(to, applied({"arith", operation, "-", "-", "--dtype", "float64"}, {first.get(), second.get()}).get(),
           wanted.lower + offset);
 }
