@@ -92,7 +92,7 @@ EOF
     eval "c++ -std=c++20 program.cpp -o in_cpp $(pkg-config --cflags --libs vkt)"
     ./in_c
     vkt filter gaussian volume.nrrd --sigma 2 -o want.nrrd
-    cmp want.nrrd smooth.nrrd
+    vkt diff want.nrrd smooth.nrrd --geometry
     want=$(vkt filter sobel want.nrrd | vkt stats --json | sed -n 's/^ *"mean": \(.*\),$/\1/p')
     read -r labels mean < <(./in_cpp)
     [ "$labels" -ge 1 ]
@@ -143,7 +143,7 @@ END
         vkt make noise --dims 70 60 50 --dtype $type -o in.nrrd --force
         build/gamma in.nrrd out_$type.nrrd 0.5
         [ "$type" = uint8 ] && top=255 || top=1
-        vkt transform "$top * (v / $top)^0.5" in.nrrd | vkt diff - out_$type.nrrd --tolerance 1e-6
+        vkt transform "$top * (v / $top)^0.5" in.nrrd --dtype $type | vkt diff - out_$type.nrrd --tolerance 1e-6
         vkt history out_$type.nrrd | grep -q 'gamma 0.5'
     done
     run -1 build/gamma in.nrrd out_uint8.nrrd 0.5 # which is there already

@@ -156,8 +156,9 @@ TEST(ProgressMonitor, TellsTheOwnerAndEndsTheWork) {
     EXPECT_LE(told.back(), 1);
 
     ProgressMonitor stop([](double) { return true; });
-    for (char const* const words : {"filter gaussian", "filter median", "flip x", "rotate --angle 10", "distance",
-                                    "label", "watershed", "threshold --otsu", "clahe", "filter nlmeans", "scan"}) {
+    for (char const* const words :
+         {"filter gaussian", "filter median", "flip x", "rotate --angle 10", "distance", "label", "watershed",
+          "threshold --otsu", "clahe", "filter nlmeans --noise 1", "scan"}) {
         std::vector<std::string> list;
         std::string const text = words;
         for (std::size_t i = 0, j = 0; i != std::string::npos; i = j == std::string::npos ? j : j + 1)
