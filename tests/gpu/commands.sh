@@ -175,6 +175,14 @@ cmp -s said_cpu "said_${gpu%:*}" || {
     failed=$((failed + 1))
 }
 
+# Trees to grids: cells as they are, and sums in float32.
+"$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt 2>/dev/null || "$vkt" make amr -o tree.vkt
+for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \
+    '--method basis --roi 10%:90%,5:,:50% --dims 100 90 31' '--method basis --dtype uint16'; do
+    case $options in *nearest*) tolerance=0 ;; *uint16*) tolerance=1 ;; *) tolerance=1e-5 ;; esac
+    same "$tolerance" "$vkt resample tree.vkt $options --device \$DEVICE -q"
+done
+
 # Slices cut into rows: wrapped ones come from the other side.
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do
