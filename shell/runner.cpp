@@ -11,7 +11,6 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/stack.h"
 #include "libvkt/io/output_file.h"
-#include "libvkt/io/shared_memory.h"
 #include "libvkt/operations/reference_volume.h"
 #include "shell/calibration.h"
 #include "shell/named_files.h"
