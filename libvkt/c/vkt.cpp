@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/c/vkt.h"
 
+#include "libvkt/c/volume_of_header.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution_options.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/operation_help.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/io/system_error.h"
@@ -220,6 +222,14 @@ int vkt_measures(char const* name) {
     });
 }
 
+vkt_status vkt_operation_help(char const* name, char** json) {
+    return guarded([&] {
+        need(name, "name");
+        need(json, "json");
+        *json = copied(operation_help(name));
+    });
+}
+
 vkt_status vkt_read(char const* path, char const* const* words, size_t count, vkt_volume** volume) {
     return guarded([&] {
         need(path, "path");
@@ -263,6 +273,21 @@ vkt_status vkt_create(vkt_description const* description, void const* voxels, vk
         else
             std::memcpy(view.data, voxels, view.bytes());
         *volume = wrapped(std::move(result));
+    });
+}
+
+vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t bytes, vkt_release_function release,
+                                  void* user, vkt_volume** volume) {
+    return guarded([&] {
+        need(json, "json");
+        need(voxels, "voxels");
+        need(volume, "volume");
+        auto const owner = release == nullptr ? nullptr : std::make_shared<VoxelOwner>();
+        *volume = wrapped(volume_of_header(json, voxels, bytes, owner));
+        if (owner) {
+            owner->release = release;
+            owner->user = user;
+        }
     });
 }
 

@@ -30,7 +30,9 @@ Texts AffineOperation::texts() const {
         "transforms (.tfm), in world coordinates unless --unit voxel is given.",
         {{"Sheared, in voxels", "vkt affine '1 0.2 0 0  0 1 0 0  0 0 1 0' volume.nrrd --unit voxel -o sheared.nrrd"},
          {"Content ten millimetres along x",
-          "vkt affine '1 0 0 10 0 1 0 0 0 0 1 0' volume.nrrd --inverse --expand -o moved.nrrd"}}};
+          "vkt affine '1 0 0 10 0 1 0 0 0 0 1 0' volume.nrrd --inverse --expand -o moved.nrrd"}},
+        "nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a bound for "
+        "their rounding, which --explain prints. Integers are rounded to the nearest, ties to even."};
 }
 
 void AffineOperation::parameters(Parameters& p) {

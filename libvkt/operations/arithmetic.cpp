@@ -132,7 +132,9 @@ Texts Arithmetic::texts() const {
          {"Two volumes", "vkt make noise --dims 16 16 16 -o a.vkt && vkt make ramp --dims 16 16 16 | vkt arith sub - "
                          "a.vkt | vkt stats"},
          {"Keep what is bright", "vkt arith gt volume.nrrd 0.5 -o bright.nrrd && vkt arith where bright.nrrd "
-                                 "volume.nrrd 0 | vkt stats"}}};
+                                 "volume.nrrd 0 | vkt stats"}},
+        "Correctly rounded, whatever the types of operands and result; through slopes and intercepts about 1e-15 of "
+        "the largest value that occurs on the way (estimate)."};
 }
 
 void Arithmetic::parameters(Parameters& p) {

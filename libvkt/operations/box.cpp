@@ -37,7 +37,9 @@ Texts BoxMean::texts() const {
     return {"Replace each voxel by the mean of a box around it.",
             "The box has 2 R + 1 voxels along each axis; the cost hardly depends on R. The data type is kept; integers "
             "are summed exactly and round half to even.",
-            {{"The mean of 5 x 5 x 5 voxels", "vkt filter box volume.nrrd --radius 2 -o mean.nrrd"}}};
+            {{"The mean of 5 x 5 x 5 voxels", "vkt filter box volume.nrrd --radius 2 -o mean.nrrd"}},
+            "Bound, known before it runs (--explain prints it): a share of the largest magnitude for the rounding of "
+            "sums; integers are rounded once more, to the nearest, ties to even."};
 }
 
 void BoxMean::parameters(Parameters& parameters) {

@@ -14,7 +14,9 @@ Texts Gradient::texts() const {
         "(v(+1) - v(-1)) / 2h along each axis of the lattice, h being the voxel size: a ramp a x gives a. The length "
         "of the gradient, or one component with --component.",
         {{"How steep the volume is", "vkt filter gradient volume.nrrd -o steep.nrrd"},
-         {"The change along z", "vkt filter gradient volume.nrrd --component z -o dz.nrrd"}}};
+         {"The change along z", "vkt filter gradient volume.nrrd --component z -o dz.nrrd"}},
+        "Bound, known before it runs (--explain prints it): a share of the largest magnitude for the rounding of sums; "
+        "integers are rounded once more, to the nearest, ties to even."};
 }
 
 Texts Sobel::texts() const {
@@ -23,7 +25,9 @@ Texts Sobel::texts() const {
         "Central differences averaged across by [1 2 1] / 4 along both other axes: a ramp a x gives a, which is the "
         "classical sum of weights divided by 32 h. The length of the gradient, or one component with --component.",
         {{"Edges", "vkt filter sobel volume.nrrd -o edges.nrrd"},
-         {"The signed change along x", "vkt filter sobel volume.nrrd --component x -o dx.nrrd"}}};
+         {"The signed change along x", "vkt filter sobel volume.nrrd --component x -o dx.nrrd"}},
+        "Bound, known before it runs (--explain prints it): a share of the largest magnitude for the rounding of sums; "
+        "integers are rounded once more, to the nearest, ties to even."};
 }
 
 Texts Laplacian::texts() const {
@@ -31,7 +35,9 @@ Texts Laplacian::texts() const {
         "The Laplacian, in world units.",
         "The sum over the axes of (v(+1) - 2 v + v(-1)) / h^2, h being the voxel size: x^2 gives 2, a bright blob a "
         "negative value in its middle.",
-        {{"Blobs and edges", "vkt filter laplacian volume.nrrd -o curved.nrrd"}}};
+        {{"Blobs and edges", "vkt filter laplacian volume.nrrd -o curved.nrrd"}},
+        "Bound, known before it runs (--explain prints it): a share of the largest magnitude for the rounding of sums; "
+        "integers are rounded once more, to the nearest, ties to even."};
 }
 
 void Gradient::parameters(Parameters& parameters) {

@@ -54,7 +54,9 @@ Texts Diff::texts() const {
              {"What does a smaller type cost?", "vkt make noise --dims 20 30 40 -o b.vkt && vkt convert b.vkt --dtype "
                                                 "uint8 --range 0:1 | vkt diff b.vkt --tolerance 0.002"},
              {"How alike do they look?", "vkt filter gaussian volume.nrrd --sigma 1 | vkt diff volume.nrrd --ssim "
-                                         "--mutual-information --tolerance 1000"}}};
+                                         "--mutual-information --tolerance 1000"}},
+            "The largest difference is exact in double precision, RMSE to about 1e-15, SSIM to about 1e-12 (estimate); "
+            "counts behind the mutual information are exact."};
 }
 
 void Diff::parameters(Parameters& p) {

@@ -81,7 +81,9 @@ Texts Distance::texts() const {
             "nearest one that is zero or NaN; float32. Outside of the volume there is nothing to measure to.",
             {{"How deep voxels lie inside of the object", "vkt distance volume.nrrd -o depth.nrrd"},
              {"Inside positive, outside negative, in voxels",
-              "vkt distance volume.nrrd --signed --unit voxel | vkt stats"}}};
+              "vkt distance volume.nrrd --signed --unit voxel | vkt stats"}},
+            "Within 2^-23 of the value; correctly rounded where squared distances are whole numbers of a common unit, "
+            "as with equal spacings."};
 }
 
 void Distance::parameters(Parameters& parameters) {

@@ -63,7 +63,8 @@ Texts Dump::texts() const {
             "write a format "
             "such as NRRD instead; for a summary use vkt stats.",
             {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump --roi 0:4,0:2,0:2"},
-             {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}}};
+             {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}},
+            "Exact: as many digits as tell a value from its neighbours."};
 }
 
 std::vector<std::string> Dump::input_names() const { return {!file_.empty() ? file_ : !in_.empty() ? in_ : "-"}; }
@@ -150,7 +151,8 @@ void Dump::measure(Measurement& to) {
 Texts DumpRange::texts() const {
     return {"Print the values of a part of a volume as text.",
             "volkit's name for vkt dump with a range, which must be given.",
-            {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump-range --first 0 0 0 --last 4 2 2"}}};
+            {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump-range --first 0 0 0 --last 4 2 2"}},
+            "Exact: as many digits as tell a value from its neighbours."};
 }
 
 void DumpRange::check() const {

@@ -67,7 +67,9 @@ Texts Gaussian::texts() const {
         "half to even.",
         {{"A standard deviation of two voxels", "vkt filter gaussian volume.nrrd --sigma 2 -o smooth.nrrd"},
          {"Millimetres instead of voxels, and the plan",
-          "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
+          "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}},
+        "Bound, known before it runs: within the tolerance of the Gaussian of infinite extent; by default a quarter of "
+        "the last bit of integers, 1e-4 of the range for floats. --explain prints the bound."};
 }
 
 ShareOfRange ValueText<ShareOfRange>::read(std::vector<std::string> const& w, std::string_view name) {

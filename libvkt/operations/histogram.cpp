@@ -174,7 +174,8 @@ Texts Histogram::texts() const {
          {"A picture, without the rarest values", "vkt histogram volume.nrrd --range p1:p99 -o histogram.png"},
          {"Parts of a volume, counted apart and added up",
           "vkt histogram volume.nrrd --roi :,:,0:9 --range 0:255 --mergeable -o a.json && vkt histogram volume.nrrd "
-          "--roi :,:,9: --range 0:255 --mergeable -o b.json && vkt histogram --merge a.json b.json --csv"}}};
+          "--roi :,:,9: --range 0:255 --mergeable -o b.json && vkt histogram --merge a.json b.json --csv"}},
+        "Counts are exact."};
 }
 
 void Histogram::parameters(Parameters& p) {

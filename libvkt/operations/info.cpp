@@ -107,7 +107,8 @@ Texts Info::texts() const {
             {{"A file", "vkt info volume.nrrd"},
              {"Several, by name", "vkt flip x volume.nrrd -o flipped.mha && vkt info volume.nrrd flipped.mha"},
              {"For scripts", "vkt info volume.nrrd --json"},
-             {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}}};
+             {"What comes out of a pipeline", "vkt crop volume.nrrd --roi :,:,0:10 | vkt info"}},
+            "Exact."};
 }
 
 void Info::parameters(Parameters& p) {

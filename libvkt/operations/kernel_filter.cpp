@@ -144,7 +144,9 @@ Texts KernelFilter::texts() const {
         "odd. Kernels that are products of three factors run along one axis after the other.",
         {{"A mean of the six neighbours and the voxel",
           "printf '3 3 3  0 0 0 0 1 0 0 0 0  0 1 0 1 1 1 0 1 0  0 0 0 0 1 0 0 0 0' >mean.txt; vkt filter kernel "
-          "mean.txt volume.nrrd -o sums.nrrd"}}};
+          "mean.txt volume.nrrd -o sums.nrrd"}},
+        "Bound, known before it runs (--explain prints it): a share of the largest magnitude for the rounding of sums; "
+        "integers are rounded once more, to the nearest, ties to even."};
 }
 
 void KernelFilter::parameters(Parameters& parameters) {

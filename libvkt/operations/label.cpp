@@ -24,7 +24,8 @@ Texts Label::texts() const {
             "centroids.",
             {{"The largest object, as a mask", "vkt label volume.nrrd --keep-largest 1 --dtype uint8 -o object.nrrd"},
              {"What there is, specks aside",
-              "vkt label volume.nrrd --connectivity 26 --min-size 10 --report objects.json -o labels.nrrd"}}};
+              "vkt label volume.nrrd --connectivity 26 --min-size 10 --report objects.json -o labels.nrrd"}},
+            "Exact: labels depend on the voxels alone; centroids in the report are correct to double precision."};
 }
 
 void Label::parameters(Parameters& parameters) {

@@ -31,35 +31,41 @@ namespace {
 Texts MakeCheckerboard::texts() const {
     return {"Make cubes of two alternating values.",
             "",
-            {{"Cubes of four voxels", "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}}};
+            {{"Cubes of four voxels", "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}},
+            "Fields of integers are exact; those of floats are computed in double precision and rounded once."};
 }
 Texts MakeConstant::texts() const {
     return {"Make a volume of one value.",
             "",
-            {{"All sevens", "vkt make constant --dims 16 16 8 --dtype uint8 --value 7 | vkt stats"}}};
+            {{"All sevens", "vkt make constant --dims 16 16 8 --dtype uint8 --value 7 | vkt stats"}},
+            "The value is correctly rounded once."};
 }
 Texts MakeMarschnerLobb::texts() const {
     return {"Make the test signal of Marschner and Lobb.",
             "On [-1, 1] in each axis, sampled at voxel centres; with 40 voxels an axis close to the limit that the "
             "samples can hold.",
-            {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}}};
+            {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}},
+            "Fields of integers are exact; those of floats are computed in double precision and rounded once."};
 }
 Texts MakeNoise::texts() const {
     return {"Make uniform white noise.",
             "Philox4x32-10, counted by voxel: any part of a volume has the same noise as the whole.",
-            {{"Bytes", "vkt make noise --dims 64 48 32 --dtype uint8 --seed 7 | vkt stats"}}};
+            {{"Bytes", "vkt make noise --dims 64 48 32 --dtype uint8 --seed 7 | vkt stats"}},
+            "Exact: from a counter; the same seed gives the same bytes on every machine."};
 }
 Texts MakeRamp::texts() const {
     return {"Make values that rise along an axis.",
             "By default a voxel's value is its index.",
-            {{"From 0 to 1 along z", "vkt make ramp --dims 16 16 33 --axis z --to 1 | vkt stats"}}};
+            {{"From 0 to 1 along z", "vkt make ramp --dims 16 16 33 --axis z --to 1 | vkt stats"}},
+            "Fields of integers are exact; those of floats are computed in double precision and rounded once."};
 }
 Texts MakeSphere::texts() const {
     return {"Make a ball.",
             "With a hard edge, with each voxel's exact share inside, or as signed distance to the surface. Radius and "
             "centre count voxels.",
             {{"A ball with soft edges", "vkt make sphere --dims 64 64 64 --radius 20 --edge coverage | vkt stats"},
-             {"Distance field", "vkt make sphere --dims 64 64 64 --edge distance | vkt stats"}}};
+             {"Distance field", "vkt make sphere --dims 64 64 64 --edge distance | vkt stats"}},
+            "Fields of integers are exact; those of floats are computed in double precision and rounded once."};
 }
 
 void MakeField::parameters(Parameters& p) {

@@ -14,7 +14,8 @@ Texts MakeAmr::texts() const {
             "A balanced octree of equal blocks, refined around clouds and the mid-plane; cells hold exact "
             "averages of the field.",
             {{"A few levels", "vkt make amr --blocks 500 --levels 4 | vkt info"},
-             {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}}};
+             {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}},
+            "Fields of integers are exact; those of floats are computed in double precision and rounded once."};
 }
 
 void MakeAmr::parameters(Parameters& p) {

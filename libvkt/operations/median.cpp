@@ -24,7 +24,8 @@ Texts Median::texts() const {
         "of the box, so that it is exact for every data type. NaN counts as larger than all numbers.",
         {{"The median of 3 x 3 x 3 voxels", "vkt filter median volume.nrrd --radius 1 -o calm.nrrd"},
          {"Slice by slice, in a region only",
-          "vkt filter median volume.nrrd --radius 2,2,0 --roi 25%:75%,:,: -o calm.nrrd"}}};
+          "vkt filter median volume.nrrd --radius 2,2,0 --roi 25%:75%,:,: -o calm.nrrd"}},
+        "Exact: voxels are chosen."};
 }
 
 void Median::parameters(Parameters& parameters) {

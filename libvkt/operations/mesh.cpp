@@ -31,7 +31,9 @@ Texts MakeMesh::texts() const {
          {"Bone in a CT", "vkt mesh volume.nrrd --iso 300 -o bone.stl"},
          {"A file for each label",
           "vkt threshold volume.nrrd --otsu | vkt label --keep-largest 3 | vkt mesh --labels -o part-%d.stl"},
-         {"For a program", "vkt mesh volume.nrrd --iso 300 --json"}}};
+         {"For a program", "vkt mesh volume.nrrd --iso 300 --json"}},
+        "Which voxels are inside is exact; vertices lie where linear interpolation in double precision meets the "
+        "value, but at least 1/1024 of the way from either voxel."};
 }
 
 void MakeMesh::parameters(Parameters& p) {

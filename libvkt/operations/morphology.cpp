@@ -36,7 +36,8 @@ Texts Morphology::texts() const {
             "dilates, close the reverse; gradient is dilate minus erode, tophat the volume minus open. Exact for every "
             "data type. Boxes cost the same whatever their size.",
             {{"Close gaps of up to four voxels", "vkt morphology close volume.nrrd --radius 2 -o closed.nrrd"},
-             {"The outline of what is bright", "vkt morphology gradient volume.nrrd --shape box -o outline.nrrd"}}};
+             {"The outline of what is bright", "vkt morphology gradient volume.nrrd --shape box -o outline.nrrd"}},
+            "Exact: voxels are chosen."};
 }
 
 void Morphology::parameters(Parameters& parameters) {

@@ -18,7 +18,9 @@ Texts Scale::texts() const {
             "content is what vkt resample gives.",
             {{"Twice as large, all of it kept", "vkt scale volume.nrrd --factor 2 --expand -o large.nrrd"},
              {"A region magnified in place",
-              "vkt scale volume.nrrd --roi 25%:75%,25%:75%,: --factor 1.5,1.5,1 -o lens.nrrd"}}};
+              "vkt scale volume.nrrd --roi 25%:75%,25%:75%,: --factor 1.5,1.5,1 -o lens.nrrd"}},
+            "nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a bound "
+            "for their rounding, which --explain prints. Integers are rounded to the nearest, ties to even."};
 }
 
 void Scale::parameters(Parameters& p) {

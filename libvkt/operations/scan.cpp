@@ -16,7 +16,9 @@ Texts Scan::texts() const {
             "Each voxel becomes the sum of the box from the first voxel to itself: of integers exact, in 64 bits, of "
             "floats in float64. With it the sum of any box takes eight voxels, whatever its size.",
             {{"A table of sums", "vkt scan volume.nrrd -o table.nrrd"},
-             {"Of what lies strictly before, along each axis", "vkt scan volume.nrrd --exclusive | vkt stats"}}};
+             {"Of what lies strictly before, along each axis", "vkt scan volume.nrrd --exclusive | vkt stats"}},
+            "Sums of integers are exact, or the end of the type and counted; of floats with X, Y, Z voxels along the "
+            "axes within (X + Y + Z) 2^-53 of the sum of the magnitudes."};
 }
 
 void Scan::parameters(Parameters& parameters) {

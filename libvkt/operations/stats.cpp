@@ -56,7 +56,9 @@ Texts Stats::texts() const {
                                                      "vkt stats volume.nrrd --labels labels.nrrd"},
              {"Parts, joined",
               "vkt stats volume.nrrd --roi :,:,0:9 --mergeable > a.json && vkt stats volume.nrrd --roi :,:,9: "
-              "--mergeable > b.json && vkt stats --merge a.json b.json"}}};
+              "--mergeable > b.json && vkt stats --merge a.json b.json"}},
+            "Counts, extremes and their places, and sums of integers of up to 32 bits, are exact; mean and variance of "
+            "other types to about 1e-15 of the largest magnitude and its square (estimate)."};
 }
 
 void Stats::parameters(Parameters& p) {

@@ -85,7 +85,9 @@ Texts Transform::texts() const {
               "vkt transform '(v[1,0,0] - v[-1,0,0]) / 2' volume.nrrd --boundary clamp | vkt stats"},
              {"Keep a ball", "vkt transform 'hypot(hypot(x-32, y-32), z-32) < 20 ? v : 0' volume.nrrd -o ball.nrrd"},
              {"Two volumes", "vkt filter gaussian volume.nrrd --sigma 2 | vkt transform 'a > v ? a : 0' - volume.nrrd "
-                             "| vkt stats"}}};
+                             "| vkt stats"}},
+            "Whole numbers below 2^53 are exact; other expressions are computed step by step, functions to 4 units in "
+            "the last place of double precision, and what that makes of values that cancel is not bounded."};
 }
 
 void Transform::parameters(Parameters& parameters) {

@@ -65,7 +65,8 @@ Texts Watershed::texts() const {
             {{"Every basin of a smoothed volume",
               "vkt filter gaussian volume.nrrd --sigma 2 | vkt watershed --depth 5 -o basins.nrrd"},
              {"Objects that touch, apart", "vkt threshold volume.nrrd --otsu | vkt watershed --on distance --depth 1 "
-                                           "--report sizes.json -o objects.nrrd"}}};
+                                           "--report sizes.json -o objects.nrrd"}},
+            "Exact: labels depend on the values alone; gradients and distances are rounded to float32 first."};
 }
 
 std::vector<std::string> Watershed::input_names() const {

@@ -1,0 +1,101 @@
+// The registry's knowledge of operations as JSON.
+// SPDX-License-Identifier: MIT
+#include "libvkt/engine/operation_help.h"
+
+#include "libvkt/core/collect.h"
+#include "libvkt/core/execution_options.h"
+#include "libvkt/engine/registry.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace vkt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// A name that nobody gives a file.
+std::string name_of_probe(std::size_t parameter) { return text("\x02", static_cast<std::uint64_t>(parameter)); }
+
+/// Whether the parameter names an input once it and the positionals before it are said, `choice` for the first that has
+/// choices.
+bool names_input(std::string_view operation, std::size_t parameter, std::string const& choice) {
+    auto const probe = make_operation(operation);
+    Parameters parameters;
+    probe->parameters(parameters);
+    bool chosen = false;
+    try {
+        for (std::size_t i = 0; i <= parameter; ++i) {
+            Parameter const& p = parameters.all()[i];
+            if (i < parameter && !p.positional) continue;
+            if (!p.choices.empty()) {
+                if (!choice.empty() && !chosen) p.set({choice});
+                chosen = true;
+            } else {
+                p.set({name_of_probe(i)});
+            }
+        }
+        auto const names = probe->input_names();
+        return std::ranges::find(names, name_of_probe(parameter)) != names.end();
+    } catch (Error const&) { // it takes numbers
+        return false;
+    }
+}
+
+bool names_input(std::string_view operation, Parameters const& parameters, std::size_t parameter) {
+    Parameter const& p = parameters.all()[parameter];
+    if (p.flag || !p.choices.empty()) return false;
+    auto const first = std::ranges::find_if(
+        parameters.all(), [](Parameter const& other) { return other.positional && !other.choices.empty(); });
+    if (first == parameters.all().end()) return names_input(operation, parameter, {});
+    return std::ranges::any_of(first->choices,
+                               [&](std::string const& choice) { return names_input(operation, parameter, choice); });
+}
+
+Json described(Parameter const& p, bool volume) {
+    Json result;
+    result["name"] = p.name;
+    result["aliases"] = p.aliases;
+    result["value"] = p.value_name;
+    result["help"] = p.help;
+    result["kind"] = std::string(p.kind);
+    result["positional"] = p.positional;
+    result["flag"] = p.flag;
+    result["required"] = p.required;
+    result["volume"] = volume;
+    result["least"] = p.min_values;
+    result["most"] = p.max_values;
+    result["choices"] = p.choices;
+    result["default"] = p.flag || p.required ? std::vector<std::string>{} : p.get();
+    return result;
+}
+
+} // namespace
+
+std::string operation_help(std::string_view name) {
+    auto const operation = make_operation(name);
+    Parameters own, shared;
+    ExecutionOptions options;
+    operation->parameters(own);
+    options.declare(shared);
+    Texts const texts = operation->texts();
+    bool const among_arguments = !operation->input_names().empty();
+    Json result;
+    result["name"] = std::string(name);
+    result["summary"] = texts.summary;
+    result["description"] = texts.description;
+    result["accuracy"] = texts.accuracy;
+    result["examples"] = Json::array();
+    for (auto const& example : texts.examples)
+        result["examples"].push_back(Json{{"what", example.what}, {"line", example.line}});
+    result["result"] = operation->shape() == Shape::reduction ? "report" : "volume";
+    result["inputs"] = among_arguments ? 0 : operation->inputs();
+    result["parameters"] = Json::array();
+    for (std::size_t i = 0; i < own.all().size(); ++i)
+        result["parameters"].push_back(described(own.all()[i], among_arguments && names_input(name, own, i)));
+    result["execution"] = Json::array();
+    for (auto const& p : shared.all()) result["execution"].push_back(described(p, false));
+    return result.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+} // namespace vkt
