@@ -52,13 +52,23 @@ bool names_input(std::string_view operation, Parameters const& parameters, std::
                                [&](std::string const& choice) { return names_input(operation, parameter, choice); });
 }
 
+/// Whether one number may be three.
+bool takes_vector(Parameter const& p) {
+    if (p.kind != "number" || p.max_values != 1) return false;
+    try {
+        p.set({"1,2,3"});
+        return true;
+    } catch (Error const&) {
+        return false;
+    }
+}
+
 Json described(Parameter const& p, bool volume) {
     Json result;
     result["name"] = p.name;
     result["aliases"] = p.aliases;
     result["value"] = p.value_name;
     result["help"] = p.help;
-    result["kind"] = std::string(p.kind);
     result["positional"] = p.positional;
     result["flag"] = p.flag;
     result["required"] = p.required;
@@ -67,6 +77,7 @@ Json described(Parameter const& p, bool volume) {
     result["most"] = p.max_values;
     result["choices"] = p.choices;
     result["default"] = p.flag || p.required ? std::vector<std::string>{} : p.get();
+    result["kind"] = std::string(takes_vector(p) ? "vector" : p.kind); // last: it says a value
     return result;
 }
 
