@@ -2,7 +2,13 @@
 include(CMakePackageConfigHelpers)
 
 set(destination ${CMAKE_INSTALL_LIBDIR}/cmake/vkt)
-install(TARGETS vkt EXPORT vktTargets
+# What programs link to that give functors of their own to the drivers (libvkt/kernel/kernel.h): threads, and arithmetic
+# that is not contracted.
+add_library(vkt_kernels INTERFACE)
+set_target_properties(vkt_kernels PROPERTIES EXPORT_NAME kernels)
+target_link_libraries(vkt_kernels INTERFACE vkt OpenMP::OpenMP_CXX)
+target_compile_options(vkt_kernels INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off -fno-math-errno>)
+install(TARGETS vkt vkt_kernels EXPORT vktTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(EXPORT vktTargets NAMESPACE vkt:: DESTINATION ${destination})
 configure_package_config_file(libvkt/cmake/vktConfig.cmake.in ${PROJECT_BINARY_DIR}/vktConfig.cmake
@@ -11,9 +17,12 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/vktConfigVersion.cmake CO
 install(FILES ${PROJECT_BINARY_DIR}/vktConfig.cmake ${PROJECT_BINARY_DIR}/vktConfigVersion.cmake
   libvkt/cmake/imports.cmake DESTINATION ${destination})
 
-# Headers keep their paths: #include "libvkt/core/volume.h".
+# Headers keep their paths: #include "libvkt/core/volume.h". Those of the C API are <vkt/vkt.h> and <vkt/volkit.h>, too.
 install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
-  PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN kernel EXCLUDE PATTERN python EXCLUDE)
+  PATTERN c EXCLUDE PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN python EXCLUDE)
+foreach(folder libvkt/c vkt)
+  install(FILES libvkt/c/vkt.h libvkt/c/volkit.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${folder})
+endforeach()
 
 # A static library leaves its own dependencies to the one who links it, so they are not private then.
 file(RELATIVE_PATH VKT_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)

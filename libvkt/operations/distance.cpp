@@ -152,6 +152,7 @@ void Distance::run_rows(ConstView in, AnyView out, Execution const& execution) {
             std::vector<std::uint64_t> bits(static_cast<std::size_t>(bit_words(n.x)));
             std::int64_t my_objects = 0, my_nan = 0;
             for (std::int64_t r = begin; r < end; ++r) {
+                VKT_BACKEND::tell_progress(execution, begin, r, end);
                 std::int64_t const y = in.box.lower.y + r % n.y, z = in.box.lower.z + r / n.y;
                 ConstView const row = in.part({{in.box.lower.x, y, z}, {in.box.upper.x, y + 1, z + 1}});
                 if (!is_integer(in.type)) {

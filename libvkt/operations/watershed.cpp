@@ -195,7 +195,7 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
         mark(flooding, inputs[1]);
     else
         flooding.mark_minima(on == Relief::value ? depth / std::abs(header.values.slope) : depth);
-    result_ = flooding.flood(line);
+    result_ = flooding.flood(line, execution.monitor);
     View<std::uint32_t> const labels = out.as<std::uint32_t>();
     Index3 const origin = out.box.lower, n = out.dims();
     std::uint32_t const highest = flooding.highest_label();

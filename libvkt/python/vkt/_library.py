@@ -70,8 +70,7 @@ def _declare():
         "vkt_free_text": (None, [ctypes.c_void_p]),
     }
     for name, (result, arguments) in signatures.items():
-        function = getattr(library, name, None)
-        if function is None: continue  # TEMPORARY
+        function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
 
 
