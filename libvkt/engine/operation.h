@@ -150,8 +150,10 @@ public:
     /// Reductions: false if what was measured is not as it should be; the command then exits with 1.
     virtual bool satisfied() const { return true; }
 
-    /// True if run() works on device memory.
+    /// True if run() works on device memory; of reductions, if what they do to an input does.
     virtual bool runs_on_gpu() const { return false; }
+    /// True if scan() works on device memory.
+    virtual bool scans_on_gpu() const { return shape() == Shape::reduction && runs_on_gpu(); }
     /// What was clipped, not a number, … in the volume just finished.
     virtual std::vector<Remark> remarks() const { return {}; }
     /// True if there is a report() beside the output. Adds the option --report to the command.

@@ -34,12 +34,6 @@ template <class F> auto labelled(StageInfo const& info, F const& work) {
 
 constexpr char placeholder_mark = '\x02';
 
-/// What --device gpu asks of a GPU is never done on the CPU without a word.
-[[noreturn]] void refuse_cpu(std::string const& what) {
-    throw Error(ErrorKind::usage, text("--device gpu: ", what, " does not run on a GPU"),
-                "leave the choice to vkt: --device auto");
-}
-
 Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
     if (execution.device == Device::automatic) {
         double const work = plan.cost * static_cast<double>(plan.output.voxels());
