@@ -6,7 +6,6 @@ import difflib
 import inspect
 import pathlib
 import sys
-import textwrap
 
 sys.path.pop(0)  # the sources beside this script, which have no library
 import vkt  # noqa: E402
@@ -23,7 +22,10 @@ import numpy as np
 def annotation(value):
     if value is inspect.Parameter.empty:
         return None
-    return value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
+    text = value.replace('"', "") if isinstance(value, str) else inspect.formatannotation(value)
+    text = text.replace("numpy.ndarray", "np.ndarray").replace("vkt.Volume", "Volume")
+    return {"np.ndarray": "np.ndarray[Any, np.dtype[Any]]", "numpy.dtype": "np.dtype[Any]",
+            "np.ndarray | bytes": "np.ndarray[Any, np.dtype[Any]] | bytes"}.get(text, text)
 
 
 def returned(function):
@@ -35,9 +37,13 @@ def line_of(name, parameters, result, indent=""):
     one = f"{indent}def {name}({', '.join(parameters)}) -> {result}: ..."
     if len(one) <= 120:
         return one
-    return (f"{indent}def {name}(\n" + textwrap.fill(
-        ", ".join(parameters), 120 - len(indent), initial_indent=indent + "    ", subsequent_indent=indent + "    ",
-        break_on_hyphens=False) + f"\n{indent}) -> {result}: ...")
+    lines = [""]
+    for parameter in parameters:
+        if len(lines[-1]) + len(parameter) > 112 - len(indent):
+            lines.append("")
+        lines[-1] += f"{' ' if lines[-1] else ''}{parameter},"
+    body = "".join(f"{indent}    {line}\n" for line in lines)
+    return f"{indent}def {name}(\n{body}{indent}) -> {result}: ..."
 
 
 def stub(function, name=None, indent=""):
@@ -68,7 +74,7 @@ def class_stub(cls):
     for name, kind in cls.__dict__.get("__annotations__", {}).items():
         lines.append(f"    {name}: {kind if isinstance(kind, str) else kind.__name__}")
     for name, member in cls.__dict__.items():
-        if isinstance(member, property):
+        if isinstance(member, property) and not (name.startswith("_") and not name.startswith("__")):
             lines.append("    @property")
             lines.append(f"    def {name}(self) -> {annotation(inspect.signature(member.fget).return_annotation)}: ...")
         elif inspect.isfunction(member) and (not name.startswith("_") or name in (

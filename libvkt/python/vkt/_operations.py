@@ -70,10 +70,12 @@ def apply_words(name, arguments, options):
     return applied(name, words, inputs)
 
 
-def applied(name, words, inputs, level=5):
+def applied(name, words, inputs, level=5, operation=None):
     handles = (ctypes.c_void_p * len(inputs))(*(volume._handle for volume in inputs))
-    known = next((said for said in (" ".join(words[:n]) for n in (1, 2)) if said in _names()), None)
-    if known and registered(known)["result"] == "report":
+    if operation is None:
+        said = next((said for said in (" ".join(words[:n]) for n in (1, 2)) if said in _names()), None)
+        operation = registered(said) if said else {"result": "volume"}
+    if operation["result"] == "report":
         return json.loads(text_of(library.vkt_measure, *words_of(words), handles, len(inputs)))
     handle = ctypes.c_void_p()
     check(library.vkt_apply(*words_of(words), handles, len(inputs), ctypes.byref(handle)))
@@ -267,17 +269,29 @@ def function_of(name, module):
         [inspect.Parameter(argument.name, argument.kind, default=argument.default,
                            annotation=_evaluated(argument.text, types)) for argument in arguments],
         return_annotation=types["Volume"] if operation["result"] == "volume" else _Report)
-    head = name.split()
+    head, volume_class = name.split(), types["Volume"]
+    in_order = [argument for argument in arguments if argument.kind is not inspect.Parameter.KEYWORD_ONLY]
+    several = in_order[-1] if in_order and in_order[-1].kind is inspect.Parameter.VAR_POSITIONAL else None
+    required = [argument.name for argument in arguments
+                if argument.default is inspect.Parameter.empty and argument is not several]
 
     def function(*given, **options):
-        bound = signature.bind(*given, **options).arguments
-        words, inputs, volume_class = list(head), [], types["Volume"]
-        for key, value in bound.items():
-            argument = by_name[key]
-            several = argument.kind is inspect.Parameter.VAR_POSITIONAL
-            for one in value if several else (value,):
-                words += argument.words(one, inputs, volume_class, name)
-        return applied(name, words, inputs, 4)
+        # What signature.bind() does, in a tenth of the time; it finds the words for what is wrong.
+        named = {argument.name for argument, _ in zip(in_order, given)}
+        right = (several or len(given) <= len(in_order)) and options.keys() <= by_name.keys() - named and all(
+            name in named or name in options for name in required) and not (several and several.name in options)
+        if not right:
+            signature.bind(*given, **options)
+        words, inputs = list(head), []
+        for i, value in enumerate(given):
+            words += (several or in_order[i]).words(value, inputs, volume_class, name)
+        for argument in in_order if len(named) < len(in_order) and options else ():
+            if argument.name in options:
+                words += argument.words(options[argument.name], inputs, volume_class, name)
+        for key, value in options.items():
+            if by_name[key].kind is inspect.Parameter.KEYWORD_ONLY:
+                words += by_name[key].words(value, inputs, volume_class, name)
+        return applied(name, words, inputs, 4, operation)
 
     function.__name__ = python_name(head[-1])
     function.__qualname__ = function.__name__

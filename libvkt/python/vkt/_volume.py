@@ -100,7 +100,7 @@ class Volume:
     def __copy__(self) -> "Volume":
         return self
 
-    def __deepcopy__(self, memo: dict) -> "Volume":
+    def __deepcopy__(self, memo: "dict[int, Any]") -> "Volume":
         return self
 
     def __reduce_ex__(self, protocol: Any) -> Any:
