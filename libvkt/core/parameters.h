@@ -25,7 +25,6 @@ struct Parameter {
     std::string value_name;           ///< placeholder in help; empty for flags
     std::string help;
     bool positional = false;
-    std::string_view kind = "text"; ///< of each value: integer, number, choice, type or text (other forms, paths)
     bool flag = false;
     bool required = false;
     bool in_history = true;             ///< part of the provenance: it decides the voxels
@@ -106,21 +105,6 @@ template <class T, class Enable = void> struct ValueText;
 template <class T> constexpr bool is_list_of_numbers = false;
 template <class T> constexpr bool is_list_of_numbers<std::vector<T>> = std::is_arithmetic_v<T>;
 
-/// Parameter::kind of a type.
-template <class T> struct ValueKind {
-    static constexpr std::string_view name = std::is_integral_v<T>         ? "integer"
-                                             : std::is_floating_point_v<T> ? "number"
-                                             : std::is_enum_v<T>           ? "choice"
-                                                                           : "text";
-};
-template <> struct ValueKind<DataType> {
-    static constexpr std::string_view name = "type";
-};
-template <> struct ValueKind<Index3> : ValueKind<std::int64_t> {};
-template <> struct ValueKind<Vec3> : ValueKind<double> {};
-template <class T> struct ValueKind<std::optional<T>> : ValueKind<T> {};
-template <class T> struct ValueKind<std::vector<T>> : ValueKind<T> {};
-
 /// The declared parameters of an operation or command. References returned stay valid while the list lives.
 class Parameters {
 public:
@@ -160,7 +144,6 @@ private:
         p.min_values = ValueText<T>::min_words;
         p.max_values = ValueText<T>::max_words;
         p.numbers = is_list_of_numbers<T>;
-        p.kind = ValueKind<T>::name;
         p.choices = ValueText<T>::choices();
         p.set = [&target, name](std::vector<std::string> const& words) { target = ValueText<T>::read(words, name); };
         p.get = [&target] { return ValueText<T>::write(target); };

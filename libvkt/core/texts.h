@@ -17,7 +17,6 @@ struct Texts {
     std::string summary;     ///< one sentence, capital first, full stop last
     std::string description; ///< paragraphs for help; may be empty
     std::vector<Example> examples;
-    std::string accuracy{}; ///< of operations: how far off results can be, in sentences (man vkt-accuracy)
 };
 
 } // namespace vkt

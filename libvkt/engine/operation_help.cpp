@@ -52,15 +52,31 @@ bool names_input(std::string_view operation, Parameters const& parameters, std::
                                [&](std::string const& choice) { return names_input(operation, parameter, choice); });
 }
 
-/// Whether one number may be three.
-bool takes_vector(Parameter const& p) {
-    if (p.kind != "number" || p.max_values != 1) return false;
-    try {
-        p.set({"1,2,3"});
-        return true;
-    } catch (Error const&) {
-        return false;
-    }
+/// What a parameter's values are, found by offering it some: its value must not be needed any more.
+std::string kind_of(Parameter const& p) {
+    auto const takes = [&](std::string const& word) {
+        try {
+            p.set(std::vector<std::string>(static_cast<std::size_t>(p.min_values), word));
+            return true;
+        } catch (Error const&) {
+            return false;
+        }
+    };
+    if (p.flag) return "flag";
+    if (!p.choices.empty()) return std::ranges::find(p.choices, "uint8") != p.choices.end() ? "type" : "choice";
+    if (takes("name") || takes("50%") || !takes("1")) return "text";
+    if (!takes("1.5")) return "integer";
+    return p.max_values == 1 && takes("1,2,3") ? "vector" : "number";
+}
+
+/// The part of a description that says how exact results are, without its heading; taken out.
+std::string take_accuracy(std::string& description) {
+    constexpr std::string_view heading = "Accuracy: ";
+    std::size_t const at = description.starts_with(heading) ? 0 : description.find(text("\n\n", heading));
+    if (at == std::string::npos) return {};
+    std::string const accuracy = description.substr(description.find(heading, at) + heading.size());
+    description.erase(at);
+    return accuracy;
 }
 
 Json described(Parameter const& p, bool volume) {
@@ -77,7 +93,7 @@ Json described(Parameter const& p, bool volume) {
     result["most"] = p.max_values;
     result["choices"] = p.choices;
     result["default"] = p.flag || p.required ? std::vector<std::string>{} : p.get();
-    result["kind"] = std::string(takes_vector(p) ? "vector" : p.kind); // last: it says a value
+    result["kind"] = kind_of(p);
     return result;
 }
 
@@ -89,13 +105,14 @@ std::string operation_help(std::string_view name) {
     ExecutionOptions options;
     operation->parameters(own);
     options.declare(shared);
-    Texts const texts = operation->texts();
+    Texts texts = operation->texts();
+    std::string const accuracy = take_accuracy(texts.description);
     bool const among_arguments = !operation->input_names().empty();
     Json result;
     result["name"] = std::string(name);
     result["summary"] = texts.summary;
     result["description"] = texts.description;
-    result["accuracy"] = texts.accuracy;
+    result["accuracy"] = accuracy;
     result["examples"] = Json::array();
     for (auto const& example : texts.examples)
         result["examples"].push_back(Json{{"what", example.what}, {"line", example.line}});

@@ -31,15 +31,16 @@ Texts Convert::texts() const {
         "whole type (0 to 1 for floats), and the header's slope and intercept are set so that physical values stay "
         "what they were. What is lost is counted and reported. --dtype auto chooses the smallest type that changes no "
         "physical value by more than --tolerance, if need be with a slope and intercept, after a look at all voxels. "
-        "Without --dtype and --range voxels stay as they are.",
+        "Without --dtype and --range voxels stay as they are."
+        "\n\n"
+        "Accuracy: Correctly rounded, and exact where the new type holds all values of the old one; with a range "
+        "within 5 * 2^-53 of the new range.",
         {{"To another format", "vkt convert volume.nrrd volume.mha"},
          {"To floats", "vkt make noise --dims 32 32 32 --dtype uint16 | vkt convert --dtype float32 | vkt stats"},
          {"To bytes, the darkest and brightest per cent clipped",
           "vkt make marschner-lobb --dims 40 40 40 | vkt convert --dtype uint8 --range p1:p99 | vkt stats"},
          {"The smallest type that holds the values within 0.01",
-          "vkt make marschner-lobb --dims 40 40 40 | vkt convert --dtype auto --tolerance 0.01 | vkt stats"}},
-        "Correctly rounded, and exact where the new type holds all values of the old one; with a range within 5 * "
-        "2^-53 of the new range."};
+          "vkt make marschner-lobb --dims 40 40 40 | vkt convert --dtype auto --tolerance 0.01 | vkt stats"}}};
 }
 
 void Convert::parameters(Parameters& p) {

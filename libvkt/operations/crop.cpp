@@ -35,10 +35,11 @@ VKT_OPERATION(Crop, "crop")
 Texts Crop::texts() const {
     return {"Keep an axis-aligned box of the volume.",
             "The box is half-open and given in voxels (--roi), in world units (--roi-world), or by another volume "
-            "(--like); voxels keep their world positions. Reading from a raw file touches only the bytes of the box.",
+            "(--like); voxels keep their world positions. Reading from a raw file touches only the bytes of the box."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
             {{"The central half of every axis", "vkt crop volume.nrrd --roi 25%:75%,25%:75%,25%:75% -o part.nrrd"},
-             {"Ten slices from slice 20 on", "vkt crop volume.nrrd --roi :,:,20:+10 | vkt info"}},
-            "Exact: bytes are moved, world positions survive."};
+             {"Ten slices from slice 20 on", "vkt crop volume.nrrd --roi :,:,20:+10 | vkt info"}}};
 }
 
 void Crop::parameters(Parameters& parameters) {

@@ -18,10 +18,11 @@ Texts Fill::texts() const {
     return {
         "Set all voxels, or those of a region, to one value.",
         "The value is physical: it is mapped to a stored value through the slope and intercept of the volume, rounded "
-        "half to even and saturated.",
+        "half to even and saturated."
+        "\n\n"
+        "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
         {{"An empty volume of the same shape", "vkt fill volume.nrrd --value 0 -o empty.nrrd"},
-         {"Blank a corner", "vkt fill volume.nrrd --value 0 --roi 0:8,0:8,0:8 | vkt stats"}},
-        "The value is correctly rounded once; all other voxels stay, bit for bit."};
+         {"Blank a corner", "vkt fill volume.nrrd --value 0 --roi 0:8,0:8,0:8 | vkt stats"}}};
 }
 
 void Fill::parameters(Parameters& parameters) {
@@ -82,10 +83,11 @@ Texts Delete::texts() const {
     return {
         "Make a region background.",
         "The extent of the volume stays; vkt crop changes it. The background is --value, or what the volume says its "
-        "background is, or 0.",
+        "background is, or 0."
+        "\n\n"
+        "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
         {{"Without the table under the patient", "vkt delete volume.nrrd --roi :,75%:,: -o patient.nrrd"},
-         {"As air", "vkt delete volume.nrrd --roi 0:8,0:8,: --value -1000 --dry-run"}},
-        "The value is correctly rounded once; all other voxels stay, bit for bit."};
+         {"As air", "vkt delete volume.nrrd --roi 0:8,0:8,: --value -1000 --dry-run"}}};
 }
 
 void Delete::parameters(Parameters& parameters) {
@@ -102,10 +104,11 @@ Plan Delete::plan(std::span<Header const> inputs) {
 
 Texts FillRange::texts() const {
     return {"Set the voxels of a region to one value.",
-            "volkit's name for vkt fill with a range, which must be given.",
+            "volkit's name for vkt fill with a range, which must be given."
+            "\n\n"
+            "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
             {{"Blank a corner",
-              "vkt make ramp --dims 16 12 8 | vkt fill-range --first 0 0 0 --last 4 4 4 --value 0 | vkt stats"}},
-            "The value is correctly rounded once; all other voxels stay, bit for bit."};
+              "vkt make ramp --dims 16 12 8 | vkt fill-range --first 0 0 0 --last 4 4 4 --value 0 | vkt stats"}}};
 }
 
 } // namespace vkt

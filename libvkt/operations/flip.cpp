@@ -14,10 +14,11 @@ VKT_OPERATION(FlipRange, "flip-range")
 Texts Flip::texts() const {
     return {"Reverse the order of the voxels along an axis.",
             "The direction of the axis is reversed as well, so voxels keep their world positions. With --roi only the "
-            "voxels inside the region are mirrored, within it, and the geometry stays.",
+            "voxels inside the region are mirrored, within it, and the geometry stays."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
             {{"Mirror left and right", "vkt flip x volume.nrrd -o mirrored.nrrd"},
-             {"Twice is once too often", "vkt read volume.nrrd | vkt flip z | vkt flip z | vkt diff volume.nrrd -"}},
-            "Exact: bytes are moved, world positions survive."};
+             {"Twice is once too often", "vkt read volume.nrrd | vkt flip z | vkt flip z | vkt diff volume.nrrd -"}}};
 }
 
 void Flip::parameters(Parameters& parameters) {
@@ -72,10 +73,11 @@ Box Flip::footprint(Box const& output, int) const {
 
 Texts FlipRange::texts() const {
     return {"Mirror the voxels of a region within it.",
-            "volkit's name for vkt flip --roi. Voxels outside the region and the geometry stay as they are.",
+            "volkit's name for vkt flip --roi. Voxels outside the region and the geometry stay as they are."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
             {{"Mirror a corner left and right",
-              "vkt make ramp --dims 16 12 8 | vkt flip-range --axis x --first 0 0 0 --last 4 4 4 | vkt stats"}},
-            "Exact: bytes are moved, world positions survive."};
+              "vkt make ramp --dims 16 12 8 | vkt flip-range --axis x --first 0 0 0 --last 4 4 4 | vkt stats"}}};
 }
 
 void FlipRange::parameters(Parameters& parameters) {

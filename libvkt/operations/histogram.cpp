@@ -169,13 +169,14 @@ Texts Histogram::texts() const {
         "Values are physical (slope * stored + intercept) and counted in bins of equal width, half-open but for the "
         "last; what lies outside of the range, infinities too, is under or over, NaN counts for itself. Counts are "
         "exact. A table, on a terminal bars; JSON with --json, a picture with -o of .png or .svg. Cells of "
-        "hierarchical volumes count one by one, and once more by their volume.",
+        "hierarchical volumes count one by one, and once more by their volume."
+        "\n\n"
+        "Accuracy: Counts are exact.",
         {{"Bars of a logarithmic height", "vkt histogram volume.nrrd --bins 16 --log"},
          {"A picture, without the rarest values", "vkt histogram volume.nrrd --range p1:p99 -o histogram.png"},
          {"Parts of a volume, counted apart and added up",
           "vkt histogram volume.nrrd --roi :,:,0:9 --range 0:255 --mergeable -o a.json && vkt histogram volume.nrrd "
-          "--roi :,:,9: --range 0:255 --mergeable -o b.json && vkt histogram --merge a.json b.json --csv"}},
-        "Counts are exact."};
+          "--roi :,:,9: --range 0:255 --mergeable -o b.json && vkt histogram --merge a.json b.json --csv"}}};
 }
 
 void Histogram::parameters(Parameters& p) {

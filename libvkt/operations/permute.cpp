@@ -45,11 +45,12 @@ Texts Permute::texts() const {
     return {
         "Put the axes into another order, or turn them towards those of the body.",
         "zyx makes the input's z the first axis. ras reorders and reverses axes until they point right, anterior and "
-        "superior as nearly as they can. Spacings and directions move along: voxels keep their world positions.",
+        "superior as nearly as they can. Spacings and directions move along: voxels keep their world positions."
+        "\n\n"
+        "Accuracy: Exact: bytes are moved, world positions survive.",
         {{"Slices through what were columns", "vkt permute zyx volume.nrrd -o sagittal.nrrd"},
          {"First axis right, second anterior, third superior",
-          "vkt set volume.nrrd --attribute space=LPS | vkt permute --to ras | vkt info"}},
-        "Exact: bytes are moved, world positions survive."};
+          "vkt set volume.nrrd --attribute space=LPS | vkt permute --to ras | vkt info"}}};
 }
 
 void Permute::parameters(Parameters& parameters) {

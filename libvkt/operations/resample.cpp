@@ -29,7 +29,11 @@ Texts Resample::texts() const {
             "lies "
             "outside becomes --background.\n\n"
             "Hierarchical (AMR) volumes become structured ones: --cells 50M says how many voxels, --roi which part, in "
-            "finest cells; --method basis (default) interpolates across levels, average conserves the integral.",
+            "finest cells; --method basis (default) interpolates across levels, average conserves the integral."
+            "\n\n"
+            "Accuracy: nearest is exact. Of integers linear and area come out as in exact arithmetic, rounded once; "
+            "floats are bounded by (n + 12) 2^-53 of the largest magnitude for n voxels that are summed, plus the "
+            "rounding of what is stored; cubic by up to twice that.",
             {{"Half as many voxels along each axis",
               "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
              {"Sizes in voxels, cubic",
@@ -41,10 +45,7 @@ Texts Resample::texts() const {
              {"A grid of about 20 000 voxels from an AMR volume",
               "vkt make amr --blocks 50 --levels 3 | vkt resample --cells 20k | vkt info"},
              {"Cubic voxels from slices",
-              "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}},
-            "nearest is exact. Of integers linear and area come out as in exact arithmetic, rounded once; floats are "
-            "bounded by (n + 12) 2^-53 of the largest magnitude for n voxels that are summed, plus the rounding of "
-            "what is stored; cubic by up to twice that."};
+              "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}};
 }
 
 void Resample::parameters(Parameters& p) {
