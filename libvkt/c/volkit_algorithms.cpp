@@ -1,4 +1,4 @@
-// volkit's algorithms as words for vkt_apply() and vkt_measure().
+// volkit's fills, copies, moves and filters as words for vkt_apply().
 // SPDX-License-Identifier: MIT
 #include "libvkt/c/volkit_volume.h"
 
@@ -6,14 +6,11 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <limits>
-#include <nlohmann/json.hpp>
 #include <sys/mman.h>
 #include <unistd.h>
 #include <utility>
@@ -22,33 +19,11 @@
 using namespace vkt;
 using namespace vkt::volkit;
 
-struct vktHistogram_impl {
-    std::vector<size_t> counts;
-};
-
-struct vktArray3D_vktStructuredVolume_impl {
-    vktVec3i_t dims{0, 0, 0};
-    std::vector<vktStructuredVolume> volumes{};
-};
-
 namespace {
 
 constexpr double pi = 3.14159265358979323846;
 
 Index3 most(Index3 a, Index3 b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
-
-/// [first, last); throws Error{usage} where it ends before it begins.
-Box range(int32_t x, int32_t y, int32_t z, int32_t endX, int32_t endY, int32_t endZ) {
-    if (endX < x || endY < y || endZ < z)
-        throw Error(ErrorKind::usage, text("the region ends at ", endX, " ", endY, " ", endZ, ", before it begins at ",
-                                           x, " ", y, " ", z));
-    return {{x, y, z}, {endX, endY, endZ}};
-}
-
-Box whole(vktStructuredVolume volume) { return box_of(dims_of(volume->volume.get())); }
-
-/// The part of a region that the volume has.
-Box within(Box const& box, vktStructuredVolume volume) { return intersect(box, whole(volume)); }
 
 void fill(vktStructuredVolume volume, Box const& box, double value) {
     if (box.empty()) return;
@@ -178,80 +153,6 @@ void filter(vktStructuredVolume to, vktStructuredVolume from, Box const& box, fl
     Owned const sums = applied({"filter", "kernel", file.path(), "--boundary", boundary(mode)}, {from->volume.get()});
     Box const there = within(box, from);
     paste(to, part_of(sums.get(), there).get(), there.lower);
-}
-
-void calculate(char const* operation, vktStructuredVolume to, vktStructuredVolume a, vktStructuredVolume b,
-               Box const& box, Index3 offset) {
-    needed(to, "dest");
-    needed(a, "source1");
-    needed(b, "source2");
-    // What nobody would see need not be computed.
-    Box const wanted = intersect(box, {whole(to).lower - offset, whole(to).upper - offset});
-    if (wanted.empty()) return;
-    Owned const first = part_of(a->volume.get(), wanted), second = part_of(b->volume.get(), wanted);
-    paste(to, applied({"arith", operation, "-", "-", "--dtype", "float64"}, {first.get(), second.get()}).get(),
-          wanted.lower + offset);
-}
-
-float number(nlohmann::json const& json) {
-    return json.is_number() ? static_cast<float>(json.get<double>()) : std::numeric_limits<float>::quiet_NaN();
-}
-
-vktVec3i_t place(nlohmann::json const& json) {
-    return json.is_array() ? vktVec3i_t{json[0].get<int>(), json[1].get<int>(), json[2].get<int>()}
-                           : vktVec3i_t{-1, -1, -1};
-}
-
-void aggregate(vktStructuredVolume volume, vktAggregates_t* aggregates, Box const& box) {
-    needed(volume, "volume");
-    c::need(aggregates, "aggregates");
-    Box const there = within(box, volume);
-    if (there.empty()) throw Error(ErrorKind::usage, "the region has no voxels of the volume");
-    auto const json = nlohmann::json::parse(measured({"stats", "-", "--roi", region(there)}, volume->volume.get()));
-    vktAggregates_t found{};
-    found.min = number(json["min"]);
-    found.max = number(json["max"]);
-    found.mean = number(json["mean"]);
-    found.stddev = number(json["stddev"]);
-    found.var = number(json["variance"]);
-    found.sum = number(json["sum"]);
-    found.prod = number(json["product"]);
-    found.argmin = place(json["argmin"]);
-    found.argmax = place(json["argmax"]);
-    *aggregates = found;
-}
-
-void count(vktStructuredVolume volume, vktHistogram histogram, Box const& box) {
-    needed(volume, "volume");
-    c::need(histogram, "histogram");
-    Box const there = within(box, volume);
-    std::vector<size_t> counts(histogram->counts.size());
-    if (!there.empty()) {
-        auto const json = nlohmann::json::parse(
-            measured({"histogram", "-", text("--bins=", static_cast<std::uint64_t>(counts.size())),
-                      "--range=" + text(double{volume->low}, ":", double{volume->high}), "--roi", region(there)},
-                     volume->volume.get()));
-        counts = json["counts"].get<std::vector<size_t>>();
-    }
-    histogram->counts = std::move(counts);
-}
-
-/// Calls f(index, first voxel with halo, beyond the last) for every brick.
-template <class F>
-void for_each_brick(vktStructuredVolume source, Index3 size, Index3 below, Index3 above, F const& f) {
-    needed(source, "source");
-    Index3 const n = dims_of(source->volume.get());
-    if (size.x < 1 || size.y < 1 || size.z < 1) throw Error(ErrorKind::usage, text("bricks of ", size, " voxels"));
-    for (int axis = 0; axis < 3; ++axis)
-        if (below[axis] < 0 || above[axis] < 0) throw Error(ErrorKind::usage, "a halo is negative");
-    for (std::int64_t z = 0; z * size.z < n.z; ++z)
-        for (std::int64_t y = 0; y * size.y < n.y; ++y)
-            for (std::int64_t x = 0; x * size.x < n.x; ++x) {
-                Index3 const lower{x * size.x, y * size.y, z * size.z};
-                Box const brick = intersect({lower, lower + size}, box_of(n));
-                f(vktVec3i_t{static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)},
-                  Box{brick.lower - below, brick.upper + above});
-            }
 }
 
 } // namespace
@@ -415,268 +316,5 @@ vktError vktScanRangeSV(vktStructuredVolume dst, vktStructuredVolume src, int32_
         if (box.empty()) return;
         Owned const part = part_of(src->volume.get(), box);
         paste(dst, applied({"scan"}, {part.get()}).get(), {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-
-namespace {
-
-vktVoxelView_t voxel_of(vktStructuredVolume volume, std::uint8_t* data, Index3 dims, Index3 p) {
-    std::size_t const size = volkit::size_of(volume->format);
-    return {data + static_cast<std::size_t>(p.x + dims.x * (p.y + dims.y * p.z)) * size, volume->format, volume->low,
-            volume->high};
-}
-
-void transform(vktStructuredVolume volume, Box const& box, vktTransformUnaryOp op) {
-    if (op == nullptr) c::need(nullptr, "unaryOp");
-    std::uint8_t* const data = writable(volume);
-    Index3 const n = dims_of(volume->volume.get());
-    Box const there = intersect(box, box_of(n));
-    for (std::int64_t z = there.lower.z; z < there.upper.z; ++z)
-        for (std::int64_t y = there.lower.y; y < there.upper.y; ++y)
-            for (std::int64_t x = there.lower.x; x < there.upper.x; ++x)
-                op(static_cast<int32_t>(x), static_cast<int32_t>(y), static_cast<int32_t>(z),
-                   voxel_of(volume, data, n, {x, y, z}));
-}
-
-void transform(vktStructuredVolume first, vktStructuredVolume second, Box const& box, Index3 shift,
-               vktTransformBinaryOp op) {
-    if (op == nullptr) c::need(nullptr, "binaryOp");
-    std::uint8_t* const one = writable(first);
-    std::uint8_t* const two = writable(second);
-    Index3 const n = dims_of(first->volume.get()), m = dims_of(second->volume.get());
-    Box const there = intersect(intersect(box, box_of(n)), {Index3{} - shift, m - shift});
-    for (std::int64_t z = there.lower.z; z < there.upper.z; ++z)
-        for (std::int64_t y = there.lower.y; y < there.upper.y; ++y)
-            for (std::int64_t x = there.lower.x; x < there.upper.x; ++x)
-                op(static_cast<int32_t>(x), static_cast<int32_t>(y), static_cast<int32_t>(z),
-                   voxel_of(first, one, n, {x, y, z}), voxel_of(second, two, m, Index3{x, y, z} + shift));
-}
-
-} // namespace
-
-vktError vktTransformSV1(vktStructuredVolume volume, vktTransformUnaryOp unaryOp) {
-    return run("vktTransformSV1", [&] { transform(volume, whole(needed(volume, "volume")), unaryOp); });
-}
-vktError vktTransformSV2(vktStructuredVolume volume1, vktStructuredVolume volume2, vktTransformBinaryOp binaryOp) {
-    return run("vktTransformSV2", [&] {
-        transform(volume1, needed(volume2, "volume2"), whole(needed(volume1, "volume1")), {}, binaryOp);
-    });
-}
-vktError vktTransformRangeSV1(vktStructuredVolume volume, int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX,
-                              int32_t lastY, int32_t lastZ, vktTransformUnaryOp unaryOp) {
-    return run("vktTransformRangeSV1", [&] {
-        transform(needed(volume, "volume"), range(firstX, firstY, firstZ, lastX, lastY, lastZ), unaryOp);
-    });
-}
-vktError vktTransformRangeSV2(vktStructuredVolume volume1, vktStructuredVolume volume2, int32_t firstX, int32_t firstY,
-                              int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ, int32_t volume2OffsetX,
-                              int32_t volume2OffsetY, int32_t volume2OffsetZ, vktTransformBinaryOp binaryOp) {
-    return run("vktTransformRangeSV2", [&] {
-        Box const box = range(firstX, firstY, firstZ, lastX, lastY, lastZ);
-        transform(needed(volume1, "volume1"), needed(volume2, "volume2"), box,
-                  Index3{volume2OffsetX, volume2OffsetY, volume2OffsetZ} - box.lower, binaryOp);
-    });
-}
-
-vktError vktSumSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktSumSV", [&] { calculate("add", dest, source1, source2, whole(needed(source1, "source1")), {}); });
-}
-vktError vktSumRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                       int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                       int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return run("vktSumRangeSV", [&] {
-        calculate("add", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
-                  {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-vktError vktDiffSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktDiffSV", [&] { calculate("sub", dest, source1, source2, whole(needed(source1, "source1")), {}); });
-}
-vktError vktDiffRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                        int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                        int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return run("vktDiffRangeSV", [&] {
-        calculate("sub", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
-                  {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-vktError vktProdSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktProdSV", [&] { calculate("mul", dest, source1, source2, whole(needed(source1, "source1")), {}); });
-}
-vktError vktProdRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                        int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                        int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return run("vktProdRangeSV", [&] {
-        calculate("mul", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
-                  {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-vktError vktQuotSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktQuotSV", [&] { calculate("div", dest, source1, source2, whole(needed(source1, "source1")), {}); });
-}
-vktError vktQuotRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                        int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                        int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return run("vktQuotRangeSV", [&] {
-        calculate("div", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
-                  {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-vktError vktAbsDiffSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktAbsDiffSV",
-               [&] { calculate("absdiff", dest, source1, source2, whole(needed(source1, "source1")), {}); });
-}
-vktError vktAbsDiffRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                           int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                           int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return run("vktAbsDiffRangeSV", [&] {
-        calculate("absdiff", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
-                  {dstOffsetX, dstOffsetY, dstOffsetZ});
-    });
-}
-vktError vktSafeSumSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return vktSumSV(dest, source1, source2);
-}
-vktError vktSafeSumRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                           int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                           int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return vktSumRangeSV(dest, source1, source2, firstX, firstY, firstZ, lastX, lastY, lastZ, dstOffsetX, dstOffsetY,
-                         dstOffsetZ);
-}
-vktError vktSafeDiffSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return vktDiffSV(dest, source1, source2);
-}
-vktError vktSafeDiffRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                            int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                            int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return vktDiffRangeSV(dest, source1, source2, firstX, firstY, firstZ, lastX, lastY, lastZ, dstOffsetX, dstOffsetY,
-                          dstOffsetZ);
-}
-vktError vktSafeProdSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return vktProdSV(dest, source1, source2);
-}
-vktError vktSafeProdRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                            int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                            int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return vktProdRangeSV(dest, source1, source2, firstX, firstY, firstZ, lastX, lastY, lastZ, dstOffsetX, dstOffsetY,
-                          dstOffsetZ);
-}
-vktError vktSafeQuotSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return vktQuotSV(dest, source1, source2);
-}
-vktError vktSafeQuotRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
-                            int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
-                            int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
-    return vktQuotRangeSV(dest, source1, source2, firstX, firstY, firstZ, lastX, lastY, lastZ, dstOffsetX, dstOffsetY,
-                          dstOffsetZ);
-}
-
-vktError vktComputeAggregatesSV(vktStructuredVolume volume, vktAggregates_t* aggregates) {
-    return run("vktComputeAggregatesSV", [&] { aggregate(volume, aggregates, whole(needed(volume, "volume"))); });
-}
-vktError vktComputeAggregatesRangeSV(vktStructuredVolume volume, vktAggregates_t* aggregates, int32_t firstX,
-                                     int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ) {
-    return run("vktComputeAggregatesRangeSV",
-               [&] { aggregate(volume, aggregates, range(firstX, firstY, firstZ, lastX, lastY, lastZ)); });
-}
-
-void vktHistogramCreate(vktHistogram* histogram, size_t numBins) {
-    if (histogram != nullptr) *histogram = nullptr;
-    volkit::attempt([&] {
-        c::need(histogram, "histogram");
-        if (numBins < 1 || numBins > 65536) throw Error(ErrorKind::usage, "a histogram has 1 to 65536 bins");
-        *histogram = new vktHistogram_impl{std::vector<size_t>(numBins)};
-    });
-}
-void vktHistogramDestroy(vktHistogram histogram) { delete histogram; }
-size_t vktHistogramGetNumBins(vktHistogram histogram) { return histogram == nullptr ? 0 : histogram->counts.size(); }
-size_t* vktHistogramGetBinCounts(vktHistogram histogram) {
-    return histogram == nullptr ? nullptr : histogram->counts.data();
-}
-vktError vktComputeHistogramSV(vktStructuredVolume volume, vktHistogram histogram) {
-    return run("vktComputeHistogramSV", [&] { count(volume, histogram, whole(needed(volume, "volume"))); });
-}
-vktError vktComputeHistogramRangeSV(vktStructuredVolume volume, vktHistogram histogram, int32_t firstX, int32_t firstY,
-                                    int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ) {
-    return run("vktComputeHistogramRangeSV",
-               [&] { count(volume, histogram, range(firstX, firstY, firstZ, lastX, lastY, lastZ)); });
-}
-
-void vktArray3D_vktStructuredVolume_Create(vktArray3D_vktStructuredVolume* arr, vktVec3i_t dims) {
-    vktArray3D_vktStructuredVolume_CreateEmpty(arr);
-    if (arr != nullptr && *arr != nullptr) vktArray3D_vktStructuredVolume_Resize(*arr, dims);
-}
-void vktArray3D_vktStructuredVolume_CreateEmpty(vktArray3D_vktStructuredVolume* arr) {
-    if (arr != nullptr) *arr = nullptr;
-    volkit::attempt([&] {
-        c::need(arr, "arr");
-        *arr = new vktArray3D_vktStructuredVolume_impl;
-    });
-}
-void vktArray3D_vktStructuredVolume_Destroy(vktArray3D_vktStructuredVolume arr) { delete arr; }
-void vktArray3D_vktStructuredVolume_Resize(vktArray3D_vktStructuredVolume arr, vktVec3i_t dims) {
-    volkit::attempt([&] {
-        c::need(arr, "arr");
-        if (dims.x < 0 || dims.y < 0 || dims.z < 0) throw Error(ErrorKind::usage, "an array's extent is negative");
-        auto const x = static_cast<std::size_t>(dims.x), y = static_cast<std::size_t>(dims.y),
-                   z = static_cast<std::size_t>(dims.z);
-        if (x * y > (std::size_t{1} << 40) / std::max<std::size_t>(z, 1))
-            throw Error(ErrorKind::resources, "an array of so many volumes has no room");
-        arr->volumes.assign(x * y * z, nullptr);
-        arr->dims = dims;
-    });
-}
-vktStructuredVolume* vktArray3D_vktStructuredVolume_Access(vktArray3D_vktStructuredVolume arr, vktVec3i_t index) {
-    if (arr == nullptr || index.x < 0 || index.y < 0 || index.z < 0) return nullptr;
-    vktVec3i_t const n = arr->dims;
-    if (index.x >= n.x || index.y >= n.y || index.z >= n.z) return nullptr;
-    std::int64_t const at = index.x + std::int64_t{n.x} * (index.y + std::int64_t{n.y} * index.z);
-    return &arr->volumes[static_cast<std::size_t>(at)];
-}
-vktStructuredVolume* vktArray3D_vktStructuredVolume_Data(vktArray3D_vktStructuredVolume arr) {
-    return arr == nullptr ? nullptr : arr->volumes.data();
-}
-vktVec3i_t vktArray3D_vktStructuredVolume_Dims(vktArray3D_vktStructuredVolume arr) {
-    return arr == nullptr ? vktVec3i_t{0, 0, 0} : arr->dims;
-}
-size_t vktArray3D_vktStructuredVolume_NumElements(vktArray3D_vktStructuredVolume arr) {
-    return arr == nullptr ? 0 : arr->volumes.size();
-}
-vktBool_t vktArray3D_vktStructuredVolume_Empty(vktArray3D_vktStructuredVolume arr) {
-    return arr == nullptr || arr->volumes.empty() ? VKT_TRUE : VKT_FALSE;
-}
-
-vktError vktBrickDecomposeSV(vktArray3D_vktStructuredVolume decomp, vktStructuredVolume source, int32_t brickSizeX,
-                             int32_t brickSizeY, int32_t brickSizeZ, int32_t haloSizeNegX, int32_t haloSizeNegY,
-                             int32_t haloSizeNegZ, int32_t haloSizePosX, int32_t haloSizePosY, int32_t haloSizePosZ) {
-    return run("vktBrickDecomposeSV", [&] {
-        c::need(decomp, "decomp");
-        for_each_brick(source, {brickSizeX, brickSizeY, brickSizeZ}, {haloSizeNegX, haloSizeNegY, haloSizeNegZ},
-                       {haloSizePosX, haloSizePosY, haloSizePosZ}, [&](vktVec3i_t index, Box const& box) {
-                           vktStructuredVolume* const brick = vktArray3D_vktStructuredVolume_Access(decomp, index);
-                           if (brick == nullptr || *brick == nullptr)
-                               throw Error(ErrorKind::usage,
-                                           text("the array has no volume ", index.x, " ", index.y, " ", index.z),
-                                           "vktBrickDecomposeResizeSV() makes them");
-                           paste(*brick, part_of(source->volume.get(), box).get(), {});
-                       });
-    });
-}
-vktError vktBrickDecomposeResizeSV(vktArray3D_vktStructuredVolume decomp, vktStructuredVolume source,
-                                   int32_t brickSizeX, int32_t brickSizeY, int32_t brickSizeZ, int32_t haloSizeNegX,
-                                   int32_t haloSizeNegY, int32_t haloSizeNegZ, int32_t haloSizePosX,
-                                   int32_t haloSizePosY, int32_t haloSizePosZ) {
-    return run("vktBrickDecomposeResizeSV", [&] {
-        c::need(decomp, "decomp");
-        std::vector<std::unique_ptr<vktStructuredVolume_impl>> bricks;
-        vktVec3i_t dims{0, 0, 0};
-        for_each_brick(source, {brickSizeX, brickSizeY, brickSizeZ}, {haloSizeNegX, haloSizeNegY, haloSizeNegZ},
-                       {haloSizePosX, haloSizePosY, haloSizePosZ}, [&](vktVec3i_t index, Box const& box) {
-                           bricks.push_back(made_like(source, box.dims()));
-                           paste(bricks.back().get(), part_of(source->volume.get(), box).get(), {});
-                           dims = {index.x + 1, index.y + 1, index.z + 1};
-                       });
-        vktArray3D_vktStructuredVolume_Resize(decomp, dims);
-        for (std::size_t i = 0; i < bricks.size(); ++i) decomp->volumes[i] = bricks[i].release();
     });
 }

@@ -63,6 +63,12 @@ void take(vktStructuredVolume to, Owned volume);
 /// The stored voxels, to be written.
 std::uint8_t* writable(vktStructuredVolume volume);
 
+/// [first, last); throws Error{usage} where it ends before it begins.
+Box range(int32_t x, int32_t y, int32_t z, int32_t endX, int32_t endY, int32_t endZ);
+Box whole(vktStructuredVolume volume);
+/// The part of a region that the volume has.
+Box within(Box const& box, vktStructuredVolume volume);
+
 /// Words of numbers: "1.5,2,3", "0:4,0:4,0:4".
 std::string triple(double x, double y, double z);
 std::string region(Box const& box);

@@ -31,7 +31,7 @@ struct Named {
     Index3 dims;
     DataType type;
 };
-constexpr char const* tree_name = "SILCC-like, 72.8 M cells";
+constexpr char const* tree_name = "SILCC-like tree";
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 

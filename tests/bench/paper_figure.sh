@@ -39,45 +39,50 @@ command -v gnuplot >/dev/null || {
     echo 'paper_figure.sh: there is no gnuplot to draw with; the table stands' >&2
     exit 0
 }
-# A row of the table for each operation and volume, a column for each policy.
-policies=$(awk -F, '!/^#/ && $1 != "operation" && !seen[$3]++ { print $3 }' "$out/paper_figure.csv")
+# A row for each operation, a column for each policy, a gap and a label for each volume.
+table=$(mktemp)
+trap 'rm -rf "${work:-}" "$table"' EXIT
+policies=$(awk -F, '!/^#/ && $1 != "operation" && !seen[$(NF - 1)]++ { print $(NF - 1) }' "$out/paper_figure.csv")
 awk -v policies="$policies" '
-    function quoted(text) { gsub(/"/, "", text); return "\"" text "\"" }
     BEGIN { n = split(policies, policy, "\n") }
     /^#/ || /^operation,/ { next }
     match($0, /,".*",/) {
-        operation = substr($0, 1, RSTART - 1)
-        volume = substr($0, RSTART + 2, RLENGTH - 4)
         split(substr($0, RSTART + RLENGTH), rest, ",")
-        key = volume "\t" operation
+        key = substr($0, RSTART + 2, RLENGTH - 4) "\t" substr($0, 1, RSTART - 1)
         if (!(key in known)) { known[key] = 1; order[++rows] = key }
         seconds[key, rest[1]] = rest[2]
     }
     END {
         for (i = 1; i <= rows; ++i) {
             split(order[i], part, "\t")
-            if (part[1] != last) { if (i > 1) print ""; last = part[1] }
-            row = quoted(part[2] (i == 1 || part[1] != before ? "\\n" part[1] : ""))
-            before = part[1]
+            if (part[1] != last && i > 1) print "\"\"" (n > 2 ? " NaN NaN NaN" : " NaN NaN")
+            last = part[1]
+            row = "\"" part[2] "\""
             for (p = 1; p <= n; ++p) row = row " " ((order[i], policy[p]) in seconds ? seconds[order[i], policy[p]] : "NaN")
-            print row
+            print row "\t" part[1]
         }
-    }' "$out/paper_figure.csv" | grep . >"${TMPDIR:-/tmp}/paper_figure.$$"
+    }' "$out/paper_figure.csv" >"$table"
 {
-    echo 'set terminal svg size 1180,520 font "sans,12" background "white"'
+    echo 'set terminal svg size 1180,480 font "sans,12" background "white"'
     echo "set output '$out/paper_figure.svg'"
     echo "set title '$(sed -n 's/^# //p' "$out/paper_figure.csv")'"
     echo 'set logscale y; set format y "%g"; set ylabel "seconds"; set grid y back lc rgb "#dddddd"'
     echo 'set style data histograms; set style histogram clustered gap 1; set style fill solid 0.9'
-    echo 'set xtics rotate by -60 font ",9"; set key top left; set bmargin 9; set yrange [1e-5:*]'
+    echo 'set xtics rotate by -45 scale 0 font ",10"; set key outside right top; set yrange [1e-5:200]'
+    awk -F'\t' '$2 != "" { if (!($2 in first)) { first[$2] = NR; order[++n] = $2 } last[$2] = NR }
+        END { for (i = 1; i <= n; ++i) printf "set label \"%s\" at %g, 90 center font \",10\"\n", order[i],
+            (first[order[i]] + last[order[i]]) / 2 - 1 }' "$table"
     printf 'plot '
     column=1 comma=''
     for policy in $policies; do
         column=$((column + 1))
-        case $policy in 1) title='1 thread' colour='#7f7f7f' ;; gpu) title=GPU colour='#2ca02c' ;; *) title="$policy threads" colour='#1f77b4' ;; esac
-        printf "%s'%s' using %s:xtic(1) title '%s' lc rgb '%s'" "$comma" "${TMPDIR:-/tmp}/paper_figure.$$" "$column" "$title" "$colour"
+        case $policy in
+        1) title='1 thread' colour='#7f7f7f' ;;
+        gpu) title=GPU colour='#2ca02c' ;;
+        *) title="$policy threads" colour='#1f77b4' ;;
+        esac
+        printf "%s'%s' using %s:xtic(1) title '%s' lc rgb '%s'" "$comma" "$table" "$column" "$title" "$colour"
         comma=', '
     done
     echo
 } | gnuplot
-rm -f "${TMPDIR:-/tmp}/paper_figure.$$"

@@ -188,7 +188,8 @@ template <class C> struct Cube {
 /// A thread goes through slices, each of whose nine neighbours it loads once for the three voxels that they belong to.
 constexpr int cube_x = 32, cube_y = 8, cube_slices = 32;
 
-template <class C, class T>
+/// `Gaps`: weights of 0 take no part, whatever the voxel is.
+template <class C, class T, bool Gaps>
 __global__ void __launch_bounds__(cube_x* cube_y)
     cube_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
                 __grid_constant__ Cube<C> const cube, unsigned long long* totals) {
@@ -210,9 +211,9 @@ __global__ void __launch_bounds__(cube_x* cube_y)
             C below = middle, here = above, next = 0; // results at z - 1, z and z + 1
 #pragma unroll
             for (int k = 0; k < 9; ++k) {
-                below = madd(cube.weight[18 + k], v[k], below);
-                here = madd(cube.weight[9 + k], v[k], here);
-                next = madd(cube.weight[k], v[k], next);
+                if (!Gaps || cube.weight[18 + k] != 0) below = madd(cube.weight[18 + k], v[k], below);
+                if (!Gaps || cube.weight[9 + k] != 0) here = madd(cube.weight[9 + k], v[k], here);
+                if (!Gaps || cube.weight[k] != 0) next = madd(cube.weight[k], v[k], next);
             }
             if (z > z0) {
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
@@ -225,14 +226,16 @@ __global__ void __launch_bounds__(cube_x* cube_y)
     driver::add_counts(counts, totals);
 }
 
-template <class C, class T> void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, Losses& losses) {
+template <class C, class T>
+void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, bool gaps, Losses& losses) {
     Index3 const n = out.dims();
     std::int64_t const across = (n.x + cube_x - 1) / cube_x, along = (n.y + cube_y - 1) / cube_y,
                        blocks = across * along * ((n.z + cube_slices - 1) / cube_slices);
     if (blocks > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
     driver::DeviceLosses const counts;
-    cube_kernel<C, T><<<static_cast<unsigned>(blocks), dim3(cube_x, cube_y)>>>(
+    auto* const kernel = gaps ? &cube_kernel<C, T, true> : &cube_kernel<C, T, false>;
+    kernel<<<static_cast<unsigned>(blocks), dim3(cube_x, cube_y)>>>(
         driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
         static_cast<unsigned>(across), static_cast<unsigned>(along), cube, counts.get());
     check_launch("correlate_cube");
@@ -280,11 +283,13 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
     if (out.box.empty()) return;
     Index3 const r = kernel.radius;
     auto const offset = static_cast<C>(kernel.offset);
-    if (r == Index3{1, 1, 1} && kernel.taps.size() == 27) {
+    if (r == Index3{1, 1, 1} && kernel.taps.size() > 9) {
         Cube<C> cube{};
-        for (std::size_t k = 0; k < 27; ++k) cube.weight[k] = static_cast<C>(kernel.taps[k].weight);
+        for (Tap const& tap : kernel.taps)
+            cube.weight[tap.at.x + 1 + 3 * (tap.at.y + 1) + 9 * (tap.at.z + 1)] = static_cast<C>(tap.weight);
         cube.offset = offset;
-        return for_each_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, losses); });
+        bool const gaps = kernel.taps.size() < 27;
+        return for_each_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
     }
     std::vector<DeviceTap<C>> taps;
     for (Tap const& tap : kernel.taps)
