@@ -58,6 +58,12 @@ del moved, view
 gc.collect()
 vkt.trim()
 assert not _volume._kept  # nobody needs the array any more
+for wrong in dict(spacing=np.nan), dict(slope=0), dict(origin=(0, np.inf, 0)), dict(spacing=-1):
+    try:
+        vkt.Volume(np.zeros((2, 2, 2)), **wrong)
+        raise SystemExit(f"{wrong} was taken")
+    except vkt.Error:
+        pass
 for wrong in np.zeros((4, 4, 4))[:, ::2], np.zeros((2, 2), ">f8"):
     assert vkt.Volume(wrong).array.sum() == 0
     try:

@@ -1,8 +1,10 @@
 """Streams of vkt (vkt-stream(5)) over files, pipes of subprocesses and whatever reads or writes bytes."""
 # SPDX-License-Identifier: MIT
 import ctypes
+import io
 import os
 import shutil
+import socket
 import threading
 from typing import Any, Iterable, Iterator
 
@@ -95,16 +97,18 @@ def volume_of(data):
 
 
 def _descriptor(file):
-    """The descriptor of a file, at the position where Python's reading or writing stands; None if it has none."""
+    """The descriptor of a file, at the position where Python's reading or writing stands; None of what has none of its
+    own, as a file that is compressed on the way."""
     if isinstance(file, int):
         return file
-    try:
-        descriptor = file.fileno()
-    except (AttributeError, OSError):
+    if isinstance(file, socket.socket):
+        return file.fileno()
+    plain = isinstance(file, (io.FileIO, io.BufferedReader, io.BufferedWriter, io.BufferedRandom))
+    if not plain or not isinstance(getattr(file, "raw", file), (io.FileIO, socket.SocketIO)):
         return None
     if file.seekable():
-        os.lseek(descriptor, file.tell(), os.SEEK_SET)
-    return descriptor
+        os.lseek(file.fileno(), file.tell(), os.SEEK_SET)
+    return file.fileno()
 
 
 class _Pump:

@@ -84,7 +84,11 @@ class Volume:
         space = told.get("attributes", {}).get("space")
         if space:
             header["attributes"] = {"space": space}
-        self._handle = _create(json.dumps(header), array, not copy)
+        try:
+            text = json.dumps(header, allow_nan=False)
+        except ValueError:
+            raise Error("spacing, origin, direction, slope and intercept are to be finite", 2) from None
+        self._handle = _create(text, array, not copy)
 
     @classmethod
     def _of(cls, handle):
