@@ -63,7 +63,11 @@ std::string kind_of(Parameter const& p) {
         }
     };
     if (p.flag) return "flag";
-    if (!p.choices.empty()) return std::ranges::find(p.choices, "uint8") != p.choices.end() ? "type" : "choice";
+    if (std::ranges::find(p.choices, "uint8") != p.choices.end()) return "type";
+    // "border:0" is more than a choice.
+    if (!p.choices.empty())
+        return std::ranges::any_of(p.choices, [&](std::string const& word) { return takes(word + ":0"); }) ? "text"
+                                                                                                           : "choice";
     if (takes("name") || takes("50%") || !takes("1")) return "text";
     if (!takes("1.5")) return "integer";
     return p.max_values == 1 && takes("1,2,3") ? "vector" : "number";

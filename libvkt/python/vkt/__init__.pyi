@@ -69,8 +69,8 @@ def affine(
     volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
     expand: bool = False, like: Value | None = None, roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: Value | None = None, background: float | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def apply(name: str, *arguments: Any, **options: Any) -> Any: ...
 def arith(
@@ -86,7 +86,7 @@ def clahe(
     device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def convert(
-    volume: Volume, *, dtype: Value | None = None, tolerance: float | None = None, range: Value | None = None,
+    volume: Volume, *, dtype: DType | None = None, tolerance: float | None = None, range: Value | None = None,
     to: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
     slab: int = 0,
 ) -> Volume: ...
@@ -100,11 +100,11 @@ def crop(
 ) -> Volume: ...
 def declare_sv(
     *, dims: Sequence[int], data_format: DType | None = None, bytes_per_voxel: int | None = None,
-    dist: Sequence[float] | None = None, voxel_mapping: Sequence[Any] | None = None, device: Value = 'auto',
+    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def delete(
-    volume: Volume, *, roi: Value, value: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    volume: Volume, *, roi: Value, value: float | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def diff(
@@ -127,16 +127,16 @@ def dump_range(
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> dict[str, Any]: ...
 def fill(
-    volume: Volume, *, value: Value = '0', roi: Value | None = None, first: Sequence[int] | None = None,
+    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
     last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def fill_holes(
-    volume: Volume, *, connectivity: int = 6, value: Value | None = None, max_size: int | None = None,
+    volume: Volume, *, connectivity: int = 6, value: float | None = None, max_size: int | None = None,
     device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def fill_range(
-    volume: Volume, *, value: Value = '0', roi: Value | None = None, first: Sequence[int] | None = None,
+    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
     last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
@@ -165,18 +165,18 @@ def label(
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def mesh(
-    volume: Volume, *, iso: Value | None = None, label: int | Sequence[int] | None = None, labels: bool = False,
+    volume: Volume, *, iso: float | None = None, label: int | Sequence[int] | None = None, labels: bool = False,
     roi: Value | None = None, open: bool = False, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> dict[str, Any]: ...
 def morphology(
-    volume: Volume, what: Literal['erode', 'dilate', 'open', 'close', 'gradient', 'tophat'], *, radius: Value = '1',
-    shape: Literal['ball', 'box'] = 'ball', boundary: Value = 'mirror', roi: Value | None = None,
+    volume: Volume, what: Literal['erode', 'dilate', 'open', 'close', 'gradient', 'tophat'], *, radius: int = 1,
+    shape: Literal['ball', 'box'] = 'ball', boundary: str = 'mirror', roi: Value | None = None,
     device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def operations() -> list[str]: ...
 def pad(
-    volume: Volume, *, by: Value, boundary: Value = 'border:0', value: Value | None = None, device: Value = 'auto',
+    volume: Volume, *, by: int, boundary: str = 'border:0', value: float | None = None, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def permute(
@@ -191,20 +191,20 @@ def project(
 def read(path: str | os.PathLike[str], **options: Any) -> Volume: ...
 def read_stream(file: Any) -> Iterator[Volume]: ...
 def refine(
-    volume: Volume, *, tolerance: Value, metric: Literal['value', 'gradient', 'transfer'] = 'value',
-    transfer: Value | None = None, block_size: Value = '8', levels: int = 8,
-    method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: Value | None = None,
+    volume: Volume, *, tolerance: float, metric: Literal['value', 'gradient', 'transfer'] = 'value',
+    transfer: Value | None = None, block_size: int = 8, levels: int = 8,
+    method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: DType | None = None,
     background: float | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
     slab: int = 0,
 ) -> Volume: ...
 def render(volume: Volume, **options: Any) -> np.ndarray[Any, np.dtype[Any]] | bytes: ...
 def resample(
-    volume: Volume, *, scale: float | Sequence[float] | None = None, dims: Sequence[Any] | None = None,
-    spacing: float | Sequence[float] | None = None, like: Value | None = None, cells: Value | None = None,
+    volume: Volume, *, scale: float | Sequence[float] | None = None, dims: Sequence[int] | None = None,
+    spacing: float | Sequence[float] | None = None, like: Value | None = None, cells: float | None = None,
     method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
     roi: Value | None = None, roi_world: Value | None = None, background: float | None = None, mask: bool = False,
-    boundary: Value | None = None, dtype: DType | None = None, bytes_per_voxel: int | None = None,
-    dist: Sequence[float] | None = None, voxel_mapping: Sequence[Any] | None = None, device: Value = 'auto',
+    boundary: str | None = None, dtype: DType | None = None, bytes_per_voxel: int | None = None,
+    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def rotate(
@@ -213,15 +213,15 @@ def rotate(
     about: float | Sequence[float] | None = None, expand: bool = False, like: Value | None = None,
     roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: Value | None = None, background: float | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def scale(
     volume: Volume, *, factor: float | Sequence[float], about: float | Sequence[float] | None = None,
     expand: bool = False, like: Value | None = None, roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: Value | None = None, background: float | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def scan(
     volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: int | None = None,
@@ -230,7 +230,7 @@ def scan(
 def set(
     volume: Volume, *, spacing: float | Sequence[float] | None = None, dist: Sequence[float] | None = None,
     origin: float | Sequence[float] | None = None, direction: Value | None = None, units: Value | None = None,
-    slope: float | None = None, intercept: float | None = None, voxel_mapping: Sequence[Any] | None = None,
+    slope: float | None = None, intercept: float | None = None, voxel_mapping: Sequence[float] | None = None,
     attribute: Value | None = None, dims: Sequence[int] | None = None, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
@@ -240,13 +240,13 @@ def slice(
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def stats(
-    *volumes: Volume, roi: Value | None = None, percentiles: Value | None = None, mask: Volume | None = None,
-    labels: Volume | None = None, per: Literal['x', 'y', 'z'] | None = None, mergeable: bool = False,
-    merge: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
-    slab: int = 0,
+    *volumes: Volume, roi: Value | None = None, percentiles: float | Sequence[float] | None = None,
+    mask: Volume | None = None, labels: Volume | None = None, per: Literal['x', 'y', 'z'] | None = None,
+    mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> dict[str, Any]: ...
 def threshold(
-    volume: Volume, *, above: Value | None = None, below: Value | None = None, range: Value | None = None,
+    volume: Volume, *, above: float | None = None, below: float | None = None, range: Value | None = None,
     otsu: bool = False, roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...

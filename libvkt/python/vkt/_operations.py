@@ -147,11 +147,11 @@ def annotation_text(parameter):
         return "Volume | float" if parameter["positional"] and parameter["name"] in ("a", "b", "c") else "Volume"
     if parameter["flag"]:
         return "bool"
-    if parameter["choices"] and parameter["kind"] == "choice":
+    if parameter["kind"] == "choice":
         base = f"Literal[{', '.join(map(repr, parameter['choices']))}]"
     else:
         base = {"integer": "int", "number": "float", "vector": "float | Sequence[float]", "type": "DType",
-                "choice": "str"}.get(parameter["kind"], "Value")
+                "text": "str" if parameter["choices"] else "Value"}[parameter["kind"]]
     if parameter["most"] == parameter["least"] > 1:
         return {"int": "Sequence[int]", "float": "Sequence[float]"}.get(base, "Sequence[Any]")
     if parameter["most"] != 1:

@@ -9,60 +9,60 @@ from . import DType, Value, Volume
 
 def bilateral(
     volume: Volume, *, sigma: float | Sequence[float] = 1.0, range_sigma: float,
-    unit: Literal['voxel', 'world'] = 'voxel', radius: Value | None = None, boundary: Value = 'mirror',
+    unit: Literal['voxel', 'world'] = 'voxel', radius: int | None = None, boundary: str = 'mirror',
     roi: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
     slab: int = 0,
 ) -> Volume: ...
 def box(
-    volume: Volume, *, radius: Value = '1', boundary: Value = 'mirror', roi: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, radius: int = 1, boundary: str = 'mirror', roi: Value | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def dog(
     volume: Volume, *, sigma: float | Sequence[float] = 1.0, unit: Literal['voxel', 'world'] = 'voxel',
-    boundary: Value = 'mirror', roi: Value | None = None, dtype: DType | None = None, ratio: float = 1.6,
+    boundary: str = 'mirror', roi: Value | None = None, dtype: DType | None = None, ratio: float = 1.6,
     device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def gaussian(
     volume: Volume, *, sigma: float | Sequence[float] = 1.0, unit: Literal['voxel', 'world'] = 'voxel',
-    boundary: Value = 'mirror', tolerance: Value | None = None, method: Literal['auto', 'fir', 'cascade'] = 'auto',
+    boundary: str = 'mirror', tolerance: Value | None = None, method: Literal['auto', 'fir', 'cascade'] = 'auto',
     roi: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
     slab: int = 0,
 ) -> Volume: ...
 def gradient(
-    volume: Volume, *, component: Literal['magnitude', 'x', 'y', 'z'] = 'magnitude', boundary: Value = 'mirror',
+    volume: Volume, *, component: Literal['magnitude', 'x', 'y', 'z'] = 'magnitude', boundary: str = 'mirror',
     roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def kernel(
-    volume: Volume, file: Value, *, convolve: bool = False, boundary: Value = 'mirror', roi: Value | None = None,
+    volume: Volume, file: Value, *, convolve: bool = False, boundary: str = 'mirror', roi: Value | None = None,
     dtype: DType | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
     slab: int = 0,
 ) -> Volume: ...
 def laplacian(
-    volume: Volume, *, boundary: Value = 'mirror', roi: Value | None = None, dtype: DType | None = None,
+    volume: Volume, *, boundary: str = 'mirror', roi: Value | None = None, dtype: DType | None = None,
     device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def log(
     volume: Volume, *, sigma: float | Sequence[float] = 1.0, unit: Literal['voxel', 'world'] = 'voxel',
-    boundary: Value = 'mirror', roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto',
+    boundary: str = 'mirror', roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def median(
-    volume: Volume, *, radius: Value = '1', boundary: Value = 'mirror', roi: Value | None = None,
-    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, radius: int = 1, boundary: str = 'mirror', roi: Value | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def nlmeans(
-    volume: Volume, *, patch: Value = '1', search: Value = '5', strength: float | None = None,
-    noise: Value | None = None, boundary: Value = 'mirror', roi: Value | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    volume: Volume, *, patch: int = 1, search: int = 5, strength: float | None = None, noise: float | None = None,
+    boundary: str = 'mirror', roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def sharpen(
     volume: Volume, *, sigma: float | Sequence[float] = 1.0, unit: Literal['voxel', 'world'] = 'voxel',
-    boundary: Value = 'mirror', roi: Value | None = None, amount: float = 1.0, device: Value = 'auto',
+    boundary: str = 'mirror', roi: Value | None = None, amount: float = 1.0, device: Value = 'auto',
     threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def sobel(
-    volume: Volume, *, component: Literal['magnitude', 'x', 'y', 'z'] = 'magnitude', boundary: Value = 'mirror',
+    volume: Volume, *, component: Literal['magnitude', 'x', 'y', 'z'] = 'magnitude', boundary: str = 'mirror',
     roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...

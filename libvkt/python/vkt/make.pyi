@@ -19,7 +19,7 @@ def checkerboard(
 ) -> Volume: ...
 def constant(
     *, dims: Sequence[int], dtype: DType = 'float32', spacing: float | Sequence[float] = 1.0,
-    origin: float | Sequence[float] = 0.0, value: Value = '0', device: Value = 'auto', threads: int | None = None,
+    origin: float | Sequence[float] = 0.0, value: float = 0.0, device: Value = 'auto', threads: int | None = None,
     memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def marschner_lobb(
