@@ -25,12 +25,12 @@ self_contained() {
         run -0 ldd "$library"
         [[ "$output" != *"not found"* ]] || { echo "$library: $output" >&2; return 1; }
         # Whatever is found lies in the package or where the system's loader looks.
-        awk '$2 == "=>" { print $3 }' <<<"$output" | while IFS= read -r needed; do
+        sed -n 's/^.* => \(.*\) (0x[0-9a-f]*)$/\1/p' <<<"$output" | while IFS= read -r needed; do
             case $needed in
             "$1"/* | /lib/* | /lib64/* | /usr/lib/*) ;;
             *) [[ "$(realpath "$needed")" == "$(realpath "$1")"/* ]] || { echo "$library needs $needed" >&2; exit 1; } ;;
             esac
-        done
+        done || return 1
     done <libraries
 }
 
