@@ -20,8 +20,9 @@ exported() { nm -D --defined-only --with-symbol-versions "$1" | awk '$2 == "T" {
 }
 
 @test "functions of C++ have no version" {
-    run -0 bash -c "nm -D --defined-only --with-symbol-versions '$library' | grep _ZN3vkt | grep -c @"
-    [ "$output" = 0 ] || { echo "$output symbols of C++ are versioned" >&2; false; }
+    nm -D --defined-only --with-symbol-versions "$library" | awk '{print $3}' | grep _ZN3vkt >cpp
+    [ "$(wc -l <cpp)" -gt 500 ]
+    run ! grep @ cpp
 }
 
 @test "functions and structures are those of the reference" {

@@ -1,5 +1,6 @@
 // An operation that vkt does not have, in a program of its own: gamma correction of a file, slab by slab.
-// gamma IN OUT EXPONENT: values become top * (value / top)^EXPONENT, top being the type's largest. SPDX-License-Identifier: MIT
+// gamma IN OUT EXPONENT: values become top * (value / top)^EXPONENT, top being the type's largest.
+// SPDX-License-Identifier: MIT
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/request.h"
 #include "libvkt/kernel/kernel.h"
@@ -39,7 +40,8 @@ int main(int argc, char** argv) try {
     gamma.exponent = std::stod(argv[3]);
     std::vector<std::unique_ptr<vkt::Source>> inputs;
     inputs.push_back(vkt::ReadRequest().open(argv[1]));
-    auto const result = vkt::attach(std::move(inputs), gamma, execution, {.name = "gamma", .words = {"gamma", argv[3]}});
+    auto const result =
+        vkt::attach(std::move(inputs), gamma, execution, {.name = "gamma", .words = {"gamma", argv[3]}});
     vkt::drain(*result, *vkt::create_volume(argv[2], {}), execution);
 } catch (std::exception const& e) {
     std::cerr << "gamma: " << e.what() << '\n';

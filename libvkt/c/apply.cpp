@@ -65,8 +65,9 @@ vkt_status vkt_transform(vkt_volume const* volume, vkt_voxel_function function, 
         std::string remarks;
         StageInfo info;
         info.name = transform.name();
-        info.words = history_words(info.name, own, {"-"}, false);
-        info.words.insert(info.words.begin() + 1, "(a function of the program)");
+        auto const said = history_words(info.name, own, {"-"}, false);
+        info.words = {said.front(), "(a function of the program)"};
+        info.words.insert(info.words.end(), said.begin() + 1, said.end());
         info.input_names = {"-"};
         info.listener = into(remarks);
         std::vector<std::unique_ptr<Source>> sources;

@@ -53,24 +53,20 @@ Owned made_on_grid_of(vktStructuredVolume to, vkt_volume const* content, std::ve
 void move_region(vktStructuredVolume to, vktStructuredVolume from, Box const& box, std::vector<std::string> words) {
     words.insert(words.end(), {"--boundary", "clamp"});
     Owned const moved = made_on_grid_of(to, from->volume.get(), words);
-    // Where the region comes to lie: voxels whose nearest one of the source is in it.
-    auto const mask = made(dims_of(from->volume.get()), vktDataFormatUInt8, {1, 1, 1}, 0, 255);
-    fill(mask.get(), within(box, from), 1);
-    vkt_description const d = description_of(from->volume.get());
-    vktStructuredVolumeSetDist3f(mask.get(), static_cast<float>(d.spacing[0]), static_cast<float>(d.spacing[1]),
-                                 static_cast<float>(d.spacing[2]));
     words.resize(words.size() - 2);
     words.insert(words.end(), {"--method", "nearest", "--background", "0"});
-    // A grid that is larger than the source continues it, but not its region.
+    // Where the region comes to lie: voxels whose nearest one of the source is in it.
     Index3 const grid = most(dims_of(to->volume.get()), dims_of(from->volume.get()));
-    auto const there = made(grid, vktDataFormatUInt8, vktStructuredVolumeGetDist3fv(mask.get()), 0, 255);
-    paste(there.get(), mask->volume.get(), {});
+    auto const there = made(grid, vktDataFormatUInt8, vktStructuredVolumeGetDist3fv(from), 0, 255);
+    fill(there.get(), within(box, from), 1);
     Owned const taken = made_on_grid_of(to, there->volume.get(), words);
 
     auto written = made_like(to, dims_of(to->volume.get()));
     paste(written.get(), moved.get(), {});
+    auto where = made(dims_of(to->volume.get()), vktDataFormatUInt8, vktStructuredVolumeGetDist3fv(to), 0, 255);
+    paste(where.get(), taken.get(), {});
     Owned const result =
-        applied({"arith", "where", "-", "-", "-"}, {taken.get(), written->volume.get(), to->volume.get()});
+        applied({"arith", "where", "-", "-", "-"}, {where->volume.get(), written->volume.get(), to->volume.get()});
     paste(to, result.get(), {});
 }
 

@@ -14,7 +14,8 @@ using namespace vkt::volkit;
 
 namespace {
 
-void calculate(char const* operation, vktStructuredVolume to, vktStructuredVolume a, vktStructuredVolume b,
+/// dest = an expression of the physical values v and a. (arith would combine stored ones.)
+void calculate(char const* expression, vktStructuredVolume to, vktStructuredVolume a, vktStructuredVolume b,
                Box const& box, Index3 offset) {
     needed(to, "dest");
     needed(a, "source1");
@@ -22,66 +23,73 @@ void calculate(char const* operation, vktStructuredVolume to, vktStructuredVolum
     // What nobody would see need not be computed.
     Box const wanted = intersect(box, {whole(to).lower - offset, whole(to).upper - offset});
     if (wanted.empty()) return;
-    Owned const first = part_of(a->volume.get(), wanted), second = part_of(b->volume.get(), wanted);
-    paste(to, applied({"arith", operation, "-", "-", "--dtype", "float64"}, {first.get(), second.get()}).get(),
+    Owned const first = part_of(a->volume.get(), wanted);
+    Owned second = part_of(b->volume.get(), wanted);
+    vktVec3f_t const dist = vktStructuredVolumeGetDist3fv(a), other = vktStructuredVolumeGetDist3fv(b);
+    if (dist.x != other.x || dist.y != other.y || dist.z != other.z) { // voxels meet by their number here
+        auto same = made(wanted.upper, b->format, dist, b->low, b->high);
+        paste(same.get(), second.get(), wanted.lower);
+        second = part_of(same->volume.get(), wanted);
+    }
+    paste(to, applied({"transform", expression, "-", "-", "--dtype", "float64"}, {first.get(), second.get()}).get(),
           wanted.lower + offset);
 }
 
 } // namespace
 
 vktError vktSumSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktSumSV", [&] { calculate("add", dest, source1, source2, whole(needed(source1, "source1")), {}); });
+    return run("vktSumSV", [&] { calculate("v + a", dest, source1, source2, whole(needed(source1, "source1")), {}); });
 }
 vktError vktSumRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
                        int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
                        int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
     return run("vktSumRangeSV", [&] {
-        calculate("add", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
+        calculate("v + a", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
                   {dstOffsetX, dstOffsetY, dstOffsetZ});
     });
 }
 vktError vktDiffSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktDiffSV", [&] { calculate("sub", dest, source1, source2, whole(needed(source1, "source1")), {}); });
+    return run("vktDiffSV", [&] { calculate("v - a", dest, source1, source2, whole(needed(source1, "source1")), {}); });
 }
 vktError vktDiffRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
                         int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
                         int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
     return run("vktDiffRangeSV", [&] {
-        calculate("sub", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
+        calculate("v - a", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
                   {dstOffsetX, dstOffsetY, dstOffsetZ});
     });
 }
 vktError vktProdSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktProdSV", [&] { calculate("mul", dest, source1, source2, whole(needed(source1, "source1")), {}); });
+    return run("vktProdSV", [&] { calculate("v * a", dest, source1, source2, whole(needed(source1, "source1")), {}); });
 }
 vktError vktProdRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
                         int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
                         int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
     return run("vktProdRangeSV", [&] {
-        calculate("mul", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
+        calculate("v * a", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
                   {dstOffsetX, dstOffsetY, dstOffsetZ});
     });
 }
 vktError vktQuotSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
-    return run("vktQuotSV", [&] { calculate("div", dest, source1, source2, whole(needed(source1, "source1")), {}); });
+    return run("vktQuotSV", [&] { calculate("v / a", dest, source1, source2, whole(needed(source1, "source1")), {}); });
 }
 vktError vktQuotRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
                         int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
                         int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
     return run("vktQuotRangeSV", [&] {
-        calculate("div", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
+        calculate("v / a", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
                   {dstOffsetX, dstOffsetY, dstOffsetZ});
     });
 }
 vktError vktAbsDiffSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2) {
     return run("vktAbsDiffSV",
-               [&] { calculate("absdiff", dest, source1, source2, whole(needed(source1, "source1")), {}); });
+               [&] { calculate("abs(v - a)", dest, source1, source2, whole(needed(source1, "source1")), {}); });
 }
 vktError vktAbsDiffRangeSV(vktStructuredVolume dest, vktStructuredVolume source1, vktStructuredVolume source2,
                            int32_t firstX, int32_t firstY, int32_t firstZ, int32_t lastX, int32_t lastY, int32_t lastZ,
                            int32_t dstOffsetX, int32_t dstOffsetY, int32_t dstOffsetZ) {
     return run("vktAbsDiffRangeSV", [&] {
-        calculate("absdiff", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
+        calculate("abs(v - a)", dest, source1, source2, range(firstX, firstY, firstZ, lastX, lastY, lastZ),
                   {dstOffsetX, dstOffsetY, dstOffsetZ});
     });
 }

@@ -32,6 +32,7 @@ set(DOXYGEN_OPTIMIZE_OUTPUT_FOR_C NO)
 set(DOXYGEN_PREDEFINED "VKT_BACKEND=baseline" "VKT_HD=")
 set(DOXYGEN_EXTRACT_ALL YES)
 set(DOXYGEN_WARNINGS NO)
+set(DOXYGEN_WARN_LOGFILE ${PROJECT_BINARY_DIR}/doc/cpp.log)
 set(DOXYGEN_WARN_AS_ERROR NO)
 file(GLOB headers CONFIGURE_DEPENDS libvkt/core/*.h libvkt/engine/*.h libvkt/formats/format.h libvkt/formats/request.h
   libvkt/kernel/kernel.h libvkt/kernel/numeric.h libvkt/operations/*.h libvkt/render/*.h libvkt/amr/*.h)

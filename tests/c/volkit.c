@@ -156,6 +156,10 @@ static void moves(void) {
     MUST(vktFillSV(b, -5) == vktNoError);
     MUST(vktRotateRangeSV(b, a, 2, 2, 0, 6, 6, 2, z, pi / 2, middle) == vktNoError);
     MUST(at(b, 5, 2, 0) == at(a, 2, 2, 0) && at(b, 2, 5, 1) == at(a, 5, 5, 1) && sum_of(b, -5) == 256 - 32);
+    vktStructuredVolumeSetDist3f(b, 3, 3, 3);
+    MUST(vktFillSV(b, -5) == vktNoError);
+    MUST(vktRotateRangeSV(b, a, 2, 2, 0, 6, 6, 2, z, pi / 2, middle) == vktNoError && at(b, 5, 2, 0) == at(a, 2, 2, 0));
+    MUST(vktStructuredVolumeGetDist3fv(b).x == 3 && sum_of(b, -5) == 256 - 32);
     vktVec3f_t const none = {0, 0, 0};
     MUST(vktRotateSV(b, a, none, 1, middle) == vktInvalidValue);
     /* Twice as large about the middle: cell-centred, so that voxel i shows i / 2 + 1.75. */
@@ -260,6 +264,9 @@ static void arithmetic(void) {
     MUST(fabsf(at(wide, 1, 1, 0) - 1) < 1e-6F && fabsf(at(wide, 2, 1, 0) - 1) < 1e-6F && sum_of(wide, -1) == 4);
     MUST(vktSafeQuotRangeSV(wide, a, b, 0, 0, 0, 1, 1, 1, 0, 0, 0) == vktNoError && fabsf(at(wide, 0, 0, 0) - 1.5F) < 1e-6F);
     MUST(vktSumSV(wide, a, NULL) == vktInvalidValue);
+    vktStructuredVolumeSetDist3f(b, 2, 1, 1); /* voxels meet by their number */
+    vktStructuredVolumeSetDist3f(wide, 1, 1, 5);
+    MUST(vktSumSV(wide, a, b) == vktNoError && fabsf(at(wide, 2, 1, 0) - 1) < 1e-6F);
     vktStructuredVolumeDestroy(a), vktStructuredVolumeDestroy(b), vktStructuredVolumeDestroy(sum);
     vktStructuredVolumeDestroy(wide);
 }
