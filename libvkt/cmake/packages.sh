@@ -12,7 +12,7 @@ build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev 
 optional='libopenvdb-dev libtbb-dev libhdf5-dev libtiff-dev libgdcm-dev libopenexr-dev libfreetype-dev fonts-dejavu-core libexpat1-dev liblz4-dev liblzma-dev libzstd-dev libblosc-dev
     libglfw3-dev libgl-dev libimgui-dev python3-numpy gnuplot-nox'
 test='abigail-tools doxygen bats make libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
-    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-tifffile python3-pydicom python3-h5py python3-pip python3-vtk9 python3-openvdb python3-opencv teem-apps strace time xxd bsdutils
+    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-tifffile python3-pydicom python3-h5py python3-xarray python3-pip python3-vtk9 python3-openvdb python3-opencv teem-apps strace time xxd bsdutils
     util-linux procps gnuplot-nox'
 
 command -v dpkg-query >/dev/null || {
