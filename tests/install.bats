@@ -74,7 +74,7 @@ EOF
 @test "a program builds with pkg-config" {
     pc=$(find "$prefix" -name vkt.pc)
     export PKG_CONFIG_PATH="${pc%/*}"
-    [ "$(pkg-config --modversion vkt)" = "$(cut -d' ' -f2 <<<"$(vkt --version)")" ]
+    [ "$(pkg-config --modversion vkt)" = "$(vkt --version | sed -n '1s/vkt //p')" ]
     # pkg-config escapes the blank in the folder for a shell.
     eval "c++ -std=c++20 consumer.cpp -o consumer $(pkg-config --cflags --libs vkt)"
     run ./consumer
