@@ -2,6 +2,7 @@
 # Makes the gallery: pictures, and README.md with the command and the data of each.
 # make.sh [DIRECTORY]: writes them there (here). Everything is made from the volumes that come with vkt or from none.
 # SPDX-License-Identifier: MIT
+# shellcheck disable=SC2016  # backquotes are those of Markdown
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 out=${1:-.}

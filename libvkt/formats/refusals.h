@@ -8,12 +8,14 @@
 
 namespace vkt {
 
-/// For writers of files with one grid each: `what` is "Zarr arrays".
-/// Throws Error{usage} for bricks.
+/// For writers of files with one grid each: `what` is "Zarr arrays". Throws Error{usage} for bricks.
 void refuse_bricks(Header const& header, std::string_view what);
 
-/// The same, and for a second volume: begun is whether there was one before, and becomes true. `file` is "a Zarr
+/// Throws Error{usage} for a second volume: begun is whether there was one before, and becomes true. `file` is "a Zarr
 /// array", `extension` ".zarr".
+void refuse_series(bool& begun, std::string_view file, std::string_view extension);
+
+/// Both.
 void refuse_bricks_and_series(Header const& header, bool& begun, std::string_view what, std::string_view file,
                               std::string_view extension);
 
