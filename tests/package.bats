@@ -44,11 +44,14 @@ setup_more() {
 
 @test "lintian finds nothing but what overrides say and explain" {
     needs cpack dpkg-deb dpkg-shlibdeps lintian
-    lintian --allow-root --fail-on error,warning,info --suppress-tags '' "$debs"/*.deb >said 2>&1 || { cat said >&2; false; }
-    run ! grep -E '^[EWI]: ' said
+    # Each override hides something that is there.
+    lintian --allow-root --show-overrides "$debs"/*.deb >said 2>&1
+    [ -s said ]
+    run ! grep -E '^[EW]: ' said
     # Each line of an override stands below one that says why.
     for file in "$VKT_ROOT"/libvkt/cmake/debian/*.lintian-overrides; do
-        awk '/^#/ { why = 1; next } /^$/ { why = 0; next } !why { exit 1 }' "$file"
+        awk '/^#/ { why = 1; next } !why { exit 1 } { why = 0 }' "$file"
+        while read -r _ tag _; do grep -qF "O: $(basename "$file" .lintian-overrides): $tag" said || { echo "$file: $tag" >&2; false; }; done < <(grep -v '^#' "$file")
     done
 }
 
@@ -59,7 +62,8 @@ setup_more() {
     hash -r
     [ "$(command -v vkt)" = "$root/usr/bin/vkt" ]
     vkt stats v.nrrd >said
-    [ "$(ldd "$root/usr/bin/vkt" | grep -c "=> $root/usr/lib")" -ge 1 ]
+    loaded=$(ldd "$root/usr/bin/vkt" | sed -n 's/.*libvkt[^=]*=> \(.*\) (0x.*/\1/p')
+    [[ "$(readlink -f "$loaded")" == "$(readlink -f "$root")/usr/lib"* ]]
     run ! bash -c "vkt --version | grep '^missing'"
     for module in $(vkt --version | sed -n 's/^modules: *//p'); do
         case $module in
@@ -119,8 +123,9 @@ assert (v.apply("flip", axis="x").array == v.array[:, :, ::-1]).all()'
         case ${program##*/} in git | git-*) ;; *) [ -e "bin/${program##*/}" ] || ln -s "$program" bin ;; esac
     done
     PATH="$PWD/bin" cmake -S "$folder" -B built -G Ninja -DVKT_TESTS=OFF >log 2>&1 || { tail -n 20 log >&2; false; }
-    PATH="$PWD/bin" ninja -C built -n vkt >plan 2>&1 || { tail -n 20 plan >&2; false; }
-    grep -q 'Linking CXX executable vkt' plan
+    PATH="$PWD/bin" ninja -C built -t commands vkt | grep -oE -- ' -c [^ ]+' | cut -c5- | sort -u >sources
+    [ "$(wc -l <sources)" -gt 200 ]
+    while read -r source; do [ -e "built/$source" ] || [ -e "$source" ] || { echo "$source" >&2; false; }; done <sources
     PATH="$PWD/bin" ninja -C built libvkt/CMakeFiles/vkt.dir/core/roi.cpp.o >log 2>&1 || { tail -n 20 log >&2; false; }
     [ -e built/libvkt/CMakeFiles/vkt.dir/core/roi.cpp.o ]
 }

@@ -31,24 +31,30 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
-set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "volume toolset for Unix pipelines
- Reads, changes, measures and draws volumes: three-dimensional grids of numbers, as
- they come from scanners and simulations. Commands are joined by pipes, work at the
- same time, hold only the slices that they need, and keep geometry and history.
- .
- Reads and writes NRRD, MetaImage, NIfTI, TIFF, DICOM, HDF5, Zarr, OpenVDB, VTK and
- others; what large libraries do is loaded when a file asks for it.")
-set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "volume toolset for Unix pipelines - development files
- Headers of libvkt, with interfaces for C and C++, its CMake package and its
- pkg-config file.")
-set(CPACK_COMPONENT_PYTHON_DESCRIPTION "volume toolset for Unix pipelines - Python package
- The operations of the command vkt on NumPy arrays.")
+set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
+"Reads, changes, measures and draws volumes: three-dimensional grids of
+numbers, as they come from scanners and simulations. Commands are joined by
+pipes, work at the same time, hold only the slices that they need, and keep
+geometry and history.
+
+Reads and writes NRRD, MetaImage, NIfTI, TIFF, DICOM, HDF5, Zarr, OpenVDB,
+VTK and others; what large libraries do is loaded when a file asks for it.")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
+"Headers of libvkt, with interfaces for C and C++, its CMake package and its
+pkg-config file.")
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION
+"The operations of the command vkt as a Python package, on NumPy arrays.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "vkt (= ${PROJECT_VERSION}-1)")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "vkt (= ${PROJECT_VERSION}-1), python3, python3-numpy")
+# What links to libvkt depends on this version; the linker's cache is told of it.
+set(VKT_CONTROL ${PROJECT_BINARY_DIR}/debian)
+file(CONFIGURE OUTPUT ${VKT_CONTROL}/shlibs CONTENT
+  "libvkt ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR} vkt (= ${PROJECT_VERSION}-1)\n")
+file(CONFIGURE OUTPUT ${VKT_CONTROL}/triggers CONTENT "activate-noawait ldconfig\n")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${VKT_CONTROL}/shlibs ${VKT_CONTROL}/triggers)
 # What else Debian asks of packages: see the script.
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/libvkt/cmake/debian/stage.cmake)
-set(VKT_DEBIAN_FOLDER ${PROJECT_SOURCE_DIR}/libvkt/cmake/debian)
-set(CPACK_VKT_DEBIAN_FOLDER ${VKT_DEBIAN_FOLDER})
+set(CPACK_VKT_DEBIAN_FOLDER ${PROJECT_SOURCE_DIR}/libvkt/cmake/debian)
 set(CPACK_VKT_LIBRARY_FOLDER ${CMAKE_INSTALL_LIBDIR})
 
 # cpack --config CPackSourceConfig.cmake packs the files as they lie; the target below packs what was committed.

@@ -16,7 +16,7 @@ function(vkt_dependencies result field)
   set(work "${top}/shlibdeps")
   file(MAKE_DIRECTORY "${work}/debian")
   file(WRITE "${work}/debian/control" "Source: vkt\n\nPackage: vkt\nArchitecture: any\n")
-  execute_process(COMMAND dpkg-shlibdeps -O "-d${field}" --ignore-missing-info -x vkt
+  execute_process(COMMAND dpkg-shlibdeps -O "-d${field}" --ignore-missing-info
       "-l${top}/runtime/${library}" ${ARGN}
     WORKING_DIRECTORY "${work}" OUTPUT_VARIABLE said ERROR_VARIABLE complaints RESULT_VARIABLE failed)
   file(REMOVE_RECURSE "${work}")
