@@ -52,8 +52,8 @@ struct WriteOptions {
     std::optional<double> background{};
     /// Budget of formats that hold a volume until it is written, and of compression; none: default_memory().
     std::optional<std::size_t> memory{};
-    std::optional<int> threads{};  ///< that compress; none: default_threads()
-    bool pyramid = false;          ///< Zarr: coarser levels besides
+    std::optional<int> threads{}; ///< that compress; none: default_threads()
+    bool pyramid = false;         ///< Zarr: coarser levels besides
     ZarrLayout zarr{};
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
