@@ -23,7 +23,7 @@ python() {
 @test "the package is found in the moved tree, and nothing else is needed" {
     [[ "$site" == *"moved here/lib/python"*/site-packages ]]
     PYTHONPATH="$site" /usr/bin/python3 -c 'import vkt; print(vkt.__file__, vkt.__version__)' >out
-    grep -qF "$site/vkt/__init__.py $(vkt --version | cut -d' ' -f2)" out
+    grep -qF "$site/vkt/__init__.py $(vkt --version | sed -n '1s/vkt //p')" out
 }
 
 @test "the example of the README runs" {

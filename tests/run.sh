@@ -97,7 +97,7 @@ done
 
 say 'packages'
 if [ "${VKT_PACKAGES:-install}" = install ]; then
-    sh libvkt/cmake/packages.sh build optional test
+    sh libvkt/cmake/packages.sh build optional package test
     # An oracle that Debian does not have. Without it one test says so and skips.
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
