@@ -171,6 +171,7 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
         }
     });
     histogram_ = histogram_of(survey.all, bins, header.values);
+    cells_ = make_tree_cells(sampler_, type_, region_, execution.threads);
 }
 
 Tree::Visibility Tree::classify(TransferTable const& table) const {
@@ -216,6 +217,17 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     return result;
 }
 
+Box Tree::box_of(CellVisibility const& cells) const {
+    Box box;
+    double const origin[3] = {cells_.origin.x, cells_.origin.y, cells_.origin.z};
+    for (int a = 0; a < 3; ++a) {
+        box.lower[a] = static_cast<std::int64_t>(origin[a] + cells_.size * cells.first[a]);
+        box.upper[a] = static_cast<std::int64_t>(origin[a] + cells_.size * (cells.last[a] + 1));
+    }
+    box = intersect(box, region_);
+    return box.empty() ? region_ : box;
+}
+
 double Tree::value_at(Vec3 position) const {
     TreeSample const s = sampler_.sample(position);
     return s.weight > 0 ? static_cast<double>(s.value) : std::numeric_limits<double>::quiet_NaN();
@@ -236,7 +248,11 @@ TreeView Tree::view(Visibility const& visibility) const {
             visibility.visible_before.data(),
             slack,
             visibility.lower - around,
-            visibility.upper + around};
+            visibility.upper + around,
+            cells_.origin,
+            cells_.size,
+            cells_.first.data(),
+            cells_.bricks.data()};
 }
 
 } // namespace vkt::render

@@ -42,6 +42,18 @@ concept Sampler = requires(S const& s, Float3 p, float const* t, float* out) {
     s.gradients(p, p, t, out, out, out);
 };
 
+/// What rays that go anywhere may ask: the value at a position and its derivative, in the precision that positions need;
+/// and the grid of macrocells.
+template <class S>
+concept ScalarField = requires(S const& s, typename S::Vector p) {
+    typename S::Real;
+    { s.value(p) } -> std::same_as<float>;
+    { s.gradient(p) } -> std::same_as<Float3>;
+    { S::place(Double3{}) } -> std::same_as<typename S::Vector>;
+    { s.cell_origin() } -> std::same_as<typename S::Vector>;
+    { s.cell_size() } -> std::same_as<typename S::Real>;
+};
+
 /// Base for samplers that have only value() and gradient(): asks them one by one.
 template <class Derived> struct PointSampler {
     VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
@@ -58,9 +70,17 @@ template <class Derived> struct PointSampler {
 /// A padded lattice of voxels of type T: voxel (i,j,k) of the padded array lies at lattice position (i,j,k).
 /// The array is followed by at least 8 readable bytes, because gathers fetch whole words.
 template <class T> struct LatticeSampler {
+    using Real = float;
+    using Vector = Float3;
     T const* data;
     std::int64_t row, slice;
     bool compact; ///< offsets within one chunk of a ray fit into 31 bits
+
+    static constexpr bool skips_exactly = false; ///< the reference looks at every cell
+
+    VKT_HD static Vector place(Double3 p) { return to_float(p); }
+    VKT_HD static Vector cell_origin() { return {macrocell_origin, macrocell_origin, macrocell_origin}; }
+    VKT_HD static Real cell_size() { return macrocell_size; }
 
     VKT_HD static float mix(float a, float b, float f) { return a + (b - a) * f; }
 

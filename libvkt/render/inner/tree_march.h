@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_field.h"
+#include "libvkt/render/inner/tree_points.h"
 
 namespace vkt::render {
 
@@ -157,6 +158,13 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     flush();
     counters.samples += march.samples;
     return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
+}
+
+/// Among the integrators, which ask for rays through a sampler.
+template <class T, class Scratch>
+VKT_HD Radiance march_ray(TreePoints<T, Scratch> const& points, SceneView const& scene, Ray const& ray,
+                          Counters& counters) {
+    return march_tree<T>(points.tree, scene, ray, points.scratch, counters);
 }
 
 } // namespace vkt::render
