@@ -531,9 +531,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
-        content = !tree_    ? visible_box(cells, header_.dims)
-                  : surfaces ? tree_->box_of(cells)
-                             : bricks.content;
+        content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);

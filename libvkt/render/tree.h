@@ -6,6 +6,7 @@
 #include "libvkt/render/inner/tree.h"
 #include "libvkt/render/transfer.h"
 #include "libvkt/render/tree_cells.h"
+#include "libvkt/render/tree_merge.h"
 
 #include <vector>
 
@@ -14,7 +15,8 @@ namespace vkt::render {
 /// Cells of type uint8, uint16, int16 and finite float32 are used in place; others become float and are
 /// rescaled where that needs it, as float32 is if its values are extremely large or small. Infinite cells become the
 /// nearest finite value of the volume and are counted; NaN means no data. Memory besides cells: about 140 bytes a
-/// brick, and macrocells.
+/// brick, and macrocells. Small neighbouring bricks of one level
+/// are joined, and then the cells are copied.
 class Tree {
 public:
     /// Throws Error{data} for volumes without bricks or without any finite cell, Error{resources} for bricks of 2^31
@@ -42,6 +44,7 @@ public:
     TreeView view(Visibility const& visibility) const;
     /// The sampled value at a position in finest cells; NaN where there is no data.
     double value_at(Vec3 position) const;
+    /// Of those that are left after joining.
     std::size_t brick_count() const { return sampler_.bricks().size(); }
     TreeCells const& cells() const { return cells_; }
     /// Finest cells of the visible macrocells; the region if there is none.
@@ -50,6 +53,7 @@ public:
 private:
     struct Survey;
     Tree(Volume const& volume, Survey const& survey, Execution const& execution);
+    Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution);
 
     TreeSampler sampler_;
     Rescaling rescaling_;

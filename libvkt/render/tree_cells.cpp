@@ -52,7 +52,8 @@ public:
         std::int64_t held = 0;
         for (Brick const& brick : bricks_) held += brick.cells();
         std::int64_t const most_cells = std::clamp<std::int64_t>(held / 64, 4096, std::int64_t{1} << 21);
-        std::int64_t const most_names = std::clamp<std::int64_t>(held / 8, std::int64_t{1} << 18, std::int64_t{1} << 25);
+        std::int64_t const most_names =
+            std::clamp<std::int64_t>(held / 8, std::int64_t{1} << 18, std::int64_t{1} << 25);
         for (std::int64_t size = 8;; size *= 2) {
             place(size);
             if (counts_[0] > (1 << 20) || counts_[1] > (1 << 20) || counts_[2] > (1 << 20)) continue;
@@ -72,8 +73,7 @@ public:
         grid.nz = static_cast<int>(counts_[2]);
         auto const n = static_cast<std::size_t>(counts_[0] * counts_[1] * counts_[2]);
         cells_.first.assign(n + 1, 0);
-        for (Brick const& brick : bricks_)
-            each(span_of(brick), [&](std::size_t i) { ++cells_.first[i + 1]; });
+        for (Brick const& brick : bricks_) each(span_of(brick), [&](std::size_t i) { ++cells_.first[i + 1]; });
         for (std::size_t i = 0; i < n; ++i) cells_.first[i + 1] += cells_.first[i];
         cells_.bricks.resize(static_cast<std::size_t>(cells_.first[n]));
         std::vector<std::int64_t> next(cells_.first.begin(), cells_.first.end() - 1);
@@ -164,8 +164,7 @@ private:
             double const lower = static_cast<double>(start_[a]) + static_cast<double>(cell[a]) * cells_.size -
                                  static_cast<double>(brick.lower[a]);
             auto const width = static_cast<double>(w[a]), edge = static_cast<double>(brick.dims[a] - 1);
-            first[a] =
-                static_cast<std::int64_t>(std::clamp(std::ceil((lower - slack) / width - 1.5), 0.0, edge + 1));
+            first[a] = static_cast<std::int64_t>(std::clamp(std::ceil((lower - slack) / width - 1.5), 0.0, edge + 1));
             last[a] = static_cast<std::int64_t>(
                 std::clamp(std::floor((lower + cells_.size + slack) / width + 0.5), -1.0, edge));
             covered *= overlap(brick.lower[a], brick.lower[a] + brick.dims[a] * w[a], cell, a);

@@ -118,8 +118,8 @@ TEST(RenderTree, SurfacesOfASphereAreWhereTheyBelong) {
     EXPECT_LT(worst_normal, 0.004);
 }
 
-// Far from other levels the picture is that of the tree on its finest grid, up to what a coarse cell's own interpolation
-// bends between the points of the fine grid.
+// Far from other levels the picture is that of the tree on its finest grid, up to what a coarse cell's own
+// interpolation bends between the points of the fine grid.
 TEST(RenderTree, SurfacesOfLevelsAreThoseOfTheFinestGrid) {
     Volume const tree = sphere_tree(), grid = resampled(tree);
     RenderSettings s = orthographic("oblique", 80, 80);
@@ -147,8 +147,8 @@ TEST(RenderTree, SurfacesOfLevelsAreThoseOfTheFinestGrid) {
 }
 
 TEST(RenderTree, PiecesHoldTheReconstruction) {
-    Volume const volume = small_tree();
-    Tree const tree(volume, amr_test::execution());
+    Tree const tree(small_tree(), amr_test::execution());
+    Volume const volume = join_bricks(small_tree(), amr_test::execution()).volume; // what rays sample
     TreeSampler const sampler(volume);
     TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});
     Tree::Visibility const visibility = tree.classify(table);
@@ -380,6 +380,35 @@ TEST(RenderTree, GoalsAreMet) {
     s.goal.noise = 0;
     s.goal.seconds = 0.2;
     EXPECT_GT(render_one(volume, s).report.quality.rays, 0.9);
+}
+
+TEST(RenderTree, JoinedBricksHoldTheSameCells) {
+    Volume const volume = small_tree();
+    JoinedBricks const joined = join_bricks(volume, amr_test::execution());
+    ASSERT_LE(2 * joined.volume.bricks().size(), volume.bricks().size());
+    validate_tree(volume.header().dims, joined.volume.bricks(), Coverage::complete);
+    for (Brick const& brick : joined.volume.bricks())
+        for (int a = 0; a < 3; ++a) EXPECT_LE(brick.dims[a], widest_joined);
+    TreeSampler const one(volume), other(joined.volume);
+    std::mt19937 random(11);
+    std::uniform_real_distribution<> share(0, 1);
+    Index3 const dims = volume.header().dims;
+    for (int i = 0; i < 20000; ++i) {
+        Vec3 const p{share(random) * static_cast<double>(dims.x), share(random) * static_cast<double>(dims.y),
+                     share(random) * static_cast<double>(dims.z)};
+        TreeSample const a = one.sample(p), b = other.sample(p);
+        EXPECT_NEAR(a.value, b.value, 1e-6F * std::abs(a.value) + 1e-6F);
+        EXPECT_NEAR(a.weight, b.weight, 1e-6F);
+    }
+    for (std::size_t b = 0; b < volume.bricks().size(); ++b) {
+        Brick const &brick = volume.bricks()[b],
+                    &whole = joined.volume.bricks()[static_cast<std::size_t>(joined.into[b])];
+        EXPECT_EQ(brick.level, whole.level);
+        EXPECT_EQ(intersect(bounds_of(brick, dims), bounds_of(whole, dims)), bounds_of(brick, dims));
+    }
+    // What cannot be joined is left as it is.
+    Volume const lone = amr_test::make_tree({16, 16, 16}, {{{0, 0, 0}, {16, 16, 16}, 0}}, [](Vec3) { return 1.0; });
+    EXPECT_EQ(join_bricks(lone, amr_test::execution()).volume.bricks().size(), 1U);
 }
 
 TEST(RenderTree, HolesAndMissingCellsHaveNoSurface) {

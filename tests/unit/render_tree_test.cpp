@@ -142,8 +142,8 @@ TEST(RenderTree, SkippingThreadsAndInstructionSetsChangeNoBit) {
 }
 
 TEST(RenderTree, BatchesAreTheSumsOfSingleSamples) {
-    Volume const volume = small_tree();
-    Tree const tree(volume, amr_test::execution());
+    Tree const tree(small_tree(), amr_test::execution());
+    Volume const volume = join_bricks(small_tree(), amr_test::execution()).volume; // what rays sample
     TreeSampler const sampler(volume);
     TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});
     Tree::Visibility const visibility = tree.classify(table);

@@ -12,8 +12,7 @@ namespace vkt::render {
 struct Medium {
     float extinction, red, green, blue;
 };
-template <ScalarField S>
-VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, typename S::Vector p) {
+template <ScalarField S> VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, typename S::Vector p) {
     float const value = sampler.value(p);
     if (!(value == value)) return {0, 0, 0, 0};
     Quad const q = classify(scene.table, table_position(scene.table, value)).density;

@@ -115,8 +115,8 @@ VKT_HD Cubic added(Cubic const& f, Cubic const& g) { return {f.a + g.a, f.b + g.
 
 /// The bricks of a macrocell that the part [from, to] of a ray crosses.
 template <class T, class Scratch>
-__attribute__((noinline)) void walk_bricks(TreePoints<T, Scratch> const& points, std::int64_t cell, double from, double to,
-                        Ray const& ray) {
+__attribute__((noinline)) void walk_bricks(TreePoints<T, Scratch> const& points, std::int64_t cell, double from,
+                                           double to, Ray const& ray) {
     TreeView const& tree = points.tree;
     Growing<BrickWalk>& walks = points.scratch.walks;
     walks.size = 0;
@@ -137,8 +137,8 @@ __attribute__((noinline)) void walk_bricks(TreePoints<T, Scratch> const& points,
         float const *const w = brick.inverse_width, xy = w[0] < w[1] ? w[0] : w[1];
         BrickWalk walk{
             enter, leave, id, xy < w[2] ? xy : w[2], {entry[0], entry[1], entry[2]}, {way[0], way[1], way[2]}, {}};
-        walk.walk.start(walk.entry + walk.direction * enter, walk.direction, leave - enter, 0.0, 1.0,
-                        brick.dims[0] + 1, brick.dims[1] + 1, brick.dims[2] + 1);
+        walk.walk.start(walk.entry + walk.direction * enter, walk.direction, leave - enter, 0.0, 1.0, brick.dims[0] + 1,
+                        brick.dims[1] + 1, brick.dims[2] + 1);
         walks.push(walk);
     }
 }
