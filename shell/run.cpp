@@ -7,6 +7,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
+#include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/formats/stack.h"
@@ -587,9 +588,7 @@ int Runner::drain(std::unique_ptr<Source> source) {
 }
 
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
-    if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu)
-        throw Error(ErrorKind::usage, text("--device gpu: ", stage.verb().name, " does not run on a GPU"),
-                    "leave the choice to vkt: --device auto");
+    if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu) refuse_cpu(std::string(stage.verb().name));
     if (stage.consumer()->opens_inputs() && previous)
         throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"));
     auto inputs = stage.consumer()->opens_inputs() ? std::vector<std::unique_ptr<Source>>{}

@@ -154,6 +154,12 @@ Cut cut_of(Header const& header, std::int64_t hint, Execution const& execution) 
     return {std::clamp<std::int64_t>(slices, 1, std::min(n.z, times(limit, slice))), n.y};
 }
 
+std::int64_t slab_hint_on(Execution const& execution, Header const& header, std::int64_t hint) {
+    std::size_t const slice = row_bytes(header) * static_cast<std::size_t>(header.dims.y);
+    if (execution.device != Device::gpu || slice == 0) return hint;
+    return std::max(hint, times(slab_bytes_on_gpu, slice));
+}
+
 bool PieceOrder::takes(Box const& piece) const {
     if (piece.empty() || piece.lower != Index3{0, y_, z_} || piece.upper.x != dims_.x || piece.upper.y > dims_.y ||
         piece.upper.z > dims_.z)
@@ -194,10 +200,7 @@ WorkPlan work_plan(Operation& operation, Plan const& plan, std::span<Header cons
     std::size_t const limit = budget(execution) / (spooled > 0 ? 4 : 2);
     Sizes const sizes(operation, plan, inputs, lent, execution);
     Index3 const n = plan.output.dims;
-    std::int64_t hint = plan.slab_hint;
-    if (execution.device == Device::gpu && n.x > 0 && n.y > 0)
-        hint = std::max(hint, times(slab_bytes_on_gpu, row_bytes(plan.output) * static_cast<std::size_t>(n.y)));
-    Cut cut = cut_of(plan.output, hint, execution);
+    Cut cut = cut_of(plan.output, slab_hint_on(execution, plan.output, plan.slab_hint), execution);
     if (cut.rows == n.y) {
         // Slices as they come are worth threads, but not most of them.
         int const share = share_of_threads(execution.threads);

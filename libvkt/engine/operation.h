@@ -141,6 +141,8 @@ public:
     /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
     /// run() then computes region by region from it: the footprint of such an input is empty.
     virtual void take_tree(Volume /*input*/) {}
+    /// After plan(): true if run() then works on device memory.
+    virtual bool runs_from_tree_on_gpu() const { return false; }
 
     /// Reductions: reads all volumes of the inputs, finishes each of them, and tells their reports, see Measurement. By
     /// default reduce() is applied to each volume of the only input, and tells report().
@@ -150,8 +152,10 @@ public:
     /// Reductions: false if what was measured is not as it should be; the command then exits with 1.
     virtual bool satisfied() const { return true; }
 
-    /// True if run() works on device memory.
+    /// True if run() works on device memory; of reductions, if what they do to an input does.
     virtual bool runs_on_gpu() const { return false; }
+    /// True if scan() works on device memory.
+    virtual bool scans_on_gpu() const { return shape() == Shape::reduction && runs_on_gpu(); }
     /// What was clipped, not a number, … in the volume just finished.
     virtual std::vector<Remark> remarks() const { return {}; }
     /// True if there is a report() beside the output. Adds the option --report to the command.

@@ -3,6 +3,7 @@
 #include "libvkt/engine/pipeline.h"
 
 #include "libvkt/core/collect.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
@@ -10,6 +11,7 @@
 #include "libvkt/engine/operation_source.h"
 #include "libvkt/engine/spool.h"
 #include "libvkt/engine/tree_run.h"
+#include "libvkt/engine/window.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -101,13 +103,27 @@ std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Oper
     return std::make_unique<OperationSource>(std::move(inputs), operation, execution, std::move(info));
 }
 
+namespace {
+
+/// Where an operation scans: on the GPU if that was asked for, or if the voxels are there already.
+Execution scanning(Source& source, Operation const& operation, Execution execution) {
+    bool const wanted =
+        execution.device == Device::gpu || (execution.device == Device::automatic && source.space() == Space::device);
+    execution.device = wanted && operation.scans_on_gpu() ? Device::gpu : Device::cpu;
+    if (execution.device == Device::gpu) device_select(execution.gpu);
+    return execution;
+}
+
+} // namespace
+
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times) {
     Header const& header = source.header();
-    Execution host = execution;
-    host.device = Device::cpu; // scans read where the data arrives
+    Execution const on = scanning(source, operation, execution);
     Buffer buffer;
+    Window window;
+    window.reset({.volume_dims = header.dims, .type = header.dtype});
     Box const part = operation.scanned(box_of(header.dims));
-    Cut cut = cut_of(header, source.natural_slab(), execution);
+    Cut cut = cut_of(header, slab_hint_on(on, header, source.natural_slab()), execution);
     if (cut.rows < header.dims.y) {
         std::int64_t const step = operation.scan_step(part.dims());
         cut.rows = std::max(cut.rows / step, std::int64_t{1}) * step;
@@ -121,7 +137,8 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
     for_each_piece(part, cut, [&](Box const& box) {
         auto const begin = std::chrono::steady_clock::now();
         std::optional<ConstView> view;
-        if (source.space() == Space::host) view = source.borrow(box);
+        if (source.space() == on.space()) view = source.borrow(box);
+        if (!view && on.device == Device::gpu) view = window.fetch(source, box, on);
         if (!view) {
             buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(header.dtype));
             AnyView const slab = dense_view(buffer.write(Space::host), header.dtype, box);
@@ -129,7 +146,7 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
             view = slab;
         }
         auto const middle = std::chrono::steady_clock::now();
-        operation.scan(*view, host);
+        operation.scan(*view, on);
         if (times != nullptr) {
             times->input += std::chrono::duration<double>(middle - begin).count();
             times->compute += std::chrono::duration<double>(std::chrono::steady_clock::now() - middle).count();
@@ -156,12 +173,18 @@ Execution on_whole_volumes(Execution execution, Operation& operation, std::vecto
     return execution;
 }
 
+void refuse_cpu(std::string const& what) {
+    throw Error(ErrorKind::usage, text("--device gpu: ", what, " does not run on a GPU"),
+                "leave the choice to vkt: --device auto");
+}
+
 void reduce(Source& source, Operation& reduction, Execution const& execution, StageInfo const& info) {
     std::vector<Header> const headers{source.header()};
     Plan const plan = reduction.plan(headers);
     if (info.on_plan) info.on_plan(plan, headers);
     if (headers.front().dry_run) return;
     if (headers.front().kind == Kind::hierarchical) {
+        if (execution.only_gpu) refuse_cpu(text(reduction.name(), " of hierarchical volumes"));
         reduce_hierarchical(reduction, source.take_bricks(), execution, info);
         source.finish();
         return tell_remarks(reduction, info);

@@ -74,6 +74,9 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
 /// alone slows down is worked on at once, or in few pieces within the budget, unless --slab says otherwise.
 Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs);
 
+/// What --device gpu asks of a GPU is never done on the CPU without a word: throws Error{usage}.
+[[noreturn]] void refuse_cpu(std::string const& what);
+
 /// The scanning pass of an operation over the current volume of a source, slab by slab, without finishing it.
 void scan_volume(Source& source, Operation& operation, Execution const& execution, StageTimes* times);
 

@@ -169,9 +169,7 @@ std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> 
     Prepared prepared = prepare(std::move(words), inputs, listener);
     if (prepared.operation->shape() != Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes a volume"), "apply it");
-    if (prepared.execution.only_gpu && !prepared.operation->runs_on_gpu())
-        throw Error(ErrorKind::usage, text("--device gpu: ", prepared.info.name, " does not run on a GPU"),
-                    "leave the choice to vkt: --device auto");
+    if (prepared.execution.only_gpu && !prepared.operation->runs_on_gpu()) refuse_cpu(prepared.info.name);
     std::vector<Report> reports;
     std::string printed;
     Measurement measurement{

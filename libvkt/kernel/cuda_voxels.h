@@ -1,4 +1,4 @@
-// Work on a GPU that is a function of a voxel's place: a thread a column of a few voxels.
+// Work on a GPU that is a function of a voxel's place: a thread a few voxels of a row.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -11,39 +11,39 @@ namespace vkt::VKT_BACKEND {
 
 namespace driver {
 
-/// Voxels of a block of threads: rows of a warp, and columns of voxels that a thread goes through one after the other.
-inline constexpr int column_x = 32, column_y = 8, column_z = 4;
+/// Voxels of a block of threads: rows of a warp, which goes on along them, so that what depends on the row alone is
+/// computed once.
+inline constexpr int strip_x = 32, strip_y = 8, strips = 4;
 
-struct Columns {
+struct Strips {
     unsigned across, along, blocks;
 };
 
-inline Columns columns_of(Index3 n) {
-    std::int64_t const across = (n.x + column_x - 1) / column_x, along = (n.y + column_y - 1) / column_y,
-                       deep = (n.z + column_z - 1) / column_z;
-    if (across > 0x7fffffff || along > 0x7fffffff / across || deep > 0x7fffffff / (across * along))
+inline Strips strips_of(Index3 n) {
+    std::int64_t const across = (n.x + strip_x * strips - 1) / (strip_x * strips),
+                       along = (n.y + strip_y - 1) / strip_y;
+    if (across > 0x7fffffff || along > 0x7fffffff / across || n.z > 0x7fffffff / (across * along))
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * deep)};
+    return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * n.z)};
 }
 
 template <class F>
-__global__ void __launch_bounds__(column_x* column_y)
-    voxels_kernel(Columns columns, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
-    std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % columns.across) * column_x + threadIdx.x,
-                       y = static_cast<std::int64_t>(blockIdx.x / columns.across % columns.along) * column_y +
-                           threadIdx.y,
-                       z = static_cast<std::int64_t>(blockIdx.x / columns.across / columns.along) * column_z;
+__global__ void __launch_bounds__(strip_x* strip_y)
+    voxels_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
+    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * (strip_x * strips) + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * strip_y + threadIdx.y,
+                       z = blockIdx.x / blocks.across / blocks.along;
     LossCounts counts;
-    if (x < n.x && y < n.y)
-        for (std::int64_t k = z; k < z + column_z && k < n.z; ++k) f(x, y, k, counts);
+    if (y < n.y)
+        for (std::int64_t x = x0; x < n.x && x < x0 + strip_x * strips; x += strip_x) f(x, y, z, counts);
     if (totals != nullptr) add_counts(counts, totals);
 }
 
 /// Calls f(x, y, z, counts) for 0 <= x < n.x, … on the device; `totals` may be null where nothing is counted.
 template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
     if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
-    Columns const columns = columns_of(n);
-    voxels_kernel<F><<<columns.blocks, dim3(column_x, column_y)>>>(columns, n, f, totals);
+    Strips const blocks = strips_of(n);
+    voxels_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
     check_launch(name);
 }
 

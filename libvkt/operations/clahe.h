@@ -58,6 +58,7 @@ public:
     bool scans_again() const override { return scans_again_; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return !range_.percentiles(); }
     std::vector<Remark> remarks() const override;
 
 private:

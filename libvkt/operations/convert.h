@@ -60,6 +60,7 @@ public:
     bool uses_position() const override { return false; }
     /// Percentiles are counted on CPUs.
     bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
+    bool scans_on_gpu() const override { return runs_on_gpu(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     void forget_trial() override { counts_ = {}; }
     std::vector<Remark> remarks() const override;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/project.h"
 
+#include "libvkt/operations/kernels/median_lines.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/slice.h"
 

@@ -29,6 +29,10 @@ bool is_wide(DataType type) { return type == DataType::int64 || type == DataType
 
 } // namespace
 
+bool RangeOption::percentiles() const {
+    return (low.percentile && !is_extreme(low)) || (high.percentile && !is_extreme(high));
+}
+
 RangeOption ValueText<RangeOption>::read(std::vector<std::string> const& w, std::string_view name) {
     std::string_view const word = w.front();
     if (word == "minmax") return {{true, Number(0)}, {true, Number(100)}};

@@ -23,6 +23,8 @@ struct RangeOption {
     RangeEnd low, high;
     /// True if the volume must be looked at to know it.
     bool depends() const { return low.percentile || high.percentile; }
+    /// True if it must be more than its extremes.
+    bool percentiles() const;
     friend bool operator==(RangeOption const&, RangeOption const&) = default;
 };
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/resample.h"
 
+#include "libvkt/amr/device_sampler.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/travelled.h"
@@ -459,6 +460,7 @@ Plan Resample::plan_tree(Header const& input) {
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
     stored_background_ = background_in(input);
+    tree_type_ = input.dtype;
     values_.reset();
     if (mask) {
         plan.output.dtype = DataType::uint8;
@@ -488,11 +490,13 @@ void Resample::take_tree(Volume input) {
     reconstructor_.emplace(std::move(input), grid_, reconstruction(), stored_background_);
 }
 
+bool Resample::runs_from_tree_on_gpu() const { return !mask && DeviceSampler::computes(reconstruction(), tree_type_); }
+
 void Resample::reconstruct_tree(AnyView out, Execution const& execution) {
     if (!mask && !values_) return reconstructor_->run(out, execution);
     DataType const type = reconstructor_->header().dtype;
     samples_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(type));
-    AnyView const samples = dense_view(samples_.write(Space::host), type, out.box);
+    AnyView const samples = dense_view(samples_.write(out.space), type, out.box, out.space);
     if (mask) return reconstructor_->run(samples, out, execution);
     reconstructor_->run(samples, execution);
     ConstView const from = samples;

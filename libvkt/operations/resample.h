@@ -80,6 +80,7 @@ public:
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    bool runs_from_tree_on_gpu() const override;
     std::vector<Remark> remarks() const override;
 
 private:
@@ -117,6 +118,7 @@ private:
 
     bool from_tree_ = false; ///< planned for a hierarchical volume
     SampleGrid grid_;
+    DataType tree_type_ = DataType::float32;
     double stored_background_ = 0;
     std::optional<Reconstructor> reconstructor_;
     std::unique_ptr<Resample> values_; ///< what changes after reconstruction: type and value map

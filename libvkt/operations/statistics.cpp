@@ -3,6 +3,8 @@
 #include "libvkt/operations/statistics.h"
 
 #include "libvkt/amr/reconstruct.h"
+#include "libvkt/engine/cut.h"
+#include "libvkt/kernel/host_copy.h"
 #include "libvkt/operations/foreground.h"
 #include "libvkt/operations/kernels/statistics.h"
 
@@ -31,6 +33,11 @@ template <class T, class V> Index3 find_from_row(ConstView slab, Index3 at, V va
 }
 
 Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
+    HostCopy copy;
+    if (slab.space == Space::device) { // the band that the row begins
+        std::int64_t const end = std::min(row.y + rows_in_band(slab.dims(), slab.type), slab.box.upper.y);
+        slab = copy.of(slab.part({{slab.box.lower.x, row.y, row.z}, {slab.box.upper.x, end, row.z + 1}}));
+    }
     Index3 at;
     baseline::for_each_type(slab.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>)
@@ -44,6 +51,14 @@ Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
 /// The first finite voxel of a slab in x-fastest order.
 MeanOrigin first_finite(ConstView slab) {
     MeanOrigin origin;
+    if (slab.space == Space::device) {
+        HostCopy copy;
+        std::int64_t const rows = rows_in_band(slab.dims(), slab.type);
+        for_each_piece(slab.box, {1, rows}, [&](Box const& band) {
+            if (!origin.known) origin = first_finite(copy.of(slab.part(band)));
+        });
+        return origin;
+    }
     baseline::for_each_type(slab.type, [&]<class T>(T) {
         View<T const> const in = slab.as<T>();
         Box const b = slab.box;
@@ -249,8 +264,10 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     // Of a slice that comes in pieces, its first bands were seen before.
     bool const grid = input_.kind == Kind::structured;
     if (grid && box.lower.y > region_.lower.y) slices_.front() = slice_;
-    for (std::int64_t b = 0; b < bands * n.z; ++b)
-        slices_[static_cast<std::size_t>(b / bands)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
+#pragma omp parallel for num_threads(execution.threads) if (bands * n.z > 4096 && execution.threads > 1)
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t b = z * bands; b < (z + 1) * bands; ++b)
+            slices_[static_cast<std::size_t>(z)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
     if (grid && box.upper.y < region_.upper.y)
         slice_ = slices_.front();
     else

@@ -31,6 +31,7 @@ public:
     Plan plan(std::span<Header const> inputs) override { return statistics_.plan(inputs); }
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
+    bool runs_on_gpu() const override { return !grouped() && statistics_.runs_on_gpu(); }
 
 private:
     bool grouped() const { return !mask.empty() || !labels.empty() || axis; }

@@ -34,6 +34,7 @@ public:
     bool uses_position() const override { return !roi.empty(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     void forget_trial() override { nan_ = 0; }
     std::vector<Remark> remarks() const override;
     bool reports() const override { return true; }

@@ -1,5 +1,6 @@
 #!/bin/sh
 # The command on the GPU and on the CPU, step by step and as pipelines: commands.sh VKT
+# VKT_ONLY: only pipelines with these words.
 # SPDX-License-Identifier: MIT
 set -eu
 vkt=$1
@@ -17,12 +18,13 @@ last=$(($(nvidia-smi -L 2>/dev/null | grep -c '^GPU' || true) - 1))
 [ "$last" -ge 0 ] || last=0
 gpu=gpu
 
-# same TOLERANCE PIPELINE…: on $gpu as on the CPU, largest difference at most TOLERANCE of the range. Notes what
+# same TOLERANCE PIPELINE…: on $gpu as on the CPU, largest difference at most TOLERANCE of the range, or the same text
+# if that is `text`; a pipeline may name the device as $DEVICE. Notes what
 # compare_all then runs, several at a time: a process takes half a second to get hold of a GPU.
 same() {
     tolerance=$1
     shift
-    echo "$tolerance $*" >>comparisons
+    case $* in *"${VKT_ONLY:-}"*) echo "$tolerance $*" >>comparisons ;; esac
 }
 cat >compare.sh <<'END'
 # compare.sh VKT GPU "TOLERANCE PIPELINE…"
@@ -30,17 +32,25 @@ here=$(mktemp -d here.XXXXXX)
 trap 'rm -rf "$here"' EXIT
 tolerance=${3%% *} pipeline=${3#* }
 for device in cpu "$2"; do
-    VKT_DEVICE=$device sh -c "$pipeline" >"$here/${device%:*}.vkt" || {
+    DEVICE=$device VKT_DEVICE=$device sh -c "$pipeline" >"$here/${device%:*}.vkt" || {
         echo "FAILED on $device: $pipeline"
         exit 0
     }
 done
+if [ "$tolerance" = text ]; then
+    cmp "$here/cpu.vkt" "$here/gpu.vkt" >"$here/report" || {
+        echo "FAILED: differs: $pipeline"
+        diff "$here/cpu.vkt" "$here/gpu.vkt" | head -8
+    }
+    exit 0
+fi
 "$1" diff "$here/cpu.vkt" "$here/gpu.vkt" --tolerance "$tolerance" >"$here/report" || {
     echo "FAILED: differs: $pipeline"
     cat "$here/report"
 }
 END
 compare_all() {
+    [ -s comparisons ] || return 0
     tr '\n' '\0' <comparisons | xargs -0 -n 1 -P 8 sh compare.sh "$vkt" "$gpu" >results
     cat results
     checked=$((checked + $(wc -l <comparisons)))
@@ -121,6 +131,40 @@ for type in $types; do
     same 0 "$vkt arith clamp a_$type.vkt 3 9 -q"
     same 0 "$vkt arith where a_$type.vkt b_$type.vkt 3 -q"
 done
+"$vkt" make noise --dims 1024 128 9 --dtype float32 --seed 3 -o large.nrrd
+
+# Reductions: the same text, whatever there is in a volume and however it is cut.
+for type in $types; do
+    volumes=a_$type.vkt
+    case $type in
+    float*)
+        "$vkt" transform 'x==3 ? 0/0 : y==5 ? 1/(z-4) : v-20' "a_$type.vkt" -q -o "odd_$type.vkt"
+        "$vkt" transform '0/0' "a_$type.vkt" -q -o "none_$type.vkt"
+        volumes="$volumes odd_$type.vkt none_$type.vkt"
+        ;;
+    esac
+    [ "$type" != float64 ] || for scale in 1e200 1e-200 1e-310; do
+        "$vkt" transform "(v-20)*$scale" a_float64.vkt -q -o "scaled_$scale.vkt"
+        volumes="$volumes scaled_$scale.vkt"
+    done
+    "$vkt" make noise --dims 4200 9 3 --dtype "$type" --seed 8 -o "long_$type.vkt"
+    "$vkt" set "a_$type.vkt" --slope -0.5 --intercept 3 -o "mapped_$type.vkt"
+    "$vkt" arith max "a_$type.vkt" 1 -q -o "positive_$type.vkt"
+    for volume in $volumes "long_$type.vkt" "mapped_$type.vkt" "positive_$type.vkt"; do
+        same text "$vkt stats $volume --device \$DEVICE --json"
+        same text "$vkt stats $volume --device \$DEVICE --json --roi 5:,1:,2: --slab 1"
+        case $volume in none_*) continue ;; esac
+        same text "$vkt histogram $volume --device \$DEVICE --json"
+        same text "$vkt histogram $volume --device \$DEVICE --json --bins 1000 --range 3:40.5 --roi 5:,1:,2:"
+        same text "$vkt histogram $volume --device \$DEVICE --json --bins 65536 --slab 1"
+        same 0 "$vkt threshold --otsu $volume --device \$DEVICE -q"
+        same 0 "$vkt convert $volume --dtype auto --device \$DEVICE -q"
+    done
+    same 1e-6 "$vkt clahe a_$type.vkt --bricks 60,3,7 --bins 900 --device \$DEVICE -q"
+done
+same text "$vkt make constant --value 7 --dims 300 200 100 --dtype uint8 | $vkt histogram --device \$DEVICE --json"
+same text "$vkt read large.nrrd | $vkt filter gaussian --sigma 2 --method fir | $vkt convert --dtype uint8 -q | $vkt stats --device \$DEVICE --json"
+same text "$vkt pipe 'read large.nrrd | flip x | stats --json'"
 for device in cpu "$gpu"; do
     "$vkt" convert a_float32.vkt --dtype uint8 --device $device -o out.nrrd --force 2>said_${device%:*} || true
     "$vkt" arith mul a_uint8.vkt 3 --device $device -o out.nrrd --force 2>>said_${device%:*} || true
@@ -131,8 +175,34 @@ cmp -s said_cpu "said_${gpu%:*}" || {
     failed=$((failed + 1))
 }
 
+# What does not run on a GPU says so.
+refused() {
+    checked=$((checked + 1))
+    if "$vkt" "$@" --device "$gpu" >out.txt 2>said; then
+        echo "FAILED: not refused: $*"
+        failed=$((failed + 1))
+    elif ! grep -q 'does not run on a GPU' said; then
+        echo "FAILED: refused otherwise: $*: $(cat said)"
+        failed=$((failed + 1))
+    fi
+}
+"$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt
+refused stats a_uint8.vkt --percentiles 50
+refused stats a_uint8.vkt --per z
+refused stats tree.vkt
+refused histogram a_uint8.vkt --range p1:p99
+refused label a_uint8.vkt
+refused crop tree.vkt --roi 1:5,:,:
+refused resample tree.vkt --method average
+
+# Trees to grids: cells as they are, and sums in float32.
+for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \
+    '--method basis --roi 10%:90%,5:,:50% --dims 100 90 31' '--method basis --dtype uint16'; do
+    case $options in *nearest*) tolerance=0 ;; *uint16*) tolerance=1 ;; *) tolerance=1e-4 ;; esac
+    same "$tolerance" "$vkt resample tree.vkt $options --device \$DEVICE -q"
+done
+
 # Slices cut into rows: wrapped ones come from the other side.
-"$vkt" make noise --dims 1024 128 9 --dtype float32 --seed 3 -o large.nrrd
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do
         same 1e-5 "$vkt filter gaussian large.nrrd --sigma $sigma --method fir --boundary $rule --memory 24M -q"

@@ -6,11 +6,14 @@
 #include "libvkt/core/text.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/kernel/border.h"
+#include "libvkt/kernel/numeric.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/fill.h"
 #include "libvkt/operations/flip.h"
 #include "libvkt/operations/gaussian.h"
+#include "libvkt/operations/histogram.h"
 #include "libvkt/operations/resample.h"
+#include "libvkt/operations/statistics.h"
 
 #include <chrono>
 #include <cmath>
@@ -306,6 +309,35 @@ template <class Line> void time_words(std::vector<std::string> words, DataType t
     line(what, ms, static_cast<double>(in.bytes()) + static_cast<double>(out.bytes()));
 }
 
+/// A reduction of a cube of 200 values in no order, or of one.
+template <class Line>
+void time_scan(Operation& reduction, std::string const& what, DataType type, std::int64_t n, Line const& line) {
+    Header header;
+    header.dims = {n, n, n};
+    header.dtype = type;
+    Buffer memory(header.bytes());
+    for (bool const constant : {false, true}) {
+        std::vector<std::byte> part(std::size_t{1} << 22);
+        std::mt19937 random(1);
+        for (std::size_t at = 0; at < part.size(); at += size_of(type)) {
+            VoxelBytes const voxel = voxel_bytes(type, constant ? 7.0 : 1.0 + static_cast<double>(random() % 200));
+            std::memcpy(part.data() + at, voxel.data(), size_of(type));
+        }
+        std::byte* const to = memory.write(Space::device);
+        for (std::size_t at = 0; at < header.bytes(); at += part.size())
+            copy_to_device(to + at, part.data(), std::min(part.size(), header.bytes() - at));
+        ConstView const in = dense_view(static_cast<std::byte const*>(to), type, box_of(header.dims), Space::device);
+        double const ms = best_ms([&] {
+            (void)reduction.plan(std::vector<Header>{header});
+            do {
+                reduction.scan(in, gpu());
+                reduction.scan_end();
+            } while (reduction.scans_again());
+        });
+        line(what + (constant ? ", constant" : ""), ms, static_cast<double>(header.bytes()));
+    }
+}
+
 void time_all() {
     if (std::FILE* const cube = std::fopen("cube.txt", "w")) {
         std::fputs("3 3 3", cube);
@@ -367,6 +399,10 @@ void time_all() {
                   words_of("morphology erode --radius 2 --shape box"), words_of("threshold --above 1"),
                   words_of("arith add - 3"), words_of("convert --dtype uint8")})
                 time_words(std::move(words), type, n, line);
+            Statistics statistics;
+            time_scan(statistics, "stats", type, n, line);
+            Histogram histogram;
+            time_scan(histogram, "histogram", type, n, line);
             device_free(from);
             device_free(to);
         }

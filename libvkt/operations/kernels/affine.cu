@@ -75,14 +75,22 @@ __device__ __forceinline__ bool lies_in(double p, double end) { return p >= firs
 /// floor_of() at once.
 struct Split {
     double whole, rest;
-    int index;
+    int index; ///< less than any that is asked for where it does not fit
+
+    __device__ __forceinline__ double snapped() const { return whole + rest; }
 };
 __device__ __forceinline__ Split split(double p) {
     double const shifted = p + magic, r = shifted - magic, d = p - r;
     bool const near = d < 1e-9 && d > -1e-9, above = !near && r > p;
     double const whole = above ? r - 1 : r;
-    return {whole, near ? 0.0 : p - whole, __double2loint(shifted) - (above ? 1 : 0)};
+    // Positions may be anything that a header can say: of those beyond 2^30, and NaN, the exponent tells.
+    bool const counted = (__double2hiint(p) & 0x7fffffff) < 0x41d00000;
+    return {whole, near ? 0.0 : p - whole, counted ? __double2loint(shifted) - (above ? 1 : 0) : -(1 << 30)};
 }
+/// A position in three parts.
+struct Place {
+    Split x, y, z;
+};
 /// The position itself, not snapped.
 __device__ __forceinline__ double along(PositionLine const& line, double x) { return line.base + x * line.step; }
 
@@ -96,23 +104,21 @@ __device__ __forceinline__ std::int64_t index_at(DeviceSampling const& s, double
     return s.boundary == Boundary::wrap ? lower + fold(at - lower, n, s.boundary) : fold(at, n, s.boundary);
 }
 
-/// A sample at a position; C is what linear is computed in where nothing but voxels is looked at.
-template <class Kernel, class C, class T>
-__device__ __forceinline__ C sample_at(DeviceSampling const& s, Voxels<T> const& voxels, double px, double py,
-                                       double pz) {
+/// True if all voxels that a sample looks at lie in the volume.
+template <class Kernel> __device__ __forceinline__ bool is_inner(DeviceSampling const& s, Place const& at) {
     constexpr int before = Kernel::kind == Interpolant::cubic || Kernel::kind == Interpolant::bspline3      ? 1
                            : Kernel::kind == Interpolant::bspline5 || Kernel::kind == Interpolant::lanczos3 ? 2
                                                                                                             : 0;
     constexpr int after = before + 1;
-    Split const x = split(px), y = split(py), z = split(pz);
-    bool inner = x.index >= before && y.index >= before && z.index >= before && x.index + after < s.inner_x &&
-                 y.index + after < s.inner_y && z.index + after < s.inner_z;
-    if (s.bounded) { // positions may be anything that a header can say
-        auto const counted = [](double p) {
-            return p > -static_cast<double>(most_counted) && p < static_cast<double>(most_counted);
-        };
-        inner = inner && counted(px) && counted(py) && counted(pz);
-    }
+    return at.x.index >= before && at.y.index >= before && at.z.index >= before && at.x.index + after < s.inner_x &&
+           at.y.index + after < s.inner_y && at.z.index + after < s.inner_z;
+}
+
+/// A sample at a position; C is what linear is computed in where nothing but voxels is looked at.
+template <class Kernel, class C, class T>
+__device__ __forceinline__ C sample_at(DeviceSampling const& s, Voxels<T> const& voxels, Place const& place) {
+    auto const& [x, y, z] = place;
+    bool const inner = is_inner<Kernel>(s, place);
     driver::DeviceRows const& rows = voxels.rows;
     if (inner) {
         std::byte const* const first = rows.at(x.index - s.lower.x, y.index - s.lower.y, z.index - s.lower.z);
@@ -158,21 +164,24 @@ template <class Kernel, class C, class T> struct Sample {
     }
 
 private:
+    static __device__ __forceinline__ Place place(PositionRow const& row, double column) {
+        return {split(along(row.x, column)), split(along(row.y, column)), split(along(row.z, column))};
+    }
     __device__ __forceinline__ C value(std::int64_t x, std::int64_t y, std::int64_t z,
                                        driver::LossCounts& counts) const {
         auto const column = static_cast<double>(s.first.x + x);
         PositionRow const centre = row_of(s.map, {}, s.first.y + y, s.first.z + z);
-        double const px = along(centre.x, column), py = along(centre.y, column), pz = along(centre.z, column);
-        if (!s.bounded &&
-            !(lies_in(snapped(px), s.end_x) && lies_in(snapped(py), s.end_y) && lies_in(snapped(pz), s.end_z))) {
+        Place const at = place(centre, column);
+        if (!s.bounded && !is_inner<Kernel>(s, at) &&
+            !(lies_in(at.x.snapped(), s.end_x) && lies_in(at.y.snapped(), s.end_y) &&
+              lies_in(at.z.snapped(), s.end_z))) {
             ++counts.undefined;
             return static_cast<C>(s.background);
         }
         if constexpr (std::is_same_v<C, float>) { // a single sample, and values as they are
-            return sample_at<Kernel, C>(s, voxels, px, py, pz);
+            return sample_at<Kernel, C>(s, voxels, at);
         } else {
-            if (s.samples_x * s.samples_y * s.samples_z == 1)
-                return mapped(s, sample_at<Kernel, C>(s, voxels, px, py, pz));
+            if (s.samples_x * s.samples_y * s.samples_z == 1) return mapped(s, sample_at<Kernel, C>(s, voxels, at));
             return mapped(s, mean(column, y, z));
         }
     }
@@ -189,8 +198,7 @@ private:
                     PositionRow const at = row_of(
                         s.map, {p.x * a + q.x * b + r.x * c, p.y * a + q.y * b + r.y * c, p.z * a + q.z * b + r.z * c},
                         s.first.y + y, s.first.z + z);
-                    double const sample =
-                        sample_at<Kernel, C>(s, voxels, along(at.x, column), along(at.y, column), along(at.z, column));
+                    double const sample = sample_at<Kernel, C>(s, voxels, place(at, column));
                     ++count;
                     result = count == 1 ? sample : between(result, sample, 1 / static_cast<double>(count));
                 }

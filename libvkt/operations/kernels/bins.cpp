@@ -3,7 +3,8 @@
 #include "libvkt/operations/kernels/bins.h"
 
 #include "libvkt/kernel/kernel.h"
-#include <cmath>
+#include "libvkt/operations/kernels/bin_of.h"
+
 #include <vector>
 
 namespace vkt {
@@ -13,27 +14,6 @@ namespace {
 
 /// Voxels that are equal would wait for each other's counter.
 constexpr std::int64_t sets = 4;
-
-template <class T> std::int64_t bin_of(T value, BinRule const& rule) {
-    std::int64_t const last = rule.count - 1;
-    double position;
-    if constexpr (std::is_integral_v<T>) {
-        Int128 const whole = static_cast<Int128>(value) - rule.base;
-        if (rule.width == 0) return static_cast<std::int64_t>(std::clamp<Int128>(whole, 0, last));
-        position = static_cast<double>(whole);
-    } else {
-        position = static_cast<double>(value);
-        if (!(position - position == 0)) return -1;
-    }
-    if (rule.width == 0) return 0;
-    auto bin =
-        static_cast<std::int64_t>(std::clamp((position - rule.low) * rule.per_unit, 0.0, static_cast<double>(last)));
-    // Edges are where the sum says, not the quotient.
-    auto const edge = [&](std::int64_t i) { return rule.low + static_cast<double>(i) * rule.width; };
-    if (bin > 0 && position < edge(bin)) --bin;
-    if (bin < last && position >= edge(bin + 1)) ++bin;
-    return bin;
-}
 
 /// A thread's counters. A type of this back end, lest its vector is one that others may link.
 struct Share {

@@ -15,7 +15,7 @@ struct BinRule {
 };
 
 /// Adds the finite voxels to their bins, none of which they lie outside of but by rounding.
-VKT_CPU_KERNEL(count_bins, (ConstView in, BinRule const& rule, std::int64_t* counters, Execution const& execution),
-               (in, rule, counters, execution))
+VKT_KERNEL(count_bins, (ConstView in, BinRule const& rule, std::int64_t* counters, Execution const& execution),
+           (in, rule, counters, execution))
 
 } // namespace vkt

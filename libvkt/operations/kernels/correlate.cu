@@ -14,7 +14,7 @@
 namespace vkt::VKT_BACKEND {
 namespace {
 
-/// Values in device memory: voxels of a type, or what a pass made.
+/// Voxels in device memory as C, of a type that is looked up.
 template <class C> struct Values {
     driver::DeviceRows rows;
     __device__ __forceinline__ C operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
@@ -27,7 +27,6 @@ template <class C> class Stage {
 public:
     explicit Stage(Index3 dims)
         : dims_(dims), memory_(static_cast<std::size_t>(dims.x * dims.y * dims.z) * sizeof(C)) {}
-    Values<C> values() const { return {driver::device_rows(ConstView(view()), box_of(dims_))}; }
     View<C> as() const { return view().template as<C>(); }
 
 private:
@@ -64,8 +63,8 @@ private:
 };
 
 /// One axis of a filter over a box of results: `at` is where the middle of the first result's voxels lies in `in`.
-template <class C> struct AxisPass {
-    Values<C> in;
+template <class C, class In> struct AxisPass {
+    In in;
     View<C> out;
     Index3 at;
     int axis;
@@ -132,6 +131,15 @@ template <class C> struct Finish {
     }
 };
 
+template <class C, class In>
+void pass(In const& from, View<C> to, Index3 dims, Index3 at, int axis, AxisTaps const& taps, C const* weight, bool add,
+          double scale) {
+    driver::for_each_voxel(dims,
+                           AxisPass<C, In>{from, to, at, axis, taps.kind, static_cast<int>(taps.radius()), weight, add,
+                                           scale != 1, static_cast<C>(scale)},
+                           nullptr, "correlate");
+}
+
 template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses) {
     if (out.box.empty()) return;
     if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
@@ -139,13 +147,6 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
     Index3 const rows{n.x, n.y + 2 * r.y, n.z + 2 * r.z}, columns{n.x, n.y, rows.z};
     Weights<C> const wx(sum.x), wy(sum.y), wz(sum.z);
     Values<C> const voxels{driver::device_rows(in, {out.box.lower - r, out.box.upper + r})};
-    auto const pass = [](Values<C> const& from, View<C> to, Index3 dims, Index3 at, int axis, AxisTaps const& taps,
-                         C const* weight, bool add, double scale) {
-        driver::for_each_voxel(dims,
-                               AxisPass<C>{from, to, at, axis, taps.kind, static_cast<int>(taps.radius()), weight, add,
-                                           scale != 1, static_cast<C>(scale)},
-                               nullptr, "correlate");
-    };
     std::vector<std::unique_ptr<Stage<C>>> lines, planes, parts;
     for (std::size_t t = 0; t < sum.x.size(); ++t) {
         lines.push_back(std::make_unique<Stage<C>>(rows));
@@ -154,7 +155,7 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
     for (auto const& plane : sum.planes) {
         auto const t = static_cast<std::size_t>(plane.y);
         planes.push_back(std::make_unique<Stage<C>>(columns));
-        pass(lines[static_cast<std::size_t>(plane.x)]->values(), planes.back()->as(), columns, {0, r.y, 0}, 1, sum.y[t],
+        pass(lines[static_cast<std::size_t>(plane.x)]->as(), planes.back()->as(), columns, {0, r.y, 0}, 1, sum.y[t],
              wy.of(t), false, 1);
     }
     lines.clear();
@@ -162,8 +163,8 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
     int before = -1;
     for (auto const& term : sum.terms) {
         auto const t = static_cast<std::size_t>(term.z);
-        pass(planes[static_cast<std::size_t>(term.plane)]->values(), parts[static_cast<std::size_t>(term.part)]->as(),
-             n, {0, 0, r.z}, 2, sum.z[t], wz.of(t), term.part == before, term.weight);
+        pass(planes[static_cast<std::size_t>(term.plane)]->as(), parts[static_cast<std::size_t>(term.part)]->as(), n,
+             {0, 0, r.z}, 2, sum.z[t], wz.of(t), term.part == before, term.weight);
         before = term.part;
     }
     Finish<C> finish{};
@@ -182,18 +183,64 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
 template <class C> struct Cube {
     C weight[27];
     C offset;
+};
 
-    VKT_DEVICE C operator()(Window<C> const& window) const {
-        C sum = 0;
-#pragma unroll
-        for (int k = 0; k < 3; ++k)
+/// A thread goes through slices, each of whose nine neighbours it loads once for the three voxels that they belong to.
+constexpr int cube_x = 32, cube_y = 8, cube_slices = 32;
+
+/// `Gaps`: weights of 0 take no part, whatever the voxel is.
+template <class C, class T, bool Gaps>
+__global__ void __launch_bounds__(cube_x* cube_y)
+    cube_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
+                __grid_constant__ Cube<C> const cube, unsigned long long* totals) {
+    std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % across) * cube_x + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / across % along) * cube_y + threadIdx.y,
+                       z0 = static_cast<std::int64_t>(blockIdx.x / across / along) * cube_slices;
+    driver::LossCounts counts;
+    if (x < n.x && y < n.y) {
+        std::int64_t const end = z0 + cube_slices < n.z ? z0 + cube_slices : n.z;
+        std::byte const* from = in.at(x, y, z0 - 1);
+        C above = 0, middle = 0; // sums of the voxels of this slice, and of the one before, so far
+        for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice) {
+            C v[9];
 #pragma unroll
             for (int j = 0; j < 3; ++j)
 #pragma unroll
-                for (int i = 0; i < 3; ++i) sum = madd(weight[(k * 3 + j) * 3 + i], window(i - 1, j - 1, k - 1), sum);
-        return offset != 0 ? sum + offset : sum;
+                for (int i = 0; i < 3; ++i)
+                    v[j * 3 + i] = static_cast<C>(reinterpret_cast<T const*>(from + (j - 1) * in.row)[i - 1]);
+            C below = middle, here = above, next = 0; // results at z - 1, z and z + 1
+#pragma unroll
+            for (int k = 0; k < 9; ++k) {
+                if (!Gaps || cube.weight[18 + k] != 0) below = madd(cube.weight[18 + k], v[k], below);
+                if (!Gaps || cube.weight[9 + k] != 0) here = madd(cube.weight[9 + k], v[k], here);
+                if (!Gaps || cube.weight[k] != 0) next = madd(cube.weight[k], v[k], next);
+            }
+            if (z > z0) {
+                C const sum = cube.offset != 0 ? below + cube.offset : below;
+                driver::store_value(out.type, out.at(x, y, z - 1), sum, counts);
+            }
+            middle = here;
+            above = next;
+        }
     }
-};
+    driver::add_counts(counts, totals);
+}
+
+template <class C, class T>
+void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, bool gaps, Losses& losses) {
+    Index3 const n = out.dims();
+    std::int64_t const across = (n.x + cube_x - 1) / cube_x, along = (n.y + cube_y - 1) / cube_y,
+                       blocks = across * along * ((n.z + cube_slices - 1) / cube_slices);
+    if (blocks > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::DeviceLosses const counts;
+    auto* const kernel = gaps ? &cube_kernel<C, T, true> : &cube_kernel<C, T, false>;
+    kernel<<<static_cast<unsigned>(blocks), dim3(cube_x, cube_y)>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
+        static_cast<unsigned>(across), static_cast<unsigned>(along), cube, counts.get());
+    check_launch("correlate_cube");
+    counts.add_to(losses);
+}
 
 template <class C> struct DeviceTap {
     int x, y, z;
@@ -236,11 +283,13 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
     if (out.box.empty()) return;
     Index3 const r = kernel.radius;
     auto const offset = static_cast<C>(kernel.offset);
-    if (r == Index3{1, 1, 1} && kernel.taps.size() == 27) {
+    if (r == Index3{1, 1, 1} && kernel.taps.size() > 9) {
         Cube<C> cube{};
-        for (std::size_t k = 0; k < 27; ++k) cube.weight[k] = static_cast<C>(kernel.taps[k].weight);
+        for (Tap const& tap : kernel.taps)
+            cube.weight[tap.at.x + 1 + 3 * (tap.at.y + 1) + 9 * (tap.at.z + 1)] = static_cast<C>(tap.weight);
         cube.offset = offset;
-        return stencil<C>(execution, out, losses, r, cube, in);
+        bool const gaps = kernel.taps.size() < 27;
+        return for_each_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
     }
     std::vector<DeviceTap<C>> taps;
     for (Tap const& tap : kernel.taps)

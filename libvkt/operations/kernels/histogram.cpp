@@ -276,30 +276,18 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
 /// The parts of bricks in a slab; those with more rows than a thread's share are cut.
 std::vector<Item> items_of(Box const& slab, BrickGrid const& grid, std::size_t slots, int threads) {
     std::vector<Item> items;
-    Index3 low, high; // bricks that the slab meets
-    for (int axis = 0; axis < 3; ++axis) {
-        low[axis] = grid.brick_at(axis, slab.lower[axis]);
-        high[axis] = grid.brick_at(axis, slab.upper[axis] - 1) + 1;
-        // The last voxel may also have a share in the brick after its first.
-        if (high[axis] < grid.bricks[axis] && grid.first(axis, high[axis]) < slab.upper[axis]) ++high[axis];
-    }
-    Index3 const met = high - low;
-    std::int64_t const wanted = std::int64_t{4} * threads, bricks = met.x * met.y * met.z;
-    for (std::int64_t z = low.z; z < high.z; ++z)
-        for (std::int64_t y = low.y; y < high.y; ++y)
-            for (std::int64_t x = low.x; x < high.x; ++x) {
-                Box const box = intersect(slab, {{grid.first(0, x), grid.first(1, y), grid.first(2, z)},
-                                                 {grid.end(0, x), grid.end(1, y), grid.end(2, z)}});
-                if (box.empty()) continue;
-                std::int64_t const rows = box.dims().y * box.dims().z;
-                // Adding up counters must not cost more than counting.
-                std::int64_t const worth = box.voxels() / (8 * static_cast<std::int64_t>(slots));
-                std::int64_t const pieces =
-                    threads == 1 ? 1
-                                 : std::clamp<std::int64_t>(std::min((wanted + bricks - 1) / bricks, worth), 1, rows);
-                for (std::int64_t i = 0; i < pieces; ++i)
-                    items.push_back({{x, y, z}, box, i * rows / pieces, (i + 1) * rows / pieces, pieces > 1});
-            }
+    std::int64_t bricks = 0;
+    for_each_brick(slab, grid, [&](Index3, Box const&) { ++bricks; });
+    std::int64_t const wanted = std::int64_t{4} * threads;
+    for_each_brick(slab, grid, [&](Index3 brick, Box const& box) {
+        std::int64_t const rows = box.dims().y * box.dims().z;
+        // Adding up counters must not cost more than counting.
+        std::int64_t const worth = box.voxels() / (8 * static_cast<std::int64_t>(slots));
+        std::int64_t const pieces =
+            threads == 1 ? 1 : std::clamp<std::int64_t>(std::min((wanted + bricks - 1) / bricks, worth), 1, rows);
+        for (std::int64_t i = 0; i < pieces; ++i)
+            items.push_back({brick, box, i * rows / pieces, (i + 1) * rows / pieces, pieces > 1});
+    });
     return items;
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/statistics_bands.h"
 
 #include <limits>
 
@@ -60,37 +61,22 @@ public:
                 s[j] += s[j + half];
                 q[j] += q[j + half];
             }
-        Moments& m = out.moments;
-        m = {};
-        m.nan = nan_;
-        m.positive_infinity = above_;
-        m.negative_infinity = below_;
-        m.finite = count_ - nan_ - above_ - below_;
-        if (m.finite > 0) {
-            auto const n = static_cast<double>(m.finite);
-            double const product = n * shift_;
-            double const sum = product + s[0], back = sum - product;
-            double const error = (product - (sum - back)) + (s[0] - back) + __builtin_fma(n, shift_, -product);
-            double const deviations = q[0] - s[0] * s[0] / n;
-            m.deviations = deviations > 0 || deviations != deviations ? deviations : 0;
-            long double const unscaled = 1 / static_cast<long double>(scale_);
-            m.sum = sum * unscaled;
-            m.sum_error = error * unscaled;
-            m.deviations *= unscaled * unscaled;
-            if constexpr (std::is_same_v<T, double>) // differences of the largest doubles need the room
-                m.mean = (nothing_ - static_cast<long double>(origin)) + s[0] / n * unscaled;
-            else
-                m.mean = (shift_ - origin) + s[0] / n;
-        }
-        out.range = {};
-        out.range.valid = count_ > nan_;
         T low = low_, high = high_;
         for (int j = 0; j < width; ++j) {
             low = lows_[j] < low ? lows_[j] : low;
             high = highs_[j] > high ? highs_[j] : high;
         }
-        out.range.low = static_cast<double>(low);
-        out.range.high = static_cast<double>(high);
+        FloatBand const band{count_,
+                             nan_,
+                             above_,
+                             below_,
+                             s[0],
+                             q[0],
+                             nothing_,
+                             scale_,
+                             static_cast<double>(low),
+                             static_cast<double>(high)};
+        finish_band(band, std::is_same_v<T, double>, origin, out);
     }
 
     /// True if a sum, a difference or a square was too large for double, or all differences so small that squares may

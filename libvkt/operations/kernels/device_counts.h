@@ -1,0 +1,213 @@
+// Counting on a GPU: each block of threads counts a part of a brick in shared memory, and adds that up once.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/cuda_voxels.h"
+#include "libvkt/operations/kernels/histogram.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+namespace vkt::VKT_BACKEND::driver {
+
+/// Rows are cut into segments; a warp takes one after the other.
+inline constexpr std::int64_t count_segment = 2048;
+inline constexpr unsigned most_shared_counters = 10240;       ///< of 32 bits
+inline constexpr unsigned most_packed_counters = 65536 + 256; ///< of 16 bits, which a block counts no more voxels than
+inline constexpr unsigned packed_threads = 1024;              ///< of such a block: no other has room beside it
+
+/// What one block of threads counts.
+struct CountItem {
+    std::int64_t counters = 0;        ///< index of the brick's first one
+    std::int64_t x = 0, y = 0, z = 0; ///< the brick's first voxel in the view
+    std::int64_t nx = 0, ny = 0;      ///< voxels in a row, rows in a slice
+    std::int64_t begin = 0, end = 0;  ///< segments of the rows, row after row
+    std::int64_t brick_y = 0, brick_z = 0;
+    std::int64_t first = 1, last = 1; ///< weights of the ends of rows
+};
+
+/// Weights of rows: where the grid begins in the view, and how it is cut.
+struct CountGrid {
+    Index3 before; ///< voxels between the grid's first and the view's
+    Index3 dims, bricks;
+};
+
+/// Equal voxels that follow one another are added at once.
+template <class Add> struct CountRun {
+    Add const& add;
+    int slot = -1;
+    std::uint64_t sum = 0;
+
+    __device__ __forceinline__ void take(int next, std::uint64_t weight) {
+        if (next != slot) {
+            flush();
+            slot = next;
+        }
+        sum += weight;
+    }
+    __device__ __forceinline__ void flush() {
+        if (sum != 0) add(slot, sum);
+        sum = 0;
+    }
+};
+
+/// `slots` counters a brick, of which so many copies lie in shared memory; none if they have no room there, one of 16
+/// bits each if Packed.
+template <class T, int N, bool Packed, class SlotOf>
+__global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
+    count_kernel(DeviceRows in, CountItem const* items, CountGrid grid, __grid_constant__ SlotOf const slot_of,
+                 unsigned slots, unsigned copies, unsigned long long* counters) {
+    extern __shared__ unsigned shared[];
+    CountItem const item = items[blockIdx.x];
+    unsigned const words = Packed ? (slots + 1) / 2 : slots * copies;
+    for (unsigned i = threadIdx.x; i < words; i += blockDim.x) shared[i] = 0;
+    __syncthreads();
+    unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    unsigned* const mine = Packed ? shared : copies > 0 ? shared + warp % copies * slots : nullptr;
+    unsigned long long* const all = counters + item.counters;
+    auto const add = [&](int slot, std::uint64_t sum) {
+        if constexpr (Packed)
+            atomicAdd(mine + slot / 2, static_cast<unsigned>(sum) << (slot % 2 * 16));
+        else if (mine != nullptr)
+            atomicAdd(mine + slot, static_cast<unsigned>(sum));
+        else
+            atomicAdd(all + slot, static_cast<unsigned long long>(sum));
+    };
+    CountRun<decltype(add)> run{add};
+    std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
+    for (std::int64_t s = item.begin + warp; s < item.end; s += blockDim.x / 32) {
+        std::int64_t const row = quotient_of(s, segments), begin = (s - row * segments) * count_segment;
+        std::int64_t const slice = quotient_of(row, item.ny), y = item.y + row - slice * item.ny, z = item.z + slice;
+        std::int64_t const share = share_of_voxel(grid.before.y + y, item.brick_y, grid.dims.y, grid.bricks.y) *
+                                   share_of_voxel(grid.before.z + z, item.brick_z, grid.dims.z, grid.bricks.z);
+        std::int64_t const full = share * grid.bricks.x;
+        auto const n = static_cast<int>(item.nx - begin < count_segment ? item.nx - begin : count_segment);
+        std::byte const* const from = in.at(item.x + begin, y, z);
+        auto const weight = [&](int i) {
+            std::int64_t const x = begin + i;
+            return static_cast<std::uint64_t>(x == 0             ? share * item.first
+                                              : x == item.nx - 1 ? share * item.last
+                                                                 : full);
+        };
+        bool const aligned = reinterpret_cast<std::uintptr_t>(from) % (N * sizeof(T)) == 0;
+        for (int i = static_cast<int>(lane) * N; i < n; i += 32 * N) {
+            if (i + N <= n) {
+                Words const words =
+                    load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+#pragma unroll
+                for (int k = 0; k < N; ++k) run.take(slot_of(voxel_of<T>(words, k)), weight(i + k));
+            } else {
+                for (int k = i; k < n; ++k) run.take(slot_of(reinterpret_cast<T const*>(from)[k]), weight(k));
+            }
+        }
+    }
+    run.flush();
+    if (copies == 0) return;
+    __syncthreads();
+    if constexpr (Packed) {
+        for (unsigned i = threadIdx.x; i < words; i += blockDim.x) {
+            unsigned const pair = shared[i];
+            if ((pair & 0xffff) != 0) atomicAdd(all + 2 * i, static_cast<unsigned long long>(pair & 0xffff));
+            if (pair >> 16 != 0) atomicAdd(all + 2 * i + 1, static_cast<unsigned long long>(pair >> 16));
+        }
+    } else {
+        for (unsigned i = threadIdx.x; i < slots; i += blockDim.x) {
+            unsigned long long sum = 0;
+            for (unsigned copy = 0; copy < copies; ++copy) sum += shared[copy * slots + i];
+            if (sum != 0) atomicAdd(all + i, sum);
+        }
+    }
+}
+
+template <class T, int N, bool Packed, class SlotOf>
+void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, CountGrid const& grid,
+                  SlotOf const& slot_of, unsigned slots, unsigned copies, unsigned long long* counters) {
+    DeviceList<CountItem> const list(items);
+    unsigned const bytes = Packed ? (slots + 1) / 2 * 4 : slots * copies * 4;
+    if constexpr (Packed)
+        cudaFuncSetAttribute(count_kernel<T, N, Packed, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                             static_cast<int>(bytes));
+    count_kernel<T, N, Packed, SlotOf>
+        <<<static_cast<unsigned>(items.size()), Packed ? packed_threads : block_threads, bytes>>>(
+            in, list.get(), grid, slot_of, slots, copies, counters);
+    check_launch("count");
+}
+
+/// The parts of bricks in a slab, each no more than 32 bits count.
+inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid, std::size_t slots, Index3 lower,
+                                          bool packed) {
+    std::vector<CountItem> items;
+    double const weight =
+        static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
+    constexpr std::int64_t least = 32768, blocks = 8192;
+    for_each_brick(slab, grid, [&](Index3 brick, Box const& box) {
+        std::int64_t const nx = box.dims().x, segments = (nx + count_segment - 1) / count_segment,
+                           total = segments * box.dims().y * box.dims().z;
+        std::int64_t const voxels = std::max({least, box.voxels() / blocks, static_cast<std::int64_t>(4 * slots)});
+        double const held = (packed ? 65535.0 : 0x1p31 / weight) / static_cast<double>(std::min(nx, count_segment));
+        std::int64_t const each = std::clamp<std::int64_t>(voxels / std::min(nx, count_segment), 1,
+                                                           std::max<std::int64_t>(1, static_cast<std::int64_t>(held)));
+        for (std::int64_t begin = 0; begin < total; begin += each) {
+            CountItem item;
+            item.counters =
+                (brick.x + grid.bricks.x * (brick.y + grid.bricks.y * brick.z)) * static_cast<std::int64_t>(slots);
+            Index3 const at = box.lower - lower;
+            item.x = at.x;
+            item.y = at.y;
+            item.z = at.z;
+            item.nx = nx;
+            item.ny = box.dims().y;
+            item.begin = begin;
+            item.end = std::min(begin + each, total);
+            item.brick_y = brick.y;
+            item.brick_z = brick.z;
+            item.first = grid.share(0, box.lower.x, brick.x);
+            item.last = grid.share(0, box.upper.x - 1, brick.x);
+            items.push_back(item);
+        }
+    });
+    return items;
+}
+
+/// Adds to counts[brick * slots + slot_of(v)] the weights of the voxels of `in` that lie in the grid.
+template <class T, class SlotOf>
+void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::size_t slots,
+                     std::vector<std::uint64_t>& counts) {
+    Box slab = intersect(in.box, grid.box);
+    counts.assign(static_cast<std::size_t>(grid.count()) * slots, 0);
+    if (slab.empty()) return;
+    if (grid.count() == 1 && slab == in.box && in.contiguous()) { // one long row
+        slab = {{0, 0, 0}, {in.box.voxels(), 1, 1}};
+        in = dense_view(in.data, in.type, slab, in.space);
+        grid.box = slab;
+    }
+    DeviceRows const rows = device_rows(in, in.box);
+    CountGrid const cut{in.box.lower - grid.box.lower, grid.box.dims(), grid.bricks};
+    double const weight =
+        static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
+    bool const fits = slots <= most_shared_counters && weight * static_cast<double>(count_segment) < 0x1p31;
+    unsigned const copies = !fits ? 0 : std::min(8u, most_shared_counters / static_cast<unsigned>(slots));
+    int room = 0;
+    cudaDeviceGetAttribute(&room, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_current());
+    bool const packed = slots > most_shared_counters && slots <= most_packed_counters && grid.count() == 1 &&
+                        static_cast<int>((slots + 1) / 2 * 4) <= room;
+    std::vector<CountItem> const items = count_items(slab, grid, slots, in.box.lower, packed);
+    DeviceScratch const memory(counts.size() * sizeof(std::uint64_t));
+    device_clear(memory.get(), counts.size() * sizeof(std::uint64_t));
+    auto* const counters = reinterpret_cast<unsigned long long*>(memory.get());
+    constexpr int wide = std::min<int>(16, 16 / static_cast<int>(sizeof(T))),
+                  narrow = std::max<int>(1, 4 / static_cast<int>(sizeof(T)));
+    // Short rows leave lanes idle, the more the wider what each of them loads.
+    bool const short_rows = slab.dims().x / grid.bricks.x < 32 * wide;
+    constexpr int small = sizeof(T) >= 4 ? wide : narrow;
+    if (packed)
+        launch_count<T, wide, true>(rows, items, cut, slot_of, static_cast<unsigned>(slots), 1, counters);
+    else if (short_rows)
+        launch_count<T, small, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+    else
+        launch_count<T, wide, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+    copy_to_host(counts.data(), memory.get(), counts.size() * sizeof(std::uint64_t));
+}
+
+} // namespace vkt::VKT_BACKEND::driver

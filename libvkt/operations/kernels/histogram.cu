@@ -1,0 +1,108 @@
+// Counting in bins on GPUs: the slot of a voxel as CPUs find it, by a guess that the edges beside it correct.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/histogram.h"
+
+#include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/device_counts.h"
+
+namespace vkt {
+
+namespace VKT_BACKEND {
+namespace {
+
+/// Voxels of one byte have a counter for each of their patterns.
+struct PatternSlot {
+    VKT_HD int operator()(std::uint8_t v) const { return v; }
+};
+
+struct TableSlot {
+    std::int32_t const* table;
+    VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
+};
+
+struct ValueSlot {
+    double const* edges;
+    int count;
+    double slope, intercept, scale, scaled_low, per_unit, low, high, near;
+
+    template <class T> VKT_DEVICE int operator()(T voxel) const {
+        auto const stored = static_cast<double>(voxel);
+        double value = slope * stored + intercept;
+        if (!(value - value == 0) && stored - stored == 0) value = fma(slope, stored, intercept);
+        if (value != value) return count + 2;
+        if (value < low) return count;
+        if (value > high) return count + 1;
+        double const at = (value * scale - scaled_low) * per_unit, last = count - 1.0;
+        auto k = static_cast<int>(at > 0 ? at < last ? at : last : 0);
+        double const rest = at - k;
+        if (rest < near || rest > 1 - near) {
+            while (k > 0 && value < edges[k]) --k;
+            while (k + 1 < count && value >= edges[k + 1]) ++k;
+        }
+        return k;
+    }
+};
+
+/// 64-bit integers, from the first edge on.
+struct WholeSlot {
+    Int128 const* edges;
+    Int128 base, highest;
+    int count;
+    double scaled_low, per_unit;
+
+    template <class T> VKT_DEVICE int operator()(T voxel) const {
+        Int128 const value = voxel;
+        if (value < base) return count;
+        if (value > highest) return count + 1;
+        double const at = (static_cast<double>(value - base) - scaled_low) * per_unit, last = count - 1.0;
+        auto k = static_cast<int>(at < last ? at : last);
+        while (k > 0 && value < edges[k]) --k;
+        while (k + 1 < count && value >= edges[k + 1]) ++k;
+        return k;
+    }
+};
+
+template <class T>
+void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
+    std::vector<double> const edges(bins.edges(), bins.edges() + bins.count() + 1);
+    driver::DeviceList<double> const list(edges);
+    ValueSlot const slot{
+        list.get(),        bins.count(),    bins.map().slope, bins.map().intercept, bins.scale(),
+        bins.scaled_low(), bins.per_unit(), edges.front(),    edges.back(),         bins.far() ? 1 : 0x1p-16};
+    driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
+}
+
+template <class T>
+void count_whole(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
+    std::vector<Int128> const edges(bins.whole_edges(), bins.whole_edges() + bins.count() + 1);
+    driver::DeviceList<Int128> const list(edges);
+    WholeSlot const slot{list.get(), edges.front(), bins.highest(), bins.count(), bins.scaled_low(), bins.per_unit()};
+    driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
+}
+
+} // namespace
+
+void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::uint64_t* counts, Execution const&) {
+    std::vector<std::uint64_t> found;
+    if (!bins.table().empty() && size_of(in.type) == 1) {
+        driver::count_on_device<std::uint8_t>(in, grid, PatternSlot{}, 256, found);
+        for (std::size_t i = 0; i < found.size(); ++i)
+            counts[i / 256 * bins.slots() + static_cast<std::size_t>(bins.table()[i % 256])] += found[i];
+        return;
+    }
+    if (!bins.table().empty()) {
+        driver::DeviceList<std::int32_t> const table(bins.table());
+        driver::count_on_device<std::uint16_t>(in, grid, TableSlot{table.get()}, bins.slots(), found);
+    } else {
+        for_each_type(in.type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<T> && sizeof(T) == 8) {
+                if (bins.wide()) return count_whole<T>(in, bins, grid, found);
+            }
+            if constexpr (sizeof(T) >= 4) count_values<T>(in, bins, grid, found);
+        });
+    }
+    for (std::size_t i = 0; i < found.size(); ++i) counts[i] += found[i];
+}
+
+} // namespace VKT_BACKEND
+} // namespace vkt

@@ -1,0 +1,94 @@
+// Finishing bands of statistics, on the host for every back end.
+// SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/statistics_bands.h"
+
+#include "libvkt/kernel/numeric.h"
+
+#include <algorithm>
+
+namespace vkt {
+
+void finish_band(FloatBand const& band, bool doubles, double origin, BandStatistics& out) {
+    Moments& m = out.moments;
+    m = {};
+    m.nan = band.nan;
+    m.positive_infinity = band.above;
+    m.negative_infinity = band.below;
+    m.finite = band.count - band.nan - band.above - band.below;
+    if (m.finite > 0) {
+        auto const n = static_cast<double>(m.finite);
+        double const shift = band.shift * band.scale;
+        double const product = n * shift;
+        double const sum = product + band.sum, back = sum - product;
+        double const error = (product - (sum - back)) + (band.sum - back) + __builtin_fma(n, shift, -product);
+        double const deviations = band.squares - band.sum * band.sum / n;
+        bool const kept = !(deviations <= 0); // NaN, too
+        m.deviations = kept ? deviations : 0;
+        long double const unscaled = 1 / static_cast<long double>(band.scale);
+        m.sum = sum * unscaled;
+        m.sum_error = error * unscaled;
+        m.deviations *= unscaled * unscaled;
+        if (doubles)
+            m.mean = (band.shift - static_cast<long double>(origin)) + band.sum / n * unscaled;
+        else
+            m.mean = (shift - origin) + band.sum / n;
+    }
+    out.range = {};
+    out.range.valid = band.count > band.nan;
+    out.range.low = band.low;
+    out.range.high = band.high;
+}
+
+namespace {
+
+template <class T> void finish_band(IntegerBand const& band, Int128 origin, BandStatistics& out) {
+    Moments& m = out.moments;
+    m = {};
+    m.finite = band.count;
+    m.integer_sum = band.sum;
+    if constexpr (sizeof(T) <= 4) {
+        m.squares = (static_cast<Unsigned128>(band.squares_high) << 32) + band.squares_low;
+    } else {
+        auto const count = static_cast<double>(band.count);
+        m.mean = static_cast<double>(static_cast<Int128>(static_cast<T>(band.first)) - origin) + band.s / count;
+        m.deviations = std::max(0.0, band.q - band.s * band.s / count);
+    }
+    T const low = static_cast<T>(band.low), high = static_cast<T>(band.high);
+    out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
+}
+
+} // namespace
+
+void finish_bands(FloatBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
+                  BandStatistics* out, int threads) {
+#pragma omp parallel for num_threads(threads) if (threads > 1)
+    for (std::int64_t b = 0; b < count; ++b) {
+        finish_band(bands[b], type == DataType::float64, origin.value, out[b]);
+        out[b].product = Product{};
+    }
+}
+
+void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
+                  BandStatistics* out, int threads) {
+    baseline::for_each_type(type, [&]<class T>(T) {
+        if constexpr (std::is_integral_v<T>) {
+#pragma omp parallel for num_threads(threads) if (threads > 1)
+            for (std::int64_t b = 0; b < count; ++b) {
+                finish_band<T>(bands[b], origin.integer, out[b]);
+                out[b].product = Product{};
+            }
+        }
+    });
+}
+
+void finish_products(LaneProduct const* lanes, std::int64_t count, BandStatistics* out, int threads) {
+#pragma omp parallel for num_threads(threads) if (threads > 1)
+    for (std::int64_t b = 0; b < count; ++b) {
+        LaneProduct const* const lane = lanes + b * statistics_lanes;
+        Product all;
+        for (int j = 0; j < statistics_lanes; ++j) all.multiply({lane[j].mantissa, lane[j].exponent});
+        out[b].product = lane[0].mantissa == 0 ? Product{0, 0} : all;
+    }
+}
+
+} // namespace vkt
