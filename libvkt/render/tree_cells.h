@@ -21,8 +21,8 @@ struct TreeCells {
     std::vector<std::int32_t> bricks; ///< ascending within each
 };
 
-/// At most one macrocell per 64 cells of the volume (but 4096), and as many names of bricks as half of the cells would
-/// need bytes. Memory and time grow with the cells.
+/// At most one macrocell per 64 cells of the volume (but 4096), of 20 bytes each, and one name of a brick, of 4 bytes,
+/// per 8 cells (but 262144). Time grows with the cells.
 TreeCells make_tree_cells(TreeSampler const& sampler, LatticeType type, Box const& region, int threads);
 
 } // namespace vkt::render

@@ -5,6 +5,8 @@
 #include "amr_helper.h"
 #include "render_testing.h"
 
+#include "libvkt/amr/sampler.h"
+
 namespace vkt::render::testing {
 
 /// Bricks of one level that tile a grid, `edge` cells each, less where the grid ends.
@@ -60,5 +62,46 @@ inline RenderSettings colourful() {
 }
 
 inline Volume small_tree() { return make_amr(amr_test::small_recipe(), amr_test::execution()); }
+
+inline Layer const& layer(RenderReport const& report, std::string const& name) {
+    for (Layer const& one : report.layers)
+        if (one.name == name) return one;
+    throw std::runtime_error("no layer " + name);
+}
+
+/// The whole tree on its finest grid.
+inline Volume resampled(Volume const& tree) {
+    Index3 const dims = tree.header().dims;
+    Volume grid = float_volume(dims, {1, 1, 1});
+    auto const v = grid.mutable_view().as<float>();
+    TreeSampler const sampler(tree);
+    for (std::int64_t z = 0; z < dims.z; ++z)
+        for (std::int64_t y = 0; y < dims.y; ++y)
+            for (std::int64_t x = 0; x < dims.x; ++x)
+                v(x, y, z) = sampler
+                                 .sample({static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
+                                          static_cast<double>(z) + 0.5})
+                                 .value;
+    return grid;
+}
+
+/// Distance from the centre of a cube of 64, fine within 12 of a sphere of radius 20 and coarser elsewhere.
+inline Volume sphere_tree() {
+    auto const distance = [](Vec3 p) { return std::hypot(p.x - 32, p.y - 32, p.z - 32); };
+    std::vector<Brick> bricks;
+    for (Brick const& coarse : tiles_of({64, 64, 64}, {16, 16, 16})) {
+        Vec3 const centre{static_cast<double>(coarse.lower.x) + 8, static_cast<double>(coarse.lower.y) + 8,
+                          static_cast<double>(coarse.lower.z) + 8};
+        if (std::abs(distance(centre) - 20) > 18) {
+            bricks.push_back({coarse.lower, {8, 8, 8}, 1});
+            continue;
+        }
+        for (Brick fine : tiles_of({16, 16, 16}, {8, 8, 8})) {
+            fine.lower = coarse.lower + fine.lower;
+            bricks.push_back(fine);
+        }
+    }
+    return amr_test::make_tree({64, 64, 64}, bricks, distance);
+}
 
 } // namespace vkt::render::testing
