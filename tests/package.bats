@@ -45,7 +45,7 @@ setup_more() {
 @test "lintian finds nothing but what overrides say and explain" {
     needs cpack dpkg-deb dpkg-shlibdeps lintian
     # Each override hides something that is there.
-    lintian --allow-root --show-overrides "$debs"/*.deb >said 2>&1
+    lintian --allow-root --show-overrides "$debs"/*.deb >said 2>&1 || true # it counts what is overridden, too
     [ -s said ]
     run ! grep -E '^[EW]: ' said
     # Each line of an override stands below one that says why.
