@@ -34,6 +34,23 @@ EOF
     [[ "$output" == *uint8* ]]
 }
 
+@test "the version tells the parts, and the modules that are not installed" {
+    "$prefix/bin/vkt" --version >said
+    [ "$(head -n 1 said)" = "vkt $(sed -n 's/^project(vkt VERSION \([0-9.]*\) .*/\1/p' "$VKT_ROOT/CMakeLists.txt")" ]
+    grep -q '^kernels:  baseline' said
+    run ! grep '^missing' said
+    modules=$(sed -n 's/^modules: *//p' said)
+    [ "$(ls "$prefix"/lib*/vkt | sed -n 's/^vkt_\(.*\)\.so$/\1/p' | sort | tr '\n' ' ')" = "$(echo "$modules" | tr ' ' '\n' | sort | tr '\n' ' ')" ]
+    # What CMake said of each part.
+    for part in CUDA OpenVDB HDF5 TIFF GDCM Blosc OpenEXR FreeType viewer Python expat LZ4 LZMA Zstandard bzip2; do
+        grep -E '^(with|without):' said | grep -q "$part" || { echo "$part" >&2; false; }
+    done
+    cp -r "$prefix" less
+    [ -n "$modules" ] || skip "this build is without modules"
+    rm less/lib*/vkt/vkt_"${modules%% *}".so
+    less/bin/vkt --version | grep -qx "missing:  ${modules%% *}"
+}
+
 @test "manual pages, completion and licence are installed" {
     [ -e "$prefix/share/man/man1/vkt.1" ]
     [ -e "$prefix/share/man/man1/vkt-crop.1" ]
@@ -75,7 +92,7 @@ EOF
 @test "a program builds with pkg-config" {
     pc=$(find "$prefix" -name vkt.pc)
     export PKG_CONFIG_PATH="${pc%/*}"
-    [ "$(pkg-config --modversion vkt)" = "$(cut -d' ' -f2 <<<"$(vkt --version)")" ]
+    [ "$(pkg-config --modversion vkt)" = "$(vkt --version | sed -n '1s/vkt //p')" ]
     # pkg-config escapes the blank in the folder for a shell.
     eval "c++ -std=c++20 consumer.cpp -o consumer $(pkg-config --cflags --libs vkt)"
     run ./consumer

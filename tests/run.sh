@@ -97,7 +97,7 @@ done
 
 say 'packages'
 if [ "${VKT_PACKAGES:-install}" = install ]; then
-    sh libvkt/cmake/packages.sh build optional test
+    sh libvkt/cmake/packages.sh build optional package test
     # An oracle that Debian does not have. Without it one test says so and skips.
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
@@ -106,6 +106,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/peers/zarr ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers zarr mrcfile ||
         echo 'zarr and mrcfile could not be installed'
+    # Judges of the Python package and of segmentations.
+    [ -d build/peers/slicerio ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers slicerio npe2 mypy scikit-build-core ||
+        echo 'slicerio, npe2, mypy and scikit-build-core could not be installed'
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH
@@ -156,24 +160,39 @@ if has asan && build asan; then
     unset ASAN_OPTIONS UBSAN_OPTIONS LSAN_OPTIONS
 fi
 
-# The targets are part of the asan build.
+# fuzz TARGET: one target for a while, from what was found before and the inputs that come with the project; its result is
+# a line of counted() beside what it printed.
+fuzz() {
+    name=$(basename "$1")
+    mkdir -p "build-asan/corpus/$name"
+    set -- "$1" "build-asan/corpus/$name"
+    if [ -d "tests/fuzz/corpus/${name%_fuzz}" ]; then set -- "$@" "tests/fuzz/corpus/${name%_fuzz}"; fi
+    target=$1
+    shift
+    if "$target" -max_total_time="${VKT_FUZZ_SECONDS:-20}" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 \
+        -max_len=8192 -artifact_prefix="build-asan/$name-" "$@" >"$scratch/$name.log" 2>&1; then
+        echo "pass $name" >"$scratch/$name.result"
+    else
+        echo "fail $name" >"$scratch/$name.result"
+    fi
+}
+
+# The targets are part of the asan build. As many run at once as there are processors.
 if has fuzz && { has asan || build asan; }; then
+    running=0
+    for target in build-asan/fuzz/*_fuzz; do
+        fuzz "$target" &
+        running=$((running + 1))
+        [ $((running % jobs)) -ne 0 ] || wait
+    done
+    wait
     for target in build-asan/fuzz/*_fuzz; do
         name=$(basename "$target")
         say "fuzz: $name"
-        # What was found before, then the inputs that come with the project.
-        mkdir -p "build-asan/corpus/$name"
-        set -- "build-asan/corpus/$name"
-        if [ -d "tests/fuzz/corpus/${name%_fuzz}" ]; then set -- "$@" "tests/fuzz/corpus/${name%_fuzz}"; fi
-        if "$target" -max_total_time="${VKT_FUZZ_SECONDS:-20}" -timeout=10 -rss_limit_mb=1024 \
-            -malloc_limit_mb=512 -max_len=8192 \
-            -artifact_prefix="build-asan/$name-" "$@" >"$scratch/fuzz.log" 2>&1; then
-            tail -n 1 "$scratch/fuzz.log"
-            pass
-        else
-            tail -n 40 "$scratch/fuzz.log"
-            fail "fuzz: $name"
-        fi
+        lines=1
+        grep -q '^pass' "$scratch/$name.result" || lines=40
+        tail -n "$lines" "$scratch/$name.log"
+        counted "$scratch/$name.result" fuzz
     done
 fi
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/amr/reconstruct.h"
 
+#include "libvkt/amr/device_sampler.h"
 #include "libvkt/amr/tile_output.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/first_failure.h"
@@ -121,6 +122,10 @@ void Reconstructor::run(AnyView out, AnyView mask, Execution const& execution) c
         throw Error(ErrorKind::failure, text("region ", region, " leaves the grid of ", grid_.dims));
     if (out.type != volume_.header().dtype)
         throw Error(ErrorKind::failure, text("reconstruction of ", volume_.header().dtype, " cannot write ", out.type));
+    if (out.space == Space::device) {
+        if (!on_gpu_) on_gpu_ = std::make_shared<DeviceSampler>(volume_);
+        return on_gpu_->run(grid_, rule_, out);
+    }
     Index3 first_tile, tiles;
     for (int a = 0; a < 3; ++a) {
         first_tile[a] = region.lower[a] / tile_extent[a];

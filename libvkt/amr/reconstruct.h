@@ -77,17 +77,19 @@ Header gridded_header(Header const& header, SampleGrid const& grid);
 /// True if bricks leave part of the grid uncovered. What lies outside the logical grid is no hole. O(bricks).
 bool leaves_holes(Header const& header, std::span<Brick const> bricks, SampleGrid const& grid);
 
+class DeviceSampler;
+
 /// Samples a hierarchical volume on a grid, region by region. Results depend on neither regions nor threads, bit for
 /// bit; bricks contribute in their order. State: 112 bytes a brick. Throws Error{failure} for structured volumes.
 class Reconstructor {
 public:
     Reconstructor(Volume volume, SampleGrid const& grid, Reconstruction method, double background = 0);
 
-    /// Computes the samples of out.box, in the volume's type and host memory; where no brick contributes they become
-    /// the background, which also has its share in means over voxels that bricks cover in part, unless it is not
-    /// finite. Samples keep to the range of the cells, and that share to the range between them and the background.
-    /// `mask`, if not empty, is a uint8 view of the same box: 1 where bricks contribute, else 0. O(samples + bricks
-    /// near the region).
+    /// Computes the samples of out.box, in the volume's type and the memory of the execution's device; where no brick
+    /// contributes they become the background, which also has its share in means over voxels that bricks cover in part,
+    /// unless it is not finite. Samples keep to the range of the cells, and that share to the range between them and
+    /// the background. `mask`, if not empty, is a uint8 view of the same box: 1 where bricks contribute, else 0.
+    /// O(samples + bricks near the region). On a GPU what DeviceSampler computes, without a mask.
     void run(AnyView out, AnyView mask, Execution const& execution) const;
     void run(AnyView out, Execution const& execution) const { run(out, AnyView{}, execution); }
 
@@ -105,7 +107,8 @@ private:
     SampleGrid grid_;
     TileRule rule_;
     std::vector<tile::Source> sources_;
-    std::vector<std::int64_t> first_z_, last_z_; ///< per brick: output slices it may touch
+    std::vector<std::int64_t> first_z_, last_z_;    ///< per brick: output slices it may touch
+    mutable std::shared_ptr<DeviceSampler> on_gpu_; ///< once it was asked for
 };
 
 /// The whole grid at once. `mask`, if given, receives a uint8 volume of the same grid.

@@ -89,6 +89,9 @@ VKT_API char const* const* vkt_operations(void);
 /** 1 if the operation of this name makes no volume but reports, which is for vkt_measure(); 0 if it makes one, which is
    for vkt_apply(), or if there is none. */
 VKT_API int vkt_measures(char const* name);
+/** What the library knows of an operation, as a JSON object: its texts, what it makes, its parameters with their help,
+   kinds, choices and defaults (libvkt/engine/operation_help.h says which keys). For vkt_free_text(). */
+VKT_API vkt_status vkt_operation_help(char const* name, char** json);
 
 /** Reads the volume of a file, or maps that of a segment of shared memory ("shm:NAME"). Options are those of
    `vkt read`, also "--trust-paths", and "--index N" for a file of several volumes. */
@@ -98,6 +101,14 @@ VKT_API vkt_status vkt_read(char const* path, char const* const* words, size_t c
 VKT_API void vkt_default_description(vkt_description* description);
 /** A volume with a copy of the voxels, x fastest, then y, then z; zeros if `voxels` is null. */
 VKT_API vkt_status vkt_create(vkt_description const* description, void const* voxels, vkt_volume** volume);
+/** Called once, by any thread, when nothing uses those voxels any more. */
+typedef void (*vkt_release_function)(void* user);
+/** A structured volume of a header as vkt_header() gives it, with history and attributes; "kind", "dims", "dtype",
+   "spacing", "origin", "direction", "slope" and "intercept" must be there. The voxels, `bytes` of them, x fastest, are
+   copied if `release` is null; else they are used where they are, aligned to their size, and must not change until
+   then. A call that fails does not release them. */
+VKT_API vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t bytes,
+                                          vkt_release_function release, void* user, vkt_volume** volume);
 /** Takes null, too. */
 VKT_API void vkt_free(vkt_volume* volume);
 

@@ -61,7 +61,8 @@ Header header_of(vkt_description const& d) {
 
 /// A file of any format, a stream among them.
 std::unique_ptr<Source> open_any(std::string const& path, ReadOptions const& options, Call& call) {
-    return open_path(path, [&](std::string const& one) -> std::unique_ptr<Source> {
+    // A series opens its files one after another, when the call has long had these options.
+    return open_path(path, [options, &call](std::string const& one) -> std::unique_ptr<Source> {
         auto bytes = open_bytes(one);
         bool const looked_at = !options.describes() && !bytes->directory();
         if (!looked_at || !ipc::is_stream(bytes->peek(ipc::magic.size())))

@@ -141,6 +141,8 @@ public:
     /// Geometric operations that make a structured volume of a hierarchical one, as their plan says, are given it here;
     /// run() then computes region by region from it: the footprint of such an input is empty.
     virtual void take_tree(Volume /*input*/) {}
+    /// After plan(): true if run() then works on device memory.
+    virtual bool runs_from_tree_on_gpu() const { return false; }
 
     /// Reductions: reads all volumes of the inputs, finishes each of them, and tells their reports, see Measurement. By
     /// default reduce() is applied to each volume of the only input, and tells report().

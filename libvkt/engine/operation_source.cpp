@@ -280,22 +280,28 @@ void OperationSource::compute_bands() {
 
 /// Bricks are worked on as they come, if the operation can; what is made a grid is read at once.
 void OperationSource::plan_tree(std::vector<Header> const& headers) {
-    execution_ = requested_;
-    if (execution_.only_gpu) refuse_cpu(text(operation_.name(), " of hierarchical volumes"));
-    execution_.device = Device::cpu;
     for (Header const& header : headers)
         if (header.kind != Kind::hierarchical) refuse_both_kinds(operation_);
     std::optional<Plan> plan;
     bool const alone = headers.size() == 1 && operation_.shape() == Shape::geometric;
     if (alone) plan = labelled(info_, [&] { return operation_.plan(headers); });
+    execution_ = requested_;
+    bool const gridded = plan && plan->output.kind == Kind::structured && operation_.runs_from_tree_on_gpu();
+    if (execution_.device != Device::gpu || !gridded) {
+        bool const in_part = plan && plan->output.kind == Kind::structured;
+        if (execution_.only_gpu)
+            refuse_cpu(text(operation_.name(), " of hierarchical volumes", in_part ? " as it is asked for here" : ""));
+        execution_.device = Device::cpu;
+    }
     if (plan && plan->output.kind == Kind::structured) {
         plan_ = *std::move(plan);
         tree_work(operation_.shape(), plan_, headers, {}, requested_);
         Volume tree = load(*inputs_.front(), requested_);
         inputs_used_up_ = true;
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+        if (execution_.device == Device::gpu) device_select(execution_.gpu);
         operation_.take_tree(std::move(tree));
-        work_.cut = cut_of(plan_.output, plan_.slab_hint, requested_);
+        work_.cut = cut_of(plan_.output, slab_hint_on(execution_, plan_.output, plan_.slab_hint), requested_);
     } else {
         tree_ = std::make_unique<TreeRun>(operation_,
                                           collect(inputs_, [](auto const& input) { return input->take_bricks(); }),

@@ -39,36 +39,11 @@ __global__ void __launch_bounds__(strip_x* strip_y)
     if (totals != nullptr) add_counts(counts, totals);
 }
 
-/// The same with a block of 32 x 8 voxels where a warp has 8 x 4 of them, at a time: for functors whose neighbours lie
-/// across the rows of what they read, `using Square = void`.
-template <class F>
-concept IsSquare = requires {
-    typename F::Square;
-};
-template <class F>
-__global__ void __launch_bounds__(strip_x* strip_y)
-    square_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
-    int const lane = static_cast<int>(threadIdx.x), warp = static_cast<int>(threadIdx.y);
-    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * (strip_x * strips) + warp % 4 * 8 +
-                            lane % 8,
-                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * strip_y +
-                           warp / 4 * 4 + lane / 8,
-                       z = blockIdx.x / blocks.across / blocks.along;
-    LossCounts counts;
-    if (y < n.y)
-        for (int i = 0; i < strips; ++i)
-            if (std::int64_t const x = x0 + i * strip_x; x < n.x) f(x, y, z, counts);
-    if (totals != nullptr) add_counts(counts, totals);
-}
-
 /// Calls f(x, y, z, counts) for 0 <= x < n.x, … on the device; `totals` may be null where nothing is counted.
 template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
     if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
     Strips const blocks = strips_of(n);
-    if constexpr (IsSquare<F>)
-        square_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
-    else
-        voxels_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
+    voxels_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
     check_launch(name);
 }
 

@@ -78,7 +78,10 @@ VKT_OPERATION(Distance, "distance")
 Texts Distance::texts() const {
     return {"Measure the distance to the nearest zero voxel.",
             "Exact Euclidean distances, in world units, from the centre of every non-zero voxel to the centre of the "
-            "nearest one that is zero or NaN; float32. Outside of the volume there is nothing to measure to.",
+            "nearest one that is zero or NaN; float32. Outside of the volume there is nothing to measure to."
+            "\n\n"
+            "Accuracy: Within 2^-23 of the value; correctly rounded where squared distances are whole numbers of a "
+            "common unit, as with equal spacings.",
             {{"How deep voxels lie inside of the object", "vkt distance volume.nrrd -o depth.nrrd"},
              {"Inside positive, outside negative, in voxels",
               "vkt distance volume.nrrd --signed --unit voxel | vkt stats"}}};

@@ -1,5 +1,6 @@
 // Which accumulators a projection needs.
 // SPDX-License-Identifier: MIT
+#include "libvkt/operations/kernels/median_lines.h"
 #include "libvkt/operations/kernels/project.h"
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/resample.h"
 
+#include "libvkt/amr/device_sampler.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/travelled.h"
@@ -17,6 +18,36 @@
 namespace vkt {
 
 VKT_OPERATION(Resample, "resample")
+
+Texts Resample::texts() const {
+    return {"Resample a volume to another number of voxels, or onto another's grid.",
+            "The volume keeps its extent in the world; voxels are cells, so the outer faces stay where they are. By "
+            "default axes that shrink are averaged "
+            "by area and axes that grow are interpolated linearly. nearest, linear and area keep the data type; cubic "
+            "turns unsigned integers "
+            "into floats, because it can leave their range.\n\n"
+            "--like puts the volume onto the grid of another, wherever and however turned that lies in the world; what "
+            "lies "
+            "outside becomes --background.\n\n"
+            "Hierarchical (AMR) volumes become structured ones: --cells 50M says how many voxels, --roi which part, in "
+            "finest cells; --method basis (default) interpolates across levels, average conserves the integral."
+            "\n\n"
+            "Accuracy: nearest is exact. Of integers linear and area come out as in exact arithmetic, rounded once; "
+            "floats are bounded by (n + 12) 2^-53 of the largest magnitude for n voxels that are summed, plus the "
+            "rounding of what is stored; cubic by up to twice that.",
+            {{"Half as many voxels along each axis",
+              "vkt make sphere --dims 64 64 48 | vkt resample --scale 0.5 | vkt info"},
+             {"Sizes in voxels, cubic",
+              "vkt make sphere --dims 32 32 24 | vkt resample --dims 48 48 48 --method cubic | vkt info"},
+             {"Onto the grid of another volume, to subtract it",
+              "vkt make noise --dims 20 20 20 -o a.vkt && vkt make ramp --dims 30 30 30 --spacing 0.5 | vkt resample "
+              "--like "
+              "a.vkt | vkt arith sub - a.vkt | vkt stats"},
+             {"A grid of about 20 000 voxels from an AMR volume",
+              "vkt make amr --blocks 50 --levels 3 | vkt resample --cells 20k | vkt info"},
+             {"Cubic voxels from slices",
+              "vkt make sphere --dims 32 32 12 --spacing 1,1,2.5 | vkt resample --spacing 1 | vkt info"}}};
+}
 
 void Resample::parameters(Parameters& p) {
     p.option("scale", scale, "S|SX,SY,SZ", "factor for the numbers of voxels, rounded to the nearest");
@@ -459,6 +490,7 @@ Plan Resample::plan_tree(Header const& input) {
     plan.slab_hint = tile::extent_z;
     plan.state_bytes = static_cast<std::size_t>(input.brick_count) * Reconstructor::bytes_per_brick;
     stored_background_ = background_in(input);
+    tree_type_ = input.dtype;
     values_.reset();
     if (mask) {
         plan.output.dtype = DataType::uint8;
@@ -488,11 +520,13 @@ void Resample::take_tree(Volume input) {
     reconstructor_.emplace(std::move(input), grid_, reconstruction(), stored_background_);
 }
 
+bool Resample::runs_from_tree_on_gpu() const { return !mask && DeviceSampler::computes(reconstruction(), tree_type_); }
+
 void Resample::reconstruct_tree(AnyView out, Execution const& execution) {
     if (!mask && !values_) return reconstructor_->run(out, execution);
     DataType const type = reconstructor_->header().dtype;
     samples_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(type));
-    AnyView const samples = dense_view(samples_.write(Space::host), type, out.box);
+    AnyView const samples = dense_view(samples_.write(out.space), type, out.box, out.space);
     if (mask) return reconstructor_->run(samples, out, execution);
     reconstructor_->run(samples, execution);
     ConstView const from = samples;

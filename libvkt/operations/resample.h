@@ -67,6 +67,7 @@ public:
     std::optional<VoxelMapping> voxel_mapping;
 
     std::string_view name() const override { return "resample"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
     void parameters(Parameters& p) override;
@@ -80,6 +81,7 @@ public:
     void take_tree(Volume input) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    bool runs_from_tree_on_gpu() const override;
     std::vector<Remark> remarks() const override;
 
 private:
@@ -117,6 +119,7 @@ private:
 
     bool from_tree_ = false; ///< planned for a hierarchical volume
     SampleGrid grid_;
+    DataType tree_type_ = DataType::float32;
     double stored_background_ = 0;
     std::optional<Reconstructor> reconstructor_;
     std::unique_ptr<Resample> values_; ///< what changes after reconstruction: type and value map

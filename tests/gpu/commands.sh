@@ -175,6 +175,33 @@ cmp -s said_cpu "said_${gpu%:*}" || {
     failed=$((failed + 1))
 }
 
+# What does not run on a GPU says so.
+refused() {
+    checked=$((checked + 1))
+    if "$vkt" "$@" --device "$gpu" >out.txt 2>said; then
+        echo "FAILED: not refused: $*"
+        failed=$((failed + 1))
+    elif ! grep -q 'does not run on a GPU' said; then
+        echo "FAILED: refused otherwise: $*: $(cat said)"
+        failed=$((failed + 1))
+    fi
+}
+"$vkt" make amr --field disk --blocks 300 --levels 4 -o tree.vkt
+refused stats a_uint8.vkt --percentiles 50
+refused stats a_uint8.vkt --per z
+refused stats tree.vkt
+refused histogram a_uint8.vkt --range p1:p99
+refused label a_uint8.vkt
+refused crop tree.vkt --roi 1:5,:,:
+refused resample tree.vkt --method average
+
+# Trees to grids: cells as they are, and sums in float32.
+for options in '--method nearest' '--method basis' '--method basis --cells 100000' '--method nearest --scale 2' \
+    '--method basis --roi 10%:90%,5:,:50% --dims 100 90 31' '--method basis --dtype uint16'; do
+    case $options in *nearest*) tolerance=0 ;; *uint16*) tolerance=1 ;; *) tolerance=1e-4 ;; esac
+    same "$tolerance" "$vkt resample tree.vkt $options --device \$DEVICE -q"
+done
+
 # Slices cut into rows: wrapped ones come from the other side.
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do

@@ -154,7 +154,6 @@ __device__ __forceinline__ double aside(int i, int n) {
 }
 
 template <class Kernel, class C, class T> struct Sample {
-    using Square = void; ///< see square_kernel
     DeviceSampling s;
     Voxels<T> voxels;
     driver::DeviceRows out;

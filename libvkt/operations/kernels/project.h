@@ -43,10 +43,4 @@ VKT_CPU_KERNEL(project_add, (ProjectionState & state, ConstView slab, Execution 
 VKT_CPU_KERNEL(project_store, (ProjectionState const& state, AnyView out, Losses& losses, Execution const& execution),
                (state, out, losses, execution))
 
-/// Memory of a thread.
-std::size_t median_line_bytes(DataType type, std::int64_t n);
-/// Medians along an axis, of which `in` has all; NaN is left out and counted.
-VKT_CPU_KERNEL(median_lines, (ConstView in, AnyView out, int axis, std::int64_t& nan, Execution const& execution),
-               (in, out, axis, nan, execution))
-
 } // namespace vkt
