@@ -20,6 +20,7 @@ namespace {
 
 /// Value t/depth along z of the lattice, exactly: no voxels in between.
 struct Ramp : PointSampler<Ramp> {
+    static constexpr bool skips_exactly = false;
     double depth = 1;
     VKT_HD float value(Float3 p) const { return static_cast<float>(p.z / depth); }
     VKT_HD Float3 gradient(Float3) const { return {0, 0, 1}; }
