@@ -397,7 +397,7 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
 }
 
 @test "every algorithm draws a tree, with its goals and layers; nothing to see is no crash" {
-    tree
+    tree --field linear
     drawn() { # options…: a picture that is not one colour
         vkt render t.vkt --size 40 -o drawn.png --force "$@"
         pixels drawn.png | tail -n 1 >drawn

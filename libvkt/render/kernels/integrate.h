@@ -7,7 +7,10 @@
 #include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/pixels.h"
 
-namespace vkt::render {
+namespace vkt::render::VKT_BACKEND {
+
+// Internal, so that what it instantiates is: the same function for another instruction set must not replace it.
+namespace {
 
 template <class S>
 VKT_HD void integrate(S const& sampler, SceneView const& scene, Integrator integrator, Tile tile, float* pixels,
@@ -51,4 +54,6 @@ VKT_HD void integrate(S const& sampler, SceneView const& scene, Integrator integ
     total.capped += counters.capped;
 }
 
-} // namespace vkt::render
+} // namespace
+
+} // namespace vkt::render::VKT_BACKEND
