@@ -203,6 +203,19 @@ assert tifffile.imread("s.tif").tobytes() == open("s.raw", "rb").read()
 END
 }
 
+@test "pages smaller than their description are what tifffile and libtiff read" {
+    for n in 1 2 3 9; do vkt make noise --dims 5 3 $n --dtype uint8 | vkt write - small$n.tif; done
+    vkt make noise --dims 5 3 4 --dtype uint16 --seed 1 -o s_1.nrrd
+    vkt make noise --dims 5 3 4 --dtype uint16 --seed 2 -o s_2.nrrd
+    vkt read 's_*.nrrd' -o two.tif
+    /usr/bin/python3 - <<'END'
+import tifffile
+from voxels import *
+for name in ("small1.tif", "small2.tif", "small3.tif", "small9.tif", "two.tif"):
+    assert tifffile.imread(name).tobytes() == voxels(name).tobytes(), name
+END
+}
+
 @test "pipes, standard input, names, and refusals" {
     vkt make noise --dims 9 8 4 --dtype int16 -o a.tif
     vkt diff a.tif - <a.tif
