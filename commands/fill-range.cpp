@@ -4,13 +4,6 @@
 
 namespace vkt::shell {
 
-Command fill_range_command() {
-    return operation_command(
-        "fill-range",
-        {"Set the voxels of a region to one value.",
-         "volkit's name for vkt fill with a range, which must be given.",
-         {{"Blank a corner",
-           "vkt make ramp --dims 16 12 8 | vkt fill-range --first 0 0 0 --last 4 4 4 --value 0 | vkt stats"}}});
-}
+Command fill_range_command() { return operation_command("fill-range"); }
 
 } // namespace vkt::shell

@@ -220,8 +220,8 @@ Command render_command() {
          "soon as its first slices are there: drag to turn it, drag with the right button or with shift to move it, "
          "wheel to zoom; panels beside it edit transfer function, surfaces, integrator, camera and clip box; keys h "
          "(all keys), s (save), p (print the command that draws what is seen), q (quit).\n\n"
-         "Hierarchical (AMR) volumes are marched as they are, with steps as long as their cells are large; the other "
-         "algorithms take what vkt resample makes of them.",
+         "Hierarchical (AMR) volumes are drawn as they are, by every algorithm; marched with steps as long as their "
+         "cells are large.",
          {{"In a window, everything chosen from the data", "vkt render volume.nrrd"},
           {"The same as a picture", "vkt render volume.nrrd -o picture.png"},
           {"From the right, own opacities over the value range",
@@ -230,6 +230,8 @@ Command render_command() {
           {"An iso-surface", "vkt render volume.nrrd --render-algo implicit-iso --iso 60 -o picture.png"},
           {"An AMR volume",
            "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
+          {"Light scattered in it, as in a cloud", "vkt make amr --blocks 300 --levels 4 | vkt render --render-algo "
+                                                   "multi-scattering --spp 16 --size 256 -o amr.png"},
           {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});

@@ -4,12 +4,6 @@
 
 namespace vkt::shell {
 
-Command set_command() {
-    return operation_command(
-        "set",
-        {"Change what the header says about a volume.",
-         "Voxels stay as they are.",
-         {{"Voxel size and unit", "vkt make ramp --dims 8 8 8 | vkt set --spacing 0.5,0.5,2 --units HU | vkt info"}}});
-}
+Command set_command() { return operation_command("set"); }
 
 } // namespace vkt::shell

@@ -17,8 +17,9 @@
 
 namespace vkt::ipc {
 
-Input::Input(std::unique_ptr<ByteSource> bytes)
-    : bytes_(std::move(bytes)), ahead_(bytes_->take_lookahead()), pipe_(is_pipe(bytes_->descriptor())) {
+Input::Input(std::unique_ptr<ByteSource> bytes, std::function<void()> waiting)
+    : bytes_(std::move(bytes)), ahead_(bytes_->take_lookahead()), pipe_(is_pipe(bytes_->descriptor())),
+      waiting_(std::move(waiting)) {
     enlarge_pipe(bytes_->descriptor());
     cancel_ = ::eventfd(0, EFD_CLOEXEC);
     if (cancel_ < 0) throw Error(ErrorKind::resources, text("cannot create an event: ", std::strerror(errno)));
@@ -70,7 +71,11 @@ std::size_t Input::discard(std::size_t n) {
 void Input::wait() const {
     if (!pipe_) return;
     std::array<pollfd, 2> entries{{{bytes_->descriptor(), POLLIN, 0}, {cancel_, POLLIN, 0}}};
-    while (::poll(entries.data(), entries.size(), -1) < 0 && errno == EINTR) {
+    int const pause = waiting_ ? static_cast<int>(waiting_pause.count()) : -1;
+    for (int n = 0; n <= 0;) {
+        n = ::poll(entries.data(), entries.size(), pause);
+        if (n < 0 && errno != EINTR) break;
+        if (n <= 0 && waiting_) waiting_();
     }
     if (entries[1].revents != 0) throw Cancelled{};
 }

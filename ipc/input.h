@@ -4,8 +4,10 @@
 
 #include "libvkt/formats/format.h"
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,7 +21,8 @@ struct Cancelled {};
 class Input {
 public:
     /// Takes the source over and enlarges its pipe, if it is one. Throws Error{resources} without a descriptor left.
-    explicit Input(std::unique_ptr<ByteSource> bytes);
+    /// `waiting`, if there is one, is called every 20 ms while nothing arrives, and may throw.
+    explicit Input(std::unique_ptr<ByteSource> bytes, std::function<void()> waiting = {});
     ~Input();
     Input(Input const&) = delete;
     Input& operator=(Input const&) = delete;
@@ -44,6 +47,10 @@ private:
     std::size_t ahead_used_ = 0;
     std::uint64_t taken_ = 0;
     bool pipe_;
+    std::function<void()> waiting_;
 };
+
+/// How often whoever waits for input is told.
+inline constexpr std::chrono::milliseconds waiting_pause{20};
 
 } // namespace vkt::ipc

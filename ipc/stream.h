@@ -22,6 +22,9 @@ struct StreamOptions {
     bool whole = false;        ///< reading: whole volumes are wanted, in one segment of shared memory if the writer can
     std::string stage = "vkt"; ///< names this process in ERR frames and notices
     std::function<void(std::string const&)> notice; ///< fallbacks are told here, once; may be empty
+    /// Reading: called every 20 ms while nothing arrives, by any thread that waits; what it throws ends the reading.
+    /// May be empty.
+    std::function<void()> waiting;
 };
 
 /// Time and bytes at this end of a stream.

@@ -50,7 +50,7 @@ bool is_stream(std::span<std::byte const> head) {
 class StreamSource::Reader {
 public:
     Reader(std::unique_ptr<ByteSource> bytes, StreamOptions options)
-        : input_(std::move(bytes)), options_(std::move(options)) {}
+        : input_(std::move(bytes), options.waiting), options_(std::move(options)) {}
     ~Reader() {
         stop();
         note_traffic();
@@ -86,6 +86,8 @@ private:
     bool wanted(Box const& slab) const;
     void check_end(FrameHeader const& frame);
     void start();
+    /// Until something has changed, or for a while.
+    void wait_for_thread(std::unique_lock<std::mutex>& lock);
     void stop();
     Box box_of_slab(SlabHead const& head) const;
     bool is_passed(Box const& piece, Index3 at) const;
@@ -464,6 +466,14 @@ bool StreamSource::Reader::is_passed(Box const& piece, Index3 at) const {
     return piece.upper.z <= at.z || (rows && piece.lower.z == at.z && piece.upper.y <= at.y);
 }
 
+void StreamSource::Reader::wait_for_thread(std::unique_lock<std::mutex>& lock) {
+    if (!options_.waiting) return changed_.wait(lock);
+    if (changed_.wait_for(lock, waiting_pause) == std::cv_status::no_timeout) return;
+    lock.unlock();
+    options_.waiting();
+    lock.lock();
+}
+
 /// The piece that holds a row, waiting for it; releases those before.
 Piece* StreamSource::Reader::piece_with(Index3 at) {
     if (header_.dry_run) throw PlannedOnly();
@@ -479,7 +489,7 @@ Piece* StreamSource::Reader::piece_with(Index3 at) {
             throw Error(ErrorKind::failure, "slices of a stream were asked for out of order");
         auto const begin = Clock::now();
         if (thread_.joinable()) {
-            changed_.wait(lock);
+            wait_for_thread(lock);
         } else {
             lock.unlock();
             receive();
@@ -556,7 +566,7 @@ void StreamSource::Reader::finish() {
         std::unique_lock lock(mutex_);
         while (!ready_.empty()) release_front();
         if (complete_) break;
-        changed_.wait(lock);
+        wait_for_thread(lock);
     }
     if (thread_.joinable()) thread_.join();
     in_volume_ = false;

@@ -4,6 +4,7 @@
 #include "libvkt/io/temporaries.h"
 #include "shell/help.h"
 #include "shell/run.h"
+#include "shell/version.h"
 
 #include <csignal>
 #include <cstdio>
@@ -74,7 +75,10 @@ int main(int argc, char** argv) {
         std::fputs(vkt::shell::overview().c_str(), words.empty() ? stderr : stdout);
         code = words.empty() ? 2 : 0;
     } else if (words.front() == "--version") {
-        std::puts("vkt " VKT_VERSION);
+        code = vkt::shell::guarded("vkt", [] {
+            std::fputs(vkt::shell::version_text().c_str(), stdout);
+            return 0;
+        });
     } else {
         code = vkt::shell::guarded("vkt " + words.front(), [&] { return vkt::shell::run_words(words); });
     }

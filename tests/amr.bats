@@ -396,11 +396,20 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
     [ "$(fold -w 6 smoke | sort -u | wc -l)" -gt 100 ]
 }
 
-@test "what render cannot do with a tree it refuses in one line; nothing to see is no crash" {
+@test "every algorithm draws a tree, with its goals and layers; nothing to see is no crash" {
     tree
-    fails_with 2 'is for structured volumes' vkt render t.vkt --render-algo implicit-iso -o a.png
-    fails_with 2 'vkt resample' vkt render t.vkt --render-algo multi-scattering -o a.png
-    fails_with 2 '--exact is for structured' vkt render t.vkt --exact -o a.png
+    drawn() { # options…: a picture that is not one colour
+        vkt render t.vkt --size 40 -o drawn.png --force "$@"
+        pixels drawn.png | tail -n 1 >drawn
+        [ "$(fold -w 6 drawn | sort -u | wc -l)" -gt 20 ]
+    }
+    drawn --render-algo implicit-iso
+    drawn --render-algo implicit-iso --tolerance 2
+    drawn --render-algo multi-scattering --spp 8
+    drawn --render-algo multi-scattering --noise 8
+    drawn --render-algo maximum
+    drawn --exact --opacity 0,0.3
+    drawn --tolerance 2
     vkt arith mul t.vkt 0 | vkt arith div 0 -o nan.vkt
     fails_with 3 'no finite voxel' vkt render nan.vkt -o a.png
     vkt make sphere --dims 64 64 64 | vkt refine --tolerance 0.01 --background 0 -o holes.vkt

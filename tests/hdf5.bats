@@ -133,7 +133,7 @@ END
     fails_with 4 'the file exists' vkt write int16.h5 h.h5
     fails_with 4 'the file exists' vkt read int16.h5 -o h.h5:/other
     fails_with 2 'cannot be written to a pipe' bash -c 'set -o pipefail; vkt write int16.h5 - --format hdf5 | cat'
-    fails_with 2 'write one file each' vkt stack int16.h5 int16.h5 -o two.h5
+    fails_with 2 'write one each' vkt stack int16.h5 int16.h5 -o two.h5
     fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
     vkt read int16.h5 | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.h5

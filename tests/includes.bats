@@ -16,3 +16,14 @@ load helper
     [ "$status" -eq 1 ]
     [[ $output == *'libvkt/core/types.h includes libvkt/engine/source.h'* ]]
 }
+
+@test 'sources that ask for a part are told whether there is one, and no others are' {
+    cd "$VKT_ROOT/libvkt"
+    # What set_property(SOURCE …) names, a line for each: PART FILE.
+    sed -n 's/^vkt_define(\([A-Z0-9]*\) \(.*\))$/\1 \2/p' CMakeLists.txt |
+        awk '{ for (i = 2; i <= NF; ++i) print $1, $i }' | sort >"$BATS_TEST_TMPDIR/told"
+    grep -roE 'VKT_HAVE_[A-Z0-9]+' --include='*.cpp' --include='*.h' . | sed 's,^\./\(.*\):VKT_HAVE_\(.*\),\2 \1,' |
+        sort -u >"$BATS_TEST_TMPDIR/asking"
+    [ -s "$BATS_TEST_TMPDIR/told" ]
+    diff "$BATS_TEST_TMPDIR/told" "$BATS_TEST_TMPDIR/asking"
+}

@@ -12,7 +12,8 @@ FLOORS = [
     ["libvkt/formats"],
     ["libvkt/render"],
     ["libvkt/operations"],
-    ["libvkt/c", "ipc"],
+    ["ipc"],
+    ["libvkt/c"],
     ["shell"],
     ["commands"],
 ]

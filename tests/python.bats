@@ -23,7 +23,7 @@ python() {
 @test "the package is found in the moved tree, and nothing else is needed" {
     [[ "$site" == *"moved here/lib/python"*/site-packages ]]
     PYTHONPATH="$site" /usr/bin/python3 -c 'import vkt; print(vkt.__file__, vkt.__version__)' >out
-    grep -qF "$site/vkt/__init__.py $(vkt --version | cut -d' ' -f2)" out
+    grep -qF "$site/vkt/__init__.py $(vkt --version | sed -n '1s/vkt //p')" out
 }
 
 @test "the example of the README runs" {
@@ -284,20 +284,15 @@ for attempt in (lambda: vkt.read("no\033[31m\nsuch"), lambda: vkt.read("evil.nrr
 EOF
 }
 
-@test "a copy of a volume is the volume, and pickling is refused" {
+@test "a copy of a volume is the volume" {
     python <<'EOF'
-import copy, gc, pickle
+import copy, gc
 for v in copy.copy(volume), copy.deepcopy([volume])[0]:
     assert np.array_equal(v.array, volume.array)
     del v
     gc.collect()
 want = vkt.read("volume.nrrd").array.sum()
 assert volume.array.sum() == want
-try:
-    pickle.dumps(volume)
-    assert False
-except TypeError as e:
-    assert "cannot be pickled" in str(e)
 EOF
 }
 

@@ -97,7 +97,7 @@ done
 
 say 'packages'
 if [ "${VKT_PACKAGES:-install}" = install ]; then
-    sh libvkt/cmake/packages.sh build optional test
+    sh libvkt/cmake/packages.sh build optional package test
     # An oracle that Debian does not have. Without it one test says so and skips.
     /usr/bin/python3 -c 'import SimpleITK' 2>/dev/null || [ -d build/oracles/SimpleITK ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target build/oracles SimpleITK ||
@@ -106,6 +106,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/peers/zarr ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers zarr mrcfile ||
         echo 'zarr and mrcfile could not be installed'
+    # Judges of the Python package and of segmentations.
+    [ -d build/peers/slicerio ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers slicerio npe2 mypy scikit-build-core ||
+        echo 'slicerio, npe2, mypy and scikit-build-core could not be installed'
 fi
 PYTHONPATH=$root/build/oracles${PYTHONPATH:+:$PYTHONPATH}
 export PYTHONPATH

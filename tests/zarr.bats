@@ -248,3 +248,160 @@ END
     fails_with 3 'is no path below it' vkt read leads
     fails_with 3 'is no path below it' vkt read empty --variable ../good
 }
+
+@test "version 3 as vkt writes it: types, codecs, chunks and shards, the same bytes for every number of threads" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr
+n = 0
+def check(raw, dtype, options, chunks=None, shards=None, names=()):
+    global n
+    name = f"w{n}.zarr"; n += 1
+    run(f"vkt write {raw}.vkt {name} --zarr-version 3 {options}")
+    z = zarr.open_array(name, mode="r")
+    want = run(f"vkt write {raw}.vkt - --format raw")
+    assert z.metadata.zarr_format == 3 and z.shape == (67, 80, 70) and z.dtype == dtype and z[...].tobytes() == want, (name, options)
+    assert chunks is None or z.chunks == chunks, (z.chunks, options)
+    assert shards is None or z.shards == shards, (z.shards, options)
+    assert tuple(type(c).__name__ for c in z.compressors) == names, (z.compressors, options)
+    assert z.metadata.dimension_names == ("z", "y", "x")
+    assert voxels(name) == want, name
+    assert voxels(name, "--roi 3:40,60:,30:50") == np.frombuffer(want, dtype).reshape(67, 80, 70)[30:50, 60:, 3:40].tobytes()
+    return name
+for dtype in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float16", "float32", "float64"):
+    run(f"vkt make noise --dims 70 80 67 --dtype {dtype} --seed 1 -o {dtype}.vkt")
+    check(dtype, dtype, "")
+    check(dtype, dtype, "--compress", names=("BloscCodec",))
+    check(dtype, dtype, "--codec zstd --chunk 32,20,16 --shard 64,40,32", (16, 20, 32), (32, 40, 64), ("ZstdCodec",))
+run("vkt fill int16.vkt --value 0 --roi :40,:,: -o zeros.vkt")  # chunks and shards that are not there
+for options, chunks, shards, names in (("--codec gzip", (64, 64, 64), None, ("GzipCodec",)), ("--codec blosc --chunk 16", (16, 16, 16), None, ("BloscCodec",)),
+                                       ("--chunk 16 --shard 48", (16, 16, 16), (48, 48, 48), ()), ("--chunk 16 --shard 40 --codec zstd", (16, 16, 16), (48, 48, 48), ("ZstdCodec",)),
+                                       ("--shard 1000", (64, 64, 64), (128, 128, 128), ()), ("--chunk 200 --shard 200 --codec blosc", (67, 80, 70), (67, 80, 70), ("BloscCodec",)),
+                                       ("--chunk 20,1,5", (5, 1, 20), None, ())):
+    name = check("zeros", "int16", options, chunks, shards, names)
+    run(f"vkt write zeros.vkt one.zarr --zarr-version 3 {options} --threads 1 --force && diff -r one.zarr {name}")
+    # A budget below a layer, and below a slice: chunks get flat, the voxels stay.
+    for memory in ("400k", "60k"):
+        check("zeros", "int16", f"{options} --memory {memory}", names=names)
+# Version 2 takes chunks and codecs, too.
+for codec, names in (("zstd", ("Zstd",)), ("gzip", ("GZip",)), ("blosc", ("Blosc",))):
+    run(f"vkt write zeros.vkt two_{codec}.zarr --codec {codec} --chunk 33")
+    z = zarr.open_array(f"two_{codec}.zarr", mode="r")
+    assert z.metadata.zarr_format == 2 and z.chunks == (33, 33, 33) and tuple(type(c).__name__ for c in z.compressors) == names, z.compressors
+    assert z[...].tobytes() == run("vkt write zeros.vkt - --format raw") == voxels(f"two_{codec}.zarr")
+END
+    vkt set int16.vkt --spacing 0.5,1,3 --origin 4,5,6 --units HU --attribute note=kept | vkt flip y | vkt write h.zarr --zarr-version 3 --chunk 16 --shard 32
+    vkt set int16.vkt --spacing 0.5,1,3 --origin 4,5,6 --units HU --attribute note=kept | vkt flip y | vkt diff - h.zarr
+    vkt info h.zarr | grep -q 'note: kept' && vkt history h.zarr --as-shell | grep -q 'flip y'
+    fails_with 2 'is not 2 or 3' vkt write int16.vkt x.zarr --zarr-version 4
+    fails_with 2 'has no shards' vkt write int16.vkt x.zarr --shard 64
+    fails_with 2 'is smaller than --chunk' vkt write int16.vkt x.zarr --zarr-version 3 --shard 16 --chunk 32
+    fails_with 2 'voxels along each axis' vkt write int16.vkt x.zarr --chunk 0
+    fails_with 2 'voxels along each axis' vkt write int16.vkt x.zarr --chunk 2.5
+    for option in '--zarr-version 3' '--chunk 8' '--codec zstd'; do
+        # shellcheck disable=SC2086
+        fails_with 2 'is for Zarr' vkt write int16.vkt x.nrrd $option
+    done
+    [ ! -e x.zarr ] && [ ! -e x.nrrd ]
+}
+
+@test "OME-Zarr 0.5: a pyramid of version 3 is that of version 2" {
+    with_peer zarr
+    vkt make noise --dims 201 150 9 --dtype uint16 --seed 5 | vkt set --spacing 0.5,1,3 --origin 4,5,6 --attribute 'space units="um" "um" "um"' -o v.vkt
+    vkt write v.vkt two.zarr --pyramid --compress
+    vkt write v.vkt three.zarr --pyramid --zarr-version 3 --chunk 32 --shard 64 --codec zstd
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr
+two, three = zarr.open_group("two.zarr", mode="r"), zarr.open_group("three.zarr", mode="r")
+assert three.metadata.zarr_format == 3 and three.attrs["ome"]["version"] == "0.5"
+a, b = two.attrs["multiscales"][0], three.attrs["ome"]["multiscales"][0]
+assert a["axes"] == b["axes"] and a["datasets"] == b["datasets"] and "version" not in b
+for k in ("0", "1", "2"):
+    assert (two[k][...] == three[k][...]).all() and three[k].shards == (min(64, three[k].shape[0]), 64, 64) or k == "2", three[k].shards
+    assert voxels("two.zarr/" + k) == voxels("three.zarr/" + k) == voxels("three.zarr:/" + k)
+    assert infos("two.zarr/" + k)[0]["origin"] == infos("three.zarr/" + k)[0]["origin"]
+END
+    vkt diff v.vkt three.zarr
+}
+
+@test "consolidated metadata stand for the files that are not there" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import glob, zarr
+rng = np.random.default_rng(5)
+data = rng.integers(0, 900, (9, 10, 11)).astype("u2")
+for version in (2, 3):
+    name = f"g{version}.zarr"
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    sub = g.create_group("inner")
+    z = sub.create_array("one", shape=data.shape, chunks=(4, 5, 6), dtype="u2"); z[...] = data
+    z.attrs["units"] = "HU"
+    g.create_array("two", shape=(3, 4, 5), chunks=(2, 2, 2), dtype="f4", fill_value=2.5)  # no chunk at all
+    zarr.consolidate_metadata(name)
+    for path in glob.glob(name + "/**/*", recursive=True) + glob.glob(name + "/**/.z*", recursive=True):
+        keep = path == name + "/.zmetadata" or (version == 3 and path == name + "/zarr.json")
+        if os.path.isfile(path) and os.path.basename(path) in (".zarray", ".zattrs", ".zgroup", "zarr.json") and not keep: os.remove(path)
+    assert voxels(name, "--variable inner/one") == voxels(name + ":/inner/one") == voxels(name + "/inner/one") == data.tobytes(), version
+    assert infos(name, "--variable inner/one")[0]["units"] == "HU"
+    assert (np.frombuffer(voxels(name, "--variable two"), "f4") == 2.5).all()
+    r = subprocess.run(["vkt", "info", name], capture_output=True, text=True)
+    assert r.returncode == 2 and "inner, two" in r.stderr, r
+for bad in ("[]", "{", '{"metadata": 7}', '{"metadata": {"one/.zarray": 7}}', '{"metadata": {"one/.zarray": {"shape": [1]}}}'):
+    os.makedirs("bad", exist_ok=True); os.makedirs("bad/one", exist_ok=True); open("bad/.zmetadata", "w").write(bad)
+    r = subprocess.run(["vkt", "info", "bad/one", "--format", "zarr"], capture_output=True, text=True)
+    assert r.returncode in (2, 3) and r.stderr, (bad, r)
+END
+}
+
+@test "stores in ZIP files: as zarr-python writes them and as zip packs directories" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import shutil, zarr, zipfile
+rng = np.random.default_rng(6)
+data = rng.integers(-900, 900, (21, 32, 43)).astype("i2")
+n = 0
+for version in (2, 3):
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        for shards in ((None, (16, 20, 22)) if version == 3 else (None,)):
+            name = f"z{n}.zarr.zip"; n += 1
+            store = zarr.storage.ZipStore(name, mode="w", compression=method)
+            z = zarr.create_array(store, shape=data.shape, chunks=(8, 10, 11), shards=shards, dtype="i2", zarr_format=version); z[...] = data
+            store.close()
+            assert voxels(name) == data.tobytes(), name
+            assert voxels(name, "--roi 5:30,7:,3:19") == data[3:19, 7:, 5:30].tobytes()
+            assert run(f"cat {name} | vkt read - | vkt write - --format raw") == data.tobytes()
+            os.rename(name, f"nameless{n}")
+            assert voxels(f"nameless{n}") == data.tobytes()
+            os.rename(f"nameless{n}", name)
+# A pyramid, and a folder packed as a whole.
+run("vkt make noise --dims 150 90 20 --dtype uint16 --seed 5 -o v.vkt && vkt write v.vkt p.zarr --pyramid --zarr-version 3 --codec zstd")
+shutil.make_archive("whole", "zip", ".", "p.zarr"); os.rename("whole.zip", "whole.zarr.zip")
+shutil.make_archive("p", "zip", "p.zarr"); os.rename("p.zip", "p.zarr.zip")
+for name in ("whole.zarr.zip", "p.zarr.zip"):
+    for level in ("0", "1"):
+        assert voxels(name + ":/" + level) == voxels(name, "--variable " + level) == voxels("p.zarr/" + level), name
+    assert infos(name)[0]["attributes"]["levels"] == infos("p.zarr")[0]["attributes"]["levels"]
+    assert infos(name + ":/1")[0]["spacing"] == infos("p.zarr/1")[0]["spacing"], infos(name + ":/1")
+# Damage: cut at every so many bytes, and flipped bytes.
+whole = open("z1.zarr.zip", "rb").read()
+for length in range(0, len(whole), len(whole) // 40):
+    open("cut.zarr.zip", "wb").write(whole[:length])
+    r = subprocess.run(["vkt", "stats", "cut.zarr.zip"], capture_output=True, text=True, timeout=60)
+    assert r.returncode == 3, (length, r)
+import random
+random.seed(4)
+for i in range(60):
+    damaged = bytearray(whole)
+    for _ in range(3): damaged[random.randrange(len(whole) * 3 // 4 if i % 2 else 0, len(whole))] = random.randrange(256)
+    open("bad.zarr.zip", "wb").write(damaged)
+    r = subprocess.run(["vkt", "write", "bad.zarr.zip", "-", "--format", "raw"], capture_output=True, timeout=60)
+    assert r.returncode in (0, 2, 3, 5), r
+    # Voxels that a deflated member's checksum covers are right or refused.
+END
+    fails_with 2 'are read and not written' vkt write v.vkt out.zarr.zip
+    fails_with 2 'did you mean' vkt read p.zarr.zip --variable 00
+}

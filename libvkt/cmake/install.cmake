@@ -1,19 +1,36 @@
 # cmake --install: library, headers, CMake package and pkg-config file, all found from where they lie.
 include(CMakePackageConfigHelpers)
 
+# What the library itself links to.
+set(VKT_LINKED_PARTS ${VKT_FOUND_PARTS})
+list(REMOVE_ITEM VKT_LINKED_PARTS VIEWER)
+if(VKT_MODULES)
+  list(REMOVE_ITEM VKT_LINKED_PARTS HDF5 OPENVDB TIFF GDCM BLOSC OPENEXR FREETYPE)
+endif()
+
 set(destination ${CMAKE_INSTALL_LIBDIR}/cmake/vkt)
-install(TARGETS vkt EXPORT vktTargets
-  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(EXPORT vktTargets NAMESPACE vkt:: DESTINATION ${destination})
+# What programs link to that give functors of their own to the drivers (libvkt/kernel/kernel.h): threads, and arithmetic
+# that is not contracted.
+add_library(vkt_kernels INTERFACE)
+set_target_properties(vkt_kernels PROPERTIES EXPORT_NAME kernels)
+target_link_libraries(vkt_kernels INTERFACE vkt OpenMP::OpenMP_CXX)
+target_compile_options(vkt_kernels INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off -fno-math-errno>)
+install(TARGETS vkt vkt_kernels EXPORT vktTargets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} NAMELINK_COMPONENT development)
+install(EXPORT vktTargets NAMESPACE vkt:: DESTINATION ${destination} COMPONENT development)
 configure_package_config_file(libvkt/cmake/vktConfig.cmake.in ${PROJECT_BINARY_DIR}/vktConfig.cmake
   INSTALL_DESTINATION ${destination})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/vktConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/vktConfig.cmake ${PROJECT_BINARY_DIR}/vktConfigVersion.cmake
-  libvkt/cmake/imports.cmake DESTINATION ${destination})
+  libvkt/cmake/imports.cmake DESTINATION ${destination} COMPONENT development)
 
-# Headers keep their paths: #include "libvkt/core/volume.h".
-install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
-  PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN kernel EXCLUDE PATTERN python EXCLUDE)
+# Headers keep their paths: #include "libvkt/core/volume.h". Those of the C API are <vkt/vkt.h> and <vkt/volkit.h>, too.
+install(DIRECTORY libvkt DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development FILES_MATCHING PATTERN "*.h"
+  PATTERN c EXCLUDE PATTERN cmake EXCLUDE PATTERN cuda EXCLUDE PATTERN python EXCLUDE)
+foreach(folder libvkt/c vkt)
+  install(FILES libvkt/c/vkt.h libvkt/c/volkit.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${folder} COMPONENT development)
+endforeach()
 
 # A static library leaves its own dependencies to the one who links it, so they are not private then.
 file(RELATIVE_PATH VKT_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
@@ -27,24 +44,20 @@ endif()
 if(NOT BUILD_SHARED_LIBS)
   set(VKT_PC_PRIVATE "")
   set(VKT_PC_LIBS " -lstdc++ ${OpenMP_CXX_FLAGS} -pthread -lm")
-  if(BZip2_FOUND)
+  if(VKT_HAVE_BZIP2)
     string(APPEND VKT_PC_LIBS " -lbz2")
   endif()
-  set(modules "")
-  if(NOT VKT_MODULES)
-    set(modules hdf5 openvdb tbb imath tiff gdcmMSFF gdcmDICT gdcmDSED gdcmIOD gdcmCommon openexr iex freetype)
-  endif()
-  foreach(library expat lz4 lzma zstd ${modules})
-    if(TARGET vkt::${library})
-      get_target_property(location vkt::${library} IMPORTED_LOCATION)
+  foreach(part IN LISTS VKT_LINKED_PARTS)
+    foreach(target IN LISTS VKT_TARGETS_${part})
+      get_target_property(location ${target} IMPORTED_LOCATION)
       get_filename_component(name ${location} NAME_WE)
       string(REGEX REPLACE "^lib" " -l" flag ${name})
       string(APPEND VKT_PC_LIBS ${flag})
-    endif()
+    endforeach()
   endforeach()
 endif()
 configure_file(libvkt/cmake/vkt.pc.in ${PROJECT_BINARY_DIR}/vkt.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/vkt.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+install(FILES ${PROJECT_BINARY_DIR}/vkt.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 
 install(FILES shell/completion/vkt.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME vkt)
 install(FILES shell/completion/_vkt DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions)

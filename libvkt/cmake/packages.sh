@@ -1,9 +1,10 @@
 #!/bin/sh
-# Installs the Debian packages that are missing: packages.sh build | optional | test. As root, or through sudo.
+# Installs the Debian packages that are missing: packages.sh build | optional | package | test. As root, or through sudo.
 # SPDX-License-Identifier: MIT
 #
 #   build      what libvkt and the command need
 #   optional   OpenVDB, HDF5, libtiff, GDCM, OpenEXR, FreeType, expat, compressors, the viewer and Python; each is left out of the build where it is absent; what draws charts
+#   package    what cpack makes packages with, and what checks them
 #   test       test runner, sanitizer and fuzzing compiler, linters, and the programs tests compare with
 set -eu
 
@@ -11,8 +12,9 @@ build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev 
     nlohmann-json3-dev libxxhash-dev'
 optional='libopenvdb-dev libtbb-dev libhdf5-dev libtiff-dev libgdcm-dev libopenexr-dev libfreetype-dev fonts-dejavu-core libexpat1-dev liblz4-dev liblzma-dev libzstd-dev libblosc-dev
     libglfw3-dev libgl-dev libimgui-dev python3-numpy gnuplot-nox'
-test='bats make libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
-    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-tifffile python3-pydicom python3-h5py python3-pip python3-vtk9 python3-openvdb python3-opencv teem-apps strace time xxd bsdutils
+package='dpkg-dev lintian'
+test='abigail-tools doxygen bats make libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh
+    xvfb xdotool python3-numpy python3-scipy python3-nibabel python3-tifffile python3-pydicom python3-h5py python3-xarray python3-pip python3-vtk9 python3-openvdb python3-opencv teem-apps strace time xxd bsdutils
     util-linux procps gnuplot-nox'
 
 command -v dpkg-query >/dev/null || {
@@ -25,9 +27,10 @@ for group in "$@"; do
     case $group in
     build) wanted="$wanted $build" ;;
     optional) wanted="$wanted $optional" ;;
+    package) wanted="$wanted $package" ;;
     test) wanted="$wanted $test" ;;
     *)
-        echo "packages.sh: '$group' is not one of build, optional, test" >&2
+        echo "packages.sh: '$group' is not one of build, optional, package, test" >&2
         exit 2
         ;;
     esac

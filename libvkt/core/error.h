@@ -15,6 +15,7 @@ enum class ErrorKind {
     data = 3,      ///< input is malformed, truncated, or an upstream stage failed
     io = 4,        ///< a file, pipe or disk cannot be read or written
     resources = 5, ///< memory, shared memory, device or limit exhausted
+    cancelled = 6, ///< the program that calls the library ended the work
 };
 
 /// Message: a lower-case phrase without full stop that names the culprit. Hint: what to do instead; may be empty.

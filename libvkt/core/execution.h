@@ -15,6 +15,8 @@ enum class Device : std::uint8_t { automatic, cpu, gpu };
 /// Instruction sets for which kernels are compiled; each is a namespace of the same name.
 enum class InstructionSet : std::uint8_t { baseline, avx2, avx512 };
 
+class ProgressMonitor;
+
 struct Execution {
     Device device = Device::cpu; ///< resolved: never `automatic` when an operation sees it
     int gpu = 0;                 ///< index of the GPU
@@ -24,6 +26,7 @@ struct Execution {
     std::int64_t slab = 0;                     ///< slices per slab; 0 lets the engine choose
     InstructionSet instructions = InstructionSet::baseline;
     std::string temporary_directory = "/tmp";
+    ProgressMonitor* monitor = nullptr; ///< is told how far the work is and may end it; whoever calls keeps it alive
 
     Space space() const { return device == Device::gpu ? Space::device : Space::host; }
 };

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/engine/operation.h"
 
 #include <algorithm>
@@ -34,6 +35,13 @@ template <class F> void for_each_piece(Box const& region, Cut cut, F const& f) {
         for (std::int64_t y = region.lower.y; y < region.upper.y; y += cut.rows)
             f(Box{{region.lower.x, y, z}, {region.upper.x, std::min(y + cut.rows, region.upper.y), end}});
     }
+}
+
+/// Which part of the work on a region a piece of it is.
+inline ProgressPart part_of(ProgressMonitor* monitor, Box const& region, Box const& piece) {
+    std::int64_t const rows = region.dims().y;
+    return {monitor, (piece.lower.z - region.lower.z) * rows + (piece.lower.y - region.lower.y) * piece.dims().z,
+            piece.dims().y * piece.dims().z, rows * region.dims().z};
 }
 
 /// Goes through a region that comes in pieces: take(rest) deals with a first part of `rest` and returns which, as

@@ -351,6 +351,7 @@ BrickSequence OperationSource::take_bricks() {
 
 void OperationSource::scan() {
     Input& input = *inputs_.front();
+    ProgressPart const half(requested_.monitor, 0.0, 0.5);
     do scan_volume(input, operation_, requested_, info_.times.get());
     while (operation_.scans_again());
     operation_.after_scan(plan_);
@@ -437,6 +438,7 @@ void OperationSource::compute(AnyView out) {
         Box slab = out.box;
         slab.lower.z = z;
         slab.upper.z = std::min(z + height, out.box.upper.z);
+        ProgressPart const share(execution_.monitor, i, 1, count);
         for_each_piece(slab, {slab.upper.z, work_.cut.rows}, [&](Box const& box) { run_in_pieces(out.part(box)); });
     }
 }
@@ -528,6 +530,7 @@ void OperationSource::run(AnyView out) {
                             ? dense_view(static_cast<std::byte const*>(nullptr), inputs_[i]->header().dtype, footprint)
                             : fetch(i, footprint));
     }
+    ProgressPart const all(execution_.monitor, 0.0, 1.0);
     Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
     if (info_.times) info_.times->voxels += out.box.voxels();
     if (out.space == execution_.space()) {

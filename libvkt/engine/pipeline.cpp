@@ -66,6 +66,13 @@ void scan_passes(Source& source, Operation& reduction, Execution const& executio
     while (reduction.scans_again());
 }
 
+/// Pieces after which somebody who watches is told: a sixty-fourth of the volume, or what suits the source.
+Cut watched_cut(Header const& header, std::int64_t hint, Execution const& execution) {
+    Cut cut = cut_of(header, hint, execution);
+    if (cut.rows >= header.dims.y) cut.slices *= std::max<std::int64_t>(1, header.dims.z / 64 / cut.slices);
+    return cut;
+}
+
 void tell_remarks(Operation const& operation, StageInfo const& info) {
     if (!info.listener) return;
     for (auto const& remark : operation.remarks()) info.listener(info.name, remark.message, remark.lossy);
@@ -135,6 +142,7 @@ void scan_volume(Source& source, Operation& operation, Execution const& executio
     }
     source.expect(part);
     for_each_piece(part, cut, [&](Box const& box) {
+        ProgressPart const share = part_of(execution.monitor, part, box);
         auto const begin = std::chrono::steady_clock::now();
         std::optional<ConstView> view;
         if (source.space() == on.space()) view = source.borrow(box);
@@ -211,6 +219,7 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
         Cut const cut = cut_of(header, hint, execution);
         source.expect(box_of(header.dims));
         for_each_piece(box_of(header.dims), cut, [&](Box const& box) {
+            ProgressPart const share = part_of(execution.monitor, box_of(header.dims), box);
             if (auto const lease = source.lease(box); lease && sink.pass_on(box, lease)) return;
             source.read(sink.acquire(box));
             sink.commit();
@@ -244,7 +253,14 @@ Volume load(Source& source, Execution const& execution) {
     if (auto whole = source.take_whole()) return std::move(*whole);
     Volume volume(header);
     source.expect(box_of(header.dims));
-    source.read(volume.mutable_view());
+    if (execution.monitor == nullptr) {
+        source.read(volume.mutable_view());
+    } else {
+        for_each_piece(box_of(header.dims), watched_cut(header, source.natural_slab(), execution), [&](Box const& box) {
+            ProgressPart const share = part_of(execution.monitor, box_of(header.dims), box);
+            source.read(volume.mutable_view().part(box));
+        });
+    }
     source.finish();
     return volume;
 }

@@ -106,7 +106,7 @@ struct Prepared {
     std::vector<std::unique_ptr<Source>> sources;
 };
 
-Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener) {
+Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& call) {
     std::size_t const n = words_of_name(words);
     std::string const name = n == 1 ? words[0] : words[0] + " " + words[1];
     words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(n));
@@ -115,7 +115,7 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
     Operation& operation = *prepared.operation;
 
     Parameters own, shared;
-    ExecutionOptions options;
+    ExecutionOptions options = call.execution;
     operation.parameters(own);
     options.declare(shared);
     bool const inputs_are_parameters = !operation.input_names().empty();
@@ -138,19 +138,19 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
     prepared.info.name = name;
     prepared.info.words = history_words(name, own, names, inputs_are_parameters);
     prepared.info.input_names.assign(inputs.size(), "-");
-    prepared.info.listener = listener;
+    prepared.info.listener = call.listener;
     prepared.headers = collect(order, [&](std::size_t i) { return inputs[i].header(); });
     prepared.sources = collect(order, [&](std::size_t i) { return volume_source({inputs[i]}); });
     prepared.execution = options.execution();
+    prepared.execution.monitor = call.monitor;
     keep_blocks(prepared.execution.memory);
     return prepared;
 }
 
 } // namespace
 
-Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener,
-             std::unique_ptr<Operation>* reporter) {
-    Prepared prepared = prepare(std::move(words), inputs, listener);
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& options) {
+    Prepared prepared = prepare(std::move(words), inputs, options);
     if (prepared.operation->shape() == Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
     Volume volume;
@@ -160,13 +160,13 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
         result->next_volume();
         volume = load(*result, prepared.execution);
     }
-    if (reporter != nullptr && prepared.operation->reports()) *reporter = std::move(prepared.operation);
+    if (options.reporter != nullptr && prepared.operation->reports()) *options.reporter = std::move(prepared.operation);
     return volume;
 }
 
 std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
-                            Listener const& listener) {
-    Prepared prepared = prepare(std::move(words), inputs, listener);
+                            CallOptions const& options) {
+    Prepared prepared = prepare(std::move(words), inputs, options);
     if (prepared.operation->shape() != Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes a volume"), "apply it");
     if (prepared.execution.only_gpu && !prepared.operation->runs_on_gpu()) refuse_cpu(prepared.info.name);

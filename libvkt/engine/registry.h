@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/execution_options.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/pipeline.h"
 
@@ -21,17 +23,24 @@ std::unique_ptr<Operation> make_operation(std::string_view name);
 std::vector<std::string> history_words(std::string_view name, Parameters const& own,
                                        std::vector<std::string> const& inputs, bool inputs_are_parameters);
 
+/// How apply() and measure() run, where their words say nothing else.
+struct CallOptions {
+    ExecutionOptions execution{};
+    ProgressMonitor* monitor = nullptr; ///< see Execution
+    Listener listener{};                ///< takes remarks
+    /// Takes an operation that has a report, since writing it down may take longer than the work.
+    std::unique_ptr<Operation>* reporter = nullptr;
+};
+
 /// Applies the operation that the words of a command line name, {"filter", "gaussian", "--sigma", "2"}, to volumes in
 /// memory. "-" stands for the next volume where the operation takes it as an argument, {"arith", "sub", "-", "-"}, and
-/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Remarks go to the listener; an
-/// operation that has a report is handed over through `reporter`, since writing it down may take longer than the work.
-/// Throws Error{usage} for operations that make no volume.
-Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, Listener const& listener = {},
-             std::unique_ptr<Operation>* reporter = nullptr);
+/// may be left out elsewhere. --device, --threads, --memory and --slab are understood. Throws Error{usage} for
+/// operations that make no volume.
+Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& options = {});
 
 /// The same of operations that make no volume but report: stats, diff, info. One report for each volume that was
 /// measured. What the command prints as text alone is a report of one field, "text".
 std::vector<Report> measure(std::vector<std::string> words, std::vector<Volume> const& inputs,
-                            Listener const& listener = {});
+                            CallOptions const& options = {});
 
 } // namespace vkt

@@ -60,6 +60,7 @@ void Spool::fill(Source& source, Execution const& execution) {
     Box const whole = box_of(header_.dims);
     source.expect(whole);
     for_each_piece(whole, cut_of(header_, source.natural_slab(), execution), [&](Box const& box) {
+        ProgressPart const share = part_of(execution.monitor, whole, box);
         if (file_ >= 0) {
             auto const lent = source.borrow(box);
             if (lent && lent->contiguous()) return store(*lent);

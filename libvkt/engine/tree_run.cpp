@@ -166,6 +166,8 @@ void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& e
     GroupRun scan(operation, bricks.header(), {bricks.header().dtype}, bricks.header().dtype, execution);
     std::size_t const all = bricks.bricks().size();
     for (std::size_t first = 0, n = 0; first < all; first += n) {
+        if (execution.monitor != nullptr)
+            execution.monitor->poll(static_cast<std::int64_t>(first), static_cast<std::int64_t>(all));
         n = bricks.group(first, group_limit(execution));
         Group group{bricks.bricks(), first, n, {}};
         {
@@ -282,6 +284,8 @@ private:
         auto const& bricks = inputs_[0].bricks();
         for (std::size_t end = first + count, n = 0; first < end; first += n) {
             n = end - first;
+            if (execution_.monitor != nullptr)
+                execution_.monitor->poll(static_cast<std::int64_t>(first), static_cast<std::int64_t>(bricks.size()));
             for (BrickSequence const& input : inputs_) n = std::min(n, input.group(first, group_limit(execution_)));
             Group group{bricks, first, n, {}, to};
             {
@@ -454,9 +458,14 @@ private:
         else
             file_ = std::make_unique<BrickSpool>(output_, input_.table(), execution_, info_);
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
+        std::int64_t done = 0;
         for (auto const& [level, bricks] : levels_) {
             LevelLattice const at = enter(level);
-            for (std::size_t const b : bricks) run_brick(at, b, cells, filler);
+            for (std::size_t const b : bricks) {
+                if (execution_.monitor != nullptr)
+                    execution_.monitor->poll(done++, static_cast<std::int64_t>(input_.bricks().size()));
+                run_brick(at, b, cells, filler);
+            }
             for (Remark const& remark : operation_.remarks()) remarks_.push_back(remark);
         }
         if (info_.times) info_.times->voxels += input_.header().voxels();

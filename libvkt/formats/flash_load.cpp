@@ -5,13 +5,7 @@
 
 namespace vkt {
 
-bool built_with_hdf5() {
-#ifdef VKT_HAVE_HDF5
-    return true;
-#else
-    return false;
-#endif
-}
+bool built_with_hdf5() { return module_built("hdf5"); }
 
 std::shared_ptr<AmrFile> open_flash(std::shared_ptr<ByteSource const> bytes, std::size_t memory) {
     std::string const what = text(bytes->name(), ": reading and writing HDF5");

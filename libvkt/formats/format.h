@@ -33,6 +33,16 @@ struct ReadOptions {
     bool describes() const;
 };
 
+enum class ChunkCodec : std::uint8_t { blosc, zstd, gzip };
+
+/// How Zarr arrays are laid out.
+struct ZarrLayout {
+    int version = 2;             ///< 2 or 3
+    std::optional<Index3> chunk; ///< voxels along each axis; none: 64
+    std::optional<Index3> shard; ///< version 3: several chunks in a file, of about so many voxels along each axis
+    std::optional<ChunkCodec> codec;
+};
+
 struct WriteOptions {
     std::string format; ///< forces a format by name; empty: by the file's extension
     bool force = false; ///< overwrite an existing file
@@ -42,8 +52,9 @@ struct WriteOptions {
     std::optional<double> background{};
     /// Budget of formats that hold a volume until it is written, and of compression; none: default_memory().
     std::optional<std::size_t> memory{};
-    std::optional<int> threads{};  ///< that compress; none: default_threads()
-    bool pyramid = false;          ///< Zarr: coarser levels besides
+    std::optional<int> threads{}; ///< that compress; none: default_threads()
+    bool pyramid = false;         ///< Zarr: coarser levels besides
+    ZarrLayout zarr{};
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 

@@ -7,6 +7,7 @@
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/refusals.h"
 
 #include <hdf5.h>
 
@@ -98,11 +99,7 @@ private:
 };
 
 void Writer::begin(Header const& header) {
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "HDF5 datasets cannot hold bricks", "make a grid of them first: vkt resample");
-    if (std::exchange(begun_, true))
-        throw Error(ErrorKind::usage, "the input holds several volumes, an HDF5 file of vkt holds one",
-                    "write one file each: name it like out_%04d.h5");
+    refuse_bricks_and_series(header, begun_, "HDF5 datasets", "an HDF5 file", ".h5");
     header_ = in_utf8(header);
     Index3 const n = header_.dims;
     file_.expect(options_.compress ? least_deflated(header_.bytes()) : header_.bytes());

@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/refusals.h"
 
 #include <cmath>
 #include <filesystem>
@@ -65,9 +66,7 @@ void HeaderAndVoxelsWriter::write(std::byte const* voxels, std::size_t n) {
 
 void HeaderAndVoxelsWriter::check_volume(Header const& header) const {
     std::string const each = text("name it like out_%04d", format_.attached);
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, text(format_.name, " cannot hold bricks"),
-                    "make a grid of them first: vkt resample");
+    refuse_bricks(header, format_.name);
     if (format_.type_name(header.dtype).empty())
         throw Error(ErrorKind::usage, text(format_.name, " cannot hold ", header.dtype),
                     "convert first: vkt convert --dtype float32");

@@ -6,6 +6,7 @@
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/amrex.h"
 #include "libvkt/formats/flash.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/vdb.h"
 
 #include <cstring>
@@ -139,9 +140,8 @@ public:
     }
 
     void begin(Header const& header) override {
-        if (volume_)
-            throw Error(ErrorKind::usage,
-                        text("'", file_.path(), "': an OpenVDB file written by vkt holds one volume"));
+        bool begun = volume_.has_value();
+        refuse_series(begun, "an OpenVDB file", ".vdb");
         header_ = header;
         if (header.kind != Kind::structured) return;
         check_memory(header);

@@ -7,7 +7,9 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/numpy.h"
 #include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/zip_archive.h"
 
 #include <algorithm>
 #include <cstring>
@@ -18,145 +20,13 @@
 namespace vkt {
 namespace {
 
-using namespace std::string_view_literals;
+using namespace zip;
 
-constexpr std::string_view local_mark = "PK\3\4"sv, central_mark = "PK\1\2"sv, end_mark = "PK\5\6"sv,
-                           end64_mark = "PK\6\6"sv, locator_mark = "PK\6\7"sv;
-constexpr std::size_t local_size = 30, central_size = 46, end_size = 22, end64_size = 56, locator_size = 20;
-constexpr std::int64_t longest_comment = 65535, largest_directory = std::int64_t{64} << 20;
-constexpr std::uint64_t in_extra = 0xffffffff; ///< a number of 32 bits that stands among those of 64
-constexpr std::uint16_t numbers64 = 1;         ///< these, among the extra fields
-constexpr int stored = 0, deflated = 8;
 constexpr std::string_view suffix = ".npy";
 
-struct Member {
-    std::string name; ///< without ".npy"
-    int method = stored;
-    bool encrypted = false;
-    std::uint64_t checksum = 0, packed = 0, bytes = 0, at = 0;
-};
-
-/// Little-endian numbers of a piece of the file.
-class Record {
-public:
-    Record(std::vector<unsigned char> bytes, std::string const& name) : bytes_(std::move(bytes)), name_(name) {}
-
-    std::uint64_t number(std::size_t at, std::size_t n) const {
-        need(at, n);
-        std::uint64_t value = 0;
-        for (std::size_t i = n; i-- > 0;) value = value << 8 | bytes_[at + i];
-        return value;
-    }
-    std::string words(std::size_t at, std::size_t n) const {
-        need(at, n);
-        return {reinterpret_cast<char const*>(bytes_.data()) + at, n};
-    }
-    std::size_t size() const { return bytes_.size(); }
-
-private:
-    void need(std::size_t at, std::size_t n) const {
-        if (at > bytes_.size() || n > bytes_.size() - at)
-            throw Error(ErrorKind::data, text("'", name_, "': damaged: its directory ends early"));
-    }
-
-    std::vector<unsigned char> bytes_;
-    std::string const& name_;
-};
-
-class Archive {
-public:
-    explicit Archive(ByteSource const& bytes) : bytes_(bytes) { read_directory(); }
-
-    std::vector<Member> const& arrays() const { return arrays_; }
-    /// Where the member's bytes begin.
-    std::int64_t begin(Member const& member) const {
-        Record const local = record(member.at, local_size);
-        if (local.words(0, 4) != local_mark) fail("damaged: an array is not where its directory says");
-        std::uint64_t const from = member.at + local_size + local.number(26, 2) + local.number(28, 2);
-        if (from > size() || member.packed > size() - from) fail("ended early: an array lies beyond its end");
-        return static_cast<std::int64_t>(from);
-    }
-
-private:
-    [[noreturn]] void fail(std::string const& what) const {
-        throw Error(ErrorKind::data, text("'", bytes_.name(), "': ", what));
-    }
-    /// 0 also where nothing is known of it, as of files without a byte.
-    std::uint64_t size() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(bytes_.size(), 0)); }
-    Record record(std::uint64_t at, std::uint64_t n) const {
-        if (at > size() || n > size() - at) fail("ended early: no whole ZIP file");
-        std::vector<unsigned char> bytes(n);
-        bytes_.read_at(static_cast<std::int64_t>(at), bytes.data(), bytes.size());
-        return {std::move(bytes), bytes_.name()};
-    }
-    void read_directory();
-    static void read_extra(Record const& r, std::size_t at, std::size_t end, Member& member);
-
-    ByteSource const& bytes_;
-    std::vector<Member> arrays_;
-};
-
-/// What did not fit into 32 bits, in this order.
-void Archive::read_extra(Record const& r, std::size_t at, std::size_t end, Member& member) {
-    while (at + 4 <= end) {
-        std::size_t const length = r.number(at + 2, 2);
-        std::size_t next = at + 4;
-        if (r.number(at, 2) == numbers64)
-            for (std::uint64_t* const number : {&member.bytes, &member.packed, &member.at})
-                if (*number == in_extra && next + 8 <= at + 4 + length) {
-                    *number = r.number(next, 8);
-                    next += 8;
-                }
-        at += 4 + length;
-    }
-}
-
-void Archive::read_directory() {
-    std::uint64_t const tail_size = std::min<std::uint64_t>(size(), longest_comment + end_size);
-    std::uint64_t const tail_at = size() - tail_size;
-    Record const tail = record(tail_at, tail_size);
-    std::string const all = tail.words(0, tail.size());
-    std::size_t const end = all.size() < end_size ? std::string::npos : all.rfind(end_mark, all.size() - end_size);
-    if (end == std::string::npos) fail("ended early: no ZIP file's directory at its end");
-    std::uint64_t count = tail.number(end + 10, 2), bytes = tail.number(end + 12, 4), at = tail.number(end + 16, 4);
-    if (std::uint64_t const end_at = tail_at + end; end_at >= locator_size) {
-        Record const locator = record(end_at - locator_size, locator_size);
-        if (locator.words(0, 4) == locator_mark) {
-            Record const end64 = record(locator.number(8, 8), end64_size);
-            if (end64.words(0, 4) != end64_mark) fail("damaged: no directory where its end says");
-            count = end64.number(32, 8);
-            bytes = end64.number(40, 8);
-            at = end64.number(48, 8);
-        }
-    }
-    if (bytes > static_cast<std::uint64_t>(largest_directory)) fail("its directory exceeds 64 MiB");
-    Record const r = record(at, bytes);
-    std::size_t entry = 0;
-    for (std::uint64_t i = 0; i < count; ++i) {
-        if (r.words(entry, 4) != central_mark) fail("damaged: its directory");
-        Member member;
-        member.encrypted = (r.number(entry + 8, 2) & 1) != 0;
-        member.method = static_cast<int>(r.number(entry + 10, 2));
-        member.checksum = r.number(entry + 16, 4);
-        member.packed = r.number(entry + 20, 4);
-        member.bytes = r.number(entry + 24, 4);
-        std::size_t const name = r.number(entry + 28, 2), extra = r.number(entry + 30, 2),
-                          comment = r.number(entry + 32, 2);
-        member.at = r.number(entry + 42, 4);
-        member.name = r.words(entry + central_size, name);
-        std::size_t const end_of_extra = entry + central_size + name + extra;
-        r.words(entry + central_size + name, extra);
-        read_extra(r, entry + central_size + name, end_of_extra, member);
-        entry = end_of_extra + comment;
-        if (!member.name.ends_with(suffix)) continue;
-        member.name.resize(member.name.size() - suffix.size());
-        arrays_.push_back(std::move(member));
-    }
-}
-
-Member const& chosen(std::vector<Member> const& arrays, std::string const& variable, std::string const& file) {
+ZipMember const& chosen(std::vector<ZipMember> const& arrays, std::string const& variable, std::string const& file) {
     if (arrays.empty()) throw Error(ErrorKind::data, text("'", file, "' holds no array"));
-    auto const names = collect(arrays, [](Member const& m) { return m.name; });
+    auto const names = collect(arrays, [](ZipMember const& m) { return m.name; });
     if (variable.empty() && arrays.size() > 1)
         throw Error(ErrorKind::usage, text("'", file, "' holds several arrays: ", join(names, ", ")),
                     text("name one: ", file, ":", names.front()));
@@ -168,71 +38,15 @@ Member const& chosen(std::vector<Member> const& arrays, std::string const& varia
                 near.empty() ? "" : text("did you mean '", near, "'?"));
 }
 
-/// The bytes of a deflated member, in order.
-class Inflated {
-public:
-    Inflated(std::shared_ptr<ByteSource const> bytes, std::int64_t at, Member member)
-        : bytes_(std::move(bytes)), member_(std::move(member)), at_(at), left_(member_.packed), input_(block) {
-        if (inflateInit2(&state_, -MAX_WBITS) != Z_OK) throw Error(ErrorKind::resources, "no memory for inflate");
-    }
-    ~Inflated() { inflateEnd(&state_); }
-    Inflated(Inflated const&) = delete;
-    Inflated& operator=(Inflated const&) = delete;
+/// The first member's name tells arrays from documents and programs, which are ZIP files too.
+bool is_npz(std::span<std::byte const> head) { return zip_first_name(head).ends_with(suffix); }
 
-    std::size_t read(std::byte* to, std::size_t n) {
-        std::size_t done = 0;
-        while (done < n && !ended_) {
-            if (state_.avail_in == 0) fill();
-            auto const want = static_cast<uInt>(std::min<std::size_t>(n - done, std::size_t{1} << 30));
-            state_.next_out = reinterpret_cast<Bytef*>(to + done);
-            state_.avail_out = want;
-            int const result = inflate(&state_, Z_NO_FLUSH);
-            std::size_t const got = want - state_.avail_out;
-            checksum_ = crc32_z(checksum_, reinterpret_cast<Bytef const*>(to + done), got);
-            done += got;
-            count_ += got;
-            ended_ = result == Z_STREAM_END;
-            bool const starved = result == Z_BUF_ERROR && left_ == 0;
-            if ((result != Z_OK && result != Z_STREAM_END && result != Z_BUF_ERROR) || starved ||
-                count_ > member_.bytes)
-                damaged();
-        }
-        if (ended_ && (count_ != member_.bytes || checksum_ != member_.checksum)) damaged();
-        return done;
-    }
-
-private:
-    static constexpr std::size_t block = std::size_t{128} << 10;
-
-    [[noreturn]] void damaged() const {
-        throw Error(ErrorKind::data, text("'", bytes_->name(), "': damaged: the array '", member_.name,
-                                          "' does not decompress to what was stored"));
-    }
-    void fill() {
-        auto const n = static_cast<std::size_t>(std::min<std::uint64_t>(left_, block));
-        bytes_->read_at(at_, input_.data(), n);
-        at_ += static_cast<std::int64_t>(n);
-        left_ -= n;
-        state_.next_in = input_.data();
-        state_.avail_in = static_cast<uInt>(n);
-    }
-
-    std::shared_ptr<ByteSource const> bytes_;
-    Member member_;
-    std::int64_t at_;
-    std::uint64_t left_, count_ = 0;
-    std::vector<Bytef> input_;
-    z_stream state_{};
-    unsigned long checksum_ = 0;
-    bool ended_ = false;
-};
-
-bool is_npz(std::span<std::byte const> head) {
-    // The first member's name tells arrays from documents and programs, which are ZIP files too.
-    if (head.size() < local_size || std::memcmp(head.data(), local_mark.data(), 4) != 0) return false;
-    auto const length = std::to_integer<std::size_t>(head[26]) | std::to_integer<std::size_t>(head[27]) << 8;
-    if (head.size() < local_size + length) return false;
-    return std::string_view(reinterpret_cast<char const*>(head.data()) + local_size, length).ends_with(suffix);
+/// Its arrays, without ".npy" behind their names.
+std::vector<ZipMember> arrays_of(ByteSource const& bytes) {
+    std::vector<ZipMember> arrays = zip_members(bytes);
+    std::erase_if(arrays, [](ZipMember const& m) { return !m.name.ends_with(suffix); });
+    for (ZipMember& m : arrays) m.name.resize(m.name.size() - suffix.size());
+    return arrays;
 }
 
 std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
@@ -240,12 +54,8 @@ std::unique_ptr<Source> open_npz(std::unique_ptr<ByteSource> bytes, ReadOptions 
     FilePart const part = file_part(bytes->name());
     if (!part.part.empty() && !options.variable.empty())
         throw Error(ErrorKind::usage, text("'", bytes->name(), "' names an array, and --variable another one"));
-    Archive const archive(*bytes);
-    Member const member = chosen(archive.arrays(), part.part.empty() ? options.variable : part.part, part.file);
-    if (member.encrypted || (member.method != stored && member.method != deflated))
-        throw Error(ErrorKind::data, text("'", part.file, "': the array '", member.name, "' is ",
-                                          member.encrypted ? "encrypted" : "compressed as NumPy does not"));
-    std::int64_t const at = archive.begin(member);
+    ZipMember const member = chosen(arrays_of(*bytes), part.part.empty() ? options.variable : part.part, part.file);
+    std::int64_t const at = zip_begin(*bytes, member);
     if (member.method == deflated) {
         std::string const name = bytes->name();
         auto const inflated =
@@ -284,8 +94,7 @@ public:
     }
 
     void begin(Header const& header) override {
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, "NumPy cannot hold bricks", "make a grid of them first: vkt resample");
+        refuse_bricks(header, "NumPy");
         if (volumes_ > 0 && !same_lattice(first_, header))
             throw Error(ErrorKind::usage, "one array cannot hold volumes of different dims, types or geometry",
                         "write one file each: name it like out_%04d.npz");

@@ -6,6 +6,7 @@
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/segmentation.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <cmath>
@@ -232,7 +233,10 @@ std::string nrrd_text(HeaderText const& h) {
     return whole_header(h.first, h.volumes, h.compressed >= 0, h.data, h.length);
 }
 
+std::string segmentation_text(Header const& header, bool gzip) { return whole_header(header, 1, gzip, "", 0); }
+
 std::unique_ptr<Sink> create_nrrd(std::string const& path, WriteOptions const& options) {
+    if (is_segmentation_name(path)) return slab_sink(segmentation_writer(path, options, segmentation_text));
     HeaderFormat format{"NRRD", ".nrrd",        ".nhdr",  ".raw", ".raw.gz", DeflateWriter::Wrapper::gzip,
                         false,  nrrd_type_name, nrrd_text};
     return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));

@@ -7,6 +7,7 @@
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/exr.h"
 #include "libvkt/formats/pfm.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/kernel/rows.h"
 
@@ -32,9 +33,7 @@ public:
                         text("--compress: ", name, " files are compressed in their own way, or not at all"));
     }
     void begin(Header const& header) override {
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, text("a ", name_, " file cannot hold bricks"),
-                        "make a grid of them first: vkt resample");
+        refuse_bricks(header, text("a ", name_, " file"));
         if (header.dims.z != 1)
             throw Error(ErrorKind::usage, text("a ", name_, " file holds one slice, the volume has ", header.dims.z),
                         "all of them: -o slice%04d.png; one of them: vkt slice");

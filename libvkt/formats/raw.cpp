@@ -6,6 +6,7 @@
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/raw_name.h"
 #include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 
 #include <algorithm>
@@ -79,8 +80,7 @@ public:
         if (options.compress || is_gzip(path)) deflate_.emplace(file_, DeflateWriter::Wrapper::gzip, options);
     }
     void begin(Header const& header) override {
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, "a raw file cannot hold bricks", "make a grid of them first: vkt resample");
+        refuse_bricks(header, "a raw file");
         if (begun_ && (header.dims != dims_ || header.dtype != dtype_))
             throw Error(ErrorKind::usage, "a raw file cannot hold volumes of different dims or types");
         dims_ = header.dims;

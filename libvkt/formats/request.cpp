@@ -6,7 +6,24 @@
 #include "libvkt/formats/region_source.h"
 #include "libvkt/formats/stack.h"
 
+#include <cmath>
+#include <utility>
+
 namespace vkt {
+namespace {
+
+/// Whole numbers of voxels, of which a chunk has less than 2 GiB.
+Index3 voxels_of(Vec3 const& extents, char const* option) {
+    Index3 result;
+    for (int a = 0; a < 3; ++a) {
+        if (!(extents[a] >= 1 && extents[a] <= 4096) || extents[a] != std::floor(extents[a]))
+            throw Error(ErrorKind::usage, text(option, " ", extents, " is not 1 to 4096 voxels along each axis"));
+        result[a] = static_cast<std::int64_t>(extents[a]);
+    }
+    return result;
+}
+
+} // namespace
 
 void ReadRequest::declare(Parameters& p) {
     p.option("dims", options_.dims, "X Y Z", "raw: voxels along each axis");
@@ -59,6 +76,10 @@ void WriteRequest::declare(Parameters& p) {
     p.option("prune", options_.prune, "TOLERANCE",
              "OpenVDB: so are those this near to it; nodes that vary by no more become tiles");
     p.flag("pyramid", options_.pyramid, "Zarr: an OME-Zarr image, with coarser levels besides");
+    p.option("zarr-version", options_.zarr.version, "N", "version of Zarr: 2 or 3 (OME-Zarr 0.4 or 0.5)");
+    p.option("chunk", chunk_, "N", "Zarr: voxels of a chunk, one number or X,Y,Z (default 64)");
+    p.option("shard", shard_, "N", "Zarr 3: voxels of a file of several chunks, one number or X,Y,Z");
+    p.option("codec", options_.zarr.codec, "C", "Zarr: what compresses; --compress is blosc, or the best there is");
     p.flag("force", options_.force, "overwrite an existing output file");
 }
 
@@ -67,6 +88,23 @@ void WriteRequest::check(std::string const& path) const {
     bool const sparse = format == "vdb";
     if (options_.pyramid && format != "zarr")
         throw Error(ErrorKind::usage, "--pyramid is for Zarr", "e.g. vkt write out.zarr --pyramid");
+    ZarrLayout const& zarr = options_.zarr;
+    for (auto const& [given, name] : {std::pair{zarr.version != 2, "--zarr-version"},
+                                      {chunk_.has_value(), "--chunk"},
+                                      {shard_.has_value(), "--shard"},
+                                      {zarr.codec.has_value(), "--codec"}})
+        if (given && format != "zarr")
+            throw Error(ErrorKind::usage, text(name, " is for Zarr"), text("e.g. vkt write out.zarr ", name));
+    if (zarr.version != 2 && zarr.version != 3)
+        throw Error(ErrorKind::usage, text("--zarr-version ", zarr.version, " is not 2 or 3"));
+    if (shard_ && zarr.version != 3)
+        throw Error(ErrorKind::usage, "--shard: version 2 of Zarr has no shards", "add --zarr-version 3");
+    for (auto const& [extents, name] : {std::pair{chunk_, "--chunk"}, {shard_, "--shard"}})
+        if (extents) voxels_of(*extents, name);
+    if (shard_ && chunk_)
+        for (int a = 0; a < 3; ++a)
+            if ((*shard_)[a] < (*chunk_)[a])
+                throw Error(ErrorKind::usage, text("--shard ", *shard_, " is smaller than --chunk ", *chunk_));
     if (!sparse && (background_ || options_.prune))
         throw Error(ErrorKind::usage, text(background_ ? "--background" : "--prune", " is for OpenVDB files"),
                     "e.g. vkt write out.vdb --prune 0.01");
@@ -77,6 +115,8 @@ void WriteRequest::check(std::string const& path) const {
 WriteOptions WriteRequest::options() const {
     WriteOptions options = options_;
     options.background = background_;
+    if (chunk_) options.zarr.chunk = voxels_of(*chunk_, "--chunk");
+    if (shard_) options.zarr.shard = voxels_of(*shard_, "--shard");
     return options;
 }
 

@@ -19,6 +19,12 @@ template <> struct EnumNames<Endian> {
     }
 };
 
+template <> struct EnumNames<ChunkCodec> {
+    static std::vector<std::pair<ChunkCodec, char const*>> all() {
+        return {{ChunkCodec::blosc, "blosc"}, {ChunkCodec::zstd, "zstd"}, {ChunkCodec::gzip, "gzip"}};
+    }
+};
+
 class ReadRequest {
 public:
     void declare(Parameters& p);
@@ -50,6 +56,7 @@ public:
 private:
     WriteOptions options_;
     std::optional<double> background_;
+    std::optional<Vec3> chunk_, shard_;
 };
 
 } // namespace vkt

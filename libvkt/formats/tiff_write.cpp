@@ -4,6 +4,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/tiff_module.h"
 
 #include <tiffio.h>
@@ -79,8 +80,7 @@ private:
 };
 
 void TiffWriter::begin(Header const& header) {
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "TIFF cannot hold bricks", "make a grid of them first: vkt resample");
+    refuse_bricks(header, "TIFF");
     if (header.dims.x > std::numeric_limits<std::int32_t>::max() ||
         header.dims.y > std::numeric_limits<std::int32_t>::max())
         throw Error(ErrorKind::usage,

@@ -5,13 +5,7 @@
 
 namespace vkt {
 
-bool built_with_openvdb() {
-#ifdef VKT_HAVE_OPENVDB
-    return true;
-#else
-    return false;
-#endif
-}
+bool built_with_openvdb() { return module_built("openvdb"); }
 
 std::shared_ptr<AmrFile> open_vdb(std::shared_ptr<ByteSource const> bytes, std::size_t memory) {
     std::string const what = text(bytes->name(), ": reading and writing OpenVDB");

@@ -6,6 +6,7 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/tree_file.h"
 #include "libvkt/formats/vti_file.h"
@@ -329,14 +330,10 @@ public:
     }
 
     void begin(Header const& header) override {
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, ".vti files cannot hold bricks", "make a grid of them first: vkt resample");
+        refuse_bricks_and_series(header, begun_, ".vti files", "a .vti file", ".vti");
         if (vtk_type(header.dtype) == nullptr)
             throw Error(ErrorKind::usage, text(".vti files cannot hold ", header.dtype),
                         "convert first: vkt convert --dtype float32");
-        if (std::exchange(begun_, true))
-            throw Error(ErrorKind::usage, "a .vti file holds one volume",
-                        "write one file each: name it like out_%04d.vti");
         size_ = static_cast<std::int64_t>(header.bytes());
         file_.expect(compress_ ? header.bytes() / 1032 : header.bytes());
         put(head(in_utf8(header)));

@@ -5,8 +5,10 @@
 #include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/zarr_array.h"
 #include "libvkt/formats/zarr_write.h"
+#include "libvkt/formats/zip_archive.h"
 
 #include <nlohmann/json.hpp>
 
@@ -15,7 +17,6 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
-#include <filesystem>
 #include <utility>
 
 namespace vkt {
@@ -110,71 +111,81 @@ struct Found {
     std::size_t level = 0;
 };
 
-/// Arrays and groups right below a group.
-std::vector<std::string> children(std::string const& folder) {
-    std::vector<std::string> result;
-    std::error_code failed;
-    for (auto const& entry : std::filesystem::directory_iterator(folder, failed))
-        if (entry.is_directory(failed) && zarr::is_zarr(entry.path().string()) && result.size() < 1000)
-            result.push_back(entry.path().filename().string());
-    std::sort(result.begin(), result.end());
-    return result;
-}
+/// Where arrays are looked for: a store, and how messages name what lies in it.
+class Search {
+public:
+    Search(zarr::Store const& store, std::string shown) : store_(store), shown_(std::move(shown)) {}
+    /// The array at `inside` below a folder; without a name, the only one, or the finest of an image.
+    Found array(std::string const& folder, std::string const& inside, int depth) const;
+
+private:
+    std::string below(std::string const& folder, std::string path) const;
+    Found with_image_around(Array array, std::string const& folder) const;
+    [[noreturn]] void no_array(std::string const& folder, std::string const& inside) const;
+
+    zarr::Store const& store_;
+    std::string shown_;
+};
 
 /// Names in metadata lead to what lies below, and nowhere else.
-std::string below(std::string const& folder, std::string path, std::string const& shown) {
+std::string Search::below(std::string const& folder, std::string path) const {
     while (path.starts_with('/')) path.erase(0, 1);
     while (path.ends_with('/')) path.pop_back();
     for (auto const& part : split(path, '/'))
         if (part == ".." || part == "." || part.empty())
-            throw Error(ErrorKind::data, text("'", shown, "': '", path.substr(0, 200), "' is no path below it"));
-    return folder + "/" + path;
+            throw Error(ErrorKind::data, text("'", shown_, "': '", path.substr(0, 200), "' is no path below it"));
+    return zarr::key_of(folder, path);
 }
 
-Found find_array(std::string const& folder, std::string const& inside, std::string const& shown, int depth) {
-    if (depth == 0) throw Error(ErrorKind::data, text("'", shown, "': groups in groups, too many"));
-    if (auto array = zarr::read_array(folder)) {
+/// A level of an image that was named itself.
+Found Search::with_image_around(Array array, std::string const& folder) const {
+    Found found{std::move(array), {}, 0};
+    std::size_t const slash = folder.rfind('/');
+    std::string const own = folder.substr(slash == std::string::npos ? 0 : slash + 1);
+    std::string const parent = folder.substr(0, slash == std::string::npos ? 0 : slash);
+    if (folder.empty() || !store_.is_node(parent)) return found;
+    found.image = multiscale_in(zarr::read_attributes(store_, parent));
+    if (!found.image) return found;
+    auto const& levels = found.image->levels;
+    auto const level = std::find_if(levels.begin(), levels.end(), [&](Level const& l) { return l.path == own; });
+    if (level == levels.end())
+        found.image.reset();
+    else
+        found.level = static_cast<std::size_t>(level - levels.begin());
+    return found;
+}
+
+void Search::no_array(std::string const& folder, std::string const& inside) const {
+    auto const names = store_.nodes_below(folder);
+    std::string const near = nearest_name(inside, names);
+    throw Error(ErrorKind::usage,
+                text("'", shown_, "' holds no array '", inside, "', but ", names.empty() ? "none" : join(names, ", ")),
+                near.empty() ? "" : text("did you mean '", near, "'?"));
+}
+
+Found Search::array(std::string const& folder, std::string const& inside, int depth) const {
+    if (depth == 0) throw Error(ErrorKind::data, text("'", shown_, "': groups in groups, too many"));
+    if (auto array = zarr::read_array(store_, folder)) {
         if (!inside.empty())
-            throw Error(ErrorKind::usage, text("'", shown, "' is an array, and holds no '", inside, "'"));
-        Found found{std::move(*array), {}, 0};
-        // A level of an image that was named itself.
-        std::filesystem::path const path(folder);
-        std::string const parent = path.has_parent_path() ? path.parent_path().string() : ".";
-        if (!zarr::is_zarr(parent)) return found;
-        found.image = multiscale_in(zarr::read_attributes(parent));
-        if (!found.image) return found;
-        auto const& levels = found.image->levels;
-        auto const own =
-            std::find_if(levels.begin(), levels.end(), [&](Level const& l) { return l.path == path.filename(); });
-        if (own == levels.end())
-            found.image.reset();
-        else
-            found.level = static_cast<std::size_t>(own - levels.begin());
-        return found;
+            throw Error(ErrorKind::usage, text("'", shown_, "' is an array, and holds no '", inside, "'"));
+        return with_image_around(std::move(*array), folder);
     }
     if (!inside.empty()) {
-        std::string const path = below(folder, inside, shown);
-        if (!zarr::is_zarr(path)) {
-            auto const names = children(folder);
-            std::string const near = nearest_name(inside, names);
-            throw Error(
-                ErrorKind::usage,
-                text("'", shown, "' holds no array '", inside, "', but ", names.empty() ? "none" : join(names, ", ")),
-                near.empty() ? "" : text("did you mean '", near, "'?"));
-        }
-        return find_array(path, "", shown, depth - 1);
+        std::string const path = below(folder, inside);
+        if (!store_.is_node(path)) no_array(folder, inside);
+        return array(path, "", depth - 1);
     }
-    if (auto image = multiscale_in(zarr::read_attributes(folder))) {
-        auto array = zarr::read_array(below(folder, image->levels.front().path, shown));
+    if (auto image = multiscale_in(zarr::read_attributes(store_, folder))) {
+        auto array = zarr::read_array(store_, below(folder, image->levels.front().path));
         if (!array)
             throw Error(ErrorKind::data,
-                        text("'", shown, "': the array '", image->levels.front().path, "' of its image is missing"));
+                        text("'", shown_, "': the array '", image->levels.front().path, "' of its image is missing"));
         return {std::move(*array), std::move(image), 0};
     }
-    auto const names = children(folder);
-    if (names.size() == 1) return find_array(below(folder, names.front(), shown), "", shown, depth - 1);
-    if (names.empty()) throw Error(ErrorKind::data, text("'", shown, "' is a group that holds no array"));
-    throw Error(ErrorKind::usage, text("'", shown, "' holds several arrays: ", join(names, ", ")),
+    auto const names = store_.nodes_below(folder);
+    if (names.size() == 1) return array(below(folder, names.front()), "", depth - 1);
+    if (names.empty()) throw Error(ErrorKind::data, text("'", shown_, "' is a group that holds no array"));
+    throw Error(ErrorKind::usage, text("'", shown_, "' holds several arrays: ", join(names, ", ")),
                 text("name one: --variable ", names.front()));
 }
 
@@ -204,7 +215,7 @@ char const* short_unit(std::string const& unit) {
 
 class ZarrSource : public Source {
 public:
-    ZarrSource(Found found, std::string name, ReadOptions const& options);
+    ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, std::string name, ReadOptions const& options);
 
     bool next_volume() override;
     Header const& header() const override { return header_; }
@@ -219,7 +230,12 @@ private:
     }
     void describe(Found const& found);
     void use_ours(Json const& attributes);
-    void read_chunk(Index3 at, AnyView const& out, std::vector<std::byte>& held);
+    /// What a thread keeps from chunk to chunk.
+    struct Held {
+        LargeVector<std::byte> chunk;
+        zarr::Scratch scratch;
+    };
+    void read_chunk(Index3 at, AnyView const& out, Held& held);
     void place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const;
 
     std::string name_;
@@ -236,12 +252,13 @@ private:
     int threads_ = 1;
     std::size_t most_kept_;
     std::mutex mutex_;
-    std::map<std::array<std::int64_t, 3>, std::shared_ptr<std::vector<std::byte> const>> kept_;
+    std::map<std::array<std::int64_t, 3>, std::shared_ptr<LargeVector<std::byte> const>> kept_;
     std::deque<std::array<std::int64_t, 3>> kept_order_;
 };
 
-ZarrSource::ZarrSource(Found found, std::string name, ReadOptions const& options)
-    : name_(std::move(name)), chunks_(found.array), axes_(spatial_axes(found)) {
+ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, std::string name,
+                       ReadOptions const& options)
+    : name_(std::move(name)), chunks_(std::move(store), found.array), axes_(spatial_axes(found)) {
     Array const& array = chunks_.array();
     std::size_t const memory = options.memory.value_or(default_memory()), chunk = array.inner_bytes();
     if (chunk > memory)
@@ -385,13 +402,13 @@ void ZarrSource::place(std::byte const* chunk, Box const& box, Index3 first, Any
         }
 }
 
-void ZarrSource::read_chunk(Index3 at, AnyView const& out, std::vector<std::byte>& held) {
+void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
     Index3 const extent{inner(0), inner(1), inner(2)};
     Index3 const first{at.x * extent.x, at.y * extent.y, at.z * extent.z};
     Box const whole = intersect({first, first + extent}, box_of(header_.dims));
     Box const box = intersect(whole, out.box);
     std::array<std::int64_t, 3> const key{at.x, at.y, at.z};
-    std::shared_ptr<std::vector<std::byte> const> known;
+    std::shared_ptr<LargeVector<std::byte> const> known;
     {
         std::lock_guard const lock(mutex_);
         if (auto const found = kept_.find(key); found != kept_.end()) known = found->second;
@@ -400,13 +417,13 @@ void ZarrSource::read_chunk(Index3 at, AnyView const& out, std::vector<std::byte
     Position position = outer_;
     for (int a = 0; a < 3; ++a)
         if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0) position[static_cast<std::size_t>(k)] = at[a];
-    held.resize(chunks_.array().inner_bytes());
-    bool const there = chunks_.read(position, held);
-    place(there ? held.data() : nullptr, box, first, out);
+    held.chunk.resize(chunks_.array().inner_bytes());
+    bool const there = chunks_.read(position, held.chunk, held.scratch);
+    place(there ? held.chunk.data() : nullptr, box, first, out);
     if (box == whole || most_kept_ == 0) return;
     // The rest of it is going to be asked for next.
-    auto kept = std::make_shared<std::vector<std::byte>>();
-    if (there) kept->swap(held);
+    auto kept = std::make_shared<LargeVector<std::byte>>();
+    if (there) kept->swap(held.chunk);
     std::lock_guard const lock(mutex_);
     if (!kept_.emplace(key, std::move(kept)).second) return;
     kept_order_.push_back(key);
@@ -429,7 +446,7 @@ void ZarrSource::read(AnyView out) {
     FirstFailure failure;
 #pragma omp parallel num_threads(static_cast <int>(std::min <std::int64_t>(threads_, chunks.voxels())))
     {
-        std::vector<std::byte> held;
+        Held held;
 #pragma omp for schedule(dynamic)
         for (std::int64_t i = 0; i < chunks.voxels(); ++i) {
             failure.catch_from([&] {
@@ -441,26 +458,52 @@ void ZarrSource::read(AnyView out) {
     failure.rethrow();
 }
 
+/// The folder in a ZIP file that the store begins in: its root, or the only folder there, as archivers make it.
+std::string root_of(zarr::Store const& zip) {
+    if (zip.is_node("")) return "";
+    auto const names = zip.nodes_below("");
+    return names.size() == 1 ? names.front() : "";
+}
+
 std::unique_ptr<Source> open_zarr(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     std::string const name = bytes->name();
-    auto [folder, inside] = file_part(name);
-    // The metadata themselves stand for their folder.
-    for (char const* const file : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
-        if (folder.ends_with(file)) folder.erase(folder.rfind('/'));
-    while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
+    auto [file, inside] = file_part(name);
     if (!inside.empty() && !options.variable.empty())
         throw Error(ErrorKind::usage, text("'", name, "' names an array, and --variable another one"));
-    if (!zarr::is_zarr(folder))
+    std::shared_ptr<zarr::Store const> store;
+    std::string folder = file;
+    if (!bytes->directory() && !zip_first_name(bytes->peek(4096)).empty()) {
+        store = zarr::zip_file(seekable_bytes(std::move(bytes)), file);
+        folder = root_of(*store);
+    } else {
+        store = zarr::directories();
+        // The metadata themselves stand for their folder.
+        for (char const* const own : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs", "/.zmetadata"})
+            if (folder.ends_with(own)) folder.erase(folder.rfind('/'));
+        while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
+        file = folder;
+    }
+    if (!store->is_node(folder))
         throw Error(ErrorKind::data,
-                    text("'", folder, "' is no Zarr store: it holds neither zarr.json nor .zarray nor .zgroup"));
-    return std::make_unique<ZarrSource>(
-        find_array(folder, inside.empty() ? options.variable : inside, folder, deepest_group), name, options);
+                    text("'", file, "' is no Zarr store: it holds neither zarr.json nor .zarray nor .zgroup"));
+    Found found = Search(*store, file).array(folder, inside.empty() ? options.variable : inside, deepest_group);
+    return std::make_unique<ZarrSource>(std::move(store), std::move(found), name, options);
+}
+
+/// The first member's name tells stores from other ZIP files.
+bool is_zarr_zip(std::span<std::byte const> head) {
+    std::string const first = zip_first_name(head);
+    std::string const name = first.substr(first.rfind('/') + 1);
+    return name == "zarr.json" || name == ".zarray" || name == ".zgroup" || name == ".zattrs" || name == ".zmetadata" ||
+           first.find(".zarr/") != std::string::npos;
 }
 
 } // namespace
 
 Format zarr_format() {
-    return {"zarr", "Zarr arrays and OME-Zarr images, versions 2 and 3", {".zarr"}, nullptr, open_zarr, create_zarr};
+    return {
+        "zarr",     "Zarr arrays and OME-Zarr images, versions 2 and 3", {".zarr", ".zarr.zip"}, is_zarr_zip, open_zarr,
+        create_zarr};
 }
 
 } // namespace vkt

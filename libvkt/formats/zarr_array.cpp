@@ -7,8 +7,6 @@
 #include "libvkt/core/header.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/raw_source.h"
-#include "libvkt/io/system_error.h"
-#include "libvkt/io/whole_text.h"
 
 #include <nlohmann/json.hpp>
 
@@ -16,21 +14,15 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <limits>
 #include <numeric>
 #include <utility>
-
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 namespace vkt::zarr {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t most_text = std::size_t{16} << 20;
 constexpr std::int64_t most_chunk = std::int64_t{1} << 31; ///< bytes: what codecs count to
 constexpr std::int64_t most_in_shard = std::int64_t{1} << 22;
 constexpr std::uint64_t absent = ~std::uint64_t{0};
@@ -332,48 +324,10 @@ Array Metadata::read(Json const& json, int version) {
     return array_;
 }
 
-bool exists(std::string const& path) {
-    std::error_code failed;
-    return std::filesystem::is_regular_file(path, failed);
-}
-
-Json json_of(std::string const& path) { return Json::parse(whole_text(path, most_text), nullptr, false); }
-
-/// A file that is open, if it is there.
-class Opened {
-public:
-    explicit Opened(std::string const& path) : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
-        if (descriptor_ < 0 && errno != ENOENT) throw system_error(text("cannot open '", path, "'"));
-        struct stat status {};
-        if (descriptor_ < 0) return;
-        if (::fstat(descriptor_, &status) != 0 || !S_ISREG(status.st_mode)) {
-            ::close(descriptor_);
-            throw Error(ErrorKind::data, text("'", path, "' is no regular file"));
-        }
-        size_ = status.st_size;
-    }
-    ~Opened() {
-        if (descriptor_ >= 0) ::close(descriptor_);
-    }
-    Opened(Opened const&) = delete;
-    Opened& operator=(Opened const&) = delete;
-    int descriptor() const { return descriptor_; }
-    std::int64_t size() const { return size_; }
-
-private:
-    int descriptor_;
-    std::int64_t size_ = 0;
-};
-
-void read_at(int descriptor, std::uint64_t at, std::span<std::byte> to, std::string const& file) {
-    std::size_t done = 0;
-    while (done < to.size()) {
-        ssize_t const got = ::pread(descriptor, to.data() + done, to.size() - done, static_cast<off_t>(at + done));
-        if (got < 0 && errno == EINTR) continue;
-        if (got < 0) throw system_error(text("cannot read '", file, "'"));
-        if (got == 0) throw Error(ErrorKind::data, text("'", file, "' ended early"));
-        done += static_cast<std::size_t>(got);
-    }
+/// Bytes that are going to be read, at the beginning of memory that is kept.
+std::span<std::byte> room(LargeVector<std::byte>& memory, std::size_t n) {
+    if (memory.size() < n) memory.resize(n);
+    return {memory.data(), n};
 }
 
 } // namespace
@@ -390,58 +344,60 @@ std::string Array::key(Position const& file) const {
     return key;
 }
 
-bool is_zarr(std::string const& folder) {
-    return exists(folder + "/zarr.json") || exists(folder + "/.zarray") || exists(folder + "/.zgroup");
-}
+bool is_zarr(std::string const& folder) { return directories()->is_node(folder); }
 
 Array parse_array(std::string const& json, int version, std::string const& folder) {
     return Metadata(folder).read(Json::parse(json, nullptr, false), version);
 }
 
-std::optional<Array> read_array(std::string const& folder) {
-    if (exists(folder + "/.zarray")) {
-        Array array = parse_array(whole_text(folder + "/.zarray", most_text), 2, folder);
-        array.attributes = read_attributes(folder);
+std::optional<Array> read_array(Store const& store, std::string const& folder) {
+    auto const parsed = [&](std::string const& json, int version) {
+        Array array = Metadata(store.shown(folder)).read(Json::parse(json, nullptr, false), version);
+        array.folder = folder;
+        return array;
+    };
+    if (auto const json = store.metadata(folder, ".zarray")) {
+        Array array = parsed(*json, 2);
+        array.attributes = read_attributes(store, folder);
         return array;
     }
-    if (!exists(folder + "/zarr.json")) return std::nullopt;
-    std::string const json = whole_text(folder + "/zarr.json", most_text);
-    Json const node = Json::parse(json, nullptr, false);
-    if (!node.is_object() || (node.contains("node_type") && node["node_type"] == "group")) {
-        if (!node.is_object()) throw Error(ErrorKind::data, text("'", folder, "': damaged: zarr.json is no JSON"));
-        return std::nullopt;
-    }
-    return parse_array(json, 3, folder);
+    auto const json = store.metadata(folder, "zarr.json");
+    if (!json) return std::nullopt;
+    Json const node = Json::parse(*json, nullptr, false);
+    if (!node.is_object())
+        throw Error(ErrorKind::data, text("'", store.shown(folder), "': damaged: zarr.json is no JSON"));
+    if (node.contains("node_type") && node["node_type"] == "group") return std::nullopt;
+    return parsed(*json, 3);
 }
 
-std::string read_attributes(std::string const& folder) {
+std::string read_attributes(Store const& store, std::string const& folder) {
     Json json;
-    if (exists(folder + "/.zattrs"))
-        json = json_of(folder + "/.zattrs");
-    else if (exists(folder + "/zarr.json"))
-        if (Json const node = json_of(folder + "/zarr.json"); node.is_object() && node.contains("attributes"))
-            json = node["attributes"];
+    if (auto const own = store.metadata(folder, ".zattrs"))
+        json = Json::parse(*own, nullptr, false);
+    else if (auto const node = store.metadata(folder, "zarr.json"))
+        if (Json const all = Json::parse(*node, nullptr, false); all.is_object() && all.contains("attributes"))
+            json = all["attributes"];
     return json.is_object() ? json.dump(-1, ' ', false, Json::error_handler_t::replace) : "{}";
 }
 
-Chunks::Chunks(Array array) : array_(std::move(array)) {
-    for (Codec const codec : array_.codecs) require(codec, array_.folder);
+Chunks::Chunks(std::shared_ptr<Store const> store, Array array) : store_(std::move(store)), array_(std::move(array)) {
+    for (Codec const codec : array_.codecs) require(codec, store_->shown(array_.folder));
 }
 
-std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(int descriptor, std::int64_t size,
-                                                                   std::string const& file) const {
+std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(StoredFile const& opened,
+                                                                   std::string const& key) const {
     {
         std::lock_guard const lock(mutex_);
-        if (auto const found = indices_.find(file); found != indices_.end()) return found->second;
+        if (auto const found = indices_.find(key); found != indices_.end()) return found->second;
     }
+    std::string const file = store_->shown(key);
     std::size_t count = 1;
     for (std::size_t i = 0; i < array_.chunk.size(); ++i)
         count *= static_cast<std::size_t>(array_.chunk[i] / array_.inner[i]);
     std::size_t const bytes = count * 16, stored = bytes + (array_.index_checksum ? 4 : 0);
-    if (size < static_cast<std::int64_t>(stored))
-        throw Error(ErrorKind::data, text("'", file, "' ended early: no whole shard"));
+    if (opened.size() < stored) throw Error(ErrorKind::data, text("'", file, "' ended early: no whole shard"));
     std::vector<std::byte> held(stored);
-    read_at(descriptor, array_.index_first ? 0 : static_cast<std::uint64_t>(size) - stored, held, file);
+    opened.read(array_.index_first ? 0 : opened.size() - stored, held);
     auto const index = std::make_shared<std::vector<std::uint64_t>>(2 * count);
     std::span<std::byte> const to(reinterpret_cast<std::byte*>(index->data()), bytes);
     if (array_.index_checksum)
@@ -450,11 +406,11 @@ std::shared_ptr<std::vector<std::uint64_t> const> Chunks::index_of(int descripto
         std::memcpy(to.data(), held.data(), bytes);
     std::lock_guard const lock(mutex_);
     if (indices_.size() > 256) indices_.clear();
-    return indices_[file] = index;
+    return indices_[key] = index;
 }
 
-/// The bytes as they lie in the file.
-std::optional<std::vector<std::byte>> Chunks::encoded(Position const& at, std::string& file) const {
+/// Where the bytes of a chunk lie; no file if there is none.
+Chunks::Place Chunks::place(Position const& at) const {
     Position of_file = at;
     std::size_t within = 0;
     for (std::size_t i = 0; i < at.size(); ++i) {
@@ -462,55 +418,57 @@ std::optional<std::vector<std::byte>> Chunks::encoded(Position const& at, std::s
         of_file[i] = at[i] / parts;
         within = within * static_cast<std::size_t>(parts) + static_cast<std::size_t>(at[i] % parts);
     }
-    file = array_.folder + "/" + array_.key(of_file);
-    Opened const opened(file);
-    if (opened.descriptor() < 0) return std::nullopt;
-    std::uint64_t begin = 0, length = static_cast<std::uint64_t>(opened.size());
+    Place place{nullptr, key_of(array_.folder, array_.key(of_file)), 0, 0};
+    place.file = store_->open(place.key);
+    if (!place.file) return place;
+    place.size = place.file->size();
     if (array_.sharded) {
-        auto const index = index_of(opened.descriptor(), opened.size(), file);
-        begin = (*index)[2 * within];
-        if (begin == absent && (*index)[2 * within + 1] == absent) return std::nullopt;
-        std::uint64_t const whole = length;
-        length = (*index)[2 * within + 1];
-        if (begin > whole || length > whole - begin)
-            throw Error(ErrorKind::data, text("'", file, "': damaged: a chunk lies outside of its shard"));
+        auto const index = index_of(*place.file, place.key);
+        std::uint64_t const whole = place.size;
+        place.begin = (*index)[2 * within];
+        place.size = (*index)[2 * within + 1];
+        if (place.begin == absent && place.size == absent) {
+            place.file.reset();
+            return place;
+        }
+        if (place.begin > whole || place.size > whole - place.begin)
+            throw Error(ErrorKind::data,
+                        text("'", store_->shown(place.key), "': damaged: a chunk lies outside of its shard"));
     }
     // What compression can make of a chunk at worst.
-    if (length > 2 * array_.inner_bytes() + 4096)
-        throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(length),
-                                          " bytes are too many for a chunk"));
-    std::vector<std::byte> bytes(length);
-    read_at(opened.descriptor(), begin, bytes, file);
-    return bytes;
+    if (place.size > 2 * array_.inner_bytes() + 4096)
+        throw Error(ErrorKind::data, text("'", store_->shown(place.key), "': damaged: ",
+                                          static_cast<std::int64_t>(place.size), " bytes are too many for a chunk"));
+    return place;
 }
 
-bool Chunks::read(Position const& at, std::span<std::byte> to) const {
-    std::string file;
-    auto bytes = encoded(at, file);
-    if (!bytes) return false;
+bool Chunks::read(Position const& at, std::span<std::byte> to, Scratch& scratch) const {
+    Place const from = place(at);
+    if (!from.file) return false;
     auto const& codecs = array_.codecs;
-    for (std::size_t i = codecs.size(); i-- > 0;) {
-        auto const checksums_before = static_cast<std::size_t>(
-            std::count(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), Codec::crc32c));
-        std::size_t size = to.size() + 4 * checksums_before;
-        if (codecs[i] == Codec::crc32c) size = std::max<std::size_t>(bytes->size(), 4) - 4;
-        std::vector<std::byte> next;
-        std::span<std::byte> target = to;
-        if (i > 0 || size != to.size()) {
-            next.resize(size);
-            target = next;
-        }
-        decode(codecs[i], *bytes, target, file);
-        if (target.data() == to.data())
-            bytes.reset();
-        else
-            *bytes = std::move(next);
-    }
-    if (bytes) { // as it lies in the file
-        if (bytes->size() != to.size())
-            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(bytes->size()),
+    std::string const file = store_->shown(from.key);
+    if (codecs.empty()) {
+        if (from.size != to.size())
+            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(from.size),
                                               " bytes, ", static_cast<std::int64_t>(to.size()), " expected"));
-        std::memcpy(to.data(), bytes->data(), to.size());
+        from.file->read(from.begin, to);
+    } else {
+        std::span<std::byte> bytes = room(scratch.encoded, from.size);
+        from.file->read(from.begin, bytes);
+        LargeVector<std::byte>*held = &scratch.encoded, *other = &scratch.decoded;
+        for (std::size_t i = codecs.size(); i-- > 0;) {
+            auto const checksums_before = static_cast<std::size_t>(
+                std::count(codecs.begin(), codecs.begin() + static_cast<std::ptrdiff_t>(i), Codec::crc32c));
+            std::size_t size = to.size() + 4 * checksums_before;
+            if (codecs[i] == Codec::crc32c) size = std::max<std::size_t>(bytes.size(), 4) - 4;
+            std::span<std::byte> const target = i > 0 || size != to.size() ? room(*other, size) : to;
+            decode(codecs[i], bytes, target, file);
+            bytes = target;
+            std::swap(held, other);
+        }
+        if (bytes.size() != to.size())
+            throw Error(ErrorKind::data, text("'", file, "': damaged: ", static_cast<std::int64_t>(bytes.size()),
+                                              " bytes, ", static_cast<std::int64_t>(to.size()), " expected"));
     }
     if (array_.big_endian) swap_bytes(to.data(), to.size() / size_of(array_.dtype), size_of(array_.dtype));
     return true;

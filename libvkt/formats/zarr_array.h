@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/large_vector.h"
 #include "libvkt/core/types.h"
+#include "libvkt/formats/zarr_store.h"
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -24,6 +25,9 @@ enum class Codec : std::uint8_t { zlib, gzip, zstd, blosc, lz4, crc32c };
 /// What the library has of each codec; loads the module blosc. Throws Error{failure} for what the build is without.
 void require(Codec codec, std::string const& file);
 
+/// What compresses best of what the build has: Blosc's Zstandard, Zstandard, else zlib.
+Codec best_codec();
+
 /// Exactly `to.size()` bytes. Throws Error{data} naming `file` for anything else.
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
 /// Throws Error{failure}. Not for lz4.
@@ -33,7 +37,7 @@ inline constexpr std::size_t most_dimensions = 16;
 using Position = std::vector<std::int64_t>; ///< one number for each dimension, as the metadata order them
 
 struct Array {
-    std::string folder; ///< where its metadata and chunks lie
+    std::string folder; ///< where its metadata and chunks lie in their store
     Position shape;
     Position chunk;                 ///< of a file
     Position inner;                 ///< what is encoded by itself: the same, or a part of a shard
@@ -52,30 +56,40 @@ struct Array {
     std::string key(Position const& file) const;
 };
 
-/// True if the folder has metadata of an array or a group.
+/// True if the directory has metadata of an array or a group.
 bool is_zarr(std::string const& folder);
 /// The metadata of the array in this folder; none if it is a group or nothing. Throws Error{data} for what is damaged
 /// and what volumes are not.
-std::optional<Array> read_array(std::string const& folder);
+std::optional<Array> read_array(Store const& store, std::string const& folder);
 /// Attributes of an array or group as JSON; "{}" if there are none.
-std::string read_attributes(std::string const& folder);
+std::string read_attributes(Store const& store, std::string const& folder);
 /// The same from the text of a file (.zarray: version 2; zarr.json: 3).
 Array parse_array(std::string const& json, int version, std::string const& folder);
+
+/// Memory that a thread keeps from chunk to chunk.
+struct Scratch {
+    LargeVector<std::byte> encoded, decoded;
+};
 
 /// Chunks, read by any number of threads.
 class Chunks {
 public:
-    explicit Chunks(Array array);
+    Chunks(std::shared_ptr<Store const> store, Array array);
     Array const& array() const { return array_; }
     /// The chunk at this position among those that are encoded by themselves: decoded, in this machine's byte order,
     /// array().inner_bytes() of it. False if there is none: it holds the fill value. Throws Error{data, io}.
-    bool read(Position const& at, std::span<std::byte> to) const;
+    bool read(Position const& at, std::span<std::byte> to, Scratch& scratch) const;
 
 private:
-    std::optional<std::vector<std::byte>> encoded(Position const& at, std::string& file) const;
-    std::shared_ptr<std::vector<std::uint64_t> const> index_of(int descriptor, std::int64_t size,
-                                                               std::string const& file) const;
+    struct Place {
+        std::unique_ptr<StoredFile> file;
+        std::string key;
+        std::uint64_t begin, size;
+    };
+    Place place(Position const& at) const;
+    std::shared_ptr<std::vector<std::uint64_t> const> index_of(StoredFile const& opened, std::string const& key) const;
 
+    std::shared_ptr<Store const> store_;
     Array array_;
     mutable std::mutex mutex_;
     mutable std::map<std::string, std::shared_ptr<std::vector<std::uint64_t> const>> indices_;

@@ -60,6 +60,22 @@ bool inflate_all(std::span<std::byte const> from, std::span<std::byte> to) {
     return whole;
 }
 
+/// With gzip's header; 0 on failure.
+std::size_t deflate_gzip(std::span<std::byte const> from, std::vector<std::byte>& to) {
+    z_stream state{};
+    if (from.size() > UINT32_MAX ||
+        deflateInit2(&state, zlib_level, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+        return 0;
+    to.resize(deflateBound(&state, static_cast<uLong>(from.size())));
+    state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(from.data()));
+    state.avail_in = static_cast<uInt>(from.size());
+    state.next_out = reinterpret_cast<Bytef*>(to.data());
+    state.avail_out = static_cast<uInt>(to.size());
+    std::size_t const size = deflate(&state, Z_FINISH) == Z_STREAM_END ? to.size() - state.avail_out : 0;
+    deflateEnd(&state);
+    return size;
+}
+
 bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
     switch (codec) {
     case Codec::zlib:
@@ -108,6 +124,15 @@ void require(Codec codec, std::string const& file) {
 #endif
 }
 
+Codec best_codec() {
+    if (module_built("blosc")) return Codec::blosc;
+#ifdef VKT_HAVE_ZSTD
+    return Codec::zstd;
+#else
+    return Codec::zlib;
+#endif
+}
+
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
     if (!decoded(codec, from, to, file))
         throw Error(ErrorKind::data,
@@ -117,7 +142,16 @@ void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> t
 std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element) {
     std::vector<std::byte> to;
     std::size_t size = 0;
-    if (codec == Codec::blosc) {
+    if (codec == Codec::crc32c) {
+        std::uint32_t const sum = crc32c(from);
+        to.resize(from.size() + sizeof sum);
+        std::memcpy(to.data(), from.data(), from.size());
+        std::memcpy(to.data() + from.size(), &sum, sizeof sum);
+        return to;
+    }
+    if (codec == Codec::gzip) {
+        size = deflate_gzip(from, to);
+    } else if (codec == Codec::blosc) {
         to.resize(from.size() + 16);
         size = blosc("writing Zarr").compress(from.data(), from.size(), element, to.data());
 #ifdef VKT_HAVE_ZSTD

@@ -4,16 +4,15 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
-#include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
-#include "libvkt/formats/zarr_array.h"
+#include "libvkt/formats/zarr_level.h"
 #include "libvkt/io/output_directory.h"
-#include "libvkt/io/system_error.h"
 #include "libvkt/kernel/numeric.h"
 
 #include <nlohmann/json.hpp>
@@ -24,182 +23,14 @@
 #include <type_traits>
 #include <utility>
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 namespace vkt {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using zarr::LevelWriter, zarr::make_directory, zarr::write_json;
 
-constexpr std::int64_t chunk_edge = 64;
 constexpr std::int64_t coarsest = 64; ///< voxels along the longest axis of the last level
 constexpr std::size_t most_history = std::size_t{256} << 10;
-
-/// In a directory that has no name yet, and goes if anything fails.
-void write_file(std::string const& path, void const* data, std::size_t n) {
-    int const file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (file < 0) throw system_error(text("cannot write '", path, "'"));
-    auto const* next = static_cast<std::byte const*>(data);
-    int code = 0;
-    while (n > 0 && code == 0) {
-        ssize_t const done = ::write(file, next, n);
-        if (done < 0 && errno == EINTR) continue;
-        if (done < 0) {
-            code = errno;
-        } else {
-            next += done;
-            n -= static_cast<std::size_t>(done);
-        }
-    }
-    if (::close(file) != 0 && code == 0) code = errno;
-    if (code != 0) throw system_error(text("cannot write '", path, "'"), code);
-}
-
-void write_json(std::string const& path, Json const& json) {
-    std::string const lines = json.dump(1) + "\n";
-    write_file(path, lines.data(), lines.size());
-}
-
-void make_directory(std::string const& path) {
-    if (::mkdir(path.c_str(), 0777) != 0 && errno != EEXIST) throw system_error(text("cannot write '", path, "'"));
-}
-
-std::string type_name(DataType type) {
-    bool const real = !is_integer(type);
-    return text(size_of(type) == 1 ? "|" : "<",
-                real              ? "f"
-                : is_signed(type) ? "i"
-                                  : "u",
-                static_cast<std::int64_t>(size_of(type)));
-}
-
-/// Slices of one level as they come, in whole rows.
-class LevelWriter {
-public:
-    LevelWriter(std::string folder, Index3 dims, DataType dtype, WriteOptions const& options, std::size_t memory);
-
-    void write(std::byte const* voxels, std::size_t n);
-    void write_metadata(Json const& attributes) const;
-    Index3 dims() const { return dims_; }
-
-private:
-    void flush();
-    void write_chunk(Index3 at, std::int64_t row, std::int64_t rows, std::int64_t slices) const;
-
-    std::string folder_;
-    Index3 dims_, chunk_;
-    DataType dtype_;
-    std::optional<zarr::Codec> codec_;
-    int threads_;
-    std::size_t row_, layer_;
-    std::int64_t rows_ = 0; ///< that were written
-    std::vector<std::byte> held_;
-};
-
-LevelWriter::LevelWriter(std::string folder, Index3 dims, DataType dtype, WriteOptions const& options,
-                         std::size_t memory)
-    : folder_(std::move(folder)), dims_(dims), dtype_(dtype),
-      threads_(std::max(1, options.threads.value_or(default_threads()))),
-      row_(static_cast<std::size_t>(dims.x) * size_of(dtype)) {
-    if (options.compress) {
-#if defined VKT_HAVE_BLOSC
-        codec_ = zarr::Codec::blosc;
-#elif defined VKT_HAVE_ZSTD
-        codec_ = zarr::Codec::zstd;
-#else
-        codec_ = zarr::Codec::zlib;
-#endif
-        zarr::require(*codec_, "writing Zarr");
-    }
-    // A layer of chunks is held; of slices beyond the budget, some rows.
-    std::size_t const slice = row_ * static_cast<std::size_t>(dims.y);
-    bool const by_rows = slice > memory;
-    std::int64_t const depth =
-        by_rows ? 1
-                : std::clamp<std::int64_t>(static_cast<std::int64_t>(memory / slice), 1, std::min(chunk_edge, dims.z));
-    std::int64_t const rows =
-        std::clamp<std::int64_t>(static_cast<std::int64_t>(memory / row_), 1, std::min(chunk_edge, dims.y));
-    chunk_ = {std::min(chunk_edge, dims.x), by_rows ? rows : std::min(chunk_edge, dims.y), depth};
-    layer_ = by_rows ? row_ * static_cast<std::size_t>(rows) : slice * static_cast<std::size_t>(depth);
-}
-
-void LevelWriter::write(std::byte const* voxels, std::size_t n) {
-    std::size_t const slice = row_ * static_cast<std::size_t>(dims_.y), all = slice * static_cast<std::size_t>(dims_.z);
-    while (n > 0) {
-        std::size_t const done = static_cast<std::size_t>(rows_) * row_ + held_.size();
-        std::size_t room = layer_ - held_.size();
-        if (layer_ < slice) room = std::min(room, slice - done % slice);
-        std::size_t const count = std::min(n, room);
-        held_.insert(held_.end(), voxels, voxels + count);
-        voxels += count;
-        n -= count;
-        bool const slice_ends = layer_ < slice && (done + count) % slice == 0;
-        if (held_.size() == layer_ || slice_ends || done + count == all) flush();
-    }
-}
-
-void LevelWriter::flush() {
-    std::int64_t const rows = static_cast<std::int64_t>(held_.size() / row_);
-    bool const whole = rows % dims_.y == 0;
-    std::int64_t const z = rows_ / dims_.y, first = rows_ % dims_.y;
-    std::int64_t const slices = whole ? rows / dims_.y : 1, height = whole ? dims_.y : rows;
-    Index3 const at{0, first / chunk_.y, z / chunk_.z};
-    std::int64_t const across = (dims_.x - 1) / chunk_.x + 1, down = (height - 1) / chunk_.y + 1;
-    make_directory(text(folder_, "/", at.z));
-    for (std::int64_t y = 0; y < down; ++y) make_directory(text(folder_, "/", at.z, "/", at.y + y));
-    FirstFailure failure;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic)
-    for (std::int64_t i = 0; i < across * down; ++i) {
-        failure.catch_from([&] { write_chunk({i % across, at.y + i / across, at.z}, first, height, slices); });
-    }
-    failure.rethrow();
-    rows_ += rows;
-    held_.clear();
-}
-
-/// From what is held: rows from `row` on of some slices. Chunks at the end are whole all the same.
-void LevelWriter::write_chunk(Index3 at, std::int64_t row, std::int64_t rows, std::int64_t slices) const {
-    std::size_t const size = size_of(dtype_), width = static_cast<std::size_t>(chunk_.x) * size;
-    std::vector<std::byte> chunk(width * static_cast<std::size_t>(chunk_.y * chunk_.z));
-    std::int64_t const x = at.x * chunk_.x, y = at.y * chunk_.y;
-    auto const count = static_cast<std::size_t>(std::min(chunk_.x, dims_.x - x)) * size;
-    std::int64_t const end = std::min({y + chunk_.y, dims_.y, row + rows});
-    for (std::int64_t s = 0; s < slices; ++s)
-        for (std::int64_t r = y; r < end; ++r)
-            std::memcpy(chunk.data() + static_cast<std::size_t>(s * chunk_.y + r - y) * width,
-                        held_.data() + static_cast<std::size_t>(s * rows + r - row) * row_ +
-                            static_cast<std::size_t>(x) * size,
-                        count);
-    if (std::all_of(chunk.begin(), chunk.end(), [](std::byte b) { return b == std::byte{0}; })) return;
-    if (codec_) chunk = zarr::encode(*codec_, chunk, size);
-    write_file(text(folder_, "/", at.z, "/", at.y, "/", at.x), chunk.data(), chunk.size());
-}
-
-void LevelWriter::write_metadata(Json const& attributes) const {
-    Json compressor = nullptr;
-    if (codec_ == zarr::Codec::blosc)
-        compressor = {{"id", "blosc"},
-                      {"cname", "zstd"},
-                      {"clevel", 2},
-                      {"shuffle", size_of(dtype_) > 1 ? 1 : 0},
-                      {"blocksize", 0}};
-    else if (codec_ == zarr::Codec::zstd)
-        compressor = {{"id", "zstd"}, {"level", 3}};
-    else if (codec_)
-        compressor = {{"id", "zlib"}, {"level", 4}};
-    write_json(folder_ + "/.zarray", {{"zarr_format", 2},
-                                      {"shape", {dims_.z, dims_.y, dims_.x}},
-                                      {"chunks", {chunk_.z, chunk_.y, chunk_.x}},
-                                      {"dtype", type_name(dtype_)},
-                                      {"compressor", compressor},
-                                      {"fill_value", 0},
-                                      {"order", "C"},
-                                      {"filters", nullptr},
-                                      {"dimension_separator", "/"}});
-    write_json(folder_ + "/.zattrs", attributes);
-}
 
 std::int64_t half(std::int64_t n) { return (n + 1) / 2; }
 
@@ -256,6 +87,7 @@ private:
     void make_slice(std::size_t level, std::byte const* a, std::byte const* b);
     Json image() const;
     Json about() const;
+    Json dimensions() const;
 
     WriteOptions options_;
     OutputDirectory directory_;
@@ -265,11 +97,7 @@ private:
 };
 
 void ZarrWriter::begin(Header const& header) {
-    if (header.kind != Kind::structured)
-        throw Error(ErrorKind::usage, "Zarr arrays cannot hold bricks", "make a grid of them first: vkt resample");
-    if (std::exchange(begun_, true))
-        throw Error(ErrorKind::usage, "the input holds several volumes, a Zarr array of vkt holds one",
-                    "write one each: name it like out_%04d.zarr");
+    refuse_bricks_and_series(header, begun_, "Zarr arrays", "a Zarr array", ".zarr");
     header_ = in_utf8(header);
     std::vector<Index3> dims{header_.dims};
     while (options_.pyramid && std::max({dims.back().x, dims.back().y, dims.back().z}) > coarsest)
@@ -325,9 +153,14 @@ void ZarrWriter::make_slice(std::size_t level, std::byte const* a, std::byte con
     take(level + 1, out.data(), out.size());
 }
 
-/// Of the finest array: what xarray looks for, and all of the header.
+/// What xarray looks for; version 3 names dimensions itself.
+Json ZarrWriter::dimensions() const {
+    return options_.zarr.version == 2 ? Json{{"_ARRAY_DIMENSIONS", {"z", "y", "x"}}} : Json::object();
+}
+
+/// Of the finest array: besides, all of the header.
 Json ZarrWriter::about() const {
-    Json result{{"_ARRAY_DIMENSIONS", {"z", "y", "x"}}};
+    Json result = dimensions();
     if (header_.values != ValueMap{}) {
         result["scale_factor"] = header_.values.slope;
         result["add_offset"] = header_.values.intercept;
@@ -340,7 +173,8 @@ Json ZarrWriter::about() const {
     return result;
 }
 
-/// OME-NGFF 0.4. A voxel of a coarser level lies in the middle of those that it is the mean of.
+/// OME-NGFF 0.4, or 0.5 in version 3 of Zarr. A voxel of a coarser level lies in the middle of those that it is the
+/// mean of.
 Json ZarrWriter::image() const {
     Geometry const& g = header_.geometry;
     auto const found = header_.attributes.find("space units");
@@ -373,16 +207,20 @@ Json ZarrWriter::image() const {
              {"coordinateTransformations",
               {{{"type", "scale"}, {"scale", scale}}, {{"type", "translation"}, {"translation", translation}}}}});
     }
-    return {{"multiscales", {{{"version", "0.4"}, {"axes", axes}, {"datasets", datasets}, {"type", "mean"}}}}};
+    if (options_.zarr.version == 2)
+        return {{"multiscales", {{{"version", "0.4"}, {"axes", axes}, {"datasets", datasets}, {"type", "mean"}}}}};
+    return {
+        {"ome", {{"version", "0.5"}, {"multiscales", {{{"axes", axes}, {"datasets", datasets}, {"type", "mean"}}}}}}};
 }
 
 void ZarrWriter::close() {
     if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
-    for (std::size_t i = 0; i < levels_.size(); ++i)
-        levels_[i].writer.write_metadata(i == 0 ? about() : Json{{"_ARRAY_DIMENSIONS", {"z", "y", "x"}}});
-    if (options_.pyramid) {
+    for (std::size_t i = 0; i < levels_.size(); ++i) levels_[i].writer.finish(i == 0 ? about() : dimensions());
+    if (options_.pyramid && options_.zarr.version == 2) {
         write_json(directory_.file(".zgroup"), {{"zarr_format", 2}});
         write_json(directory_.file(".zattrs"), image());
+    } else if (options_.pyramid) {
+        write_json(directory_.file("zarr.json"), {{"zarr_format", 3}, {"node_type", "group"}, {"attributes", image()}});
     }
     directory_.commit();
 }
@@ -392,6 +230,9 @@ void ZarrWriter::close() {
 std::unique_ptr<Sink> create_zarr(std::string const& path, WriteOptions const& options) {
     if (path == "-" || !file_part(path).part.empty())
         throw Error(ErrorKind::usage, text("'", path, "': a Zarr store is a directory"), "name it: -o out.zarr");
+    if (path.ends_with(".zip"))
+        throw Error(ErrorKind::usage, text("'", path, "': Zarr stores in ZIP files are read and not written"),
+                    "write out.zarr, then: cd out.zarr && zip -r0 ../out.zarr.zip .");
     return slab_sink(std::make_unique<ZarrWriter>(path, options));
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/module_list.h"
 
 #include <algorithm>
 #include <cctype>
@@ -13,30 +14,6 @@
 #include <string_view>
 #include <sys/resource.h>
 #include <vector>
-
-#ifdef VKT_STATIC_MODULES
-#ifdef VKT_HAVE_HDF5
-extern "C" vkt::ModuleExport const vkt_module_hdf5;
-#endif
-#ifdef VKT_HAVE_OPENVDB
-extern "C" vkt::ModuleExport const vkt_module_openvdb;
-#endif
-#ifdef VKT_HAVE_TIFF
-extern "C" vkt::ModuleExport const vkt_module_tiff;
-#endif
-#ifdef VKT_HAVE_GDCM
-extern "C" vkt::ModuleExport const vkt_module_gdcm;
-#endif
-#ifdef VKT_HAVE_BLOSC
-extern "C" vkt::ModuleExport const vkt_module_blosc;
-#endif
-#ifdef VKT_HAVE_OPENEXR
-extern "C" vkt::ModuleExport const vkt_module_openexr;
-#endif
-#ifdef VKT_HAVE_FREETYPE
-extern "C" vkt::ModuleExport const vkt_module_freetype;
-#endif
-#endif
 
 namespace vkt {
 namespace {
@@ -67,7 +44,6 @@ std::vector<std::filesystem::path> folders() {
     return list;
 }
 
-#ifndef VKT_STATIC_MODULES
 ModuleExport const* load(std::string const& name, std::string& reason, bool& found) {
     for (auto const& folder : folders()) {
         std::filesystem::path const file = folder / text("vkt_", name, ".so");
@@ -85,35 +61,11 @@ ModuleExport const* load(std::string const& name, std::string& reason, bool& fou
     reason = text("no vkt_", name, ".so in ", folders().front().lexically_normal().string());
     return nullptr;
 }
-#endif
-
-/// Whether this build made the module.
-bool built([[maybe_unused]] std::string_view name) {
-#ifdef VKT_HAVE_HDF5
-    if (name == "hdf5") return true;
-#endif
-#ifdef VKT_HAVE_OPENVDB
-    if (name == "openvdb") return true;
-#endif
-#ifdef VKT_HAVE_TIFF
-    if (name == "tiff") return true;
-#endif
-#ifdef VKT_HAVE_GDCM
-    if (name == "gdcm") return true;
-#endif
-#ifdef VKT_HAVE_BLOSC
-    if (name == "blosc") return true;
-#endif
-#ifdef VKT_HAVE_OPENEXR
-    if (name == "openexr") return true;
-#endif
-#ifdef VKT_HAVE_FREETYPE
-    if (name == "freetype") return true;
-#endif
-#ifdef VKT_HAVE_WINDOW
-    if (name == "window") return true;
-#endif
-    return false;
+/// None if this build did not make it.
+ListedModule const* listed(std::string_view name) {
+    auto const& list = module_list();
+    auto const found = std::find_if(list.begin(), list.end(), [&](ListedModule const& m) { return m.name == name; });
+    return found == list.end() ? nullptr : &*found;
 }
 
 std::string upper_case(std::string name) {
@@ -126,43 +78,20 @@ Error missing(std::string const& what, std::string const& reason) {
     return Error(ErrorKind::failure, text(what, ": ", reason), "install vkt again, with its folder lib/vkt");
 }
 
-void require_built(std::string const& name, std::string const& what) {
-    if (!built(name))
+ListedModule const& require_built(std::string const& name, std::string const& what) {
+    ListedModule const* const module = listed(name);
+    if (module == nullptr)
         throw Error(ErrorKind::failure, text(what, ": this build is without it"),
                     name == "window" ? std::string("build vkt with -DVKT_VIEWER=ON, GLFW and Dear ImGui")
                                      : text("build vkt with -DVKT_", upper_case(name), "=ON and lib", name));
+    return *module;
 }
 
 ModuleExport const& module_named(std::string const& name, std::string const& what) {
-    require_built(name, what);
-    ModuleExport const* module = nullptr;
+    ModuleExport const* module = require_built(name, what).linked;
     std::string reason;
     bool found = false; // it is there, but may not fit
-#ifndef VKT_STATIC_MODULES
-    module = load(name, reason, found);
-#else
-#ifdef VKT_HAVE_HDF5
-    if (name == "hdf5") module = &vkt_module_hdf5;
-#endif
-#ifdef VKT_HAVE_OPENVDB
-    if (name == "openvdb") module = &vkt_module_openvdb;
-#endif
-#ifdef VKT_HAVE_TIFF
-    if (name == "tiff") module = &vkt_module_tiff;
-#endif
-#ifdef VKT_HAVE_GDCM
-    if (name == "gdcm") module = &vkt_module_gdcm;
-#endif
-#ifdef VKT_HAVE_BLOSC
-    if (name == "blosc") module = &vkt_module_blosc;
-#endif
-#ifdef VKT_HAVE_OPENEXR
-    if (name == "openexr") module = &vkt_module_openexr;
-#endif
-#ifdef VKT_HAVE_FREETYPE
-    if (name == "freetype") module = &vkt_module_freetype;
-#endif
-#endif
+    if (module == nullptr) module = load(name, reason, found);
     rlimit space{};
     bool const limited = ::getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY;
     if (module == nullptr && found && limited)
@@ -175,6 +104,18 @@ ModuleExport const& module_named(std::string const& name, std::string const& wha
 }
 
 } // namespace
+
+bool module_built(std::string const& name) { return listed(name) != nullptr; }
+
+bool module_installed(std::string const& name) {
+    ListedModule const* const module = listed(name);
+    if (module == nullptr || module->linked != nullptr) return module != nullptr;
+    auto const places = folders();
+    return std::any_of(places.begin(), places.end(), [&](auto const& folder) {
+        std::error_code ignored;
+        return std::filesystem::exists(folder / text("vkt_", name, ".so"), ignored);
+    });
+}
 
 void const* module_functions(std::string const& name, std::string const& what) {
     return module_named(name, what).functions;

@@ -16,6 +16,11 @@ struct ModuleExport {
     ParserOpen parse;
 };
 
+/// Whether this build has the module NAME.
+bool module_built(std::string const& name);
+/// Whether it is there, too: part of the library or a file beside it, which may still lack libraries of its own.
+bool module_installed(std::string const& name);
+
 /// The functions of the module NAME, loaded from lib/vkt beside this library or program on the first call.
 /// A command that meets no such file pays nothing: OpenVDB alone takes 30 ms and 30 MiB to load.
 /// Throws Error{failure} if there is none, it does not load or belongs to another version, naming the reason and `what`

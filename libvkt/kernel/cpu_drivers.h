@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/first_failure.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/stream.h"
@@ -37,6 +38,11 @@ template <class F> void for_each_item(int threads, std::int64_t count, F const& 
     failure.rethrow();
 }
 
+/// Tells how many of its items a thread has done, if anybody wants to know. Throws Error{cancelled}.
+inline void tell_progress(Execution const& execution, std::int64_t begin, std::int64_t item, std::int64_t end) {
+    if (execution.monitor != nullptr) execution.monitor->poll(item - begin, end - begin);
+}
+
 /// Calls f(x, y, z, n) for pieces of at most segment_voxels voxels of rows that cover the box.
 template <class F> void for_each_segment(Execution const& execution, Box const& box, F const& f) {
     if (box.empty()) return;
@@ -48,6 +54,7 @@ template <class F> void for_each_segment(Execution const& execution, Box const& 
                       std::int64_t y = box.lower.y + begin / pieces % dims.y;
                       std::int64_t z = box.lower.z + begin / pieces / dims.y;
                       for (std::int64_t item = begin; item < end; ++item) {
+                          tell_progress(execution, begin, item, end);
                           std::int64_t const x = piece * segment_voxels;
                           f(box.lower.x + x, y, z, std::min(segment_voxels, dims.x - x));
                           if (++piece < pieces) continue;

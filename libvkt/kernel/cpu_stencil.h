@@ -129,6 +129,7 @@ void for_each_row_of_neighbours(Execution const& execution, AnyView out, Losses&
             auto compute = make();
             Losses mine;
             for (std::int64_t tile = first; tile < last; ++tile) {
+                tell_progress(execution, first, tile, last);
                 std::int64_t const i = tile % across, j = tile / across % along, k = tile / across / along;
                 Index3 const lower = out.box.lower + Index3{i * columns, j * lines, k * n.z / layers};
                 Box const box{lower,

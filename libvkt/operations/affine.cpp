@@ -27,7 +27,10 @@ Texts AffineOperation::texts() const {
         "Move a volume by a matrix or an ITK transform.",
         "The result at a point p shows the input at T(p), as ITK and SciPy mean it; --inverse moves content from p "
         "to T(p) instead. T is twelve or sixteen numbers, row by row, or a file with them or with ITK's linear "
-        "transforms (.tfm), in world coordinates unless --unit voxel is given.",
+        "transforms (.tfm), in world coordinates unless --unit voxel is given."
+        "\n\n"
+        "Accuracy: nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a "
+        "bound for their rounding, which --explain prints. Integers are rounded to the nearest, ties to even.",
         {{"Sheared, in voxels", "vkt affine '1 0.2 0 0  0 1 0 0  0 0 1 0' volume.nrrd --unit voxel -o sheared.nrrd"},
          {"Content ten millimetres along x",
           "vkt affine '1 0 0 10 0 1 0 0 0 0 1 0' volume.nrrd --inverse --expand -o moved.nrrd"}}};

@@ -127,7 +127,10 @@ Texts Arithmetic::texts() const {
         "One: not, abs, neg, sqrt, exp, log. Three: clamp VOLUME LOW HIGH, and where MASK A B, which takes A where "
         "the mask is not 0 and B elsewhere. Results saturate and are rounded half to even. Two volumes of one type "
         "give that type; else the smallest type that holds both; functions give floats. What is clipped or divided "
-        "by zero is counted and reported.",
+        "by zero is counted and reported."
+        "\n\n"
+        "Accuracy: Correctly rounded, whatever the types of operands and result; through slopes and intercepts about "
+        "1e-15 of the largest value that occurs on the way (estimate).",
         {{"A volume and a number", "vkt make ramp --dims 16 16 16 | vkt arith mul - 2.5 | vkt stats"},
          {"Two volumes", "vkt make noise --dims 16 16 16 -o a.vkt && vkt make ramp --dims 16 16 16 | vkt arith sub - "
                          "a.vkt | vkt stats"},

@@ -36,7 +36,10 @@ std::size_t box_window_bytes(Index3 dims, Index3 radius, std::size_t value_bytes
 Texts BoxMean::texts() const {
     return {"Replace each voxel by the mean of a box around it.",
             "The box has 2 R + 1 voxels along each axis; the cost hardly depends on R. The data type is kept; integers "
-            "are summed exactly and round half to even.",
+            "are summed exactly and round half to even."
+            "\n\n"
+            "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+            "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
             {{"The mean of 5 x 5 x 5 voxels", "vkt filter box volume.nrrd --radius 2 -o mean.nrrd"}}};
 }
 

@@ -111,6 +111,7 @@ void Components::for_each_row(ConstView rows, Execution const& execution, Visit 
             std::vector<std::uint64_t> bits(static_cast<std::size_t>(words * (rules_.by_value ? 2 : 1)));
             std::vector<std::int32_t> edges(2 * static_cast<std::size_t>(n.x) + 2);
             for (std::int64_t r = begin; r < end; ++r) {
+                VKT_BACKEND::tell_progress(execution, begin, r, end);
                 std::int64_t const y = rows.box.lower.y + r % n.y, z = rows.box.lower.z + r / n.y;
                 ConstView const row = rows.part({{rows.box.lower.x, y, z}, {rows.box.upper.x, y + 1, z + 1}});
                 pack_bits(row, rules_.members, rules_.zero, bits.data(), alone);

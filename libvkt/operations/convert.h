@@ -48,6 +48,7 @@ public:
     std::optional<RangeOption> to; ///< stored values of the output
 
     std::string_view name() const override { return "convert"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& p) override;
     std::vector<Knob> knobs() const override;

@@ -32,6 +32,16 @@ Box voxels_between_faces(Geometry const& geometry, Index3 dims, Geometry const& 
 
 VKT_OPERATION(Crop, "crop")
 
+Texts Crop::texts() const {
+    return {"Keep an axis-aligned box of the volume.",
+            "The box is half-open and given in voxels (--roi), in world units (--roi-world), or by another volume "
+            "(--like); voxels keep their world positions. Reading from a raw file touches only the bytes of the box."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
+            {{"The central half of every axis", "vkt crop volume.nrrd --roi 25%:75%,25%:75%,25%:75% -o part.nrrd"},
+             {"Ten slices from slice 20 on", "vkt crop volume.nrrd --roi :,:,20:+10 | vkt info"}}};
+}
+
 void Crop::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "voxels to keep, X0:X1,Y0:Y1,Z0:Z1; X0:X1:S is every S-th");
     parameters.option("roi-world", world_, "REGION", "the same in world units; voxels with centres inside are kept");

@@ -16,6 +16,7 @@ public:
     explicit Crop(WorldRoi region) : world_(std::move(region)) {}
 
     std::string_view name() const override { return "crop"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} unless exactly one region is given.

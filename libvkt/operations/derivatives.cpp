@@ -12,7 +12,10 @@ Texts Gradient::texts() const {
     return {
         "The gradient by central differences, in world units.",
         "(v(+1) - v(-1)) / 2h along each axis of the lattice, h being the voxel size: a ramp a x gives a. The length "
-        "of the gradient, or one component with --component.",
+        "of the gradient, or one component with --component."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"How steep the volume is", "vkt filter gradient volume.nrrd -o steep.nrrd"},
          {"The change along z", "vkt filter gradient volume.nrrd --component z -o dz.nrrd"}}};
 }
@@ -21,7 +24,10 @@ Texts Sobel::texts() const {
     return {
         "The gradient by Sobel's kernels, in world units.",
         "Central differences averaged across by [1 2 1] / 4 along both other axes: a ramp a x gives a, which is the "
-        "classical sum of weights divided by 32 h. The length of the gradient, or one component with --component.",
+        "classical sum of weights divided by 32 h. The length of the gradient, or one component with --component."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"Edges", "vkt filter sobel volume.nrrd -o edges.nrrd"},
          {"The signed change along x", "vkt filter sobel volume.nrrd --component x -o dx.nrrd"}}};
 }
@@ -30,7 +36,10 @@ Texts Laplacian::texts() const {
     return {
         "The Laplacian, in world units.",
         "The sum over the axes of (v(+1) - 2 v + v(-1)) / h^2, h being the voxel size: x^2 gives 2, a bright blob a "
-        "negative value in its middle.",
+        "negative value in its middle."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"Blobs and edges", "vkt filter laplacian volume.nrrd -o curved.nrrd"}}};
 }
 

@@ -48,7 +48,10 @@ Texts Diff::texts() const {
     return {"Compare two volumes.",
             "Exit code 0 if no voxel differs by more than the tolerance, 1 if one does or if the sizes differ. "
             "Physical values are "
-            "compared, whatever the data types. NaN equals NaN.",
+            "compared, whatever the data types. NaN equals NaN."
+            "\n\n"
+            "Accuracy: The largest difference is exact in double precision, RMSE to about 1e-15, SSIM to about 1e-12 "
+            "(estimate); counts behind the mutual information are exact.",
             {{"Is a round trip exact?",
               "vkt make noise --dims 20 30 40 -o a.vkt && vkt flip x a.vkt | vkt flip x | vkt diff a.vkt"},
              {"What does a smaller type cost?", "vkt make noise --dims 20 30 40 -o b.vkt && vkt convert b.vkt --dtype "

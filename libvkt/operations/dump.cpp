@@ -61,7 +61,9 @@ Texts Dump::texts() const {
     return {"Print the values of a volume as text.",
             "Physical values with one decimal, slice by slice, in volkit's layout. For numbers to compute with, "
             "write a format "
-            "such as NRRD instead; for a summary use vkt stats.",
+            "such as NRRD instead; for a summary use vkt stats."
+            "\n\n"
+            "Accuracy: Exact: as many digits as tell a value from its neighbours.",
             {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump --roi 0:4,0:2,0:2"},
              {"The same in volkit's spelling", "vkt make ramp --dims 8 8 8 | vkt dump --first 0 0 0 --last 4 2 2"}}};
 }
@@ -149,7 +151,9 @@ void Dump::measure(Measurement& to) {
 
 Texts DumpRange::texts() const {
     return {"Print the values of a part of a volume as text.",
-            "volkit's name for vkt dump with a range, which must be given.",
+            "volkit's name for vkt dump with a range, which must be given."
+            "\n\n"
+            "Accuracy: Exact: as many digits as tell a value from its neighbours.",
             {{"A corner of a volume", "vkt make ramp --dims 8 8 8 | vkt dump-range --first 0 0 0 --last 4 2 2"}}};
 }
 

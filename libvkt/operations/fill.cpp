@@ -14,6 +14,17 @@ VKT_OPERATION(Fill, "fill")
 VKT_OPERATION(FillRange, "fill-range")
 VKT_OPERATION(Delete, "delete")
 
+Texts Fill::texts() const {
+    return {
+        "Set all voxels, or those of a region, to one value.",
+        "The value is physical: it is mapped to a stored value through the slope and intercept of the volume, rounded "
+        "half to even and saturated."
+        "\n\n"
+        "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
+        {{"An empty volume of the same shape", "vkt fill volume.nrrd --value 0 -o empty.nrrd"},
+         {"Blank a corner", "vkt fill volume.nrrd --value 0 --roi 0:8,0:8,0:8 | vkt stats"}}};
+}
+
 void Fill::parameters(Parameters& parameters) {
     parameters.option("value", value_, "VALUE", "physical value to store");
     parameters.option("roi", region_, "REGION", "fill only the voxels of this region");
@@ -68,6 +79,17 @@ std::vector<Remark> Fill::remarks() const { return value_remarks(value_, stored_
 
 Delete::Delete(Roi region, std::optional<Number> background) : Fill({}, std::move(region)), background_(background) {}
 
+Texts Delete::texts() const {
+    return {
+        "Make a region background.",
+        "The extent of the volume stays; vkt crop changes it. The background is --value, or what the volume says its "
+        "background is, or 0."
+        "\n\n"
+        "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
+        {{"Without the table under the patient", "vkt delete volume.nrrd --roi :,75%:,: -o patient.nrrd"},
+         {"As air", "vkt delete volume.nrrd --roi 0:8,0:8,: --value -1000 --dry-run"}}};
+}
+
 void Delete::parameters(Parameters& parameters) {
     parameters.option("roi", region_, "REGION", "the voxels to delete, X0:X1,Y0:Y1,Z0:Z1").needed();
     parameters.option("value", background_, "VALUE", "physical value that they get (the volume's background, or 0)");
@@ -78,6 +100,15 @@ Plan Delete::plan(std::span<Header const> inputs) {
     auto const own = attributes.find("background");
     value_ = background_ ? *background_ : own != attributes.end() ? Number::parse(own->second) : Number(0);
     return Fill::plan(inputs);
+}
+
+Texts FillRange::texts() const {
+    return {"Set the voxels of a region to one value.",
+            "volkit's name for vkt fill with a range, which must be given."
+            "\n\n"
+            "Accuracy: The value is correctly rounded once; all other voxels stay, bit for bit.",
+            {{"Blank a corner",
+              "vkt make ramp --dims 16 12 8 | vkt fill-range --first 0 0 0 --last 4 4 4 --value 0 | vkt stats"}}};
 }
 
 } // namespace vkt

@@ -16,6 +16,7 @@ public:
     explicit Fill(Number value, Roi region = {}) : region_(std::move(region)), value_(value) {}
 
     std::string_view name() const override { return "fill"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the region does not lie in the volume.
@@ -47,6 +48,7 @@ private:
 /// volkit's fill with a range, which must be given.
 class FillRange : public Fill {
 public:
+    Texts texts() const override;
     void check() const override;
 };
 
@@ -58,6 +60,7 @@ public:
     explicit Delete(Roi region, std::optional<Number> background = {});
 
     std::string_view name() const override { return "delete"; }
+    Texts texts() const override;
     void parameters(Parameters& parameters) override;
     Plan plan(std::span<Header const> inputs) override;
 

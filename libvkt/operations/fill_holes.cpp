@@ -18,7 +18,9 @@ Texts FillHoles::texts() const {
     return {
         "Fill what objects enclose.",
         "Zero voxels from which no path of zero voxels leads to a face of the volume get the value of what encloses "
-        "them. All else stays as it is.",
+        "them. All else stays as it is."
+        "\n\n"
+        "Accuracy: Exact: voxels outside of holes are copied; a value given is correctly rounded once.",
         {{"An object without cavities", "vkt fill-holes volume.nrrd -o solid.nrrd"},
          {"Only bubbles of at most 100 voxels", "vkt fill-holes volume.nrrd --max-size 100 | vkt stats"}}};
 }

@@ -11,6 +11,16 @@ namespace vkt {
 VKT_OPERATION(Flip, "flip")
 VKT_OPERATION(FlipRange, "flip-range")
 
+Texts Flip::texts() const {
+    return {"Reverse the order of the voxels along an axis.",
+            "The direction of the axis is reversed as well, so voxels keep their world positions. With --roi only the "
+            "voxels inside the region are mirrored, within it, and the geometry stays."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
+            {{"Mirror left and right", "vkt flip x volume.nrrd -o mirrored.nrrd"},
+             {"Twice is once too often", "vkt read volume.nrrd | vkt flip z | vkt flip z | vkt diff volume.nrrd -"}}};
+}
+
 void Flip::parameters(Parameters& parameters) {
     parameters.positional("axis", axis_, "axis to mirror: x, y or z").alias("axis"); // volkit says --axis
     parameters.option("roi", region_, "REGION", "mirror only the voxels of this region");
@@ -59,6 +69,15 @@ Box Flip::footprint(Box const& output, int) const {
              std::min(output.lower.z, source.lower.z)},
             {std::max(output.upper.x, source.upper.x), std::max(output.upper.y, source.upper.y),
              std::max(output.upper.z, source.upper.z)}};
+}
+
+Texts FlipRange::texts() const {
+    return {"Mirror the voxels of a region within it.",
+            "volkit's name for vkt flip --roi. Voxels outside the region and the geometry stay as they are."
+            "\n\n"
+            "Accuracy: Exact: bytes are moved, world positions survive.",
+            {{"Mirror a corner left and right",
+              "vkt make ramp --dims 16 12 8 | vkt flip-range --axis x --first 0 0 0 --last 4 4 4 | vkt stats"}}};
 }
 
 void FlipRange::parameters(Parameters& parameters) {

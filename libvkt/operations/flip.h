@@ -16,6 +16,7 @@ public:
     explicit Flip(Axis axis, Roi region = {}) : axis_(axis), region_(std::move(region)) {}
 
     std::string_view name() const override { return "flip"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     /// Throws Error{usage} if the region does not lie in the volume.
@@ -39,6 +40,7 @@ private:
 /// volkit's spelling of a flip within a region, which must be given.
 class FlipRange : public Flip {
 public:
+    Texts texts() const override;
     void parameters(Parameters& parameters) override;
     Plan plan(std::span<Header const> inputs) override;
 

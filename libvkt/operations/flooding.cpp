@@ -275,12 +275,14 @@ std::int64_t Flooding::mark_minima(double depth) {
     return static_cast<std::int64_t>(kept.size());
 }
 
-Flooding::Result Flooding::flood(bool line) {
+Flooding::Result Flooding::flood(bool line, ProgressMonitor* monitor) {
     order_ = {};
     std::sort(markers_.begin(), markers_.end());
     Queues queues(values_.size(), labels_.size());
     for (std::uint32_t const v : markers_) queues.push(ranks_[v], v);
-    while (!queues.empty()) {
+    std::int64_t const all = dims_.x * dims_.y * dims_.z;
+    for (std::int64_t done = 0; !queues.empty(); ++done) {
+        if (monitor != nullptr && done % 65536 == 0) monitor->poll(done, all);
         std::uint32_t const v = queues.pop();
         if (line && labels_[v] == 0) {
             std::uint32_t found = 0;

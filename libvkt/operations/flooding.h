@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/header.h"
+#include "libvkt/core/progress_monitor.h"
 #include "libvkt/core/view.h"
 
 #include <cstdint>
@@ -38,7 +39,9 @@ public:
     /// Floods from the markers: always the voxel of the lowest value that has a labelled neighbour, of equal ones that
     /// which got one first; neighbours in the order of their distance, then of x, y, z. With `line`, voxels between
     /// different labels stay 0, and are not flooded from.
-    Result flood(bool line);
+    /// The monitor, if there is one, is told how many voxels were flooded; after it cancelled only destroying makes
+    /// sense.
+    Result flood(bool line, ProgressMonitor* monitor = nullptr);
     std::uint32_t highest_label() const { return highest_; }
     /// The label of a voxel; 0 if it has none.
     std::uint32_t label(Index3 voxel) const {

@@ -64,7 +64,10 @@ Texts Gaussian::texts() const {
         "A separable convolution whose radius follows from --tolerance: the error against the infinite kernel is "
         "bounded before it runs (--explain prints the bound). Where that is cheaper, and within the tolerance, it is "
         "done on a coarser lattice, at a cost that does not grow with sigma. The data type is kept; integers round "
-        "half to even.",
+        "half to even."
+        "\n\n"
+        "Accuracy: Bound, known before it runs: within the tolerance of the Gaussian of infinite extent; by default a "
+        "quarter of the last bit of integers, 1e-4 of the range for floats. --explain prints the bound.",
         {{"A standard deviation of two voxels", "vkt filter gaussian volume.nrrd --sigma 2 -o smooth.nrrd"},
          {"Millimetres instead of voxels, and the plan",
           "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};

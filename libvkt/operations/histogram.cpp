@@ -169,7 +169,9 @@ Texts Histogram::texts() const {
         "Values are physical (slope * stored + intercept) and counted in bins of equal width, half-open but for the "
         "last; what lies outside of the range, infinities too, is under or over, NaN counts for itself. Counts are "
         "exact. A table, on a terminal bars; JSON with --json, a picture with -o of .png or .svg. Cells of "
-        "hierarchical volumes count one by one, and once more by their volume.",
+        "hierarchical volumes count one by one, and once more by their volume."
+        "\n\n"
+        "Accuracy: Counts are exact.",
         {{"Bars of a logarithmic height", "vkt histogram volume.nrrd --bins 16 --log"},
          {"A picture, without the rarest values", "vkt histogram volume.nrrd --range p1:p99 -o histogram.png"},
          {"Parts of a volume, counted apart and added up",

@@ -103,7 +103,9 @@ Texts Info::texts() const {
     return {"Print what the header of a volume says: dims, type, geometry, attributes, history.",
             "Of files only headers are read. A stream is read to its end, which lists every volume and proves that all "
             "of\n"
-            "it is whole; --head stops after the first header, and the command before is cut off.",
+            "it is whole; --head stops after the first header, and the command before is cut off."
+            "\n\n"
+            "Accuracy: Exact.",
             {{"A file", "vkt info volume.nrrd"},
              {"Several, by name", "vkt flip x volume.nrrd -o flipped.mha && vkt info volume.nrrd flipped.mha"},
              {"For scripts", "vkt info volume.nrrd --json"},

@@ -141,7 +141,10 @@ Texts KernelFilter::texts() const {
         "Weighted sums of neighbours, with the weights of a file.",
         "Correlation: the weight at (x, y, z) belongs to the neighbour on the same side of the middle; --convolve "
         "mirrors the kernel. The file is text, NX NY NZ and as many weights, x fastest, or a volume; its extents are "
-        "odd. Kernels that are products of three factors run along one axis after the other.",
+        "odd. Kernels that are products of three factors run along one axis after the other."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"A mean of the six neighbours and the voxel",
           "printf '3 3 3  0 0 0 0 1 0 0 0 0  0 1 0 1 1 1 0 1 0  0 0 0 0 1 0 0 0 0' >mean.txt; vkt filter kernel "
           "mean.txt volume.nrrd -o sums.nrrd"}}};

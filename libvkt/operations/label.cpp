@@ -18,13 +18,16 @@ namespace vkt {
 VKT_OPERATION(Label, "label")
 
 Texts Label::texts() const {
-    return {"Number connected components.",
-            "Voxels that are neither zero nor NaN and touch each other get one number; components are numbered 1, 2, … "
-            "by their first voxel in x-fastest order, all else is 0. --report tells their sizes, bounding boxes and "
-            "centroids.",
-            {{"The largest object, as a mask", "vkt label volume.nrrd --keep-largest 1 --dtype uint8 -o object.nrrd"},
-             {"What there is, specks aside",
-              "vkt label volume.nrrd --connectivity 26 --min-size 10 --report objects.json -o labels.nrrd"}}};
+    return {
+        "Number connected components.",
+        "Voxels that are neither zero nor NaN and touch each other get one number; components are numbered 1, 2, … "
+        "by their first voxel in x-fastest order, all else is 0. --report tells their sizes, bounding boxes and "
+        "centroids."
+        "\n\n"
+        "Accuracy: Exact: labels depend on the voxels alone; centroids in the report are correct to double precision.",
+        {{"The largest object, as a mask", "vkt label volume.nrrd --keep-largest 1 --dtype uint8 -o object.nrrd"},
+         {"What there is, specks aside",
+          "vkt label volume.nrrd --connectivity 26 --min-size 10 --report objects.json -o labels.nrrd"}}};
 }
 
 void Label::parameters(Parameters& parameters) {

@@ -29,37 +29,49 @@ namespace {
 } // namespace
 
 Texts MakeCheckerboard::texts() const {
-    return {"Make cubes of two alternating values.",
-            "",
-            {{"Cubes of four voxels", "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}}};
+    return {
+        "Make cubes of two alternating values.",
+        "Accuracy: Fields of integers are exact; those of floats are computed in double precision and rounded once.",
+        {{"Cubes of four voxels", "vkt make checkerboard --dims 32 32 32 --period 4 --dtype uint8 | vkt stats"}}};
 }
 Texts MakeConstant::texts() const {
     return {"Make a volume of one value.",
-            "",
+            "Accuracy: The value is correctly rounded once.",
             {{"All sevens", "vkt make constant --dims 16 16 8 --dtype uint8 --value 7 | vkt stats"}}};
 }
 Texts MakeMarschnerLobb::texts() const {
-    return {"Make the test signal of Marschner and Lobb.",
-            "On [-1, 1] in each axis, sampled at voxel centres; with 40 voxels an axis close to the limit that the "
-            "samples can hold.",
-            {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}}};
+    return {
+        "Make the test signal of Marschner and Lobb.",
+        "On [-1, 1] in each axis, sampled at voxel centres; with 40 voxels an axis close to the limit that the "
+        "samples can hold."
+        "\n\n"
+        "Accuracy: Fields of integers are exact; those of floats are computed in double precision and rounded once.",
+        {{"As in the paper", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"}}};
 }
 Texts MakeNoise::texts() const {
     return {"Make uniform white noise.",
-            "Philox4x32-10, counted by voxel: any part of a volume has the same noise as the whole.",
+            "Philox4x32-10, counted by voxel: any part of a volume has the same noise as the whole."
+            "\n\n"
+            "Accuracy: Exact: from a counter; the same seed gives the same bytes on every machine.",
             {{"Bytes", "vkt make noise --dims 64 48 32 --dtype uint8 --seed 7 | vkt stats"}}};
 }
 Texts MakeRamp::texts() const {
-    return {"Make values that rise along an axis.",
-            "By default a voxel's value is its index.",
-            {{"From 0 to 1 along z", "vkt make ramp --dims 16 16 33 --axis z --to 1 | vkt stats"}}};
+    return {
+        "Make values that rise along an axis.",
+        "By default a voxel's value is its index."
+        "\n\n"
+        "Accuracy: Fields of integers are exact; those of floats are computed in double precision and rounded once.",
+        {{"From 0 to 1 along z", "vkt make ramp --dims 16 16 33 --axis z --to 1 | vkt stats"}}};
 }
 Texts MakeSphere::texts() const {
-    return {"Make a ball.",
-            "With a hard edge, with each voxel's exact share inside, or as signed distance to the surface. Radius and "
-            "centre count voxels.",
-            {{"A ball with soft edges", "vkt make sphere --dims 64 64 64 --radius 20 --edge coverage | vkt stats"},
-             {"Distance field", "vkt make sphere --dims 64 64 64 --edge distance | vkt stats"}}};
+    return {
+        "Make a ball.",
+        "With a hard edge, with each voxel's exact share inside, or as signed distance to the surface. Radius and "
+        "centre count voxels."
+        "\n\n"
+        "Accuracy: Fields of integers are exact; those of floats are computed in double precision and rounded once.",
+        {{"A ball with soft edges", "vkt make sphere --dims 64 64 64 --radius 20 --edge coverage | vkt stats"},
+         {"Distance field", "vkt make sphere --dims 64 64 64 --edge distance | vkt stats"}}};
 }
 
 void MakeField::parameters(Parameters& p) {

@@ -10,11 +10,14 @@ namespace vkt {
 VKT_OPERATION(MakeAmr, "make amr")
 
 Texts MakeAmr::texts() const {
-    return {"Make a hierarchical volume (adaptive mesh refinement).",
-            "A balanced octree of equal blocks, refined around clouds and the mid-plane; cells hold exact "
-            "averages of the field.",
-            {{"A few levels", "vkt make amr --blocks 500 --levels 4 | vkt info"},
-             {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}}};
+    return {
+        "Make a hierarchical volume (adaptive mesh refinement).",
+        "A balanced octree of equal blocks, refined around clouds and the mid-plane; cells hold exact "
+        "averages of the field."
+        "\n\n"
+        "Accuracy: Fields of integers are exact; those of floats are computed in double precision and rounded once.",
+        {{"A few levels", "vkt make amr --blocks 500 --levels 4 | vkt info"},
+         {"Averages of a linear field", "vkt make amr --field linear --dtype float64 | vkt stats"}}};
 }
 
 void MakeAmr::parameters(Parameters& p) {

@@ -21,7 +21,9 @@ Texts Median::texts() const {
     return {
         "Replace each voxel by the median of a box around it.",
         "Removes specks and keeps edges. The box has 2 R + 1 voxels along each axis. The result is one of the values "
-        "of the box, so that it is exact for every data type. NaN counts as larger than all numbers.",
+        "of the box, so that it is exact for every data type. NaN counts as larger than all numbers."
+        "\n\n"
+        "Accuracy: Exact: voxels are chosen.",
         {{"The median of 3 x 3 x 3 voxels", "vkt filter median volume.nrrd --radius 1 -o calm.nrrd"},
          {"Slice by slice, in a region only",
           "vkt filter median volume.nrrd --radius 2,2,0 --roi 25%:75%,:,: -o calm.nrrd"}}};

@@ -25,7 +25,10 @@ Texts MakeMesh::texts() const {
         "The surface parts voxels at or above --iso from those below it; every edge belongs to two triangles, which "
         "are counterclockwise seen from outside. Coordinates are those of the world. Surfaces are closed where the "
         "volume ends. Prints numbers of vertices and triangles, area, volume and Euler characteristic; -o writes "
-        "STL, PLY, OBJ or VTP.",
+        "STL, PLY, OBJ or VTP."
+        "\n\n"
+        "Accuracy: Which voxels are inside is exact; vertices lie where linear interpolation in double precision meets "
+        "the value, but at least 1/1024 of the way from either voxel.",
         {{"A sphere, measured and written",
           "vkt make sphere --dims 64 64 64 --edge coverage | vkt mesh --iso 0.5 -o sphere.ply"},
          {"Bone in a CT", "vkt mesh volume.nrrd --iso 300 -o bone.stl"},

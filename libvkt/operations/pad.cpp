@@ -57,6 +57,17 @@ std::vector<std::string> ValueText<Padding>::write(Padding const& v) {
 
 VKT_OPERATION(Pad, "pad")
 
+Texts Pad::texts() const {
+    return {
+        "Add voxels around a volume.",
+        "The origin moves so that voxels keep their world positions. What is added is a value, 0 by default, or "
+        "continues the volume: mirror, clamp or wrap."
+        "\n\n"
+        "Accuracy: Exact: bytes are moved, world positions survive; a value that is added is correctly rounded once.",
+        {{"A frame of four voxels", "vkt pad volume.nrrd --by 4 -o framed.nrrd"},
+         {"Below and above, mirrored", "vkt pad volume.nrrd --by 0:0,2:3,10:0 --boundary mirror | vkt info"}}};
+}
+
 void Pad::parameters(Parameters& parameters) {
     parameters
         .option("by", by, "X0:X1,Y0:Y1,Z0:Z1", "voxels to add below and above each axis; N or X,Y,Z for both sides")

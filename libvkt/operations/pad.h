@@ -29,6 +29,7 @@ public:
     std::optional<Number> value; ///< of the border, physical
 
     std::string_view name() const override { return "pad"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     void check() const override;

@@ -38,6 +38,20 @@ Index3 place_in_world(Header const& part, Header const& into) {
 
 VKT_OPERATION(Paste, "copy")
 
+Texts Paste::texts() const {
+    return {
+        "Paste a volume into another.",
+        "The second volume, with the voxels of the first in place of its own. Without --at the part goes where it "
+        "lies in the world: back to where vkt crop took it from."
+        "\n\n"
+        "Accuracy: Exact: bytes are moved. Where types or value maps differ values are converted, in double precision "
+        "(estimate).",
+        {{"A part smoothed, and put back", "vkt crop volume.nrrd --roi 8:24,8:24,: | vkt filter gaussian --sigma 1 | "
+                                           "vkt copy - volume.nrrd -o partly.nrrd"},
+         {"A label in a corner", "vkt make constant --dims 4 4 4 --dtype uint8 --value 9 -o label.nrrd && vkt read "
+                                 "volume.nrrd | vkt copy label.nrrd --at 0,0,0 | vkt stats"}}};
+}
+
 void Paste::parameters(Parameters& parameters) {
     parameters.positional("part", part, "the volume to paste: a file, or '-' for standard input");
     parameters.positional("into", into, "the volume to paste it into (default: standard input)").optional();

@@ -16,6 +16,7 @@ public:
     std::optional<Index3> at;
 
     std::string_view name() const override { return "copy"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     int inputs() const override { return 2; }
     std::vector<std::string> input_names() const override { return {part.empty() ? "-" : part, into}; }

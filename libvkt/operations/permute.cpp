@@ -41,6 +41,18 @@ bool is_orientation(std::string_view order) {
 
 VKT_OPERATION(Permute, "permute")
 
+Texts Permute::texts() const {
+    return {
+        "Put the axes into another order, or turn them towards those of the body.",
+        "zyx makes the input's z the first axis. ras reorders and reverses axes until they point right, anterior and "
+        "superior as nearly as they can. Spacings and directions move along: voxels keep their world positions."
+        "\n\n"
+        "Accuracy: Exact: bytes are moved, world positions survive.",
+        {{"Slices through what were columns", "vkt permute zyx volume.nrrd -o sagittal.nrrd"},
+         {"First axis right, second anterior, third superior",
+          "vkt set volume.nrrd --attribute space=LPS | vkt permute --to ras | vkt info"}}};
+}
+
 void Permute::parameters(Parameters& parameters) {
     parameters.positional("order", order_, "order of the axes, such as zyx, or where they are to point, such as ras")
         .alias("to");

@@ -19,6 +19,7 @@ public:
     explicit Permute(std::string order) : order_(std::move(order)) {}
 
     std::string_view name() const override { return "permute"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     void check() const override;

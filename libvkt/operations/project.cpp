@@ -12,6 +12,19 @@ namespace vkt {
 
 VKT_OPERATION(Project, "project")
 
+Texts Project::texts() const {
+    return {
+        "Reduce a volume along an axis to one slice: max, min, mean, sum, std or median.",
+        "The result has one slice, whose axes are those that are left. NaN is left out. All but the median take one "
+        "pass, and memory for the slice alone."
+        "\n\n"
+        "Accuracy: max, min, median and sums of integers are exact; mean, std and sums of floats are estimates: n "
+        "roundings in double precision for lines of n voxels, and the rounding to the type.",
+        {{"A maximum intensity projection, as a picture",
+          "vkt project max volume.nrrd --axis y | vkt slice --range minmax -o mip.png"},
+         {"The mean of all slices", "vkt project mean volume.nrrd -o mean.nrrd"}}};
+}
+
 void Project::parameters(Parameters& parameters) {
     parameters.positional("what", kind, "max, min, mean, sum, std or median");
     parameters.option("axis", axis, "AXIS", "axis along which voxels are reduced");

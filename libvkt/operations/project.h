@@ -30,6 +30,7 @@ public:
     Roi roi; ///< only these voxels: the image is that of the volume cropped to them
 
     std::string_view name() const override { return "project"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     Plan plan(std::span<Header const> inputs) override;

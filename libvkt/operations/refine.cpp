@@ -79,6 +79,23 @@ BlockSize ValueText<BlockSize>::read(std::vector<std::string> const& w, std::str
     return {ValueText<std::int64_t>::read(w, name), false};
 }
 
+Texts Refine::texts() const {
+    return {
+        "Make a structured volume hierarchical.",
+        "Keeps fine blocks only where coarser ones do not reproduce the voxels: what vkt resample makes of the result "
+        "at the voxels' centres differs by no more than the tolerance, in values, gradients or what a transfer "
+        "function "
+        "makes of them. With --tolerance noise that is as much as the noise of the volume explains."
+        "\n\n"
+        "Accuracy: Cells that are kept fine are exact; elsewhere what resample makes of the result differs from the "
+        "voxels by at most the tolerance.",
+        {{"Within a hundredth",
+          "vkt make sphere --dims 64 48 48 --edge coverage | vkt refine --tolerance 0.01 | vkt info"},
+         {"As small as the noise allows", "vkt refine volume.nrrd --tolerance noise --dtype auto | vkt info"},
+         {"There and back", "vkt refine volume.nrrd --tolerance 1 | vkt resample --scale 1 | vkt diff volume.nrrd - "
+                            "--tolerance 1"}}};
+}
+
 void Refine::parameters(Parameters& p) {
     p.option("tolerance", tolerance, "T",
              "largest difference at voxel centres, in physical values, or noise: as much as the volume's noise")

@@ -63,6 +63,7 @@ public:
     std::optional<double> background; ///< physical value
 
     std::string_view name() const override { return "refine"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& p) override;
     void check() const override;

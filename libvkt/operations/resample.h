@@ -67,6 +67,7 @@ public:
     std::optional<VoxelMapping> voxel_mapping;
 
     std::string_view name() const override { return "resample"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     ReferenceVolume* like() override { return &like_; }
     void parameters(Parameters& p) override;

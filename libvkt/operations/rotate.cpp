@@ -104,7 +104,10 @@ Texts Rotate::texts() const {
         "Turn a volume, or a region of it, about an axis.",
         "A positive angle turns the content counter-clockwise for who looks from the tip of the axis towards the "
         "origin: about z from x to y. Axes are the volume's own; unequal spacings distort nothing. The grid stays, "
-        "unless --expand or --like asks for another; quarter turns that put voxels on voxels move bytes.",
+        "unless --expand or --like asks for another; quarter turns that put voxels on voxels move bytes."
+        "\n\n"
+        "Accuracy: nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a "
+        "bound for their rounding, which --explain prints. Integers are rounded to the nearest, ties to even.",
         {{"By 30 degrees about z, all of it kept",
           "vkt rotate volume.nrrd --axis z --angle 30 --expand -o turned.nrrd"},
          {"A region turned in place", "vkt rotate volume.nrrd --roi 25%:75%,25%:75%,: --angle 45 -o region.nrrd"},

@@ -11,14 +11,18 @@ namespace vkt {
 VKT_OPERATION(Scale, "scale")
 
 Texts Scale::texts() const {
-    return {"Make the content of a volume larger or smaller.",
-            "Content is resized about the middle of the volume, or --about another point, on the grid as it is: what "
-            "grows beyond it is lost, unless --expand makes the grid grow or shrink as well. By default axes that "
-            "shrink are averaged and axes that grow interpolated linearly. Another number of voxels for the same "
-            "content is what vkt resample gives.",
-            {{"Twice as large, all of it kept", "vkt scale volume.nrrd --factor 2 --expand -o large.nrrd"},
-             {"A region magnified in place",
-              "vkt scale volume.nrrd --roi 25%:75%,25%:75%,: --factor 1.5,1.5,1 -o lens.nrrd"}}};
+    return {
+        "Make the content of a volume larger or smaller.",
+        "Content is resized about the middle of the volume, or --about another point, on the grid as it is: what "
+        "grows beyond it is lost, unless --expand makes the grid grow or shrink as well. By default axes that "
+        "shrink are averaged and axes that grow interpolated linearly. Another number of voxels for the same "
+        "content is what vkt resample gives."
+        "\n\n"
+        "Accuracy: nearest, and turns that put voxels on voxels, are exact; the other methods are weighted sums with a "
+        "bound for their rounding, which --explain prints. Integers are rounded to the nearest, ties to even.",
+        {{"Twice as large, all of it kept", "vkt scale volume.nrrd --factor 2 --expand -o large.nrrd"},
+         {"A region magnified in place",
+          "vkt scale volume.nrrd --roi 25%:75%,25%:75%,: --factor 1.5,1.5,1 -o lens.nrrd"}}};
 }
 
 void Scale::parameters(Parameters& p) {

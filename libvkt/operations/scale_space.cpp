@@ -81,7 +81,10 @@ Texts LaplacianOfGaussian::texts() const {
     return {
         "The Laplacian of the smoothed volume, in world units.",
         "x^2 gives 2, a constant or a ramp exactly 0, and a bright blob a negative value in its middle, most so where "
-        "sigma is its radius divided by the square root of 3. Kernels end at 5 sigma.",
+        "sigma is its radius divided by the square root of 3. Kernels end at 5 sigma."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"Blobs of about four voxels", "vkt filter log volume.nrrd --sigma 2 -o blobs.nrrd"}}};
 }
 
@@ -100,7 +103,10 @@ Texts DifferenceOfGaussians::texts() const {
     return {
         "The volume smoothed little minus the volume smoothed more.",
         "A Gaussian of --sigma minus one of --ratio times as much: what is about as large as sigma stays. A constant "
-        "gives exactly 0. Kernels end at 5 sigma.",
+        "gives exactly 0. Kernels end at 5 sigma."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"What is about two voxels wide", "vkt filter dog volume.nrrd --sigma 2 -o band.nrrd"}}};
 }
 
@@ -128,7 +134,10 @@ Texts Sharpen::texts() const {
     return {
         "Raise what smoothing takes away.",
         "v + amount (v - smoothed v), known as an unsharp mask. The data type is kept: integers round half to even, "
-        "and what leaves the type is clipped and counted. Constants stay as they are. Kernels end at 5 sigma.",
+        "and what leaves the type is clipped and counted. Constants stay as they are. Kernels end at 5 sigma."
+        "\n\n"
+        "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
+        "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
         {{"A little sharper", "vkt filter sharpen volume.nrrd --sigma 1 --amount 0.5 -o sharp.nrrd"}}};
 }
 

@@ -14,7 +14,10 @@ VKT_OPERATION(Scan, "scan")
 Texts Scan::texts() const {
     return {"Sum up everything before each voxel (summed-volume table).",
             "Each voxel becomes the sum of the box from the first voxel to itself: of integers exact, in 64 bits, of "
-            "floats in float64. With it the sum of any box takes eight voxels, whatever its size.",
+            "floats in float64. With it the sum of any box takes eight voxels, whatever its size."
+            "\n\n"
+            "Accuracy: Sums of integers are exact, or the end of the type and counted; of floats with X, Y, Z voxels "
+            "along the axes within (X + Y + Z) 2^-53 of the sum of the magnitudes.",
             {{"A table of sums", "vkt scan volume.nrrd -o table.nrrd"},
              {"Of what lies strictly before, along each axis", "vkt scan volume.nrrd --exclusive | vkt stats"}}};
 }

@@ -31,6 +31,15 @@ std::array<Vec3, 3> parse_direction(std::string const& text_) {
 VKT_OPERATION(SetHeader, "set")
 VKT_OPERATION(DeclareStructured, "declare-sv")
 
+Texts SetHeader::texts() const {
+    return {
+        "Change what the header says about a volume.",
+        "Voxels stay as they are."
+        "\n\n"
+        "Accuracy: Exact: voxels stay as they are; the header's numbers are kept in double precision.",
+        {{"Voxel size and unit", "vkt make ramp --dims 8 8 8 | vkt set --spacing 0.5,0.5,2 --units HU | vkt info"}}};
+}
+
 void SetHeader::parameters(Parameters& p) {
     p.option("spacing", spacing, "S|SX,SY,SZ", "size of a voxel in world units");
     p.option("dist", dist, "X Y Z", "the same in volkit's spelling").values(3, 3);
@@ -145,6 +154,16 @@ void SetHeader::run(std::span<ConstView const> inputs, AnyView out, Execution co
                 x += n;
             }
         }
+}
+
+Texts DeclareStructured::texts() const {
+    return {
+        "Make a structured volume of zeros.",
+        "The range of an integer type stands for 0 to 1 unless --voxel-mapping says otherwise, so that filling with 1 "
+        "stores the largest integer."
+        "\n\n"
+        "Accuracy: Exact.",
+        {{"A byte volume to fill", "vkt declare-sv --dims 32 32 32 --data-format uint8 | vkt info"}}};
 }
 
 void DeclareStructured::parameters(Parameters& p) {

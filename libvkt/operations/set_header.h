@@ -20,6 +20,7 @@ public:
     std::vector<std::string> attributes; ///< KEY=VALUE; KEY= removes
 
     std::string_view name() const override { return "set"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& p) override;
     void check() const override;
@@ -42,6 +43,7 @@ public:
     std::optional<VoxelMapping> voxel_mapping;
 
     std::string_view name() const override { return "declare-sv"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::source; }
     void parameters(Parameters& p) override;
     void check() const override;

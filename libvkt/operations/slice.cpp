@@ -25,6 +25,18 @@ Header with_axes(Header const& in, std::array<int, 3> const& axes) {
 
 VKT_OPERATION(Slice, "slice")
 
+Texts Slice::texts() const {
+    return {
+        "Take a slice of a volume, as a volume or as a picture.",
+        "The result has one slice; it keeps its place in the world. As .png or .pgm it is a grey picture, a pixel a "
+        "voxel, the first row on top: of uint8 and uint16 as they are, of all types with --range. "
+        "As .exr or .pfm it holds the values as floats."
+        "\n\n"
+        "Accuracy: Exact: bytes are moved, world positions survive.",
+        {{"A picture of a slice of a CT", "vkt slice volume.nrrd --z 12 --range 0:200 -o slice.png"},
+         {"The middle, as values", "vkt slice volume.nrrd --axis x | vkt stats"}}};
+}
+
 void Slice::parameters(Parameters& parameters) {
     parameters.option("axis", axis, "AXIS", "axis to cut across (z); without an index its middle");
     parameters.option("x", index[0], "N", "the slice with this x; negative numbers count from the end");

@@ -17,6 +17,7 @@ public:
     std::optional<RangeOption> range;
 
     std::string_view name() const override { return "slice"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& parameters) override;
     void check() const override;

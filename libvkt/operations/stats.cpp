@@ -47,7 +47,10 @@ Texts Stats::texts() const {
             "and its sign, which are known where it is too large for a number. Hierarchical volumes: these count every "
             "cell once; "
             "weighted_mean and weighted_variance weight cells by their volume, weighted_sum is the integral over the "
-            "world volume that the last line states. Cells that hold the volume's background are not counted.",
+            "world volume that the last line states. Cells that hold the volume's background are not counted."
+            "\n\n"
+            "Accuracy: Counts, extremes and their places, and sums of integers of up to 32 bits, are exact; mean and "
+            "variance of other types to about 1e-15 of the largest magnitude and its square (estimate).",
             {{"Of a volume", "vkt make marschner-lobb --dims 40 40 40 | vkt stats"},
              {"Of a part, for a program",
               "vkt make noise --dims 40 40 40 --dtype uint8 | vkt stats --roi 10:30,10:30,: --json"},

@@ -11,6 +11,20 @@ namespace vkt {
 
 VKT_OPERATION(Threshold, "threshold")
 
+Texts Threshold::texts() const {
+    return {
+        "Make a mask: 1 where the value lies in a range, 0 elsewhere.",
+        "The result is uint8. --above and --below leave out the number itself, --range takes both of its ends. --otsu "
+        "finds the threshold that separates the values best and keeps what is above it; --report tells which. Values "
+        "are physical; NaN is 0."
+        "\n\n"
+        "Accuracy: Exact: values are compared as they are, integers of 64 bits too.",
+        {{"Bone in a CT", "vkt threshold volume.nrrd --above 100 -o bone.nrrd"},
+         {"One label", "vkt threshold volume.nrrd --range 3:3 | vkt stats"},
+         {"Foreground, and the threshold that was found",
+          "vkt threshold volume.nrrd --otsu --report threshold.json -o mask.nrrd"}}};
+}
+
 void Threshold::parameters(Parameters& p) {
     p.option("above", above, "T", "1 where the value is greater than T");
     p.option("below", below, "T", "1 where the value is less than T; with --above, between the two");

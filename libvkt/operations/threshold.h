@@ -23,6 +23,7 @@ public:
     Roi roi; ///< all voxels outside of it become 0, and otsu does not look at them
 
     std::string_view name() const override { return "threshold"; }
+    Texts texts() const override;
     Shape shape() const override { return Shape::pointwise; }
     void parameters(Parameters& p) override;
     void check() const override;

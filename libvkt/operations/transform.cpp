@@ -79,7 +79,10 @@ Texts Transform::texts() const {
             "positions (x y z, extents nx ny nz, in the world wx wy wz), pi, e, nan, inf, + - * / ^, comparisons, "
             "and or not, C ? A : B, and abs min max clamp sqrt exp log log10 pow sin cos tan asin acos atan atan2 "
             "floor ceil round trunc fmod mod hypot sign step select isnan isinf. Values are physical. What is clipped, "
-            "undefined or not a number is counted and reported.",
+            "undefined or not a number is counted and reported."
+            "\n\n"
+            "Accuracy: Whole numbers below 2^53 are exact; other expressions are computed step by step, functions to 4 "
+            "units in the last place of double precision, and what that makes of values that cancel is not bounded.",
             {{"Scale and shift", "vkt transform 'v * 2 + 1' volume.nrrd | vkt stats"},
              {"A difference along x",
               "vkt transform '(v[1,0,0] - v[-1,0,0]) / 2' volume.nrrd --boundary clamp | vkt stats"},

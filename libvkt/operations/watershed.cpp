@@ -61,7 +61,9 @@ Texts Watershed::texts() const {
     return {"Split a volume into the basins that water would fill.",
             "Floods rise from markers, or from the minima of the volume, and each voxel gets the label of the flood "
             "that reaches it first: always the lowest voxel next to a flood, of equal ones the one that was reached "
-            "first. --on gradient puts borders where the values change, --on distance splits objects that touch.",
+            "first. --on gradient puts borders where the values change, --on distance splits objects that touch."
+            "\n\n"
+            "Accuracy: Exact: labels depend on the values alone; gradients and distances are rounded to float32 first.",
             {{"Every basin of a smoothed volume",
               "vkt filter gaussian volume.nrrd --sigma 2 | vkt watershed --depth 5 -o basins.nrrd"},
              {"Objects that touch, apart", "vkt threshold volume.nrrd --otsu | vkt watershed --on distance --depth 1 "
@@ -194,7 +196,7 @@ void Watershed::run(std::span<ConstView const> inputs, AnyView out, Execution co
         mark(flooding, inputs[1]);
     else
         flooding.mark_minima(on == Relief::value ? depth / std::abs(header.values.slope) : depth);
-    result_ = flooding.flood(line);
+    result_ = flooding.flood(line, execution.monitor);
     View<std::uint32_t> const labels = out.as<std::uint32_t>();
     Index3 const origin = out.box.lower, n = out.dims();
     std::uint32_t const highest = flooding.highest_label();

@@ -41,9 +41,10 @@ void check_memory(Header const& header, Execution const& execution) {
 
 std::size_t bytes_to_draw(Header const& header) {
     if (header.kind == Kind::hierarchical) {
-        // Cells that rays can sample stay where they are.
+        // Cells that rays can sample stay where they are, until bricks are joined; macrocells take a byte a cell.
         bool const in_place = header.dtype == DataType::float32 || drawn_size(header) < 4;
-        return header.bytes() + (in_place ? 0 : static_cast<std::size_t>(header.cell_count) * sizeof(float)) +
+        auto const cells = static_cast<std::size_t>(header.cell_count);
+        return header.bytes() + (in_place ? 0 : cells * sizeof(float)) + cells * (drawn_size(header) + 1) +
                static_cast<std::size_t>(header.brick_count) * 140;
     }
     double voxels = 1; // of the padded copy; more than there is memory for is no reason to overflow

@@ -151,7 +151,7 @@ CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& 
     result.majorant.assign(n, 0.0F);
     result.distance.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
-        bool visible = grid.missing[i] != 0;
+        bool visible = grid.missing[i] != 0 || !(grid.lowest[i] <= grid.highest[i]); // a hole is on neither side
         for (IsoView const& iso : isos)
             visible = visible || (grid.lowest[i] < iso.value && grid.highest[i] >= iso.value);
         result.distance[i] = visible ? 0 : 255;

@@ -268,11 +268,9 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
     TransferTable table(knots);
     CellVisibility cells;
     Tree::Visibility bricks;
-    if (tree_)
-        bricks = tree_->classify(table);
-    else
-        cells = wanted.algorithm == Algorithm::implicit_iso ? classify_cells(lattice_.cells, appearance.isos)
-                                                            : classify_cells(lattice_.cells, table);
+    if (tree_) bricks = tree_->classify(table);
+    cells = wanted.algorithm == Algorithm::implicit_iso ? classify_cells(macrocells(), appearance.isos)
+                                                        : classify_cells(macrocells(), table);
     cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
                                                              std::move(table), std::move(cells), std::move(bricks)});
     ++cache_->made;
@@ -476,7 +474,7 @@ Image Renderer::watched(RenderSettings const& settings, RenderReport* report, Wa
     return draw(settings, report, watch, nullptr, true);
 }
 
-std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integrator) const {
+std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integrator, TreeView const& tree) const {
     std::vector<Layer> layers;
     int const width = static_cast<int>(drawing.scene.frame.width),
               height = static_cast<int>(drawing.scene.frame.height);
@@ -484,9 +482,11 @@ std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integr
     auto const drawn = [&](Integrator what) {
         Image image{width, height, std::vector<float>(4 * count)};
         Drawing one = drawing;
-        one.draw = [this, what, width, tiles = tile_function(execution_.instructions)](
-                       SceneView const& view, Tile tile, float* pixels, Counters& counters) {
-            tiles(view, lattice_.view, what, tile, pixels, width, counters);
+        one.draw = [&](SceneView const& view, Tile tile, float* pixels, Counters& counters) {
+            if (tree_)
+                tree_tile_function(execution_.instructions)(view, tree, what, tile, pixels, width, counters);
+            else
+                tile_function(execution_.instructions)(view, lattice_.view, what, tile, pixels, width, counters);
         };
         one.scene.samples = 1;
         Counters counters;
@@ -519,10 +519,6 @@ std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integr
 Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
                      Accumulation* accumulation, bool in_passes) const {
     check(settings);
-    if (tree_ && (settings.algorithm != Algorithm::ray_marching || settings.exact))
-        refuse(text(settings.exact ? "--exact" : text("--render-algo ", enum_name(settings.algorithm)),
-                    " is for structured volumes, and this one is hierarchical"),
-               "vkt resample makes a structured volume of it");
     auto const start = Clock::now();
     std::shared_ptr<Prepared const> const ready = prepared(settings);
     Appearance const& appearance = ready->appearance;
@@ -535,7 +531,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
-        content = tree_ ? bricks.content : visible_box(cells, header_.dims);
+        content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);
@@ -557,7 +553,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
-    if (!tree_) scene.cells = view_of(lattice_.cells, cells);
+    scene.cells = view_of(macrocells(), cells);
     TreeView const tree = tree_ ? tree_->view(bricks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
@@ -583,7 +579,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                      of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
                                                                             float* pixels, Counters& counters) {
                         if (tree_)
-                            of_tree(view, tree, tile, pixels, image.width, counters);
+                            of_tree(view, tree, integrator, tile, pixels, image.width, counters);
                         else
                             of_lattice(view, lattice_.view, integrator, tile, pixels, image.width, counters);
                     },
@@ -596,7 +592,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                     execution_.threads,
                     nullptr,
                     start};
-    bool const layers = settings.layers && report != nullptr && !tree_ && !projected;
+    bool const layers = settings.layers && report != nullptr && !projected;
     std::vector<float> variance;
     if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
@@ -629,10 +625,11 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
         report->capped = counters.capped;
         report->quality = quality;
-        if (layers && !quality.stopped) report->layers = layers_of(drawing, integrator);
-        auto const visible = static_cast<double>(tree_ ? bricks.visible_count : cells.visible_count);
-        report->skipped = 1 - visible / static_cast<double>(tree_ ? tree_->brick_count() : cells.distance.size());
-        report->parts = tree_ ? "bricks" : "macrocells";
+        if (layers && !quality.stopped) report->layers = layers_of(drawing, integrator, tree);
+        bool const by_bricks = tree_ && integrator == Integrator::march;
+        auto const visible = static_cast<double>(by_bricks ? bricks.visible_count : cells.visible_count);
+        report->skipped = 1 - visible / static_cast<double>(by_bricks ? tree_->brick_count() : cells.distance.size());
+        report->parts = by_bricks ? "bricks" : "macrocells";
         report->lossy = projected ? appearance.lossy : unseen(appearance, knots, table);
         if (report->lossy.empty() && !quality.stopped && settings.parts == 1 && is_empty(image))
             report->lossy.push_back("the picture is empty: nothing that can be seen is in front of the camera");

@@ -120,8 +120,8 @@ struct RenderReport {
     /// (orthographic: from the plane through it) to the nearest surface, or else to where half of the light is held
     /// back, infinite where nothing is; of surfaces "normal.X", "normal.Y", "normal.Z" in the world, towards the eye,
     /// and "albedo.R", "albedo.G", "albedo.B", their linear colours, zeros where nothing is. Of paths "variance.R",
-    /// "variance.G", "variance.B" of the pixel's mean, as it lies over the background. Hierarchical volumes,
-    /// projections and pictures that were stopped have none.
+    /// "variance.G", "variance.B" of the pixel's mean, as it lies over the background. Projections and
+    /// pictures that were stopped have none.
     std::vector<Layer> layers;
 };
 
@@ -135,8 +135,7 @@ public:
     /// The same for voxels that lie elsewhere: those of a structured volume with this header.
     Renderer(Header header, ConstView voxels, Execution const& execution);
 
-    /// Throws Error{usage} for settings out of range and for what a hierarchical volume cannot be asked: anything but
-    /// ray marching, and the exact reference. Asked to stop, it returns soon and the picture is incomplete.
+    /// Throws Error{usage} for settings out of range. Asked to stop, it returns soon and the picture is incomplete.
     /// With an accumulation, multi-scattering adds settings.samples paths to those that are in it and shows all of
     /// them; a pass that was asked to stop leaves it unusable, and a goal is not heeded.
     Image render(RenderSettings const& settings, RenderReport* report = nullptr, std::stop_token const& stop = {},
@@ -164,14 +163,15 @@ private:
         std::vector<std::string> lossy; ///< surfaces that are not there
     };
     struct Prepared;
+    CellGrid const& macrocells() const { return tree_ ? tree_->cells().grid : lattice_.cells; }
     Rescaling const& rescaling() const { return tree_ ? tree_->rescaling() : lattice_.rescaling; }
     Appearance appearance_of(RenderSettings const& settings) const;
     /// What was asked for and cannot be seen, one line each.
     std::vector<std::string> unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                     TransferTable const& table) const;
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
-    /// Of a structured volume, as `drawing` draws them with another integrator.
-    std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator) const;
+    /// As `drawing` draws them with another integrator; `tree` is that of a hierarchical volume.
+    std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator, TreeView const& tree) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
     /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.

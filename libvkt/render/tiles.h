@@ -30,10 +30,10 @@ struct Tile {
 using TileFunction = void (*)(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile tile,
                               float* pixels, std::int64_t width, Counters& counters);
 
-/// The same for a hierarchical volume: rays are marched.
+/// The same for a hierarchical volume.
 struct TreeView;
-using TreeTileFunction = void (*)(SceneView const& scene, TreeView const& tree, Tile tile, float* pixels,
-                                  std::int64_t width, Counters& counters);
+using TreeTileFunction = void (*)(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile tile,
+                                  float* pixels, std::int64_t width, Counters& counters);
 
 namespace baseline {
 TileFunction tile_function();

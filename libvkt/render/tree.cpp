@@ -94,8 +94,10 @@ struct Tree::Survey {
 Tree::Tree(Volume const& volume, Execution const& execution) : Tree(volume, Survey(volume, execution), execution) {}
 
 Tree::Tree(Volume const& volume, Survey const& survey, Execution const& execution)
-    : sampler_(survey.sampled(volume, execution)), rescaling_(survey.narrow.rescaling),
-      region_(region_of(volume.header())) {
+    : Tree(volume, survey, join_bricks(survey.sampled(volume, execution), execution), execution) {}
+
+Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution)
+    : sampler_(joined.volume), rescaling_(survey.narrow.rescaling), region_(region_of(volume.header())) {
     Header const& header = volume.header();
     std::vector<Brick> const& bricks = volume.bricks();
     switch (sampler_.volume().header().dtype) {
@@ -122,23 +124,24 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
     for (int a = 0; a < 3; ++a) axes += header.dims[a] > 1 ? 1 : 0;
     typical_width_ = axes > 0 ? std::pow(covered_ / static_cast<double>(cells), 1.0 / axes) : 1;
 
-    lowest_.resize(bricks.size());
-    highest_.resize(bricks.size());
-    missing_.resize(bricks.size());
+    std::vector<Brick> const& sampled = sampler_.volume().bricks();
     constexpr float infinity = std::numeric_limits<float>::infinity();
+    lowest_.assign(sampled.size(), infinity);
+    highest_.assign(sampled.size(), -infinity);
+    missing_.resize(sampled.size());
     for (std::size_t b = 0; b < bricks.size(); ++b) {
         Range const& range = survey.bricks[b];
-        missing_[b] = range.missing > 0 ? 1 : 0;
+        auto const at = static_cast<std::size_t>(joined.into[b]);
+        if (range.missing > 0) missing_[at] = 1;
         // Infinite cells were limited to the range of the whole volume.
         bool const some = range.least <= range.greatest, limited = range.infinite > 0;
-        double const least = limited ? survey.all.least : range.least;
-        double const greatest = limited ? survey.all.greatest : range.greatest;
-        lowest_[b] = some || limited ? survey.narrow(least) : infinity;
-        highest_[b] = some || limited ? survey.narrow(greatest) : -infinity;
+        if (!some && !limited) continue;
+        lowest_[at] = std::min(lowest_[at], survey.narrow(limited ? survey.all.least : range.least));
+        highest_[at] = std::max(highest_[at], survey.narrow(limited ? survey.all.greatest : range.greatest));
     }
-    boxes_.reserve(bricks.size());
+    boxes_.reserve(sampled.size());
     for (std::int32_t const id : sampler_.index().order()) {
-        Brick const& brick = bricks[static_cast<std::size_t>(id)];
+        Brick const& brick = sampled[static_cast<std::size_t>(id)];
         Box const domain = domain_of(brick, header.dims);
         BrickBox box{{}, {}, id, brick.level};
         for (int a = 0; a < 3; ++a) {
@@ -171,6 +174,7 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
         }
     });
     histogram_ = histogram_of(survey.all, bins, header.values);
+    cells_ = make_tree_cells(sampler_, type_, region_, execution.threads);
 }
 
 Tree::Visibility Tree::classify(TransferTable const& table) const {
@@ -216,6 +220,17 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     return result;
 }
 
+Box Tree::box_of(CellVisibility const& cells) const {
+    Box box;
+    double const origin[3] = {cells_.origin.x, cells_.origin.y, cells_.origin.z};
+    for (int a = 0; a < 3; ++a) {
+        box.lower[a] = static_cast<std::int64_t>(origin[a] + cells_.size * cells.first[a]);
+        box.upper[a] = static_cast<std::int64_t>(origin[a] + cells_.size * (cells.last[a] + 1));
+    }
+    box = intersect(box, region_);
+    return box.empty() ? region_ : box;
+}
+
 double Tree::value_at(Vec3 position) const {
     TreeSample const s = sampler_.sample(position);
     return s.weight > 0 ? static_cast<double>(s.value) : std::numeric_limits<double>::quiet_NaN();
@@ -236,7 +251,11 @@ TreeView Tree::view(Visibility const& visibility) const {
             visibility.visible_before.data(),
             slack,
             visibility.lower - around,
-            visibility.upper + around};
+            visibility.upper + around,
+            cells_.origin,
+            cells_.size,
+            cells_.first.data(),
+            cells_.bricks.data()};
 }
 
 } // namespace vkt::render

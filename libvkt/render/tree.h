@@ -5,6 +5,8 @@
 #include "libvkt/amr/sampler.h"
 #include "libvkt/render/inner/tree.h"
 #include "libvkt/render/transfer.h"
+#include "libvkt/render/tree_cells.h"
+#include "libvkt/render/tree_merge.h"
 
 #include <vector>
 
@@ -13,7 +15,8 @@ namespace vkt::render {
 /// Cells of type uint8, uint16, int16 and finite float32 are used in place; others become float and are
 /// rescaled where that needs it, as float32 is if its values are extremely large or small. Infinite cells become the
 /// nearest finite value of the volume and are counted; NaN means no data. Memory besides cells: about 140 bytes a
-/// brick.
+/// brick, and macrocells. Small neighbouring bricks of one level
+/// are joined, and then the cells are copied.
 class Tree {
 public:
     /// Throws Error{data} for volumes without bricks or without any finite cell, Error{resources} for bricks of 2^31
@@ -41,11 +44,16 @@ public:
     TreeView view(Visibility const& visibility) const;
     /// The sampled value at a position in finest cells; NaN where there is no data.
     double value_at(Vec3 position) const;
+    /// Of those that are left after joining.
     std::size_t brick_count() const { return sampler_.bricks().size(); }
+    TreeCells const& cells() const { return cells_; }
+    /// Finest cells of the visible macrocells; the region if there is none.
+    Box box_of(CellVisibility const& cells) const;
 
 private:
     struct Survey;
     Tree(Volume const& volume, Survey const& survey, Execution const& execution);
+    Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution);
 
     TreeSampler sampler_;
     Rescaling rescaling_;
@@ -56,6 +64,7 @@ private:
     std::vector<BrickBox> boxes_;
     std::vector<float> lowest_, highest_; ///< per brick, sampled values; lowest > highest: no data
     std::vector<std::uint8_t> missing_;
+    TreeCells cells_;
 };
 
 } // namespace vkt::render

@@ -21,7 +21,8 @@ extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size
             for (Codec const codec : array.codecs)
                 if (codec != Codec::blosc) decode(codec, chunk, to, "input");
             std::vector<std::byte> held(to.size());
-            Chunks(array).read(Position(array.shape.size(), 0), held);
+            Scratch scratch;
+            Chunks(directories(), array).read(Position(array.shape.size(), 0), held, scratch);
         } catch (vkt::Error const&) {
         } // the only thing that may come out of a reader
     }

@@ -7,6 +7,7 @@
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -62,6 +63,28 @@ private:
     driver::DeviceList<C> list_;
 };
 
+/// What AxisTaps makes of the values around one, added to `sum`.
+template <class C, class V>
+__device__ __forceinline__ C axis_sum(AxisTaps::Kind kind, int radius, C const* weight, V const& value, C sum) {
+    switch (kind) {
+    case AxisTaps::Kind::plain:
+        for (int k = 0; k <= 2 * radius; ++k) sum = madd(weight[k], value(k - radius), sum);
+        return sum;
+    case AxisTaps::Kind::even:
+        sum = madd(weight[0], value(0), sum);
+        for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) + value(-k), sum);
+        return sum;
+    case AxisTaps::Kind::odd:
+        for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) - value(-k), sum);
+        return sum;
+    default: {
+        C const v = value(0);
+        for (int k = 1; k <= radius; ++k) sum = madd(weight[k], (value(k) - v) + (value(-k) - v), sum);
+        return kind == AxisTaps::Kind::average ? sum + v : sum;
+    }
+    }
+}
+
 /// One axis of a filter over a box of results: `at` is where the middle of the first result's voxels lies in `in`.
 template <class C, class In> struct AxisPass {
     In in;
@@ -83,24 +106,7 @@ template <class C, class In> struct AxisPass {
         };
         C& to = out(x, y, z);
         C const before = add ? to : C(0);
-        C sum = scaled ? C(0) : before;
-        switch (kind) {
-        case AxisTaps::Kind::plain:
-            for (int k = 0; k <= 2 * radius; ++k) sum = madd(weight[k], value(k - radius), sum);
-            break;
-        case AxisTaps::Kind::even:
-            sum = madd(weight[0], value(0), sum);
-            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) + value(-k), sum);
-            break;
-        case AxisTaps::Kind::odd:
-            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], value(k) - value(-k), sum);
-            break;
-        default: {
-            C const v = value(0);
-            for (int k = 1; k <= radius; ++k) sum = madd(weight[k], (value(k) - v) + (value(-k) - v), sum);
-            if (kind == AxisTaps::Kind::average) sum += v;
-        }
-        }
+        C const sum = axis_sum<C>(kind, radius, weight, value, scaled ? C(0) : before);
         to = scaled ? madd(scale, sum, before) : sum;
     }
 };
@@ -140,9 +146,174 @@ void pass(In const& from, View<C> to, Index3 dims, Index3 at, int axis, AxisTaps
                            nullptr, "correlate");
 }
 
+constexpr int most_taps = 3, most_planes = 4, most_terms = 6; ///< of the filters below
+
+/// A sum of separable kernels of 3^3 voxels at most.
+template <class C> struct NearSum {
+    struct Taps {
+        AxisTaps::Kind kind = AxisTaps::Kind::even;
+        int radius = 0;
+        C weight[3] = {};
+    };
+    struct Term {
+        int plane = 0, z = 0, part = 0;
+        bool first = false, scaled = false; ///< of its part; its weight is not 1
+        C scale = 1;
+    };
+    Taps x[most_taps], y[most_taps], z[most_taps];
+    int plane_x[most_planes] = {}, plane_y[most_planes] = {};
+    Term term[most_terms];
+    int lines = 0, planes = 0, terms = 0, parts = 0;
+    bool wide_x = false, wide_y = false, wide_z = false; ///< looks at neighbours along these axes
+    C offset = 0;
+
+    static bool fits(SeparableSum const& sum) {
+        Index3 const r = sum.radius();
+        std::size_t const most = most_taps;
+        return std::max({r.x, r.y, r.z}) <= 1 && sum.x.size() <= most && sum.y.size() <= most && sum.z.size() <= most &&
+               sum.planes.size() <= most_planes && sum.terms.size() <= most_terms && sum.parts <= most_taps;
+    }
+    explicit NearSum(SeparableSum const& sum)
+        : lines(static_cast<int>(sum.x.size())), planes(static_cast<int>(sum.planes.size())),
+          terms(static_cast<int>(sum.terms.size())), parts(sum.parts), offset(static_cast<C>(sum.offset)) {
+        auto const copy = [](std::vector<AxisTaps> const& from, Taps* to) {
+            for (AxisTaps const& taps : from) {
+                to->kind = taps.kind;
+                to->radius = static_cast<int>(taps.radius());
+                for (std::size_t k = 0; k < taps.taps.size(); ++k) to->weight[k] = static_cast<C>(taps.taps[k]);
+                ++to;
+            }
+        };
+        copy(sum.x, x);
+        copy(sum.y, y);
+        copy(sum.z, z);
+        Index3 const r = sum.radius();
+        wide_x = r.x > 0;
+        wide_y = r.y > 0;
+        wide_z = r.z > 0;
+        for (int p = 0; p < planes; ++p) {
+            plane_x[p] = sum.planes[static_cast<std::size_t>(p)].x;
+            plane_y[p] = sum.planes[static_cast<std::size_t>(p)].y;
+        }
+        int before = -1;
+        for (int t = 0; t < terms; ++t) {
+            auto const& from = sum.terms[static_cast<std::size_t>(t)];
+            term[t] = {from.plane,          from.z,           from.part,
+                       from.part != before, from.weight != 1, static_cast<C>(from.weight)};
+            before = from.part;
+        }
+    }
+};
+
+/// One of a few values in registers, which have no addresses.
+template <int n, class C> __device__ __forceinline__ C picked(C const (&values)[n], int which) {
+    C result = values[0];
+#pragma unroll
+    for (int i = 1; i < n; ++i) result = which == i ? values[i] : result;
+    return result;
+}
+template <class C, class Taps>
+__device__ __forceinline__ C near_sum(Taps const& taps, C below, C middle, C above, C start) {
+    auto const value = [&](int k) { return k < 0 ? below : k > 0 ? above : middle; };
+    if (taps.radius == 0) return axis_sum<C>(taps.kind, 0, taps.weight, value, start);
+    return axis_sum<C>(taps.kind, 1, taps.weight, value, start);
+}
+
+constexpr int near_x = 32, near_y = 8, near_slices = 32;
+
+/// All axes at once: a thread goes through slices, of each of which it filters nine voxels along x and y, and keeps
+/// what came of the last two. The sums are those of correlate_terms().
+template <class C, class T>
+__global__ void __launch_bounds__(near_x* near_y)
+    near_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
+                __grid_constant__ NearSum<C> const sum, unsigned long long* totals) {
+    std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % across) * near_x + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / across % along) * near_y + threadIdx.y,
+                       z0 = static_cast<std::int64_t>(blockIdx.x / across / along) * near_slices;
+    driver::LossCounts counts;
+    bool const wide_x = sum.wide_x, wide_y = sum.wide_y;
+    if (x < n.x && y < n.y) {
+        std::int64_t const end = z0 + near_slices < n.z ? z0 + near_slices : n.z;
+        std::int64_t const before = sum.wide_z ? 1 : 0;
+        std::byte const* from = in.at(x, y, z0 - before);
+        C first[most_planes] = {}, second[most_planes] = {}, third[most_planes] = {};
+        for (std::int64_t z = z0 - before; z < end + before; ++z, from += in.slice) {
+            C v[3][3] = {};
+#pragma unroll
+            for (int j = 0; j < 3; ++j)
+#pragma unroll
+                for (int i = 0; i < 3; ++i) {
+                    bool const there = (i == 1 || wide_x) && (j == 1 || wide_y); // else nobody has a right to look
+                    if (there) v[j][i] = static_cast<C>(reinterpret_cast<T const*>(from + (j - 1) * in.row)[i - 1]);
+                }
+            C line[3][most_taps] = {};
+#pragma unroll
+            for (int j = 0; j < 3; ++j)
+#pragma unroll
+                for (int t = 0; t < most_taps; ++t)
+                    if (t < sum.lines) line[j][t] = near_sum<C>(sum.x[t], v[j][0], v[j][1], v[j][2], C(0));
+#pragma unroll
+            for (int p = 0; p < most_planes; ++p) {
+                first[p] = second[p];
+                second[p] = third[p];
+                if (p < sum.planes) {
+                    int const t = sum.plane_x[p];
+                    third[p] = near_sum<C>(sum.y[sum.plane_y[p]], picked(line[0], t), picked(line[1], t),
+                                           picked(line[2], t), C(0));
+                }
+            }
+            std::int64_t const made = z - before; // the slice whose neighbours are known now
+            if (made < z0) continue;
+            C part[most_taps] = {};
+#pragma unroll
+            for (int t = 0; t < most_terms; ++t) {
+                if (t >= sum.terms) continue;
+                auto const& term = sum.term[t];
+                C const old = term.first ? C(0) : picked(part, term.part), start = term.scaled ? C(0) : old;
+                C const below = before != 0 ? picked(first, term.plane) : C(0),
+                        middle = before != 0 ? picked(second, term.plane) : picked(third, term.plane),
+                        above = before != 0 ? picked(third, term.plane) : C(0);
+                C const all = near_sum<C>(sum.z[term.z], below, middle, above, start);
+                C const result = term.scaled ? madd(term.scale, all, old) : all;
+#pragma unroll
+                for (int i = 0; i < most_taps; ++i) part[i] = term.part == i ? result : part[i];
+            }
+            C result = part[0];
+            if (sum.parts > 1) {
+                result *= result;
+#pragma unroll
+                for (int i = 1; i < most_taps; ++i)
+                    if (i < sum.parts) result = madd(part[i], part[i], result);
+                result = sqrt(result);
+            }
+            if (sum.offset != 0) result += sum.offset;
+            driver::store_value(out.type, out.at(x, y, made), result, counts);
+        }
+    }
+    driver::add_counts(counts, totals);
+}
+
+template <class C, class T> void launch_near(ConstView in, AnyView out, NearSum<C> const& sum, Losses& losses) {
+    Index3 const n = out.dims();
+    std::int64_t const across = (n.x + near_x - 1) / near_x, along = (n.y + near_y - 1) / near_y,
+                       blocks = across * along * ((n.z + near_slices - 1) / near_slices);
+    if (blocks > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::DeviceLosses const counts;
+    near_kernel<C, T><<<static_cast<unsigned>(blocks), dim3(near_x, near_y)>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
+        static_cast<unsigned>(across), static_cast<unsigned>(along), sum, counts.get());
+    check_launch("correlate_near");
+    counts.add_to(losses);
+}
+
 template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum const& sum, Losses& losses) {
     if (out.box.empty()) return;
     if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
+    if (NearSum<C>::fits(sum)) {
+        NearSum<C> const near(sum);
+        return for_each_type(in.type, [&]<class T>(T) { launch_near<C, T>(in, out, near, losses); });
+    }
     Index3 const r = sum.radius(), n = out.dims();
     Index3 const rows{n.x, n.y + 2 * r.y, n.z + 2 * r.z}, columns{n.x, n.y, rows.z};
     Weights<C> const wx(sum.x), wy(sum.y), wz(sum.z);

@@ -144,6 +144,7 @@ public:
         for_each_item(threads, across * others, [&](std::int64_t begin, std::int64_t end) {
             std::byte* const mine = memory + each * static_cast<std::size_t>(omp_get_thread_num());
             for (std::int64_t item = begin; item < end; ++item) {
+                tell_progress(execution, begin, item, end);
                 std::int64_t const x = item % across * lanes;
                 tile(out_.data + 4 * (x + item / across * other_stride), std::min(lanes, n.x - x), mine);
             }

@@ -176,6 +176,7 @@ template <class K> void median_of_any(Execution const& execution, AnyView out, I
                   [&](std::int64_t first, std::int64_t last) {
                       MedianTile<K> medians(in, out, radius);
                       for (std::int64_t t = first; t < last; ++t) {
+                          tell_progress(execution, first, t, last);
                           Index3 const at{t % tiles.x, t / tiles.x % tiles.y, t / tiles.x / tiles.y};
                           Index3 const lower = out.box.lower + Index3{at.x * tile.x, at.y * tile.y, at.z * tile.z};
                           medians.run(intersect({lower, lower + tile}, out.box));

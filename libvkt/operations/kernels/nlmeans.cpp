@@ -155,6 +155,7 @@ void nlmeans_box(ConstView in, AnyView out, NlMeansRule const& rule, Losses& los
                           NlMeansTile<C> tile(in, out, rule);
                           Losses mine;
                           for (std::int64_t t = first; t < last; ++t) {
+                              tell_progress(execution, first, t, last);
                               Index3 const at{t % tiles.x, t / tiles.x % tiles.y, t / tiles.x / tiles.y};
                               Index3 const lower =
                                   out.box.lower + Index3{at.x * tile_dims.x, at.y * tile_dims.y, at.z * tile_dims.z};

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/render/inner/cubic.h"
 #include "libvkt/render/inner/march.h"
+#include "libvkt/render/inner/pieces.h"
 
 namespace vkt::render {
 
@@ -161,33 +161,23 @@ struct ExactMarch {
     }
 };
 
-template <CellSampler S>
+template <class S>
 VKT_HD ExactRadiance exact_integral(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ExactMarch march{scene.knots, scene.knot_count, &counters};
-    CellWalk<double> cells;
-    cells.start(ray.entry, ray.direction, ray.length, 0.0, 1.0, 1 << 30, 1 << 30, 1 << 30);
     ++counters.rays;
-    do {
-        float v[8];
-        sampler.corners(cells.cell[0], cells.cell[1], cells.cell[2], v);
-        bool missing = false;
-        float least = v[0], greatest = v[0];
-        for (float const c : v) {
-            missing = missing || !(c == c);
-            least = c < least ? c : least;
-            greatest = c > greatest ? c : greatest;
-        }
-        if (missing) continue;
-        double const width = cells.leave() - cells.t;
-        Double3 const corner{static_cast<double>(cells.cell[0]), static_cast<double>(cells.cell[1]),
-                             static_cast<double>(cells.cell[2])};
-        Cubic const f = cubic_along(v, ray.entry + ray.direction * cells.t - corner, ray.direction * width);
-        march.add_cell(f, static_cast<double>(least), static_cast<double>(greatest), width * ray.world_per_lattice);
-    } while (!march.done() && cells.advance());
+    each_piece(
+        sampler, scene, ray, S::skips_exactly, [&](auto const& piece) __attribute__((always_inline)) {
+            if (piece.missing) return true;
+            return piece.each_cubic([&](Cubic const& f, double from, double to) __attribute__((always_inline)) {
+                march.add_cell(f, static_cast<double>(piece.least), static_cast<double>(piece.greatest),
+                               (to - from) * piece.width * ray.world_per_lattice);
+                return !march.done();
+            });
+        });
     return {march.red, march.green, march.blue, std::exp(-march.depth)};
 }
 
-template <CellSampler S>
+template <class S>
 VKT_HD Radiance exact_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ExactRadiance const r = exact_integral(sampler, scene, ray, counters);
     return {static_cast<float>(r.red), static_cast<float>(r.green), static_cast<float>(r.blue),

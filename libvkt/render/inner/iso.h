@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/render/inner/cubic.h"
 #include "libvkt/render/inner/march.h"
+#include "libvkt/render/inner/pieces.h"
 
 namespace vkt::render {
 
@@ -39,13 +39,13 @@ template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit
 }
 
 /// All crossings of one iso-value along a ray in ascending order: hit(t, side behind) until it returns false.
-template <CellSampler S, class Hit>
+template <ScalarField S, class Hit>
 VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters,
                       Hit&& hit) {
     CellWalk<double> outer;
-    constexpr double size = macrocell_size;
-    outer.start(ray.entry, ray.direction, ray.length, static_cast<double>(macrocell_origin), size, scene.cells.nx,
-                scene.cells.ny, scene.cells.nz);
+    typename S::Vector const origin = sampler.cell_origin();
+    outer.start(ray.entry - Double3{origin.x, origin.y, origin.z}, ray.direction, ray.length, 0.0,
+                static_cast<double>(sampler.cell_size()), scene.cells.nx, scene.cells.ny, scene.cells.nz);
     Side side = Side::unknown;
     int distance = 0;
     double last = 0; // rounding must not turn the order of crossings around
@@ -64,45 +64,31 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
             side = here;
             continue;
         }
-        // The cells of this macrocell: same walk, one lattice unit wide, from where the ray enters.
-        Double3 const start = ray.entry + ray.direction * outer.t;
-        Double3 const corner{macrocell_origin + size * outer.cell[0], macrocell_origin + size * outer.cell[1],
-                             macrocell_origin + size * outer.cell[2]};
-        CellWalk<double> inner;
-        inner.start(start - corner, ray.direction, outer.leave() - outer.t, 0.0, 1.0, macrocell_size, macrocell_size,
-                    macrocell_size);
-        do {
-            float v[8];
-            Double3 const cell{corner.x + inner.cell[0], corner.y + inner.cell[1], corner.z + inner.cell[2]};
-            sampler.corners(static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z), v);
-            counters.samples += 1;
-            bool above = true, below = true, missing = false;
-            for (float const c : v) {
-                above = above && c >= iso;
-                below = below && c < iso;
-                missing = missing || !(c == c);
-            }
-            double const t0 = outer.t + inner.t, width = inner.leave() - inner.t;
-            if (missing) {
-                side = Side::unknown;
-            } else if (above || below) {
-                Side const here = above ? Side::above : Side::below;
-                if (side != Side::unknown && side != here && !met(t0, here)) return;
-                side = here;
-            } else {
-                Cubic const f = cubic_along(v, ray.entry + ray.direction * t0 - cell, ray.direction * width);
-                bool const on = cross_cell(
-                    f, iso, side, [&](double s, Side behind) __attribute__((always_inline)) {
-                        return met(t0 + s * width, behind);
+        bool const on = each_piece_of(
+            sampler, scene, outer, ray, [&](auto const& piece) __attribute__((always_inline)) {
+                counters.samples += 1;
+                if (piece.missing) {
+                    side = Side::unknown;
+                    return true;
+                }
+                bool const above = static_cast<double>(piece.least) >= iso;
+                if (above || static_cast<double>(piece.greatest) < iso) {
+                    Side const here = above ? Side::above : Side::below;
+                    if (side != Side::unknown && side != here && !met(piece.t, here)) return false;
+                    side = here;
+                    return true;
+                }
+                return cross_cell(
+                    piece.difference(iso), 0.0, side, [&](double s, Side behind) __attribute__((always_inline)) {
+                        return met(piece.t + s * piece.width, behind);
                     });
-                if (!on) return;
-            }
-        } while (inner.advance());
+            });
+        if (!on) return;
     } while (outer.leap(distance));
 }
 
 /// Share of the lamp's light that reaches a point through the surfaces.
-template <CellSampler S>
+template <ScalarField S>
 VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Counters& counters) {
     Ray ray{};
     ray.direction = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
@@ -124,10 +110,10 @@ VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, C
 }
 
 /// A surface element as a light at the eye, or the lamp, shows it.
-template <CellSampler S>
+template <ScalarField S>
 VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
                             Counters& counters) {
-    Float3 g = sampler.gradient(to_float(ray.entry + ray.direction * t));
+    Float3 g = sampler.gradient(S::place(ray.entry + ray.direction * t));
     // A surface is a surface, however faint the gradient: only its direction matters.
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
@@ -163,7 +149,7 @@ struct Layers {
 };
 
 /// Surfaces of which some let light pass, from the nearest one on.
-template <CellSampler S>
+template <ScalarField S>
 VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     Layers layers;
     double furthest = ray.length; // where a surface that lets nothing pass lies, or so many that none is seen behind
@@ -197,7 +183,7 @@ struct Nearest {
     double t;
     int surface;
 };
-template <CellSampler S>
+template <ScalarField S>
 VKT_HD Nearest nearest_surface(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     Nearest nearest{ray.length, -1};
     for (int i = 0; i < scene.iso_count; ++i) {
@@ -215,7 +201,7 @@ VKT_HD Nearest nearest_surface(S const& sampler, SceneView const& scene, Ray con
 }
 
 /// The nearest surface of all iso-values, shaded by a light at the eye.
-template <CellSampler S>
+template <ScalarField S>
 VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ++counters.rays;
     for (int i = 0; i < scene.iso_count; ++i)

@@ -13,6 +13,10 @@ namespace vkt::render {
 /// Voxels of clamped padding around every lattice: one for interpolation, one more for central differences.
 inline constexpr int lattice_padding = 2;
 
+/// Edge of a lattice's macrocell in voxels, and where the first one begins in the padded lattice.
+inline constexpr int macrocell_size = 8;
+inline constexpr float macrocell_origin = lattice_padding - 1;
+
 /// The camera mapped into lattice space, where padded voxel i lies at coordinate i. Vectors are images of world
 /// vectors.
 struct RayFrame {

@@ -42,6 +42,18 @@ concept Sampler = requires(S const& s, Float3 p, float const* t, float* out) {
     s.gradients(p, p, t, out, out, out);
 };
 
+/// What rays that go anywhere may ask: the value at a position and its derivative, in the precision that positions
+/// need; and the grid of macrocells.
+template <class S>
+concept ScalarField = requires(S const& s, typename S::Vector p) {
+    typename S::Real;
+    { s.value(p) } -> std::same_as<float>;
+    { s.gradient(p) } -> std::same_as<Float3>;
+    { S::place(Double3{}) } -> std::same_as<typename S::Vector>;
+    { s.cell_origin() } -> std::same_as<typename S::Vector>;
+    { s.cell_size() } -> std::same_as<typename S::Real>;
+};
+
 /// Base for samplers that have only value() and gradient(): asks them one by one.
 template <class Derived> struct PointSampler {
     VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
@@ -58,9 +70,17 @@ template <class Derived> struct PointSampler {
 /// A padded lattice of voxels of type T: voxel (i,j,k) of the padded array lies at lattice position (i,j,k).
 /// The array is followed by at least 8 readable bytes, because gathers fetch whole words.
 template <class T> struct LatticeSampler {
+    using Real = float;
+    using Vector = Float3;
     T const* data;
     std::int64_t row, slice;
     bool compact; ///< offsets within one chunk of a ray fit into 31 bits
+
+    static constexpr bool skips_exactly = false; ///< the reference looks at every cell
+
+    VKT_HD static Vector place(Double3 p) { return to_float(p); }
+    VKT_HD static Vector cell_origin() { return {macrocell_origin, macrocell_origin, macrocell_origin}; }
+    VKT_HD static Real cell_size() { return macrocell_size; }
 
     VKT_HD static float mix(float a, float b, float f) { return a + (b - a) * f; }
 
@@ -121,6 +141,12 @@ struct Lanes {
     static VKT_HD I whole(F a) { return _mm512_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm512_cvtepi32_ps(a); }
     static VKT_HD I gather(void const* p, I i) { return _mm512_i32gather_epi32(i, p, 1); }
+    static VKT_HD I load(std::int32_t const* p) { return _mm512_loadu_si512(p); }
+    static VKT_HD F gather_floats(float const* p, I i) { return _mm512_i32gather_ps(i, p, 4); }
+    /// a * b where a is positive, 0 elsewhere, whatever b is.
+    static VKT_HD F positive_times(F a, F b) {
+        return _mm512_maskz_mul_ps(_mm512_cmp_ps_mask(a, _mm512_setzero_ps(), _CMP_GT_OQ), a, b);
+    }
     static VKT_HD F floats(I a) { return _mm512_castsi512_ps(a); }
     static VKT_HD I mask(I a, int m) { return _mm512_and_si512(a, set(m)); }
     template <int n> static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
@@ -146,6 +172,12 @@ struct Lanes {
     static VKT_HD I whole(F a) { return _mm256_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm256_cvtepi32_ps(a); }
     static VKT_HD I gather(void const* p, I i) { return _mm256_i32gather_epi32(static_cast<int const*>(p), i, 1); }
+    static VKT_HD I load(std::int32_t const* p) { return _mm256_loadu_si256(reinterpret_cast<__m256i const*>(p)); }
+    static VKT_HD F gather_floats(float const* p, I i) { return _mm256_i32gather_ps(p, i, 4); }
+    /// a * b where a is positive, 0 elsewhere, whatever b is.
+    static VKT_HD F positive_times(F a, F b) {
+        return _mm256_and_ps(_mm256_mul_ps(a, b), _mm256_cmp_ps(a, _mm256_setzero_ps(), _CMP_GT_OQ));
+    }
     static VKT_HD F floats(I a) { return _mm256_castsi256_ps(a); }
     static VKT_HD I mask(I a, int m) { return _mm256_and_si256(a, set(m)); }
     template <int n> static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }

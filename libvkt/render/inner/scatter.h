@@ -12,7 +12,7 @@ namespace vkt::render {
 struct Medium {
     float extinction, red, green, blue;
 };
-template <Sampler S> VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, Float3 p) {
+template <ScalarField S> VKT_HD Medium medium_at(S const& sampler, SceneView const& scene, typename S::Vector p) {
     float const value = sampler.value(p);
     if (!(value == value)) return {0, 0, 0, 0};
     Quad const q = classify(scene.table, table_position(scene.table, value)).density;
@@ -20,28 +20,28 @@ template <Sampler S> VKT_HD Medium medium_at(S const& sampler, SceneView const& 
     return {q[0], q[1] * per, q[2] * per, q[3] * per};
 }
 
-struct Flight {
+template <class Real> struct Flight {
     bool collided;
-    float t;
+    Real t;
     Medium medium;
 };
 
 /// Free flight by delta tracking (Woodcock et al. 1965): tentative collisions at the majorant's rate, accepted with the
 /// true share. The exponential is memoryless, so what is left of it goes on into the next cell.
-template <Sampler S>
-VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float3 direction, float length, float world,
-                  Random& random, Counters& counters) {
-    CellWalk<float> cells;
-    cells.start(origin, direction, length, macrocell_origin, static_cast<float>(macrocell_size), scene.cells.nx,
+template <ScalarField S, class Real = typename S::Real>
+VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Vector origin,
+                        typename S::Vector direction, Real length, Real world, Random& random, Counters& counters) {
+    CellWalk<Real> cells;
+    cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
     float left = -std::log(1.0F - random.next());
     int distance = 0;
     do {
         distance = scene.cells.distance[scene.cells.index(cells.cell)];
-        float const majorant = scene.cells.majorant[scene.cells.index(cells.cell)] * world;
+        Real const majorant = scene.cells.majorant[scene.cells.index(cells.cell)] * world;
         if (!(majorant > 0)) continue;
-        float t = cells.t;
-        float const leave = cells.leave();
+        Real t = cells.t;
+        Real const leave = cells.leave();
         while (left < majorant * (leave - t)) {
             t += left / majorant;
             Medium const m = medium_at(sampler, scene, origin + direction * t);
@@ -49,7 +49,7 @@ VKT_HD Flight fly(S const& sampler, SceneView const& scene, Float3 origin, Float
             if (random.next() * majorant < m.extinction * world) return {true, t, m};
             left = -std::log(1.0F - random.next());
         }
-        left -= majorant * (leave - t);
+        left -= static_cast<float>(majorant * (leave - t));
     } while (cells.leap(distance));
     return {false, length, {}};
 }
@@ -74,16 +74,17 @@ VKT_HD Double3 direction_around(Double3 axis, float cosine, float angle) {
 }
 
 /// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
-template <Sampler S>
+template <ScalarField S>
 VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const& ray, Random& random,
                              Counters& counters) {
     constexpr int roulette_from = 8;
     constexpr float two_pi = 6.28318530718F;
     float through[3] = {1, 1, 1}, sum[3] = {0, 0, 0};
-    Float3 p = to_float(ray.entry), d = to_float(ray.direction);
-    float length = static_cast<float>(ray.length), world = static_cast<float>(ray.world_per_lattice);
+    using Real = typename S::Real;
+    typename S::Vector p = S::place(ray.entry), d = S::place(ray.direction);
+    auto length = static_cast<Real>(ray.length), world = static_cast<Real>(ray.world_per_lattice);
     for (int bounce = 0;; ++bounce) {
-        Flight const flight = fly(sampler, scene, p, d, length, world, random, counters);
+        Flight<Real> const flight = fly(sampler, scene, p, d, length, world, random, counters);
         if (!flight.collided) {
             if (bounce == 0) return {0, 0, 0, 1};
             for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i];
@@ -118,18 +119,18 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
         }
         Double3 const lattice = scene.to_lattice * world_way;
         double const norm = std::sqrt(dot(lattice, lattice));
-        d = to_float(lattice * (1 / norm));
-        world = static_cast<float>(1 / norm);
+        d = S::place(lattice * (1 / norm));
+        world = static_cast<Real>(1 / norm);
         double near = 0, far = std::numeric_limits<double>::infinity();
         Double3 const from{p.x, p.y, p.z}, along{d.x, d.y, d.z};
         // A collision that rounding put onto the border may have nothing ahead of it: then the path leaves right here.
-        length = clip(from, along, scene.lower, scene.upper, near, far) ? static_cast<float>(far) : 0.0F;
+        length = clip(from, along, scene.lower, scene.upper, near, far) ? static_cast<Real>(far) : Real(0);
     }
     return {sum[0], sum[1], sum[2], 0};
 }
 
 /// Mean of the paths of one pixel, those of earlier passes included; each has its own place in the pixel.
-template <Sampler S>
+template <ScalarField S>
 VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, int y, Counters& counters) {
     PixelSums sums(scene, x, y);
     auto const pixel = static_cast<std::uint32_t>(y * static_cast<std::int64_t>(scene.frame.width) + x);

@@ -9,10 +9,6 @@
 
 namespace vkt::render {
 
-/// Edge of a macrocell in voxels, and where the first one begins in the padded lattice.
-inline constexpr int macrocell_size = 8;
-inline constexpr float macrocell_origin = lattice_padding - 1;
-
 /// Macrocells with the range of the stored values in them (their far faces included) and what follows from it.
 struct CellGridView {
     float const* lowest;          ///< +inf where there is no data

@@ -34,6 +34,12 @@ struct TreeView {
     std::uint32_t const* visible_before; ///< per table node: how many nodes before it show something
     double slack;                        ///< more than what rounding does to positions
     Double3 lower, upper;                ///< box of all domains in which something can be seen; empty if none is
+    /// Macrocells, as SceneView::cells has them: cubes of `cell_size` from `cell_origin`; the domains of the bricks
+    /// cell_bricks[cell_first[i]…cell_first[i + 1]), ascending, meet cell i.
+    Double3 cell_origin;
+    double cell_size;
+    std::int64_t const* cell_first;
+    std::int32_t const* cell_bricks;
 };
 
 /// The part of a ray that is marched, in lengths from its entry.
@@ -81,6 +87,16 @@ struct NearBrick {
     std::int32_t id, slot; ///< slot: place in TreeView::boxes
 };
 
+/// A ray on its way through the cells of a brick; lengths are counted from where it enters, at `enter`. In the units of
+/// CellWalk cell i reaches from the centre of the brick's cell i - 1 to that of its cell i.
+struct BrickWalk {
+    double enter, leave;
+    std::int32_t id;
+    float per_finest;         ///< cells of its level per finest cell
+    Double3 entry, direction; ///< in the brick's own cells, the centre of the first one at 1
+    CellWalk<double> walk;
+};
+
 /// Lists of one thread, used again for every ray.
 struct TreeScratch {
     Growing<Crossing> crossings;
@@ -88,6 +104,7 @@ struct TreeScratch {
     Growing<std::int32_t> ids;    ///< of stretches
     Growing<std::int32_t> active; ///< crossings at the present position, by ascending brick id
     Growing<NearBrick> near;
+    Growing<BrickWalk> walks;
 
     VKT_HD void release() {
         std::free(static_cast<void*>(crossings.items));
@@ -95,6 +112,7 @@ struct TreeScratch {
         std::free(static_cast<void*>(ids.items));
         std::free(static_cast<void*>(active.items));
         std::free(static_cast<void*>(near.items));
+        std::free(static_cast<void*>(walks.items));
     }
 };
 

@@ -44,6 +44,27 @@ struct CellWeights {
 /// Adds what a brick contributes to a chunk of points; the same operations in the same order as sample().
 template <class T>
 VKT_HD void add_cells(T const* cells, CellWeights const& x, CellWeights const& y, CellWeights const& z, Sums& sums) {
+#ifdef VKT_LANES
+    // Gathers fetch whole words, which narrower cells need not have behind the last of them.
+    if constexpr (std::is_same_v<T, float>) {
+        for (int k = 0; k < chunk; k += VKT_LANES) {
+            Lanes::F sum = Lanes::load(sums.sum + k), weight = Lanes::load(sums.weight + k);
+            for (int corner = 0; corner < 8; ++corner) {
+                int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
+                Lanes::F const h = Lanes::mul(Lanes::mul(Lanes::load(x.weight[i] + k), Lanes::load(y.weight[j] + k)),
+                                              Lanes::load(z.weight[l] + k));
+                Lanes::I const place = Lanes::add(Lanes::add(Lanes::load(z.place[l] + k), Lanes::load(y.place[j] + k)),
+                                                  Lanes::load(x.place[i] + k));
+                // A cell without weight must not spread its NaN.
+                sum = Lanes::add(sum, Lanes::positive_times(h, Lanes::gather_floats(cells, place)));
+                weight = Lanes::add(weight, h);
+            }
+            Lanes::store(sums.sum + k, sum);
+            Lanes::store(sums.weight + k, weight);
+        }
+        return;
+    }
+#endif
     for (int corner = 0; corner < 8; ++corner) {
         int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
         for (int k = 0; k < chunk; ++k) {

@@ -4,6 +4,7 @@
 
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_field.h"
+#include "libvkt/render/inner/tree_points.h"
 
 namespace vkt::render {
 
@@ -68,7 +69,29 @@ struct TreeComb {
         while (n > 0 && (k + n * unit > last || at(k + n * unit) > stretch.end)) --n;
         return n;
     }
+
+    /// How many of them lie within a length from point k.
+    VKT_HD std::int64_t unseen(std::int64_t k, Stretch const& stretch, double way) const {
+        double const unit = std::ldexp(step, stretch.level);
+        if (!(way > unit)) return 0;
+        auto const n = static_cast<std::int64_t>(way / unit) - 1, inside = segments_inside(k, stretch);
+        return n < inside ? n : inside;
+    }
 };
+
+/// How far from a point of a ray nothing can be seen in any direction, by the macrocells; 0 if something may be.
+VKT_HD double unseen_from(TreeView const& tree, SceneView const& scene, Ray const& ray, double t) {
+    Double3 const p = (ray.entry + ray.direction * t - tree.cell_origin) * (1 / tree.cell_size);
+    double const place[3] = {p.x, p.y, p.z};
+    int const count[3] = {scene.cells.nx, scene.cells.ny, scene.cells.nz};
+    int cell[3];
+    for (int a = 0; a < 3; ++a) {
+        if (!(place[a] >= 0 && place[a] < count[a])) return 0;
+        cell[a] = static_cast<int>(place[a]);
+    }
+    int const distance = scene.cells.distance[scene.cells.index(cell)];
+    return distance > 1 ? (distance - 1) * tree.cell_size : 0;
+}
 
 /// Scratch is a TreeScratch by a name that only one object file knows, so that the functions that are not inlined here
 /// are its own: those for another instruction set have the same names.
@@ -129,6 +152,14 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
                 continue;
             }
         }
+        // Macrocells are finer than bricks may be. None next to this one shows anything, or none further on.
+        if (std::int64_t const n =
+                scene.skip && size == 0 ? comb.unseen(k, here, unseen_from(tree, scene, ray, comb.at(k))) : 0;
+            n > 0) {
+            counters.segments += n;
+            k += n << here.level;
+            continue;
+        }
         TreeComb::Segment const segment = comb.segment(k, stretch);
         ++counters.segments;
         if (scene.skip && !segment.visible) {
@@ -157,6 +188,13 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     flush();
     counters.samples += march.samples;
     return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
+}
+
+/// Among the integrators, which ask for rays through a sampler.
+template <class T, class Scratch>
+VKT_HD Radiance march_ray(TreePoints<T, Scratch> const& points, SceneView const& scene, Ray const& ray,
+                          Counters& counters) {
+    return march_tree<T>(points.tree, scene, ray, points.scratch, counters);
 }
 
 } // namespace vkt::render

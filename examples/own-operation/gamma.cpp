@@ -1,0 +1,49 @@
+// An operation that vkt does not have, in a program of its own: gamma correction of a file, slab by slab.
+// gamma IN OUT EXPONENT: values become top * (value / top)^EXPONENT, top being the type's largest.
+// SPDX-License-Identifier: MIT
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/formats/request.h"
+#include "libvkt/kernel/kernel.h"
+
+#include <cmath>
+#include <iostream>
+
+struct Curve { // what happens to a voxel; a driver runs it over rows, on all threads, in and out of any type
+    double top, exponent;
+    double operator()(double v) const { return top * std::pow(v / top, exponent); }
+};
+
+class Gamma : public vkt::Operation {
+public:
+    double exponent = 1;
+    std::string_view name() const override { return "gamma"; }
+    vkt::Shape shape() const override { return vkt::Shape::pointwise; }
+    vkt::Plan plan(std::span<vkt::Header const> inputs) override {
+        vkt::Plan plan;
+        plan.output = inputs.front(); // same grid, type and place; the engine adds the history
+        top_ = vkt::is_integer(plan.output.dtype) ? vkt::highest_of(plan.output.dtype) : 1;
+        return plan;
+    }
+    void run(std::span<vkt::ConstView const> inputs, vkt::AnyView out, vkt::Execution const& execution) override {
+        vkt::baseline::map<double>(execution, out, losses, Curve{top_, exponent}, inputs.front());
+    }
+    vkt::Losses losses; // what was clipped
+
+private:
+    double top_ = 1;
+};
+
+int main(int argc, char** argv) try {
+    if (argc != 4) throw vkt::Error(vkt::ErrorKind::usage, "gamma IN OUT EXPONENT");
+    vkt::Execution const execution = vkt::default_execution();
+    Gamma gamma;
+    gamma.exponent = std::stod(argv[3]);
+    std::vector<std::unique_ptr<vkt::Source>> inputs;
+    inputs.push_back(vkt::ReadRequest().open(argv[1]));
+    auto const result =
+        vkt::attach(std::move(inputs), gamma, execution, {.name = "gamma", .words = {"gamma", argv[3]}});
+    vkt::drain(*result, *vkt::create_volume(argv[2], {}), execution);
+} catch (std::exception const& e) {
+    std::cerr << "gamma: " << e.what() << '\n';
+    return 1;
+}

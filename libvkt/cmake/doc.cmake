@@ -1,0 +1,42 @@
+# `cmake --build BUILD --target doc`: pages of the C API in doc/c, where what is not described is an error, and of the C++
+# headers in doc/cpp. Only where doxygen is installed; not part of the default build.
+find_package(Doxygen QUIET)
+if(NOT DOXYGEN_FOUND)
+  vkt_part("pages of the APIs (target doc)" "off: doxygen not found")
+  return()
+endif()
+vkt_part("pages of the APIs (target doc)" "on, Doxygen ${DOXYGEN_VERSION}")
+
+set(DOXYGEN_QUIET YES)
+set(DOXYGEN_GENERATE_LATEX NO)
+set(DOXYGEN_HAVE_DOT NO)
+set(DOXYGEN_JAVADOC_AUTOBRIEF YES)
+set(DOXYGEN_STRIP_FROM_PATH ${PROJECT_SOURCE_DIR})
+set(DOXYGEN_HTML_TIMESTAMP NO)
+set(DOXYGEN_PROJECT_NUMBER ${PROJECT_VERSION})
+set(DOXYGEN_ENABLE_PREPROCESSING YES)
+set(DOXYGEN_MACRO_EXPANSION YES)
+set(DOXYGEN_EXPAND_ONLY_PREDEF YES)
+
+set(DOXYGEN_PROJECT_NAME "vkt: C")
+set(DOXYGEN_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/doc/c)
+set(DOXYGEN_HTML_OUTPUT .)
+set(DOXYGEN_OPTIMIZE_OUTPUT_FOR_C YES)
+set(DOXYGEN_PREDEFINED "VKT_API=" "VKTAPI=")
+set(DOXYGEN_WARN_AS_ERROR FAIL_ON_WARNINGS)
+doxygen_add_docs(doc_c libvkt/c/vkt.h libvkt/c/volkit.h)
+
+set(DOXYGEN_PROJECT_NAME "vkt: C++")
+set(DOXYGEN_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/doc/cpp)
+set(DOXYGEN_OPTIMIZE_OUTPUT_FOR_C NO)
+set(DOXYGEN_PREDEFINED "VKT_BACKEND=baseline" "VKT_HD=")
+set(DOXYGEN_EXTRACT_ALL YES)
+set(DOXYGEN_WARNINGS NO)
+set(DOXYGEN_WARN_LOGFILE ${PROJECT_BINARY_DIR}/doc/cpp.log)
+set(DOXYGEN_WARN_AS_ERROR NO)
+file(GLOB headers CONFIGURE_DEPENDS libvkt/core/*.h libvkt/engine/*.h libvkt/formats/format.h libvkt/formats/request.h
+  libvkt/kernel/kernel.h libvkt/kernel/numeric.h libvkt/operations/*.h libvkt/render/*.h libvkt/amr/*.h)
+doxygen_add_docs(doc_cpp ${headers})
+
+add_custom_target(doc)
+add_dependencies(doc doc_c doc_cpp)

@@ -1,0 +1,22 @@
+// What writers say of volumes that their formats do not hold.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/core/header.h"
+
+#include <string_view>
+
+namespace vkt {
+
+/// For writers of files with one grid each: `what` is "Zarr arrays". Throws Error{usage} for bricks.
+void refuse_bricks(Header const& header, std::string_view what);
+
+/// Throws Error{usage} for a second volume: begun is whether there was one before, and becomes true. `file` is "a Zarr
+/// array", `extension` ".zarr".
+void refuse_series(bool& begun, std::string_view file, std::string_view extension);
+
+/// Both.
+void refuse_bricks_and_series(Header const& header, bool& begun, std::string_view what, std::string_view file,
+                              std::string_view extension);
+
+} // namespace vkt

@@ -1,0 +1,262 @@
+# Written by libvkt/python/stubs.py from the registry; do not edit.
+# SPDX-License-Identifier: MIT
+import os
+from typing import Any, Iterable, Iterator, Literal, Sequence
+
+import numpy as np
+
+from . import filter as filter, make as make
+
+Value = str | float | Sequence[float] | os.PathLike[str]
+DType = str | type | np.dtype[Any]
+__version__: str
+
+class Error(Exception):
+    exit_code: int
+    hint: str
+    def __init__(self, message: str, exit_code: int, hint: str = '') -> None: ...
+
+class Volume:
+    def __init__(
+        self, array: Any, *, spacing: float | Sequence[float] | None = None, origin: Sequence[float] | None = None,
+        direction: Any = None, slope: float | None = None, intercept: float | None = None, units: str | None = None,
+        like: Volume | None = None, copy: bool = True,
+    ) -> None: ...
+    def __copy__(self) -> Volume: ...
+    def __deepcopy__(self, memo: dict[int, Any]) -> Volume: ...
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+    def __dlpack__(
+        self, *, stream: Any = None, max_version: tuple[int, int] | None = None, dl_device: Any = None,
+        copy: bool | None = None,
+    ) -> Any: ...
+    def __dlpack_device__(self) -> tuple[int, int]: ...
+    @property
+    def array(self) -> np.ndarray[Any, np.dtype[Any]]: ...
+    @property
+    def dims(self) -> tuple[int, int, int]: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    @property
+    def spacing(self) -> tuple[float, float, float]: ...
+    @property
+    def origin(self) -> tuple[float, float, float]: ...
+    @property
+    def direction(self) -> np.ndarray[Any, np.dtype[Any]]: ...
+    @property
+    def slope(self) -> float: ...
+    @property
+    def intercept(self) -> float: ...
+    @property
+    def units(self) -> str: ...
+    @property
+    def space(self) -> str: ...
+    @property
+    def hierarchical(self) -> bool: ...
+    @property
+    def header(self) -> dict[str, Any]: ...
+    @property
+    def report(self) -> dict[str, Any] | None: ...
+    def stats(self, **options: Any) -> dict[str, Any]: ...
+    def write(self, path: str | os.PathLike[str], **options: Any) -> None: ...
+    def apply(self, name: str, *arguments: Any, **options: Any) -> Any: ...
+    def render(self, **options: Any) -> Any: ...
+    def transform(self, what: Any, *others: Volume, **options: Any) -> Volume: ...
+    def to_xarray(self) -> Any: ...
+    def _repr_html_(self) -> str: ...
+
+def affine(
+    volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
+    expand: bool = False, like: Value | None = None, roi: Value | None = None,
+    method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def apply(name: str, *arguments: Any, **options: Any) -> Any: ...
+def arith(
+    
+    op: Literal['add', 'sub', 'mul', 'div', 'min', 'max', 'absdiff', 'pow', 'gt', 'ge', 'lt', 'le', 'eq', 'ne', 'and', 'or', 'not', 'abs', 'neg', 'sqrt', 'exp', 'log', 'clamp', 'where'],
+    a: Volume | float | None = None, b: Volume | float | None = None, c: Volume | float | None = None, *,
+    dtype: DType | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> Volume: ...
+def clahe(
+    volume: Volume, *, clip: float | None = None, clip_as: Literal['opencv', 'skimage', 'volkit', 'pizer'] = 'opencv',
+    bricks: Sequence[int] = (8, 8, 8), bins: int = 256, range: Value = 'minmax', roi: Value | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def convert(
+    volume: Volume, *, dtype: DType | None = None, tolerance: float | None = None, range: Value | None = None,
+    to: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> Volume: ...
+def copy(
+    part: Volume, into: Volume | None = None, *, at: Sequence[int] | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def crop(
+    volume: Volume, *, roi: Value | None = None, roi_world: Value | None = None, like: Value | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def declare_sv(
+    *, dims: Sequence[int], data_format: DType | None = None, bytes_per_voxel: int | None = None,
+    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def delete(
+    volume: Volume, *, roi: Value, value: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def diff(
+    volume: Volume, other: Volume, *, tolerance: float = 0.0, geometry: bool = False, ssim: bool = False,
+    ssim_range: float | None = None, mutual_information: bool = False, bins: int | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def distance(
+    volume: Volume, *, signed: bool = False, unit: Literal['voxel', 'world'] = 'world', roi: Value | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def dump(
+    volume: Volume, *, roi: Value | None = None, first: Sequence[int] | None = None,
+    last: Sequence[int] | None = None, input: Volume | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def dump_range(
+    volume: Volume, *, roi: Value | None = None, first: Sequence[int] | None = None,
+    last: Sequence[int] | None = None, input: Volume | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def fill(
+    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
+    last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def fill_holes(
+    volume: Volume, *, connectivity: int = 6, value: float | None = None, max_size: int | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def fill_range(
+    volume: Volume, *, value: float = 0.0, roi: Value | None = None, first: Sequence[int] | None = None,
+    last: Sequence[int] | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def flip(
+    volume: Volume, axis: Literal['x', 'y', 'z'], *, roi: Value | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def flip_range(
+    volume: Volume, *, axis: Literal['x', 'y', 'z'] = 'x', first: Sequence[int], last: Sequence[int],
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def from_dlpack(array: Any, **geometry: Any) -> Volume: ...
+def from_xarray(array: Any) -> Volume: ...
+def histogram(
+    volume: Volume, *, bins: int = 256, range: Value = 'minmax', roi: Value | None = None, mergeable: bool = False,
+    merge: Value | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> dict[str, Any]: ...
+def info(
+    *volumes: Volume, head: bool = False, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def label(
+    volume: Volume, *, connectivity: int = 6, by_value: bool = False, keep_largest: int | None = None,
+    min_size: int = 1, dtype: DType = 'uint32', roi: Value | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def mesh(
+    volume: Volume, *, iso: float | None = None, label: int | Sequence[int] | None = None, labels: bool = False,
+    roi: Value | None = None, open: bool = False, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def morphology(
+    volume: Volume, what: Literal['erode', 'dilate', 'open', 'close', 'gradient', 'tophat'], *, radius: int = 1,
+    shape: Literal['ball', 'box'] = 'ball', boundary: str = 'mirror', roi: Value | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def operations() -> list[str]: ...
+def pad(
+    volume: Volume, *, by: int, boundary: str = 'border:0', value: float | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def permute(
+    volume: Volume, order: Value, *, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> Volume: ...
+def project(
+    volume: Volume, what: Literal['max', 'min', 'mean', 'sum', 'std', 'median'], *,
+    axis: Literal['x', 'y', 'z'] = 'z', roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def read(path: str | os.PathLike[str], **options: Any) -> Volume: ...
+def read_stream(file: Any) -> Iterator[Volume]: ...
+def refine(
+    volume: Volume, *, tolerance: float, metric: Literal['value', 'gradient', 'transfer'] = 'value',
+    transfer: Value | None = None, block_size: int = 8, levels: int = 8,
+    method: Literal['basis', 'nearest', 'average', 'auto'] = 'basis', dtype: DType | None = None,
+    background: float | None = None, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> Volume: ...
+def render(volume: Volume, **options: Any) -> np.ndarray[Any, np.dtype[Any]] | bytes: ...
+def resample(
+    volume: Volume, *, scale: float | Sequence[float] | None = None, dims: Sequence[int] | None = None,
+    spacing: float | Sequence[float] | None = None, like: Value | None = None, cells: float | None = None,
+    method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
+    roi: Value | None = None, roi_world: Value | None = None, background: float | None = None, mask: bool = False,
+    boundary: str | None = None, dtype: DType | None = None, bytes_per_voxel: int | None = None,
+    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def rotate(
+    volume: Volume, *, axis: Value | None = None, angle: float | None = None,
+    euler: float | Sequence[float] | None = None, quaternion: Value | None = None,
+    about: float | Sequence[float] | None = None, expand: bool = False, like: Value | None = None,
+    roi: Value | None = None,
+    method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def scale(
+    volume: Volume, *, factor: float | Sequence[float], about: float | Sequence[float] | None = None,
+    expand: bool = False, like: Value | None = None, roi: Value | None = None,
+    method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
+    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def scan(
+    volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def set(
+    volume: Volume, *, spacing: float | Sequence[float] | None = None, dist: Sequence[float] | None = None,
+    origin: float | Sequence[float] | None = None, direction: Value | None = None, units: Value | None = None,
+    slope: float | None = None, intercept: float | None = None, voxel_mapping: Sequence[float] | None = None,
+    attribute: Value | None = None, dims: Sequence[int] | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def slice(
+    volume: Volume, *, axis: Literal['x', 'y', 'z'] | None = None, x: int | None = None, y: int | None = None,
+    z: int | None = None, range: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def stats(
+    *volumes: Volume, roi: Value | None = None, percentiles: float | Sequence[float] | None = None,
+    mask: Volume | None = None, labels: Volume | None = None, per: Literal['x', 'y', 'z'] | None = None,
+    mergeable: bool = False, merge: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> dict[str, Any]: ...
+def threshold(
+    volume: Volume, *, above: float | None = None, below: float | None = None, range: Value | None = None,
+    otsu: bool = False, roi: Value | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
+) -> Volume: ...
+def to_xarray(volume: Volume) -> Any: ...
+def transform(volume: Volume, what: Any, *others: Volume, **options: Any) -> Volume: ...
+def trim() -> int: ...
+def watershed(
+    volume: Volume, *, markers: Volume | None = None, depth: float = 0.0,
+    on: Literal['value', 'gradient', 'distance'] = 'value', connectivity: int = 6, mask: Volume | None = None,
+    line: bool = False, device: Value = 'auto', threads: int | None = None, memory: Value | None = None,
+    slab: int = 0,
+) -> Volume: ...
+def write_stream(file: Any, volumes: Volume | Iterable[Volume], **options: Any) -> None: ...

@@ -1,0 +1,142 @@
+"""The C API (libvkt/c/vkt.h) through ctypes, which releases the interpreter lock during every call."""
+# SPDX-License-Identifier: MIT
+import ctypes
+import os
+
+import numpy as np
+
+library = ctypes.CDLL(os.path.join(os.path.dirname(os.path.abspath(__file__)), "_vkt.so"))
+
+
+class Description(ctypes.Structure):
+    _fields_ = [
+        ("dims", ctypes.c_int64 * 3),
+        ("dtype", ctypes.c_char_p),
+        ("origin", ctypes.c_double * 3),
+        ("spacing", ctypes.c_double * 3),
+        ("direction", ctypes.c_double * 9),
+        ("slope", ctypes.c_double),
+        ("intercept", ctypes.c_double),
+        ("units", ctypes.c_char_p),
+        ("hierarchical", ctypes.c_int),
+        ("space", ctypes.c_char_p),
+    ]
+
+
+VoxelFunction = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_double,
+                                 ctypes.c_void_p)
+ReleaseFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+
+
+def _declare():
+    volume, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+    words, out = ctypes.POINTER(ctypes.c_char_p), ctypes.POINTER(ctypes.c_void_p)
+    description = ctypes.POINTER(Description)
+    signatures = {
+        "vkt_version": (text, []),
+        "vkt_error": (text, []),
+        "vkt_error_hint": (text, []),
+        "vkt_operations": (words, []),
+        "vkt_read": (ctypes.c_int, [text, words, size, out]),
+        "vkt_operation_help": (ctypes.c_int, [text, out]),
+        "vkt_create_from_header": (ctypes.c_int, [text, ctypes.c_void_p, size, ReleaseFunction, ctypes.c_void_p, out]),
+        "vkt_free": (None, [volume]),
+        "vkt_describe": (ctypes.c_int, [volume, description]),
+        "vkt_voxels": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
+        "vkt_header": (ctypes.c_int, [volume, out]),
+        "vkt_write": (ctypes.c_int, [volume, text, words, size]),
+        "vkt_apply": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
+        "vkt_transform": (ctypes.c_int, [volume, VoxelFunction, ctypes.c_void_p, words, size, out]),
+        "vkt_remarks": (text, [volume]),
+        "vkt_report": (text, [volume]),
+        "vkt_measure": (ctypes.c_int, [words, size, ctypes.POINTER(volume), size, out]),
+        "vkt_stream_open": (ctypes.c_int, [ctypes.c_int, out]),
+        "vkt_stream_next": (ctypes.c_int, [ctypes.c_void_p, out]),
+        "vkt_stream_free_reader": (None, [ctypes.c_void_p]),
+        "vkt_stream_create": (ctypes.c_int, [ctypes.c_int, words, size, out]),
+        "vkt_stream_put": (ctypes.c_int, [ctypes.c_void_p, volume]),
+        "vkt_stream_fail": (ctypes.c_int, [ctypes.c_void_p, text]),
+        "vkt_stream_close": (ctypes.c_int, [ctypes.c_void_p]),
+        "vkt_stream_free_writer": (None, [ctypes.c_void_p]),
+        "vkt_render": (ctypes.c_int, [volume, words, size, out]),
+        "vkt_picture_width": (ctypes.c_int, [volume]),
+        "vkt_picture_height": (ctypes.c_int, [volume]),
+        "vkt_picture_bytes": (ctypes.POINTER(ctypes.c_ubyte), [volume]),
+        "vkt_picture_light": (ctypes.POINTER(ctypes.c_float), [volume]),
+        "vkt_picture_remarks": (text, [volume]),
+        "vkt_picture_png": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),
+        "vkt_free_picture": (None, [volume]),
+        "vkt_trim": (size, []),
+        "vkt_free_text": (None, [ctypes.c_void_p]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+
+
+_declare()
+version = library.vkt_version().decode()
+
+
+class Error(Exception):
+    """What vkt refused or failed to do. exit_code is that of the command: 1 failure, 2 usage, 3 data, 4 files, 5 memory
+    or device; hint says what to do instead and may be empty."""
+
+    exit_code: int
+    hint: str
+
+    def __init__(self, message: str, exit_code: int, hint: str = ""):
+        super().__init__(f"{message} ({hint})" if hint else message)
+        self.exit_code = exit_code
+        self.hint = hint
+        self._arguments = message, exit_code, hint
+
+    def __reduce__(self):  # from a process of a pool to the one that asked
+        return Error, self._arguments
+
+
+def check(status):
+    if status != 0:
+        raise Error(library.vkt_error().decode(), status, library.vkt_error_hint().decode())
+
+
+def words_of(words):
+    """A list of words for C, and how many they are."""
+    return (ctypes.c_char_p * len(words))(*(os.fsencode(word) for word in words)), len(words)
+
+
+def value_word(value):
+    """A Python value as one word: numbers as they are, three of them as X,Y,Z."""
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return ",".join(value_word(part) for part in value)
+    if isinstance(value, (bool, np.bool_)):
+        raise Error(f"{value} is no value; flags are given as name=True", 2)
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, (type, np.dtype)):
+        return np.dtype(value).name
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
+def option_words(options):
+    """Keyword arguments as words: sigma=2 is --sigma=2, force=True is --force, None and False are left out."""
+    words = []
+    for name, value in options.items():
+        name = "--" + name.rstrip("_").replace("_", "-")
+        if value is True:
+            words.append(name)
+        elif isinstance(value, (list, tuple)) and value and all(isinstance(part, str) for part in value):
+            words += [name, *value]
+        elif value is not None and value is not False:
+            words.append(f"{name}={value_word(value)}")
+    return words
+
+
+def text_of(function, *arguments):
+    """The text that a function hands out, freed."""
+    pointer = ctypes.c_void_p()
+    check(function(*arguments, ctypes.byref(pointer)))
+    try:
+        return ctypes.string_at(pointer).decode()
+    finally:
+        library.vkt_free_text(pointer)

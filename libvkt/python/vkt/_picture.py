@@ -1,0 +1,49 @@
+"""Pictures of volumes."""
+# SPDX-License-Identifier: MIT
+import ctypes
+import warnings
+from typing import Any
+
+import numpy as np
+
+from ._library import Error, check, library, option_words, value_word, words_of
+
+
+def render(volume: "Volume", **options: Any) -> "np.ndarray | bytes":
+    """A picture of a volume: an array [row, column, channel] of four bytes, red, green and blue in sRGB and alpha, rows
+    from the top: render(volume, view="x", size="640x480"), render(volume, render_algo="multi-scattering", noise=1).
+
+    Options are those of `vkt render` (man vkt-render): size, background, camera, transfer function, algorithm. `format`
+    says what comes back: "uint8"; "float", linear light of the volume alone, premultiplied, and alpha, as float32;
+    "png", the bytes of a file that says how it was made. What was lost is a warning."""
+    return drawn(volume, options, 4)
+
+
+def drawn(volume, options, level):
+    options = dict(options)
+    form = options.pop("format", "uint8")
+    if form not in ("uint8", "float", "png"):
+        raise Error(f"format '{form}' is not one of uint8, float, png", 2)
+    if isinstance(options.get("size"), (list, tuple)):
+        options["size"] = "x".join(str(int(n)) for n in options["size"])
+    words = []
+    for name, value in options.items():  # lists of several values are words of their own
+        several = name.rstrip("_") in ("iso", "iso_color", "iso_opacity", "rgba_lookup_table", "lut")
+        if several and isinstance(value, (list, tuple, np.ndarray)):
+            words += option_words({name: [value_word(part) for part in np.ravel(value).tolist()]})
+        else:
+            words += option_words({name: value})
+    handle = ctypes.c_void_p()
+    check(library.vkt_render(volume._handle, *words_of(words), ctypes.byref(handle)))
+    try:
+        for remark in filter(None, library.vkt_picture_remarks(handle).decode().split("; ")):
+            warnings.warn(f"render: {remark}", RuntimeWarning, stacklevel=level - 1)
+        if form == "png":
+            data, size = ctypes.c_void_p(), ctypes.c_size_t()
+            check(library.vkt_picture_png(handle, ctypes.byref(data), ctypes.byref(size)))
+            return ctypes.string_at(data, size.value)
+        shape = library.vkt_picture_height(handle), library.vkt_picture_width(handle), 4
+        pixels = (library.vkt_picture_bytes if form == "uint8" else library.vkt_picture_light)(handle)
+        return np.ctypeslib.as_array(pixels, shape).copy()
+    finally:
+        library.vkt_free_picture(handle)

@@ -1,0 +1,90 @@
+// Sources that change or announce the headers of the volumes that pass through them.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/engine/decorator.h"
+#include "shell/command.h"
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace vkt::shell {
+
+/// A source whose headers are changed on the way.
+class Relabelled : public SourceDecorator {
+public:
+    using SourceDecorator::SourceDecorator;
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        header_ = inner().header();
+        relabel(header_);
+        return true;
+    }
+    Header const& header() const override { return header_; }
+
+private:
+    virtual void relabel(Header& header) const = 0;
+    Header header_;
+};
+
+/// Marks the volumes of a source as planned only; gives no voxels.
+class PlanOnly : public Relabelled {
+public:
+    using Relabelled::Relabelled;
+    void read(AnyView) override { throw PlannedOnly(); }
+    std::optional<ConstView> borrow(Box const&) override { throw PlannedOnly(); }
+    BrickSequence take_bricks() override { throw PlannedOnly(); }
+    std::optional<Volume> take_whole() override { throw PlannedOnly(); }
+    void finish() override {
+        if (inner().header().dry_run) inner().finish();
+    }
+
+private:
+    void relabel(Header& header) const override { header.dry_run = true; }
+};
+
+/// Tells of each volume of a source, for --dry-run, --explain and --verbose.
+class Announced : public SourceDecorator {
+public:
+    Announced(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
+        : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
+    bool next_volume() override {
+        if (!inner().next_volume()) return false;
+        tell_(inner().header());
+        return true;
+    }
+
+private:
+    std::function<void(Header const&)> tell_;
+};
+
+/// Asks the stages downstream for their times.
+class Timed : public Relabelled {
+public:
+    using Relabelled::Relabelled;
+
+private:
+    void relabel(Header& header) const override { header.timing = true; }
+};
+
+/// Adds the first step to the history of volumes that come from an opener (read).
+class WithHistory : public Relabelled {
+public:
+    WithHistory(std::unique_ptr<Source> source, std::vector<std::string> words)
+        : Relabelled(std::move(source)), words_(std::move(words)) {}
+
+private:
+    void relabel(Header& header) const override {
+        // A file that knows its own past needs no step that says it was read.
+        if (header.history) return;
+        mark_as_given(header);
+        header.history = History{words_, {}};
+    }
+    std::vector<std::string> words_;
+};
+
+} // namespace vkt::shell

@@ -1,0 +1,255 @@
+// A runner: inputs, stages, and who consumes them.
+// SPDX-License-Identifier: MIT
+#include "shell/runner.h"
+
+#include "ipc/descriptor.h"
+#include "ipc/stream.h"
+#include "libvkt/core/error.h"
+#include "libvkt/engine/cut.h"
+#include "libvkt/engine/decorator.h"
+#include "libvkt/engine/pipeline.h"
+#include "libvkt/formats/format.h"
+#include "libvkt/formats/stack.h"
+#include "libvkt/io/output_file.h"
+#include "libvkt/operations/reference_volume.h"
+#include "shell/calibration.h"
+#include "shell/named_files.h"
+#include "shell/pictures.h"
+#include "shell/plan_text.h"
+#include "shell/relabelled.h"
+#include "shell/run.h"
+#include "shell/short_number.h"
+#include "shell/terminal.h"
+#include "shell/timing.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <unistd.h>
+#include <utility>
+
+namespace vkt::shell {
+
+Execution Runner::execution_of(Invocation const& stage) const { return stage.common().execution(); }
+
+StageInfo Runner::stage_info(Invocation const& stage) {
+    StageInfo info;
+    info.name = stage.stage();
+    if (stages_.size() > 1) info.label = stage.verb().name;
+    if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
+    info.input_names = stage.inputs();
+    bool const strict = stage.common().strict || last_.common().strict;
+    info.listener = [this, strict](std::string const& name, std::string const& message, bool lossy) {
+        log_.note(name, message);
+        if (lossy && strict) lossy_ = message;
+    };
+    if (!stage.common().report_file.empty()) {
+        auto const collected = std::make_shared<std::vector<Report>>();
+        info.on_report = [&stage, collected](Report const& report) {
+            collected->push_back(report);
+            OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
+            std::string const text = Report::json(*collected);
+            file.write(text.data(), text.size());
+            file.commit();
+        };
+    }
+    info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) {
+        print_plan(stage, plan, inputs);
+    };
+    bool const reads_pipe = std::ranges::count(stage.inputs(), "-") > 0 && ipc::is_pipe(STDIN_FILENO);
+    bool const writes_pipe = stage.yields_volumes() && stage.common().output == "-" && ipc::is_pipe(STDOUT_FILENO);
+    info.among_processes = stages_.size() == 1 && (reads_pipe || writes_pipe);
+    return info;
+}
+
+void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs) {
+    bool const planned_only = dry_run_ || plan.output.dry_run || (!inputs.empty() && inputs.front().dry_run);
+    // Other operations may read more than the region they are given.
+    if (stage.verb().name == "crop" && plan.output.kind == Kind::structured)
+        log_.detail(stage.stage(), text("region ", stage.operation()->footprint(box_of(plan.output.dims), 0)));
+    bool const explain = stage.common().explain || last_.common().explain || log_.verbosity() == Verbosity::verbose;
+    if (!planned_only && !explain) return;
+    bool const reduction = stage.operation() == nullptr; // a consumer's own
+    Execution const execution = stage.common().execution();
+    log_.answer(plan_text(stage.stage(), stage.operation(), plan, inputs, execution, reduction));
+    bool const trees =
+        plan.output.kind != Kind::structured ||
+        std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
+    if (!trees && execution.device != Device::gpu)
+        if (Calibration const* const known = calibration())
+            predict(stage.stage(), known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads));
+}
+
+Calibration const* Runner::calibration() {
+    if (!std::exchange(asked_calibration_, true)) calibration_ = load_calibration();
+    return calibration_ ? &*calibration_ : nullptr;
+}
+
+void Runner::predict(std::string const& stage, double seconds) {
+    ++predictions_;
+    predicted_ += seconds;
+    log_.answer(text(stage, ":   about ", short_number(seconds), " s on this machine\n"));
+}
+
+void Runner::tell_prediction() const {
+    if (predictions_ > 1) log_.answer(text(last_.stage(), ":   all stages: about ", short_number(predicted_), " s\n"));
+}
+
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
+    stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
+    auto const open_one = [this, &stage, stated, path](std::string const& one) {
+        auto source = open(stage, open_bytes(one), stated);
+        formats_[path] = format_;
+        return source;
+    };
+    return open_path(path, open_one);
+}
+
+std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<ByteSource> bytes,
+                                     ReadOptions const& stated) {
+    std::unique_ptr<Source> source;
+    std::string const name = bytes->name();
+    format_ = "vkt";
+    bool const directory = bytes->directory(); // there are no bytes to look at
+    // What nobody described may be a stream as well as a file.
+    bool const described = stated.describes();
+    if (!described && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+        ipc::StreamOptions options;
+        options.stage = stage.stage();
+        options.transport = stage.common().resolved_transport();
+        // A window shows what is there before all of it is.
+        options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole() && !window_;
+        options.piece = piece_limit(execution_of(stage));
+        bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
+        auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
+        if (standard_input || stream_in_ == nullptr) stream_in_ = stream->record();
+        source = std::move(stream);
+    } else {
+        if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
+            throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
+                        ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
+        if (stage.consumer() != nullptr && stage.consumer()->reads_pictures() && !directory && is_picture(*bytes))
+            return picture_source(std::move(bytes));
+        ReadOptions options = stated;
+        options.memory = execution_of(stage).memory;
+        format_ = format_name(*bytes, options);
+        source = open_volume(std::move(bytes), options);
+        // A stage that only passes voxels on has nothing to compute meanwhile: its writer thread is overlap enough.
+        // What lies in shared memory is there already.
+        if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
+    }
+    if (log_.verbosity() == Verbosity::verbose)
+        source = std::make_unique<Announced>(
+            std::move(source), [this, &stage, name, format = format_](Header const& header) {
+                log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
+            });
+    if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+    return source;
+}
+
+std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
+    std::vector<std::unique_ptr<Source>> sources;
+    for (auto const& path : stage.inputs()) {
+        if (path == "-" && previous) {
+            sources.push_back(std::move(previous));
+            formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
+        } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
+            sources.push_back(std::make_unique<ReopenedSource>([this, &stage, path] { return open(stage, path); }));
+        } else {
+            sources.push_back(open(stage, path));
+        }
+    }
+    if (previous)
+        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),
+                    "let one of its inputs be '-'");
+    return sources;
+}
+
+/// The library opens files of its formats; the volume that --like names may be a stream as well.
+void Runner::look_at_like(Invocation const& stage) {
+    ReferenceVolume* const like = stage.operation()->like();
+    if (like == nullptr || like->file.empty()) return;
+    auto const record = stream_in_; // what arrives here is not what the stage works on
+    like->take(*open(stage, like->file));
+    stream_in_ = record;
+}
+
+std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source> previous) {
+    Execution const execution = execution_of(stage);
+    std::unique_ptr<Source> source;
+    if (stage.opener() != nullptr) {
+        bool const reads_previous = std::ranges::count(stage.inputs(), "-") > 0;
+        if (previous && !reads_previous)
+            throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
+        // Sources may open more files as long as they live.
+        contexts_.push_back(std::make_unique<StageContext>(*this, stage, execution, std::move(previous)));
+        source = stage.opener()->open(*contexts_.back());
+        if (!stage.common().no_history)
+            source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
+        if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+        if (dry_run_ || stage.common().explain || last_.common().explain)
+            source = std::make_unique<Announced>(
+                std::move(source), [this, name = stage.stage(), execution](Header const& h) {
+                    log_.answer(opener_plan_text(name, h, execution));
+                    if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured)
+                        predict(name, known->reading(h));
+                });
+    } else {
+        auto inputs = open_inputs(stage, std::move(previous));
+        look_at_like(stage);
+        source = attach(std::move(inputs), *stage.operation(), execution, stage_info(stage));
+        if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
+    }
+    if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
+    return source;
+}
+
+int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
+    if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu) refuse_cpu(std::string(stage.verb().name));
+    if (stage.consumer()->opens_inputs() && previous)
+        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"));
+    auto inputs = stage.consumer()->opens_inputs() ? std::vector<std::unique_ptr<Source>>{}
+                                                   : open_inputs(stage, std::move(previous));
+    StageContext context(*this, stage, execution_of(stage));
+    if (stage.common().explain && !inputs.empty())
+        inputs.front() = std::make_unique<Announced>(std::move(inputs.front()),
+                                                     [&context](Header const& header) { context.explain(header); });
+    if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
+        inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
+    int code = 0;
+    try {
+        code = stage.consumer()->consume(inputs, context);
+    } catch (PlannedOnly const&) {
+        std::string const target = stage.consumer()->writes() ? context.output() : "";
+        Source& source = *inputs.front();
+        do {
+            context.plan(source.header(), target);
+            source.finish();
+        } while (source.next_volume());
+    }
+    refuse_lossy();
+    tell_prediction();
+    bool timing =
+        std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });
+    if (stream_in_ != nullptr) timing = timing || !stream_in_->stages.empty();
+    if (timing) log_.answer(timing_table(reports()));
+    return code;
+}
+
+int Runner::run() {
+    for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
+    check_ends();
+    if (!dry_run_) spare_inputs(stages_);
+    std::unique_ptr<Source> source;
+    try {
+        for (auto& stage : stages_) {
+            if (stage.consumer() != nullptr) return consume(stage, std::move(source));
+            source = build(stage, std::move(source));
+        }
+    } catch (std::exception const& e) {
+        say_downstream(last_, e.what());
+        throw;
+    }
+    return drain(std::move(source));
+}
+
+} // namespace vkt::shell

@@ -1,0 +1,118 @@
+// Running stages within one process: what a Runner knows, and what consumers see of their stage.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "ipc/stream.h"
+#include "shell/calibration.h"
+#include "shell/invocation.h"
+#include "shell/log.h"
+#include "shell/timing.h"
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt::shell {
+
+class Runner;
+
+/// What consumers see of a stage.
+class StageContext : public Context {
+public:
+    StageContext(Runner& runner, Invocation& invocation, Execution execution,
+                 std::unique_ptr<Source> previous = nullptr)
+        : runner_(runner), invocation_(invocation), execution_(std::move(execution)), previous_(std::move(previous)) {}
+    Execution const& execution() const override { return execution_; }
+    StageInfo stage_info() const override;
+    bool json() const override { return invocation_.common().json; }
+    bool quiet() const override { return invocation_.common().quiet; }
+    bool verbose() const override { return invocation_.common().verbose; }
+    std::string const& output() const override { return invocation_.common().output; }
+    bool force() const override { return invocation_.common().force; }
+    bool trust_paths() const override { return invocation_.common().trust_paths; }
+    bool window() const override;
+    bool dry_run() const override;
+    void print(std::string const& report) override;
+    void note(std::string const& message) override;
+    void plan(Header const& header, std::string const& output) override;
+    void explain(Header const& header) const;
+    void lossy(std::string const& message) override;
+    std::function<void(std::string const&)> detail() override;
+    std::string format(std::string const& input) const override;
+    std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override;
+
+private:
+    Runner& runner_;
+    Invocation& invocation_;
+    Execution execution_;
+    std::unique_ptr<Source> previous_; ///< what open("-") yields, if there is a stage before
+};
+
+/// Opens what the stages read, joins them, and drains or consumes what comes of it. Used once.
+class Runner {
+public:
+    explicit Runner(std::deque<Invocation>& stages)
+        : stages_(stages), last_(stages.back()), log_(verbosity(last_.common())) {}
+    int run();
+
+    StageInfo stage_info(Invocation const& stage);
+    std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
+    std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
+    Log const& log() const { return log_; }
+    /// None without one that was kept of this machine and build.
+    Calibration const* calibration();
+    /// Tells how long a stage will take.
+    void predict(std::string const& stage, double seconds);
+    bool dry_run() const { return dry_run_; }
+    bool window() const { return window_; }
+    std::string format(std::string const& input) const {
+        auto const found = formats_.find(input);
+        return found == formats_.end() ? format_ : found->second;
+    }
+
+private:
+    static Verbosity verbosity(Common const& c) {
+        return c.quiet ? Verbosity::quiet : c.verbose ? Verbosity::verbose : Verbosity::normal;
+    }
+    Execution execution_of(Invocation const& stage) const;
+    void check_ends();
+    std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
+    std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
+    void look_at_like(Invocation const& stage);
+    int consume(Invocation& stage, std::unique_ptr<Source> previous);
+    int drain(std::unique_ptr<Source> source);
+    std::unique_ptr<Sink> make_sink();
+    void drain_all(Source& source, Sink& sink);
+    void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
+    void tell_prediction() const;
+    void refuse_lossy();
+    void tell_transport() const;
+    ipc::StageReport own_report() const;
+    std::vector<ipc::StageReport> reports() const;
+
+    std::deque<Invocation>& stages_;
+    Invocation& last_;
+    Log log_;
+    bool dry_run_ = false, window_ = false;
+    bool went_inline_ = false; ///< voxels that were to go through shared memory
+    bool asked_calibration_ = false;
+    std::optional<Calibration> calibration_;
+    int predictions_ = 0;
+    double predicted_ = 0; ///< seconds of all stages
+    std::string lossy_;
+    std::string format_;                         ///< of the file opened last
+    std::map<std::string, std::string> formats_; ///< of the files opened last for inputs, by their names
+    std::shared_ptr<ipc::StreamRecord const> stream_in_;
+    ipc::StreamSink* stream_out_ = nullptr;
+    std::vector<std::unique_ptr<StageContext>> contexts_; ///< of openers
+    TimeMeter meter_;
+};
+
+/// Passes an error on to whoever reads our output. An empty stage means that the message names its origin already.
+void tell(Sink& sink, std::string const& stage, std::string const& message);
+
+} // namespace vkt::shell

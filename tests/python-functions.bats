@@ -1,0 +1,143 @@
+# Python: every operation as a function, with the signature, the help and the stubs that the registry gives it.
+load helper
+load python
+
+@test "every operation is a function with a signature, types and help of its own" {
+    python <<'EOF2'
+import inspect, json
+from vkt import _operations
+seen = 0
+for name in vkt.operations():
+    words = name.split()
+    home = vkt if len(words) == 1 else getattr(vkt, words[0])
+    function = getattr(home, words[-1].replace("-", "_"))
+    seen += 1
+    if name == "transform":
+        continue  # which takes functions of Python, too
+    registered = _operations.registered(name)
+    signature = inspect.signature(function)
+    assert function.__module__ == home.__name__ and function.__name__ in dir(home)
+    for parameter in registered["parameters"]:
+        if parameter["name"] == "in":
+            continue
+        found = signature.parameters[_operations.python_name(parameter["name"])]
+        assert found.annotation is not found.empty, (name, parameter["name"])
+        assert (found.default is found.empty) == parameter["required"], (name, parameter["name"])
+        assert parameter["help"] and " ".join(parameter["help"].split()) in " ".join(function.__doc__.split()), (name, parameter)
+    assert function.__doc__.startswith(registered["summary"]) and registered["summary"].endswith("."), name
+    assert registered["accuracy"] and "Accuracy\n--------\n" in function.__doc__, name
+    assert {"device", "threads", "memory"} <= set(signature.parameters), name
+assert seen == len(vkt.operations()) >= 55
+gaussian = inspect.signature(vkt.filter.gaussian)
+assert list(gaussian.parameters)[:2] == ["volume", "sigma"]
+assert gaussian.parameters["sigma"].kind is inspect.Parameter.KEYWORD_ONLY
+rotate = inspect.signature(vkt.rotate).parameters
+assert rotate["angle"].annotation == float | None and rotate["expand"].default is False
+assert inspect.signature(vkt.make.sphere).return_annotation is vkt.Volume
+assert inspect.signature(vkt.stats).parameters["volumes"].kind is inspect.Parameter.VAR_POSITIONAL
+assert list(inspect.signature(vkt.arith).parameters)[:4] == ["op", "a", "b", "c"]
+assert inspect.signature(vkt.label).parameters["connectivity"].default == 6
+assert gaussian.parameters["method"].annotation == __import__("typing").Literal["auto", "fir", "cascade"]
+EOF2
+}
+
+@test "functions do what the words do" {
+    python <<'EOF2'
+same = lambda a, b: np.array_equal(a.array, b.array) and a.spacing == b.spacing and a.origin == b.origin
+assert same(vkt.filter.gaussian(volume, sigma=2), volume.apply("filter gaussian", sigma=2))
+assert same(vkt.filter.gaussian(volume, sigma=(1, 2, 3)), volume.apply("filter gaussian --sigma 1,2,3"))
+assert same(vkt.rotate(volume, axis="z", angle=30), volume.apply("rotate --axis z --angle 30"))
+assert same(vkt.flip(volume, "x"), volume.apply("flip x")) and same(vkt.flip(volume, axis="x"), volume.apply("flip x"))
+assert same(vkt.make.noise(dims=(4, 5, 6), seed=3), vkt.apply("make noise --dims 4 5 6 --seed 3"))
+assert same(vkt.morphology(volume, "close", radius=1), volume.apply("morphology close --radius 1"))
+assert same(vkt.set(volume, attribute=["a=1", "b=2"]), volume) and vkt.set(volume, attribute=["a=1", "b=2"]).header["attributes"]["b"] == "2"
+f = vkt.convert(volume, dtype=np.float32)
+assert f.dtype == np.float32
+smooth = vkt.filter.box(f, radius=1)
+assert np.array_equal(vkt.arith("sub", f, smooth).array, f.array - smooth.array)
+assert np.array_equal(vkt.arith("mul", f, 2.5).array, f.array * np.float32(2.5))
+assert np.array_equal(vkt.arith("mul", -1, f).array, -f.array)
+assert vkt.stats(volume) == volume.stats() and vkt.diff(f, smooth)["max_abs"] == np.abs(f.array.astype(float) - smooth.array).max()
+labels = vkt.label(vkt.threshold(volume, otsu=True))
+assert vkt.stats(volume, labels=labels) == vkt.apply("stats", volume, "--labels", labels)
+assert len(vkt.stats(volume, f)) == 2
+part = vkt.crop(volume, roi="2:9,3:9,4:9")
+assert same(vkt.copy(part, volume), volume)
+try:
+    from scipy import ndimage
+except ImportError:
+    pass
+else:
+    want = ndimage.gaussian_filter(f.array.astype(float), 1.5, mode="reflect", truncate=9)
+    assert np.abs(vkt.filter.gaussian(f, sigma=1.5, tolerance="1e-6%").array - want).max() < 1e-4
+
+def refused(code, text, call):
+    try:
+        call()
+    except vkt.Error as e:
+        assert e.exit_code == code and text in str(e), str(e)
+    except TypeError as e:
+        assert code is None and text in str(e), str(e)
+    else:
+        assert False, text
+refused(None, "sigme", lambda: vkt.filter.gaussian(volume, sigme=2))
+refused(None, "volume", lambda: vkt.filter.gaussian(sigma=2))
+refused(None, "multiple values", lambda: vkt.flip(volume, "x", axis="y"))
+refused(None, "too many", lambda: vkt.flip(volume, "x", "y"))
+refused(None, "volumes", lambda: vkt.stats(volumes=volume))
+refused(2, "not ndarray", lambda: vkt.filter.gaussian(volume.array, sigma=2))
+refused(2, "takes no volume in memory", lambda: vkt.resample(volume, like=volume))
+refused(2, "by how much", lambda: vkt.rotate(volume))
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    vkt.arith("mul", volume, 3)
+assert len(caught) == 1 and "clipped" in str(caught[0].message) and caught[0].filename == "<stdin>", caught
+EOF2
+}
+
+@test "stubs are current, and py.typed says that there are some" {
+    PYTHONPATH="$site" /usr/bin/python3 "$VKT_ROOT/libvkt/python/stubs.py" --check
+    [ -e "$site/vkt/py.typed" ]
+    for stub in __init__ filter make; do
+        cmp "$VKT_ROOT/libvkt/python/vkt/$stub.pyi" "$site/vkt/$stub.pyi"
+        /usr/bin/python3 -c 'import ast, sys; ast.parse(open(sys.argv[1]).read())' "$site/vkt/$stub.pyi"
+    done
+}
+
+@test "stubs type a program, says mypy" {
+    with_peer mypy
+    cat >program.py <<'EOF2'
+import vkt
+smooth = vkt.filter.gaussian(vkt.read("a.nrrd"), sigma=(1, 2, 3), boundary="mirror")
+turned: vkt.Volume = vkt.rotate(smooth, axis="z", angle=30)
+mean: float = vkt.stats(turned, smooth, mask=smooth)["mean"]
+vkt.flip(turned, "x").write("b.nrrd", force=True)
+EOF2
+    MYPYPATH="$site" /usr/bin/python3 -m mypy --strict program.py
+    printf 'vkt.flip(turned, "q")\nvkt.rotate(smooth, angel=3)\n' >>program.py
+    MYPYPATH="$site" run -1 /usr/bin/python3 -m mypy --strict program.py
+    [[ "$output" == *'Literal["x"'* || "$output" == *"Literal['x'"* ]]
+    [[ "$output" == *angel* ]]
+}
+
+@test "other threads of Python run while an operation computes" {
+    python <<'EOF2'
+import threading, time
+big = vkt.make.noise(dims=(192, 192, 192))
+steps, running = 0, threading.Event()
+def count():
+    global steps
+    while not running.is_set():
+        steps += 1
+        time.sleep(0.0005)
+thread = threading.Thread(target=count)
+thread.start()
+before, begin = steps, time.perf_counter()
+vkt.filter.median(big, radius=2, threads=1)
+took, during = time.perf_counter() - begin, steps - before
+running.set()
+thread.join()
+# Who held the lock for all that time would have let the other do nothing.
+assert took > 0.05 and during > 10, (took, during)
+EOF2
+}

@@ -1,0 +1,182 @@
+# Python: volumes to and from NumPy, DLPack, xarray and pickle.
+load helper
+load python
+
+@test "NumPy and DLPack show the voxels in place, read-only, and keep them alive" {
+    python <<'EOF2'
+a = np.asarray(volume)
+assert a.ctypes.data == volume.array.ctypes.data and not a.flags.writeable
+assert volume.__array_interface__["shape"] == volume.dims[::-1]
+for dtype in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    v = vkt.Volume(np.arange(60).reshape(3, 4, 5).astype(dtype))
+    assert v.__dlpack_device__() == (1, 0)
+    b = np.from_dlpack(v)
+    assert b.ctypes.data == v.array.ctypes.data and np.array_equal(b, v.array) and b.dtype == v.dtype
+    assert not b.flags.writeable
+    del v
+    assert b.sum() == 1770
+c = np.array(volume, copy=True)
+assert c.flags.writeable and np.array_equal(c, a)
+assert np.asarray(volume, dtype=np.float32).dtype == np.float32 and np.add(volume, 1).dtype == a.dtype
+import gc, sys
+from vkt import _dlpack
+gc.collect()
+held = len(_dlpack._handed_out)
+volume.__dlpack__()  # nobody takes it
+volume.__dlpack__(max_version=(1, 1))
+gc.collect()
+assert len(_dlpack._handed_out) == held
+for wrong in dict(stream=1), dict(dl_device=(2, 0)):
+    try:
+        volume.__dlpack__(**wrong)
+        raise SystemExit(f"{wrong} was taken")
+    except BufferError:
+        pass
+EOF2
+}
+
+@test "the memory of others is used in place if that is asked for" {
+    python <<'EOF2'
+import gc
+a = np.arange(2 * 3 * 4, dtype=np.int16).reshape(2, 3, 4)
+v = vkt.Volume(a, copy=False, spacing=(1, 2, 3))
+assert v.array.ctypes.data == a.ctypes.data and v.spacing == (1, 2, 3)
+assert vkt.Volume(a).array.ctypes.data != a.ctypes.data
+w = vkt.from_dlpack(a, units="HU")
+assert w.array.ctypes.data == a.ctypes.data and w.units == "HU"
+from vkt import _volume
+total = a.sum()
+del a, v
+gc.collect()
+assert w.array.sum() == total and len(_volume._kept) == 1
+moved = vkt.set(w, spacing=2)  # may have the voxels of the other
+view = w.array
+del w
+gc.collect()
+assert moved.array.sum() == total and view.sum() == total
+del moved, view
+gc.collect()
+vkt.trim()
+assert not _volume._kept  # nobody needs the array any more
+for wrong in dict(spacing=np.nan), dict(slope=0), dict(origin=(0, np.inf, 0)), dict(spacing=-1):
+    try:
+        vkt.Volume(np.zeros((2, 2, 2)), **wrong)
+        raise SystemExit(f"{wrong} was taken")
+    except vkt.Error:
+        pass
+for wrong in np.zeros((4, 4, 4))[:, ::2], np.zeros((2, 2), ">f8"):
+    assert vkt.Volume(wrong).array.sum() == 0
+    try:
+        vkt.Volume(wrong, copy=False)
+        raise SystemExit("used in place")
+    except vkt.Error as e:
+        assert e.exit_code == 2 and "in place" in str(e)
+EOF2
+}
+
+@test "a pickled volume is the volume: voxels, geometry, units, value map, attributes, history" {
+    python <<'EOF2'
+import copy, pickle
+turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+v = vkt.Volume(volume.array, spacing=(1, 2, 1 / 3), origin=(0.1, 5, 6.5), direction=turned, slope=2, intercept=-1.5, units="HU")
+v = vkt.filter.gaussian(vkt.set(v, attribute=["space=left-posterior-superior", "who=ünïcode\nlines"]), sigma=1)
+def same(a, b):
+    return a.header == b.header and a.array.tobytes() == b.array.tobytes() and a.array.dtype == b.array.dtype
+for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+    back = pickle.loads(pickle.dumps([v, volume], protocol))
+    assert same(back[0], v) and same(back[1], volume), protocol
+    assert back[0].header["history"]["command"][:2] == ["filter", "gaussian"] and back[0].space == v.space
+for dtype in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    one = vkt.Volume(np.arange(24).reshape(2, 3, 4).astype(dtype))
+    assert same(pickle.loads(pickle.dumps(one)), one)
+buffers = []
+data = pickle.dumps(v, 5, buffer_callback=buffers.append)
+assert len(data) < 4000 and len(buffers) == 1 and buffers[0].raw().nbytes == v.array.nbytes
+back = pickle.loads(data, buffers=buffers)
+assert same(back, v) and back.array.ctypes.data == v.array.ctypes.data  # no copy
+assert same(vkt.flip(vkt.flip(back, "x"), "x"), vkt.flip(vkt.flip(v, "x"), "x"))
+assert copy.copy(v) is v and copy.deepcopy({"a": v})["a"] is v
+error = pickle.loads(pickle.dumps(vkt.Error("no", 3, "try")))
+assert str(error) == "no (try)" and error.exit_code == 3 and error.hint == "try"
+EOF2
+}
+
+@test "an adaptive mesh is pickled, too" {
+    python <<'EOF2'
+import pickle
+tree = vkt.refine(volume, tolerance=50)
+back = pickle.loads(pickle.dumps(tree))
+assert tree.hierarchical and back.hierarchical and back.header == tree.header
+assert back.stats() == tree.stats()
+EOF2
+}
+
+@test "volumes go to other processes and come back" {
+    python <<'EOF2'
+import concurrent.futures, multiprocessing
+with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("fork")) as pool:
+    back = pool.submit(vkt.flip, volume, "x").result(60)
+assert np.array_equal(back.array, volume.array[:, :, ::-1])
+EOF2
+}
+
+@test "xarray: dimensions, coordinates in the world, attributes, and the same volume back" {
+    /usr/bin/python3 -c "import xarray" 2>/dev/null || with_peer xarray
+    python <<'EOF2'
+import json, xarray
+rng = np.random.default_rng(0)
+a = rng.integers(-100, 100, (4, 5, 6)).astype(np.int16)
+v = vkt.set(vkt.Volume(a, spacing=(0.1, 2, 3.3), origin=(-4, 5, 6.5), slope=2, intercept=-1, units="HU"), attribute="space=RAS")
+x = vkt.to_xarray(v)
+assert x.dims == ("z", "y", "x") and x.values.ctypes.data == v.array.ctypes.data  # in place
+assert np.allclose(x.x, -4 + 0.1 * np.arange(6)) and np.allclose(x.z, 6.5 + 3.3 * np.arange(4))
+assert float(x.sel(z=13.1, y=7, x=-3.8, method="nearest")) == a[2, 1, 2]
+assert x.attrs["units"] == "HU" and x.attrs["scale_factor"] == 2
+assert json.loads(x.attrs["vkt_history"])["command"][0] == "set"
+def same(p, q):
+    return (np.array_equal(p.array, q.array) and p.spacing == q.spacing and p.origin == q.origin and p.space == q.space and
+            np.array_equal(p.direction, q.direction) and (p.slope, p.intercept, p.units) == (q.slope, q.intercept, q.units))
+assert same(vkt.from_xarray(x), v) and same(vkt.from_xarray(v.to_xarray()), v)
+assert same(vkt.from_xarray(x.transpose("x", "z", "y")), v)
+part = vkt.from_xarray(x.isel(z=slice(1, 4, 2), x=slice(2, 5)))
+want = vkt.crop(v, roi="2:5,:,1:4")
+assert np.array_equal(part.array, want.array[::2]) and np.allclose(part.spacing, (0.1, 2, 6.6)) and np.allclose(part.origin, want.origin)
+slice_ = vkt.from_xarray(x.isel(z=2))  # keeps its place, which the scalar coordinate says
+assert slice_.dims == (6, 5, 1) and np.array_equal(slice_.array[0], a[2])
+# Falling coordinates are a reversed axis: voxels stay where they are.
+flipped = vkt.from_xarray(x.isel(y=slice(None, None, -1)))
+assert np.array_equal(flipped.array, a[:, ::-1]) and flipped.direction[1, 1] == -1 and flipped.spacing == v.spacing
+assert np.allclose(flipped.origin, (-4, 13, 6.5))
+assert same(vkt.from_xarray(vkt.flip(v, "y").to_xarray()), vkt.flip(v, "y"))
+# Oblique axes: distances along them, and attributes.
+angle = 0.3
+turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+o = vkt.Volume(a, spacing=(1, 2, 3), origin=(4, 5, 6), direction=turn)
+y = o.to_xarray()
+assert np.allclose(y.y, 2 * np.arange(5)) and same(vkt.from_xarray(y), o)
+cut = vkt.from_xarray(y.isel(x=slice(2, None)))
+assert np.allclose(cut.origin, vkt.crop(o, roi="2:,:,:").origin) and np.allclose(cut.direction, turn)
+plain = vkt.from_xarray(xarray.DataArray(a.astype(float), dims=("time", "row", "column")))
+assert plain.dims == (6, 5, 4) and plain.spacing == (1, 1, 1) and plain.origin == (0, 0, 0)
+for wrong in (xarray.DataArray(np.zeros((2, 2, 2, 2))), xarray.DataArray(np.zeros(3), coords={"x": [0, 1, 5]}, dims="x"),
+              xarray.DataArray(np.zeros(2), coords={"x": ["a", "b"]}, dims="x")):
+    try:
+        vkt.from_xarray(wrong)
+        raise SystemExit("taken")
+    except vkt.Error as e:
+        assert e.exit_code == 2
+EOF2
+}
+
+@test "xarray is not needed for anything else" {
+    python <<'EOF2'
+import sys
+sys.modules["xarray"] = None
+try:
+    vkt.to_xarray(volume)
+    raise SystemExit("without xarray?")
+except ImportError:
+    pass
+assert volume.stats()["count"] > 0
+EOF2
+}
