@@ -168,6 +168,35 @@ assert voxels("rle.dcm").tobytes() == data[0].tobytes()
 END
 }
 
+@test "doses have a slope and places of their own; values that are not read are named" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.random.default_rng(6).integers(0, 2**31, (5, 8, 9)).astype("u4")
+def dose(name, offsets, orientation=(1, 0, 0, 0, 1, 0)):
+    d = base(name, data, bits=32, modality="RTDOSE")
+    del d.RescaleSlope, d.RescaleIntercept
+    d.NumberOfFrames, d.PixelSpacing, d.SliceThickness = 5, [2, 1], 9
+    d.ImagePositionPatient, d.ImageOrientationPatient = [1, 2, 30], list(orientation)
+    d.GridFrameOffsetVector, d.DoseGridScaling, d.DoseUnits = offsets, "0.0005", "GY"
+    d.save_as(name)
+    i = infos(name)[0]
+    assert i["slope"] == 0.0005 and i["units"] == "GY", i
+    return i["spacing"], i["origin"], voxels(name).reshape(data.shape)
+spacing, origin, got = dose("relative.dcm", [0, 2.5, 5, 7.5, 10])
+assert spacing == [1, 2, 2.5] and origin == [1, 2, 30] and numpy.array_equal(got, data), (spacing, origin)
+spacing, origin, got = dose("absolute.dcm", [30, 27.5, 25, 22.5, 20])
+assert spacing == [1, 2, 2.5] and origin == [1, 2, 20] and numpy.array_equal(got, data[::-1]), (spacing, origin)
+spacing, origin, got = dose("down.dcm", [30, 27.5, 25, 22.5, 20], (1, 0, 0, 0, -1, 0))
+assert spacing == [1, 2, 2.5] and origin == [1, 2, 30] and numpy.array_equal(got, data), (spacing, origin)
+d = pydicom.dcmread("relative.dcm"); d.GridFrameOffsetVector = [0, 1, 2, 3, 9]; d.save_as("uneven.dcm")
+d = base("high.dcm", data[0].astype("u2")); d.BitsStored, d.HighBit = 12, 15; d.save_as("high.dcm")
+d = base("float.dcm", data[0]); d.FloatPixelData = data[0].astype("f4").tobytes(); del d.PixelData; d.save_as("float.dcm")
+END
+    fails_with 3 "Bits Stored is 12, High Bit 15" vkt info high.dcm
+    fails_with 3 "Float Pixel Data" vkt info float.dcm
+    fails_with 3 "unequal distances" vkt info uneven.dcm
+}
+
 @test "damaged files end in an error and never in a crash" {
     /usr/bin/python3 - <<'END'
 import random

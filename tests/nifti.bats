@@ -283,6 +283,10 @@ END
     fails_with 3 "complex numbers" vkt info complex.nii
     fails_with 3 "colours" vkt info rgb.nii
     fails_with 3 "dimension 5 has 2 samples" vkt info vector.nii
+    # Both of a pair compressed, named by either.
+    for end in hdr img; do gzip -c p.$end >packed.$end.gz; done
+    vkt diff packed.img.gz p.hdr
+    vkt diff packed.hdr.gz p.hdr
     rm p.img
     fails_with 4 "p.img" vkt write p.hdr out.nrrd
     fails_with 3 "NAME.img beside NAME.hdr" vkt write - out.nrrd <p.hdr

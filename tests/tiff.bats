@@ -118,6 +118,52 @@ assert infos("cm.tif")[0]["spacing"] == [0.5, 1, 1]
 END
 }
 
+@test "axes of tifffile's own files, units that differ, thumbnails that come first" {
+    /usr/bin/python3 - <<'END'
+import tifffile, numpy
+from voxels import *
+rng = numpy.random.default_rng(4)
+def write(name, data, **options): tifffile.imwrite(name, data, photometric="minisblack", **options)
+data = rng.integers(0, 60000, (2, 3, 4, 20, 30)).astype("u2")
+def check(name, volumes, channels=None):
+    info = infos(name)
+    assert len(info) == len(volumes), (name, len(info))
+    assert all(i["dims"] == list(volumes[0].shape[::-1]) for i in info), (name, info[0]["dims"])
+    assert voxels(name).tobytes() == numpy.stack(volumes).tobytes(), name
+    if channels: assert [i["attributes"]["channel"] for i in info] == channels, name
+write("five.tif", data)
+check("five.tif", [v for t in data for v in t])
+write("tczyx.tif", data, metadata={"axes": "TCZYX"})
+check("tczyx.tif", [v for t in data for v in t], ["0", "1", "2"] * 2)
+write("tzcyx.tif", data, metadata={"axes": "TZCYX"}, compression="zlib")
+check("tzcyx.tif", [t[:, c] for t in data for c in range(4)], ["0", "1", "2", "3"] * 2)
+write("cyx.tif", data[0, 0], metadata={"axes": "CYX"})
+check("cyx.tif", [data[0, 0, c:c + 1] for c in range(4)], ["0", "1", "2", "3"])
+colours = rng.integers(0, 255, (2, 4, 20, 30, 3)).astype("u1")
+tifffile.imwrite("tzyxs.tif", colours, photometric="rgb", metadata={"axes": "TZYXS"})
+check("tzyxs.tif", [t[..., s] for t in colours for s in range(3)], ["red", "green", "blue"] * 2)
+# One page is described, the others follow it.
+write("one.tif", data, truncate=True)
+check("one.tif", [v for t in data for v in t])
+write("ome.tif", data[0, 0], ome=True, metadata={"axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeXUnit": "µm",
+    "PhysicalSizeY": 250, "PhysicalSizeYUnit": "nm", "PhysicalSizeZ": 0.002, "PhysicalSizeZUnit": "mm"})
+i = infos("ome.tif")[0]
+assert i["spacing"] == [0.5, 0.25, 2] and i["attributes"]["space units"] == '"um" "um" "um"', i
+with tifffile.TiffWriter("thumbnail.tif") as t:
+    t.write(data[0, 0, 0, ::2, ::2].copy(), photometric="minisblack", metadata=None, subfiletype=1)
+    for page in data[0, 0]: t.write(page, photometric="minisblack", metadata=None)
+check("thumbnail.tif", [data[0, 0]])
+# Places of further pages that lie behind the end of the file.
+tifffile.imwrite("whole.tif", data[0, 0], photometric="minisblack", metadata=None)
+whole = open("whole.tif", "rb").read()
+open("short.tif", "wb").write(whole[:-500])
+tifffile.imwrite("deep.tif", rng.integers(0, 9, (16, 32, 32)).astype("u1"), photometric="minisblack", tile=(16, 16, 16))
+END
+    vkt info thumbnail.tif | grep 'not read *page 0 (reduced or a mask) of 15 by 10 pixels'
+    fails_with 3 "page 1 cannot be read" vkt info short.tif
+    fails_with 3 "holds 16 slices in one (ImageDepth)" vkt info deep.tif
+}
+
 @test "what vkt wrote is what tifffile reads, with ImageJ's description; all of the header comes back" {
     vkt make noise --dims 30 20 6 --dtype uint16 | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 --slope 0.5 --intercept -7 --units HU -o a.nrrd
     vkt write a.nrrd a.tif
@@ -154,6 +200,19 @@ for name in "uint8 int8 int16 uint32 int32 uint64 int64 float16 float32 float64"
         assert a.dtype == name and a.tobytes() == open(name + ".raw", "rb").read(), prefix + name
 assert tifffile.imread("s.tif").shape == (3, 4, 8, 9)
 assert tifffile.imread("s.tif").tobytes() == open("s.raw", "rb").read()
+END
+}
+
+@test "pages smaller than their description are what tifffile and libtiff read" {
+    for n in 1 2 3 9; do vkt make noise --dims 5 3 $n --dtype uint8 | vkt write - small$n.tif; done
+    vkt make noise --dims 5 3 4 --dtype uint16 --seed 1 -o s_1.nrrd
+    vkt make noise --dims 5 3 4 --dtype uint16 --seed 2 -o s_2.nrrd
+    vkt read 's_*.nrrd' -o two.tif
+    /usr/bin/python3 - <<'END'
+import tifffile
+from voxels import *
+for name in ("small1.tif", "small2.tif", "small3.tif", "small9.tif", "two.tif"):
+    assert tifffile.imread(name).tobytes() == voxels(name).tobytes(), name
 END
 }
 

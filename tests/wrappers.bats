@@ -31,6 +31,16 @@ tool_of() { case "$1" in gz) echo gzip ;; bz2) echo bzip2 ;; xz) echo xz ;; zst)
     done
 }
 
+@test "HDF5 and TIFF, whose libraries open what has no name" {
+    for format in h5 tif; do
+        vkt write v.nrrd b.$format 2>err || { grep -q 'without it' err && continue; cat err >&2; false; }
+        for end in gz bz2 xz zst; do
+            "$(tool_of $end)" -c b.$format >b.$format.$end
+            vkt write b.$format.$end - --format raw | cmp - v.raw
+        done
+    done
+}
+
 @test "what is written is what the tools decompress, the same for any number of threads" {
     vkt make noise --dims 90 80 70 --dtype uint16 --seed 6 -o n.nrrd
     for format in nrrd mha nii npy tif vti raw; do

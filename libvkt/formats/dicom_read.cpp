@@ -251,6 +251,15 @@ bool DicomFiles::read_file(std::string const& file) {
     s.samples = element_short(set, 0x0028, 0x0002, 1);
     s.bits = element_short(set, 0x0028, 0x0100, 16);
     s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
+    std::int64_t const stored = element_short(set, 0x0028, 0x0101, s.bits),
+                       high = element_short(set, 0x0028, 0x0102, stored - 1);
+    if (stored <= high && high < s.bits) // GDCM masks the lowest bits all the same
+        fail(text(folder_ ? text("'", file, "': ") : "", "its values do not end with the lowest bit (Bits Stored is ",
+                  stored, ", High Bit ", high, "), which is not read"));
+    for (std::uint16_t const element : {std::uint16_t{0x0008}, std::uint16_t{0x0009}})
+        if (set.FindDataElement(gdcm::Tag(0x7fe0, element)))
+            fail(text(folder_ ? text("'", file, "': ") : "", "its values are floats ((Double) Float Pixel Data), "
+                                                             "which are not read"));
     s.series = element_text(set, 0x0020, 0x000e);
     s.series_number = std::string(trimmed(element_text(set, 0x0020, 0x0011)));
     s.modality = element_text(set, 0x0008, 0x0060);
@@ -266,6 +275,10 @@ bool DicomFiles::read_file(std::string const& file) {
     if (all_.size() + static_cast<std::size_t>(s.frames) > most_files) fail("holds more images than vkt reads at once");
     check_pixels(stream, reader.GetFile(), s);
     read_plane(set, s);
+    // Doses have a slope and places of frames of their own: distances from the first, or, if that is not 0, along z.
+    if (auto const v = element_numbers(set, 0x3004, 0x000e); v.size() == 1 && v[0] != 0) s.slope = v[0];
+    if (s.units.empty()) s.units = element_text(set, 0x3004, 0x0002);
+    auto const offsets = element_numbers(set, 0x3004, 0x000c);
     if (auto const shared = first_item(set, 0x5200, 0x9229)) read_group(*shared, s);
     auto const frames = sequence(set, 0x5200, 0x9230);
     Vec3 const normal = cross(s.across, s.down);
@@ -279,7 +292,10 @@ bool DicomFiles::read_file(std::string const& file) {
             grouped = one.placed;
         }
         // Frames without places of their own follow one another.
-        if (!grouped && s.frames > 1)
+        if (!grouped && s.frames > 1 && std::ssize(offsets) == s.frames)
+            one.position = s.position + (offsets[0] == 0 ? normal : Vec3{0, 0, 1}) *
+                                            (offsets[static_cast<std::size_t>(f)] - offsets[0]);
+        else if (!grouped && s.frames > 1)
             one.position = s.position + normal * (static_cast<double>(f) * s.spacing_slices.value_or(1));
         if (s.frames > 1) one.placed = true;
         all_.push_back(one);

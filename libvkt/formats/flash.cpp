@@ -5,7 +5,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/flash_module.h"
 #include "libvkt/formats/format.h"
-#include "libvkt/formats/hdf5_handle.h"
+#include "libvkt/formats/hdf5_open.h"
 
 #include <hdf5.h>
 
@@ -102,7 +102,7 @@ private:
     static Handle open(std::string const& path) {
         if (access(path.c_str(), R_OK) != 0)
             throw Error(ErrorKind::io, text("cannot read ", path, ": ", std::strerror(errno)));
-        Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+        Handle file = hdf5::open_to_read(path);
         if (!file) throw Error(ErrorKind::data, text(path, ": is not a whole HDF5 file"));
         return file;
     }

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/formats/hdf5_handle.h"
 #include "libvkt/formats/hdf5_module.h"
+#include "libvkt/formats/hdf5_open.h"
 #include "libvkt/formats/tree_file.h"
 
 #include <hdf5.h>
@@ -73,7 +73,7 @@ struct Dataset {
 
 class File : public GridsParser {
 public:
-    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_), H5Fclose) {
+    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_)) {
         if (!file_) fail("damaged: HDF5 cannot open it");
     }
 
@@ -81,10 +81,10 @@ public:
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
-    static hid_t open_file(std::string const& path) {
+    static Handle open_file(std::string const& path) {
         H5dont_atexit();
         H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-        return H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+        return open_to_read(path);
     }
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
@@ -140,7 +140,10 @@ void File::find_datasets(std::vector<std::string>& not_read) {
         }
         return w.file->datasets_.size() < most_datasets ? 0 : 1;
     };
-    if (H5Ovisit(file_, H5_INDEX_NAME, H5_ITER_INC, visit, &walk) < 0) fail("damaged: its groups cannot be listed");
+    if (H5Ovisit(file_, H5_INDEX_NAME, H5_ITER_INC, visit, &walk) < 0)
+        fail(text("its groups cannot be listed: damaged, or written for a newer HDF5 than ", H5_VERS_MAJOR, ".",
+                  H5_VERS_MINOR),
+             "if a newer HDF5 reads it: h5repack --high=V110 in.h5 out.h5");
 }
 
 std::vector<double> File::numbers(hid_t object, char const* name) const {

@@ -8,7 +8,9 @@
 #include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/slab_sink.h"
+#include "libvkt/formats/wrapper.h"
 
+#include <filesystem>
 #include <utility>
 
 namespace vkt {
@@ -20,7 +22,10 @@ std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
     std::string const lower = lower_case(bytes->name());
     std::size_t const end = lower.ends_with(".img.gz") ? 7 : lower.ends_with(".img") ? 4 : 0;
     if (end == 0 || is_nifti(bytes->peek(352)) || is_analyze(bytes->peek(analyze_size))) return bytes;
-    return open_bytes(bytes->name().substr(0, bytes->name().size() - end) + ".hdr");
+    std::string const header = bytes->name().substr(0, bytes->name().size() - end) + ".hdr", packed = header + ".gz";
+    std::error_code error;
+    if (std::filesystem::exists(header, error) || !std::filesystem::exists(packed, error)) return open_bytes(header);
+    return unwrapped(open_bytes(packed), Wrapper::gzip);
 }
 
 std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {

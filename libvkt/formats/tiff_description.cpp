@@ -75,20 +75,61 @@ void read_imagej(std::string const& description, TiffDescription& result) {
     }
 }
 
-/// [frames, slices, y, x] of tifffile's own files.
-bool read_shaped(std::string const& description, std::int64_t pages, TiffDescription& result) {
+/// Arrays of tifffile's own files, whose last axes are y and x: z, or the one before them, enumerates slices, c
+/// channels, others frames.
+bool read_shaped(std::string const& description, std::int64_t pages, std::int64_t samples, TiffDescription& result) {
     auto const json = nlohmann::json::parse(description, nullptr, false);
     if (!json.is_object() || !json.contains("shape") || !json["shape"].is_array()) return false;
     std::vector<std::int64_t> shape;
+    std::int64_t planes = 1;
     for (auto const& entry : json["shape"]) {
         if (!entry.is_number_integer() || entry.get<std::int64_t>() < 1) return false;
         shape.push_back(std::min(entry.get<std::int64_t>(), most_planes));
     }
-    // Only what pages as slices would get wrong.
-    if (shape.size() != 4 || shape[0] * shape[1] != pages) return false;
+    std::string axes = json.contains("axes") && json["axes"].is_string() ? json["axes"].get<std::string>() : "";
+    if (axes.size() != shape.size()) axes.assign(shape.size(), '?');
+    if (samples > 1) { // within the pixels, or as planes of a page
+        std::size_t at = axes.find('S');
+        if (at == std::string::npos) at = shape.back() == samples ? shape.size() - 1 : shape.size() - 3;
+        if (at >= shape.size() || shape[at] != samples) return false;
+        shape.erase(shape.begin() + static_cast<std::ptrdiff_t>(at));
+        axes.erase(at, 1);
+    }
+    if (shape.size() < 3) return false;
+    shape.resize(shape.size() - 2);
+    axes.resize(shape.size());
+    for (std::int64_t const extent : shape) {
+        planes *= extent;
+        if (planes > most_planes) return false;
+    }
+    // Only the first page is described, and the others follow it.
+    bool const one_block = pages == 1 && planes > 1 && json.value("truncated", nlohmann::json()) == true;
+    if (planes != pages && !one_block) return false;
+    std::size_t z = axes.rfind('Z');
+    if (z == std::string::npos) z = axes.find_last_not_of("TC");
+    std::size_t const c = axes.rfind('C');
+    auto const extent_of = [&](std::size_t axis) { return axis == std::string::npos ? 1 : shape[axis]; };
     result.kind = TiffDescription::Kind::shaped;
-    result.frames = shape[0];
-    result.slices = shape[1];
+    result.slices = extent_of(z);
+    result.channels = extent_of(c);
+    result.frames = planes / result.slices / result.channels;
+    if (one_block) result.images = planes;
+    result.pages.resize(static_cast<std::size_t>(planes));
+    for (std::int64_t page = 0; page < planes; ++page) {
+        std::int64_t rest = page, slice = 0, channel = 0, frame = 0, step = 1;
+        for (std::size_t axis = shape.size(); axis-- > 0; rest /= shape[axis]) {
+            std::int64_t const index = rest % shape[axis];
+            if (axis == z)
+                slice = index;
+            else if (axis == c)
+                channel = index;
+            else {
+                frame += index * step;
+                step *= shape[axis];
+            }
+        }
+        result.pages[static_cast<std::size_t>((frame * result.channels + channel) * result.slices + slice)] = page;
+    }
     return true;
 }
 
@@ -182,14 +223,29 @@ private:
         t_ = std::max<std::int64_t>(integer(a, "SizeT", 1), 1);
         if (z_ * c_ > most_planes || z_ * c_ * t_ > most_planes) fail("counts more planes than a file can hold");
         order_ = a["DimensionOrder"];
-        result_.spacing_x = positive(a["PhysicalSizeX"]);
-        result_.spacing_y = positive(a["PhysicalSizeY"]);
-        result_.spacing_z = positive(a["PhysicalSizeZ"]);
-        auto const unit = [&](char const* key) { return a.count(key) > 0 ? plain_unit(a[key]) : std::string("um"); };
-        if (result_.spacing_x || result_.spacing_y || result_.spacing_z) result_.unit = unit("PhysicalSizeXUnit");
-        if (result_.spacing_z && result_.spacing_x && unit("PhysicalSizeZUnit") != result_.unit)
-            fail("gives sizes in different units along its axes", "make them equal: tiffcomment");
+        physical_size(a, "PhysicalSizeX", result_.spacing_x);
+        physical_size(a, "PhysicalSizeY", result_.spacing_y);
+        physical_size(a, "PhysicalSizeZ", result_.spacing_z);
         result_.interval = positive(a["TimeIncrement"]);
+    }
+
+    /// Sizes along all axes are in the unit of the first.
+    void physical_size(Attributes& a, std::string const& key, std::optional<double>& size) {
+        size = positive(a[key]);
+        if (!size) return;
+        auto const stated = a.find(key + "Unit");
+        std::string const unit = stated == a.end() ? "um" : plain_unit(stated->second);
+        if (!sized_) result_.unit = unit;
+        sized_ = true;
+        if (unit == result_.unit) return;
+        static std::map<std::string, double> const metres{{"pm", 1e-12}, {"nm", 1e-9}, {"um", 1e-6}, {"mm", 1e-3},
+                                                          {"cm", 1e-2},  {"dm", 1e-1}, {"m", 1},     {"km", 1e3}};
+        auto const from = metres.find(unit), to = metres.find(result_.unit);
+        if (from == metres.end() || to == metres.end())
+            fail("gives sizes in different units along its axes", "make them equal: tiffcomment");
+        // Powers of ten: multiplied or divided by whole ones, so that 500 nm are 0.5 um.
+        *size = from->second > to->second ? *size * std::round(from->second / to->second)
+                                          : *size / std::round(to->second / from->second);
     }
 
     /// Which page each plane is.
@@ -255,7 +311,7 @@ private:
     std::string const& file_;
     std::int64_t file_pages_, samples_;
     TiffDescription& result_;
-    bool ok_ = true, seen_ = false;
+    bool ok_ = true, seen_ = false, sized_ = false;
     std::int64_t image_ = 0, z_ = 1, c_ = 1, t_ = 1;
     std::string order_;
     std::vector<Data> data_;
@@ -277,13 +333,12 @@ TiffDescription tiff_description(std::string const& description, std::int64_t pa
 #ifdef VKT_HAVE_EXPAT
         if (!OmeReader(file, pages, samples, result).read(description)) result = {};
 #else
-        static_cast<void>(samples);
         static_cast<void>(file);
         throw Error(ErrorKind::data, text("'", file, "' is OME-TIFF, for which this build lacks expat"),
                     "build vkt with libexpat1-dev");
 #endif
     } else if (description.starts_with("{")) {
-        read_shaped(description, pages, result);
+        read_shaped(description, pages, samples, result);
     }
     return result;
 }

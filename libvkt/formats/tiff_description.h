@@ -17,8 +17,9 @@ struct TiffDescription {
     enum class Kind : std::uint8_t { plain, imagej, ome, shaped };
     Kind kind = Kind::plain;
     std::int64_t slices = 0, channels = 1, frames = 1; ///< slices 0: nobody says, all pages are slices
-    std::int64_t images = 0;                           ///< ImageJ: pages that there should be
-    /// OME: the page of each plane, [frame][channel][slice], -1 for planes that are not there.
+    /// ImageJ, tifffile: pages that there should be; if the file has one, the voxels of the others follow its own.
+    std::int64_t images = 0;
+    /// OME, tifffile: the page of each plane, [frame][channel][slice], -1 for planes that are not there.
     std::vector<std::int64_t> pages;
     std::optional<double> spacing_x, spacing_y, spacing_z, interval;
     std::string unit; ///< of the spacing, "mm"; empty: nobody says

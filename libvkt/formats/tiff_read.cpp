@@ -95,6 +95,7 @@ private:
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
     }
     Page page_here();
+    bool next_page(std::int64_t number);
     void read_pages(std::vector<std::string>& not_read);
     DataType type_of(Page const& page) const;
     void check_size(Page const& page, std::int64_t planes) const;
@@ -134,25 +135,47 @@ Page TiffFile::page_here() {
     TIFFGetField(tiff_, TIFFTAG_PHOTOMETRIC, &p.photometric);
     TIFFGetFieldDefaulted(tiff_, TIFFTAG_COMPRESSION, &p.compression);
     p.tiled = TIFFIsTiled(tiff_) != 0;
+    std::uint32_t depth = 1;
+    if (TIFFGetField(tiff_, TIFFTAG_IMAGEDEPTH, &depth) != 0 && depth > 1)
+        fail(text("a page holds ", static_cast<std::int64_t>(depth), " slices in one (ImageDepth), which is not read"),
+             "write it with a page for each slice, in Python: tifffile.imwrite(name, tifffile.imread(file))");
     if (p.samples == 1) p.planar = PLANARCONFIG_CONTIG;
     return p;
+}
+
+/// False behind the last page, of which there are `number`. libtiff says the same of one that it cannot read.
+bool TiffFile::next_page(std::int64_t number) {
+    if (TIFFLastDirectory(tiff_) != 0) return false;
+    complaint.clear();
+    if (TIFFReadDirectory(tiff_) == 0)
+        fail(text("page ", number, " cannot be read", complaint.empty() ? "" : ": ", complaint));
+    return true;
 }
 
 void TiffFile::read_pages(std::vector<std::string>& not_read) {
     std::int64_t number = 0;
     std::int64_t others = 0;
+    bool of_reduced = false; // all that there is so far are reduced images
+    auto const leave = [&](Page const& page, std::int64_t n, bool reduced) {
+        if (++others <= 8)
+            not_read.push_back(text("page ", n, reduced ? " (reduced or a mask)" : "", " of ",
+                                    static_cast<std::int64_t>(page.width), " by ",
+                                    static_cast<std::int64_t>(page.height), " pixels"));
+    };
     do {
         if (++number > most_pages) fail(text("it has more than ", most_pages, " pages"));
         std::uint32_t kind = 0;
         TIFFGetField(tiff_, TIFFTAG_SUBFILETYPE, &kind);
         Page const page = page_here();
         if (page.width == 0 || page.height == 0) fail(text("page ", number - 1, " has no extent"));
-        bool const full = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) == 0;
-        if (!pages_.empty() && (!full || !page.alike(pages_.front()))) {
-            if (++others <= 8)
-                not_read.push_back(text("page ", number - 1, full ? "" : " (reduced or a mask)", " of ",
-                                        static_cast<std::int64_t>(page.width), " by ",
-                                        static_cast<std::int64_t>(page.height), " pixels"));
+        bool const reduced = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
+        if (!pages_.empty() && of_reduced && !reduced) { // thumbnails came first
+            for (std::size_t i = 0; i < pages_.size(); ++i) leave(pages_[i], static_cast<std::int64_t>(i), true);
+            pages_.clear();
+        }
+        if (pages_.empty()) of_reduced = reduced;
+        if (!pages_.empty() && (reduced != of_reduced || !page.alike(pages_.front()))) {
+            leave(page, number - 1, reduced);
             continue;
         }
         if (pages_.empty()) {
@@ -167,10 +190,8 @@ void TiffFile::read_pages(std::vector<std::string>& not_read) {
             TIFFGetFieldDefaulted(tiff_, TIFFTAG_RESOLUTIONUNIT, &resolution_unit_);
         }
         pages_.push_back(page);
-    } while (TIFFReadDirectory(tiff_) != 0);
+    } while (next_page(number));
     if (others > 8) not_read.push_back(text(others - 8, " more pages of other sizes"));
-    // libtiff ends the walk at the first page that it cannot read, too: then there is one more that it could not enter.
-    if (TIFFLastDirectory(tiff_) == 0) fail(text("page ", number, " cannot be read: ", complaint));
     here_ = static_cast<std::size_t>(-1);
 }
 
@@ -252,7 +273,7 @@ void TiffFile::arrange(TiffDescription const& about, ParsedGrids& grids) {
     Page const& first = pages_.front();
     auto const count = static_cast<std::int64_t>(pages_.size());
     std::int64_t slices = about.slices, channels = about.channels, frames = about.frames;
-    bool const one_block = about.kind == TiffDescription::Kind::imagej && count == 1 && about.images > 1;
+    bool const one_block = count == 1 && about.images > 1;
     std::int64_t const there = one_block ? about.images : count;
     if (slices == 0) slices = there;
     if (about.pages.empty() && slices * channels * frames != there) {
@@ -330,7 +351,7 @@ void TiffFile::find_places(ParsedGrids& grids, TiffDescription const& about) {
         go_to(i);
         if (!dense_at(pages_[i], of_page[i])) return;
     }
-    bool const one_block = about.kind == TiffDescription::Kind::imagej && pages_.size() == 1 && about.images > 1;
+    bool const one_block = pages_.size() == 1 && about.images > 1;
     auto const slice =
         static_cast<std::int64_t>(pages_.front().width) * pages_.front().height * pages_.front().bits / 8;
     for (Plane const& plane : planes_)

@@ -156,6 +156,10 @@ void TiffWriter::begin_page() {
     set(TIFFTAG_XRESOLUTION, 1 / first_.geometry.spacing.x);
     set(TIFFTAG_YRESOLUTION, 1 / first_.geometry.spacing.y);
     if (page_ == 0) set(TIFFTAG_IMAGEDESCRIPTION, description().c_str());
+    // ImageJ's own files have one directory and all voxels behind it, and tifffile takes ours for one of them if the
+    // voxels of all pages would have room before the second directory: a long description must not lie between them.
+    if (page_ == 0 && !compress_ && rows_per_strip_ == static_cast<std::uint32_t>(first_.dims.y))
+        need(TIFFCheckpointDirectory(tiff_) != 0);
     in_page_ = true;
     rows_done_ = strip_ = 0;
     held_.clear();
