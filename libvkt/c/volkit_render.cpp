@@ -192,6 +192,7 @@ vktError vktRenderSV(vktStructuredVolume volume, vktRenderState_t renderState, v
             throw Error(ErrorKind::usage, "a PNG file is sRGB", "set sRGB, or take vkt_picture_light() of vkt.h");
         std::vector<char const*> list;
         auto const words = words_of(volume, renderState);
+        list.reserve(words.size());
         for (std::string const& word : words) list.push_back(word.c_str());
         vkt_picture* picture = nullptr;
         if (vkt_render(volume->volume.get(), list.data(), list.size(), &picture) != VKT_OK) throw Failed{};

@@ -37,6 +37,7 @@ Format const* find(vktDataFormat format) {
 
 std::vector<char const*> pointers(std::vector<std::string> const& words) {
     std::vector<char const*> result;
+    result.reserve(words.size());
     for (std::string const& word : words) result.push_back(word.c_str());
     return result;
 }
