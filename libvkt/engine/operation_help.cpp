@@ -78,7 +78,7 @@ std::string take_accuracy(std::string& description) {
     constexpr std::string_view heading = "Accuracy: ";
     std::size_t const at = description.starts_with(heading) ? 0 : description.find(text("\n\n", heading));
     if (at == std::string::npos) return {};
-    std::string const accuracy = description.substr(description.find(heading, at) + heading.size());
+    std::string accuracy = description.substr(description.find(heading, at) + heading.size());
     description.erase(at);
     return accuracy;
 }
