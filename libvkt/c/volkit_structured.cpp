@@ -19,20 +19,8 @@ using namespace vkt::volkit;
 
 namespace {
 
-/// Bytes of one value under a mapping.
-void store(std::uint8_t* to, double value, vktDataFormat format, double slope, double intercept) {
-    auto const as = [&]<class T>(T) {
-        T stored;
-        if constexpr (std::is_floating_point_v<T>) {
-            stored = static_cast<T>(value);
-        } else {
-            double const exact = std::nearbyint((value - intercept) / slope);
-            constexpr auto low = static_cast<double>(std::numeric_limits<T>::min());
-            constexpr auto high = static_cast<double>(std::numeric_limits<T>::max());
-            stored = std::isnan(exact) ? T(0) : static_cast<T>(std::clamp(exact, low, high));
-        }
-        std::memcpy(to, &stored, sizeof stored);
-    };
+/// Calls as(T()) with the type of a format's voxels.
+template <class F> auto with_type_of(vktDataFormat format, F const& as) {
     switch (format) {
     case vktDataFormatInt8:
         return as(std::int8_t());
@@ -51,27 +39,29 @@ void store(std::uint8_t* to, double value, vktDataFormat format, double slope, d
     }
 }
 
+/// Bytes of one value under a mapping.
+void store(std::uint8_t* to, double value, vktDataFormat format, double slope, double intercept) {
+    auto const as = [&]<class T>(T) {
+        T stored;
+        if constexpr (std::is_floating_point_v<T>) {
+            stored = static_cast<T>(value);
+        } else {
+            double const exact = std::nearbyint((value - intercept) / slope);
+            constexpr auto low = static_cast<double>(std::numeric_limits<T>::min());
+            constexpr auto high = static_cast<double>(std::numeric_limits<T>::max());
+            stored = std::isnan(exact) ? T(0) : static_cast<T>(std::clamp(exact, low, high));
+        }
+        std::memcpy(to, &stored, sizeof stored);
+    };
+    return with_type_of(format, as);
+}
+
 float value_of(std::uint8_t const* from, vktDataFormat format, double slope, double intercept) {
     auto const as = [&]<class T>(T stored) {
         std::memcpy(&stored, from, sizeof stored);
         return static_cast<float>(slope * static_cast<double>(stored) + intercept);
     };
-    switch (format) {
-    case vktDataFormatInt8:
-        return as(std::int8_t());
-    case vktDataFormatInt16:
-        return as(std::int16_t());
-    case vktDataFormatInt32:
-        return as(std::int32_t());
-    case vktDataFormatUInt8:
-        return as(std::uint8_t());
-    case vktDataFormatUInt16:
-        return as(std::uint16_t());
-    case vktDataFormatUInt32:
-        return as(std::uint32_t());
-    default:
-        return as(float());
-    }
+    return with_type_of(format, as);
 }
 
 /// Where a voxel's bytes lie; throws Error{usage} outside.

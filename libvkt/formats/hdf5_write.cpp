@@ -6,6 +6,7 @@
 #include "libvkt/formats/hdf5_handle.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/layers.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/refusals.h"
 
@@ -206,18 +207,9 @@ void Writer::flush() {
 
 void Writer::write(std::byte const* voxels, std::size_t n) {
     std::size_t const slice = row_ * static_cast<std::size_t>(header_.dims.y);
-    while (n > 0) {
-        // Rows of one slice do not go with those of the next.
-        std::size_t const done = static_cast<std::size_t>(rows_) * row_ + held_.size();
-        std::size_t room = layer_ - held_.size();
-        if (layer_ < slice) room = std::min(room, slice - done % slice);
-        std::size_t const count = std::min(n, room);
-        held_.insert(held_.end(), voxels, voxels + count);
-        voxels += count;
-        n -= count;
-        bool const slice_ends = layer_ < slice && (done + count) % slice == 0;
-        if (held_.size() == layer_ || slice_ends || done + count == header_.bytes()) flush();
-    }
+    hold_layers(
+        held_, {layer_, slice, header_.bytes()}, voxels, n, [&] { return static_cast<std::size_t>(rows_) * row_; },
+        [&] { flush(); });
 }
 
 void Writer::close() {

@@ -6,6 +6,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/layers.h"
 #include "libvkt/io/system_error.h"
 
 #include <nlohmann/json.hpp>
@@ -148,17 +149,9 @@ LevelWriter::LevelWriter(std::string folder, Index3 dims, DataType dtype, WriteO
 
 void LevelWriter::write(std::byte const* voxels, std::size_t n) {
     std::size_t const slice = row_ * static_cast<std::size_t>(dims_.y), all = slice * static_cast<std::size_t>(dims_.z);
-    while (n > 0) {
-        std::size_t const done = static_cast<std::size_t>(rows_) * row_ + held_.size();
-        std::size_t room = layer_ - held_.size();
-        if (layer_ < slice) room = std::min(room, slice - done % slice);
-        std::size_t const count = std::min(n, room);
-        held_.insert(held_.end(), voxels, voxels + count);
-        voxels += count;
-        n -= count;
-        bool const slice_ends = layer_ < slice && (done + count) % slice == 0;
-        if (held_.size() == layer_ || slice_ends || done + count == all) flush();
-    }
+    hold_layers(
+        held_, {layer_, slice, all}, voxels, n, [&] { return static_cast<std::size_t>(rows_) * row_; },
+        [&] { flush(); });
 }
 
 std::string LevelWriter::file_of(Index3 at) const {
