@@ -1,4 +1,4 @@
-// Zarr arrays and OME-Zarr images as volumes: which array, what its dimensions mean, regions chunk by chunk.
+// Zarr arrays and OME-Zarr images as volumes: what the dimensions of an array mean, regions chunk by chunk.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
@@ -6,7 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/parsed_grids.h"
-#include "libvkt/formats/zarr_array.h"
+#include "libvkt/formats/zarr_image.h"
 #include "libvkt/formats/zarr_write.h"
 #include "libvkt/formats/zip_archive.h"
 
@@ -19,175 +19,18 @@
 #include <deque>
 #include <utility>
 
+#include <omp.h>
+
 namespace vkt {
 namespace {
 
 using Json = nlohmann::json;
 using zarr::Array;
+using zarr::Found;
+using zarr::Level;
+using zarr::member;
 using zarr::Position;
-
-constexpr int deepest_group = 8;
-
-/// What an OME-Zarr group says of one of its arrays.
-struct Level {
-    std::string path;
-    std::vector<double> scale, translation; ///< of all dimensions; may be empty
-};
-struct Multiscale {
-    std::vector<Level> levels; ///< the finest first
-    std::vector<std::string> names, kinds, units;
-};
-
-Json const* member(Json const& object, char const* name) {
-    auto const found = object.is_object() ? object.find(name) : object.end();
-    return !object.is_object() || found == object.end() ? nullptr : &*found;
-}
-
-std::string words(Json const& object, char const* name) {
-    Json const* const found = member(object, name);
-    return found != nullptr && found->is_string() ? found->get<std::string>() : "";
-}
-
-std::vector<double> numbers(Json const& list) {
-    std::vector<double> result;
-    if (!list.is_array() || list.size() > zarr::most_dimensions) return result;
-    for (auto const& n : list) {
-        if (!n.is_number()) return {};
-        result.push_back(n.get<double>());
-    }
-    return result;
-}
-
-/// Scales multiply, and scale translations that were made before them.
-void apply_transformations(Json const* list, Level& level) {
-    if (list == nullptr || !list->is_array()) return;
-    for (auto const& step : *list) {
-        std::string const type = words(step, "type");
-        Json const* const values = member(step, type.c_str());
-        if (values == nullptr) continue;
-        std::vector<double> const v = numbers(*values);
-        if (type == "scale") {
-            if (level.scale.empty()) level.scale.assign(v.size(), 1);
-            for (std::size_t i = 0; i < std::min(v.size(), level.scale.size()); ++i) level.scale[i] *= v[i];
-            for (std::size_t i = 0; i < std::min(v.size(), level.translation.size()); ++i) level.translation[i] *= v[i];
-        } else if (type == "translation") {
-            if (level.translation.empty()) level.translation.assign(v.size(), 0);
-            for (std::size_t i = 0; i < std::min(v.size(), level.translation.size()); ++i) level.translation[i] += v[i];
-        }
-    }
-}
-
-/// What the attributes of a group say of an image; none if they say nothing.
-std::optional<Multiscale> multiscale_in(std::string const& attributes) {
-    Json const json = Json::parse(attributes, nullptr, false);
-    Json const* list = member(json, "multiscales");
-    if (Json const* const ome = member(json, "ome"); list == nullptr && ome != nullptr)
-        list = member(*ome, "multiscales");
-    if (list == nullptr || !list->is_array() || list->empty()) return std::nullopt;
-    Json const& image = list->front();
-    Multiscale result;
-    if (Json const* const axes = member(image, "axes"); axes != nullptr && axes->is_array())
-        for (auto const& axis : *axes) {
-            result.names.push_back(axis.is_string() ? axis.get<std::string>() : words(axis, "name"));
-            result.kinds.push_back(words(axis, "type"));
-            result.units.push_back(words(axis, "unit"));
-        }
-    Json const* const datasets = member(image, "datasets");
-    if (datasets == nullptr || !datasets->is_array()) return std::nullopt;
-    for (auto const& dataset : *datasets) {
-        Level level{words(dataset, "path"), {}, {}};
-        apply_transformations(member(dataset, "coordinateTransformations"), level);
-        apply_transformations(member(image, "coordinateTransformations"), level);
-        if (!level.path.empty()) result.levels.push_back(std::move(level));
-    }
-    if (result.levels.empty()) return std::nullopt;
-    return result;
-}
-
-/// An array, and what is known about it from around it.
-struct Found {
-    Array array;
-    std::optional<Multiscale> image;
-    std::size_t level = 0;
-};
-
-/// Where arrays are looked for: a store, and how messages name what lies in it.
-class Search {
-public:
-    Search(zarr::Store const& store, std::string shown) : store_(store), shown_(std::move(shown)) {}
-    /// The array at `inside` below a folder; without a name, the only one, or the finest of an image.
-    Found array(std::string const& folder, std::string const& inside, int depth) const;
-
-private:
-    std::string below(std::string const& folder, std::string path) const;
-    Found with_image_around(Array array, std::string const& folder) const;
-    [[noreturn]] void no_array(std::string const& folder, std::string const& inside) const;
-
-    zarr::Store const& store_;
-    std::string shown_;
-};
-
-/// Names in metadata lead to what lies below, and nowhere else.
-std::string Search::below(std::string const& folder, std::string path) const {
-    while (path.starts_with('/')) path.erase(0, 1);
-    while (path.ends_with('/')) path.pop_back();
-    for (auto const& part : split(path, '/'))
-        if (part == ".." || part == "." || part.empty())
-            throw Error(ErrorKind::data, text("'", shown_, "': '", path.substr(0, 200), "' is no path below it"));
-    return zarr::key_of(folder, path);
-}
-
-/// A level of an image that was named itself.
-Found Search::with_image_around(Array array, std::string const& folder) const {
-    Found found{std::move(array), {}, 0};
-    std::size_t const slash = folder.rfind('/');
-    std::string const own = folder.substr(slash == std::string::npos ? 0 : slash + 1);
-    std::string const parent = folder.substr(0, slash == std::string::npos ? 0 : slash);
-    if (folder.empty() || !store_.is_node(parent)) return found;
-    found.image = multiscale_in(zarr::read_attributes(store_, parent));
-    if (!found.image) return found;
-    auto const& levels = found.image->levels;
-    auto const level = std::find_if(levels.begin(), levels.end(), [&](Level const& l) { return l.path == own; });
-    if (level == levels.end())
-        found.image.reset();
-    else
-        found.level = static_cast<std::size_t>(level - levels.begin());
-    return found;
-}
-
-void Search::no_array(std::string const& folder, std::string const& inside) const {
-    auto const names = store_.nodes_below(folder);
-    std::string const near = nearest_name(inside, names);
-    throw Error(ErrorKind::usage,
-                text("'", shown_, "' holds no array '", inside, "', but ", names.empty() ? "none" : join(names, ", ")),
-                near.empty() ? "" : text("did you mean '", near, "'?"));
-}
-
-Found Search::array(std::string const& folder, std::string const& inside, int depth) const {
-    if (depth == 0) throw Error(ErrorKind::data, text("'", shown_, "': groups in groups, too many"));
-    if (auto array = zarr::read_array(store_, folder)) {
-        if (!inside.empty())
-            throw Error(ErrorKind::usage, text("'", shown_, "' is an array, and holds no '", inside, "'"));
-        return with_image_around(std::move(*array), folder);
-    }
-    if (!inside.empty()) {
-        std::string const path = below(folder, inside);
-        if (!store_.is_node(path)) no_array(folder, inside);
-        return array(path, "", depth - 1);
-    }
-    if (auto image = multiscale_in(zarr::read_attributes(store_, folder))) {
-        auto array = zarr::read_array(store_, below(folder, image->levels.front().path));
-        if (!array)
-            throw Error(ErrorKind::data,
-                        text("'", shown_, "': the array '", image->levels.front().path, "' of its image is missing"));
-        return {std::move(*array), std::move(image), 0};
-    }
-    auto const names = store_.nodes_below(folder);
-    if (names.size() == 1) return array(below(folder, names.front()), "", depth - 1);
-    if (names.empty()) throw Error(ErrorKind::data, text("'", shown_, "' is a group that holds no array"));
-    throw Error(ErrorKind::usage, text("'", shown_, "' holds several arrays: ", join(names, ", ")),
-                text("name one: --variable ", names.front()));
-}
+using zarr::words;
 
 /// Which dimension is x, y, z (-1: none); the others enumerate volumes.
 std::array<int, 3> spatial_axes(Found const& found) {
@@ -252,6 +95,7 @@ private:
     int threads_ = 1;
     std::size_t most_kept_;
     std::mutex mutex_;
+    std::vector<Held> held_; ///< one a thread
     std::map<std::array<std::int64_t, 3>, std::shared_ptr<LargeVector<std::byte> const>> kept_;
     std::deque<std::array<std::int64_t, 3>> kept_order_;
 };
@@ -267,6 +111,7 @@ ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, st
     threads_ =
         static_cast<int>(std::clamp<std::size_t>(memory / 4 / chunk, 1, static_cast<std::size_t>(default_threads())));
     most_kept_ = memory / 8 / chunk;
+    held_.resize(static_cast<std::size_t>(threads_));
     strides_.resize(array.shape.size());
     std::int64_t stride = 1;
     for (std::size_t i = array.order.size(); i-- > 0;) {
@@ -446,7 +291,7 @@ void ZarrSource::read(AnyView out) {
     FirstFailure failure;
 #pragma omp parallel num_threads(static_cast <int>(std::min <std::int64_t>(threads_, chunks.voxels())))
     {
-        Held held;
+        Held& held = held_[static_cast<std::size_t>(omp_get_thread_num())];
 #pragma omp for schedule(dynamic)
         for (std::int64_t i = 0; i < chunks.voxels(); ++i) {
             failure.catch_from([&] {
@@ -486,7 +331,7 @@ std::unique_ptr<Source> open_zarr(std::unique_ptr<ByteSource> bytes, ReadOptions
     if (!store->is_node(folder))
         throw Error(ErrorKind::data,
                     text("'", file, "' is no Zarr store: it holds neither zarr.json nor .zarray nor .zgroup"));
-    Found found = Search(*store, file).array(folder, inside.empty() ? options.variable : inside, deepest_group);
+    Found found = zarr::find_array(*store, file, folder, inside.empty() ? options.variable : inside);
     return std::make_unique<ZarrSource>(std::move(store), std::move(found), name, options);
 }
 

@@ -1,0 +1,41 @@
+// Arrays in Zarr stores and what OME-Zarr says of them: which array a name means, its scales, names and units.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/formats/zarr_array.h"
+
+#include <nlohmann/json_fwd.hpp>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vkt::zarr {
+
+/// The member of an object; null if there is none, or if it is no object.
+nlohmann::json const* member(nlohmann::json const& object, char const* name);
+/// A member that is text; "" for anything else.
+std::string words(nlohmann::json const& object, char const* name);
+
+/// What an OME-Zarr group says of one of its arrays.
+struct Level {
+    std::string path;
+    std::vector<double> scale, translation; ///< of all dimensions; may be empty
+};
+struct Multiscale {
+    std::vector<Level> levels; ///< the finest first
+    std::vector<std::string> names, kinds, units;
+};
+
+/// An array, and what is known about it from around it.
+struct Found {
+    Array array;
+    std::optional<Multiscale> image;
+    std::size_t level = 0;
+};
+
+/// The array at `inside` below a folder; without a name, the only one there, or the finest of an image. `shown` is how
+/// messages name the store. Throws Error{data} for what is damaged, Error{usage} that lists names where one is missing.
+Found find_array(Store const& store, std::string const& shown, std::string const& folder, std::string const& inside);
+
+} // namespace vkt::zarr
