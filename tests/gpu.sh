@@ -10,7 +10,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 build=${1:-$root/build-cuda}
 nvcc=$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)
 set -- -DCMAKE_BUILD_TYPE=Release -DVKT_CUDA=ON -DCMAKE_CUDA_COMPILER="$nvcc" -DVKT_TESTS=OFF -DVKT_OPENVDB=OFF \
-    -DVKT_VIEWER=OFF -DVKT_PYTHON=OFF
+    -DVKT_VIEWER=OFF
 [ -d "$root/.carry/include" ] && set -- "$@" -DCMAKE_PREFIX_PATH="$root/.carry"
 command -v ninja >/dev/null && set -- "$@" -G Ninja
 mkdir -p "$build"
@@ -24,6 +24,11 @@ sh "$root/tests/gpu/commands.sh" "$build/vkt" || result=1
 "$build/tests/gpu/vkt_gpu_render" || result=1
 "$build/tests/gpu/vkt_gpu_drivers_parity" || result=1
 "$build/tests/gpu/vkt_gpu_drivers_bench" || result=1
+if python3 -c 'import numpy' 2>/dev/null; then
+    PYTHONPATH=$build/python python3 "$root/tests/gpu/arrays.py" || result=1
+else
+    echo 'arrays of GPUs in Python: skipped, there is no NumPy'
+fi
 
 echo
 echo 'commands, 512^3 float32, seconds of wall time for each device:'

@@ -35,6 +35,71 @@ for wrong in dict(stream=1), dict(dl_device=(2, 0)):
 EOF2
 }
 
+@test "without a GPU volumes are on the host, and arrays of GPUs are refused" {
+    python <<'EOF2'
+import ctypes
+try:
+    volume.migrate("gpu")
+    print("there is a GPU: tests/gpu.sh looks at this")
+    raise SystemExit
+except vkt.Error as e:
+    assert e.exit_code == 5, e
+assert volume.devices == ("cpu",) and not hasattr(volume, "__cuda_array_interface__")
+assert volume.migrate("cpu") is volume and np.asarray(volume).shape == volume.dims[::-1]
+for wrong in "moon", "cpu:1":
+    try:
+        volume.migrate(wrong)
+        raise SystemExit(f"{wrong} was taken")
+    except vkt.Error as e:
+        assert e.exit_code == 2, e
+class Foreign:
+    def __init__(self, array, strides=None):
+        self.array = array
+        self.__cuda_array_interface__ = {"version": 3, "shape": array.shape, "typestr": array.dtype.str,
+                                         "data": (array.ctypes.data, False), "strides": strides, "stream": 1}
+a = np.zeros((2, 3, 4), np.float32)
+for array, code in (Foreign(a), 5), (Foreign(a, (48, 4, 16)), 2), (Foreign(a.astype(complex)), 2), (Foreign(a[0, 0, 0]), 2):
+    for copy in True, False:
+        try:
+            vkt.Volume(array, copy=copy)
+            raise SystemExit("a pointer of the host passed for one of a GPU")
+        except vkt.Error as e:
+            assert e.exit_code == code, (e, e.exit_code)
+from vkt import _volume
+assert not _volume._kept
+EOF2
+}
+
+@test "the policy of a thread: nested, put back, of no other thread" {
+    python <<'EOF2'
+import threading
+before = vkt.policy().threads
+with vkt.policy(threads=3, memory=1 << 26) as outer:
+    assert (outer.threads, outer.memory, outer.device) == (3, 1 << 26, "cpu")
+    with vkt.policy(device="cpu", threads=2) as inner:
+        assert (inner.threads, inner.memory, inner.device) == (2, 1 << 26, "cpu")
+        seen = []
+        t = threading.Thread(target=lambda: seen.append(vkt.policy().threads))
+        t.start(), t.join()
+        assert seen == [before]
+    assert outer.threads == 3
+    for wrong, code in (dict(device="moon"), 2), (dict(device="gpu:99"), 5), (dict(threads=-1), 2):
+        try:
+            vkt.policy(**wrong)
+            raise SystemExit(f"{wrong} was taken")
+        except vkt.Error as e:
+            assert e.exit_code == code, e
+    assert outer.threads == 3
+    try:
+        with vkt.policy(memory=1 << 10):
+            vkt.filter.gaussian(volume, sigma=2)
+        raise SystemExit("a volume beyond the memory passed")
+    except vkt.Error as e:
+        assert e.exit_code == 5, e
+assert vkt.policy().threads == before
+EOF2
+}
+
 @test "the memory of others is used in place if that is asked for" {
     python <<'EOF2'
 import gc

@@ -109,6 +109,10 @@ typedef void (*vkt_release_function)(void* user);
    then. A call that fails does not release them. */
 VKT_API vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t bytes,
                                           vkt_release_function release, void* user, vkt_volume** volume);
+/** The same of voxels in memory of a GPU, 256-byte aligned, once all that was asked of that GPU before is done: copied
+   there if `release` is null, else used where they are. VKT_USAGE for memory of the host, VKT_RESOURCES without GPU. */
+VKT_API vkt_status vkt_create_on_device(char const* json, void const* voxels, size_t bytes,
+                                        vkt_release_function release, void* user, vkt_volume** volume);
 /** Takes null, too. */
 VKT_API void vkt_free(vkt_volume* volume);
 
@@ -116,6 +120,14 @@ VKT_API void vkt_free(vkt_volume* volume);
 VKT_API vkt_status vkt_describe(vkt_volume const* volume, vkt_description* description);
 /** The voxels in place, x fastest, valid as long as the volume, and their bytes (`bytes` may be null). */
 VKT_API vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes);
+/** Where the voxels or cells are: `host` is 1 if they are in memory of the host, `device` the index of the GPU that has
+   them, or -1. They may be in both; calls move them just before use, and what is there already stays. */
+VKT_API vkt_status vkt_residence(vkt_volume const* volume, int* host, int* device);
+/** Brings them there before use: "cpu", "gpu" or "gpu:N". What a GPU has already stays on that one. */
+VKT_API vkt_status vkt_migrate(vkt_volume const* volume, char const* device);
+/** The voxels in memory of a GPU, that of the policy of the thread if none has them yet, as vkt_voxels(); all work on
+   them is done. `device` (may be null) is its index. */
+VKT_API vkt_status vkt_device_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes, int* device);
 /** All that the header says, attributes and history too, as `vkt info --json`. For vkt_free_text(). */
 VKT_API vkt_status vkt_header(vkt_volume const* volume, char** json);
 

@@ -179,19 +179,6 @@ vkt_status vkt_describe(vkt_volume const* volume, vkt_description* description) 
     });
 }
 
-vkt_status vkt_voxels(vkt_volume const* volume, void const** voxels, size_t* bytes) {
-    return guarded([&](Call&) {
-        need(volume, "volume");
-        need(voxels, "voxels");
-        if (volume->volume.header().kind == Kind::hierarchical)
-            throw Error(ErrorKind::usage, "a hierarchical volume is no box of voxels",
-                        "make a grid of it: resample --cells 50M");
-        ConstView const view = volume->volume.view();
-        *voxels = view.data;
-        if (bytes != nullptr) *bytes = view.bytes();
-    });
-}
-
 vkt_status vkt_header(vkt_volume const* volume, char** json) {
     return guarded([&](Call&) {
         need(volume, "volume");

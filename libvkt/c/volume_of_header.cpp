@@ -3,6 +3,7 @@
 #include "libvkt/c/call.h"
 #include "libvkt/c/volume.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 
@@ -58,6 +59,31 @@ Volume in_place(Header header, void const* voxels, std::shared_ptr<VoxelOwner> o
     return Volume(std::move(header), Buffer::adopt(data, bytes, std::move(owner)));
 }
 
+/// Device memory of whatever alignment as kernels need it.
+Volume copy_on_device(Header header, void const* voxels) {
+    Volume result(std::move(header));
+    vkt::copy_on_device(result.buffer().write(Space::device), voxels, result.header().bytes());
+    device_synchronize();
+    return result;
+}
+
+Volume in_place_on_device(Header header, void const* voxels, int device, std::shared_ptr<VoxelOwner> owner) {
+    if (reinterpret_cast<std::uintptr_t>(voxels) % 256 != 0)
+        throw Error(ErrorKind::usage, "the voxels are not aligned to 256 bytes", "let them be copied");
+    auto* const data = const_cast<std::byte*>(static_cast<std::byte const*>(voxels));
+    std::size_t const bytes = header.bytes();
+    return Volume(std::move(header), Buffer::adopt_on_device(data, device, bytes, std::move(owner)));
+}
+
+/// The volume that `make` makes of an owner, which is told of the program's voxels when nothing can fail any more.
+template <class Make> vkt_volume* owning(vkt_release_function release, void* user, Make make) {
+    auto const owner = std::make_shared<VoxelOwner>();
+    vkt_volume* const volume = wrapped(make(owner));
+    owner->release = release;
+    owner->user = user;
+    return volume;
+}
+
 } // namespace
 
 vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t bytes, vkt_release_function release,
@@ -71,9 +97,28 @@ vkt_status vkt_create_from_header(char const* json, void const* voxels, size_t b
             *volume = wrapped(copy_of(std::move(header), voxels));
             return;
         }
-        auto const owner = std::make_shared<VoxelOwner>();
-        *volume = wrapped(in_place(std::move(header), voxels, owner));
-        owner->release = release; // nothing can fail any more
-        owner->user = user;
+        *volume = owning(release, user, [&](auto const& owner) { return in_place(std::move(header), voxels, owner); });
+    });
+}
+
+vkt_status vkt_create_on_device(char const* json, void const* voxels, size_t bytes, vkt_release_function release,
+                                void* user, vkt_volume** volume) {
+    return guarded([&](Call&) {
+        need(json, "json");
+        need(voxels, "voxels");
+        need(volume, "volume");
+        int const device = device_of(voxels);
+        if (device < 0)
+            throw Error(ErrorKind::usage, "the voxels are in memory of the host",
+                        "vkt_create_from_header() takes them");
+        Header header = header_of(json, bytes);
+        device_select(device);
+        device_synchronize();
+        if (release == nullptr)
+            *volume = wrapped(copy_on_device(std::move(header), voxels));
+        else
+            *volume = owning(release, user, [&](auto const& owner) {
+                return in_place_on_device(std::move(header), voxels, device, owner);
+            });
     });
 }

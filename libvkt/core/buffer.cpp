@@ -55,6 +55,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
     std::swap(device_, other.device_);
     std::swap(device_index_, other.device_index_);
     std::swap(owner_, other.owner_);
+    std::swap(adopted_, other.adopted_);
     std::swap(bytes_, other.bytes_);
     std::swap(host_valid_, other.host_valid_);
     std::swap(device_valid_, other.device_valid_);
@@ -72,10 +73,21 @@ Buffer Buffer::adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> o
     return buffer;
 }
 
+Buffer Buffer::adopt_on_device(std::byte* memory, int device, std::size_t bytes, std::shared_ptr<void> owner) {
+    Buffer buffer;
+    buffer.device_ = memory;
+    buffer.device_index_ = device;
+    buffer.bytes_ = bytes;
+    buffer.owner_ = std::move(owner);
+    buffer.adopted_ = Space::device;
+    buffer.device_valid_ = true;
+    return buffer;
+}
+
 void Buffer::release() {
-    if (!owner_) free_host(host_, bytes_);
+    if (!owner_ || adopted_ != Space::host) free_host(host_, bytes_);
+    if (device_ != nullptr && (!owner_ || adopted_ != Space::device)) device_free(device_, device_index_);
     owner_.reset();
-    if (device_ != nullptr) device_free(device_, device_index_);
     host_ = device_ = nullptr;
     host_valid_ = device_valid_ = false;
 }

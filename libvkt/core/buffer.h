@@ -19,6 +19,8 @@ public:
     explicit Buffer(std::size_t bytes); ///< with reserve(bytes)
     /// Memory that somebody else allocated and `owner` keeps alive; it is written to like any other.
     static Buffer adopt(std::byte* host, std::size_t bytes, std::shared_ptr<void> owner);
+    /// The same of device memory, 256-byte aligned, of that GPU.
+    static Buffer adopt_on_device(std::byte* memory, int device, std::size_t bytes, std::shared_ptr<void> owner);
     ~Buffer();
     Buffer(Buffer&& other) noexcept;
     Buffer& operator=(Buffer&& other) noexcept;
@@ -33,6 +35,7 @@ public:
     std::byte* update(Space space);     ///< like write, but present contents are brought along first
     std::byte const* read(Space space); ///< the contents there, migrated if they are elsewhere
     bool resident(Space space) const { return space == Space::host ? host_valid_ : device_valid_; }
+    int device() const { return device_index_; } ///< of the contents there, if they are resident
 
 private:
     void release();
@@ -42,7 +45,8 @@ private:
     std::byte* device_ = nullptr;
     /// Of the GPU whose memory device_ is: copies go through its stream, whatever the thread uses.
     int device_index_ = 0;
-    std::shared_ptr<void> owner_; ///< of host_, if it was adopted
+    std::shared_ptr<void> owner_; ///< of what was adopted
+    Space adopted_ = Space::host; ///< where that is
     std::size_t bytes_ = 0;
     bool host_valid_ = false, device_valid_ = false;
 };

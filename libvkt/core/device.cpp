@@ -42,6 +42,13 @@ int device_current() {
     return device;
 }
 
+int device_of(void const* memory) {
+    cudaPointerAttributes attributes{};
+    must(cudaPointerGetAttributes(&attributes, memory), "whose memory this is is not known");
+    bool const its = attributes.type == cudaMemoryTypeDevice || attributes.type == cudaMemoryTypeManaged;
+    return its ? attributes.device : -1;
+}
+
 DeviceFacts device_facts(int device) {
     device_select(device);
     cudaDeviceProp properties{};
@@ -121,6 +128,7 @@ void check_launch(char const* kernel) {
 int device_count() { return 0; }
 void device_select(int) { throw_without_cuda(); }
 int device_current() { throw_without_cuda(); }
+int device_of(void const*) { throw_without_cuda(); }
 DeviceFacts device_facts(int) { throw_without_cuda(); }
 std::byte* device_allocate(std::size_t) { throw_without_cuda(); }
 void device_free(std::byte*, int) noexcept {}

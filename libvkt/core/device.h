@@ -16,6 +16,9 @@ int device_count();
 /// Makes a device the current one of this thread. Throws Error{resources}.
 void device_select(int device);
 int device_current();
+/// The device whose memory this is, managed memory included; -1 for memory of the host. Throws Error{resources} without
+/// CUDA.
+int device_of(void const* memory);
 
 struct DeviceFacts {
     std::string name;

@@ -8,6 +8,10 @@ import numpy as np
 library = ctypes.CDLL(os.path.join(os.path.dirname(os.path.abspath(__file__)), "_vkt.so"))
 
 
+class Policy(ctypes.Structure):
+    _fields_ = [("device", ctypes.c_char_p), ("threads", ctypes.c_int), ("memory", ctypes.c_size_t)]
+
+
 class Description(ctypes.Structure):
     _fields_ = [
         ("dims", ctypes.c_int64 * 3),
@@ -40,6 +44,12 @@ def _declare():
         "vkt_read": (ctypes.c_int, [text, words, size, out]),
         "vkt_operation_help": (ctypes.c_int, [text, out]),
         "vkt_create_from_header": (ctypes.c_int, [text, ctypes.c_void_p, size, ReleaseFunction, ctypes.c_void_p, out]),
+        "vkt_create_on_device": (ctypes.c_int, [text, ctypes.c_void_p, size, ReleaseFunction, ctypes.c_void_p, out]),
+        "vkt_residence": (ctypes.c_int, [volume, ctypes.POINTER(ctypes.c_int), ctypes.POINTER(ctypes.c_int)]),
+        "vkt_migrate": (ctypes.c_int, [volume, text]),
+        "vkt_device_voxels": (ctypes.c_int, [volume, out, ctypes.POINTER(size), ctypes.POINTER(ctypes.c_int)]),
+        "vkt_set_policy": (ctypes.c_int, [ctypes.POINTER(Policy)]),
+        "vkt_get_policy": (ctypes.c_int, [ctypes.POINTER(Policy)]),
         "vkt_free": (None, [volume]),
         "vkt_describe": (ctypes.c_int, [volume, description]),
         "vkt_voxels": (ctypes.c_int, [volume, out, ctypes.POINTER(size)]),

@@ -9,7 +9,7 @@ from typing import Any, Sequence
 
 import numpy as np
 
-from . import _dlpack, _notebook, _operations, _picture
+from . import _cuda, _dlpack, _notebook, _operations, _picture
 from ._library import Description, Error, ReleaseFunction, check, library, option_words, text_of, words_of
 
 # Arrays whose voxels volumes use in place, until no volume uses them any more.
@@ -24,13 +24,15 @@ def _release(key, _kept=_kept):
 
 def _create(header, array, in_place):
     """The handle of a volume of these fields of a header and of this array, contiguous and in native order."""
+    on_gpu = isinstance(array, _cuda.DeviceArray)
+    make = library.vkt_create_on_device if on_gpu else library.vkt_create_from_header
     key = next(_keys)
     handle = ctypes.c_void_p()
     if in_place:
         _kept[key] = array
     try:
-        check(library.vkt_create_from_header(header.encode(), array.ctypes.data, array.nbytes,
-                                             _release if in_place else ReleaseFunction(), key, ctypes.byref(handle)))
+        check(make(header.encode(), array.pointer if on_gpu else array.ctypes.data, array.nbytes,
+                   _release if in_place else ReleaseFunction(), key, ctypes.byref(handle)))
     except Error:
         _kept.pop(key, None)
         raise
@@ -47,24 +49,32 @@ class Volume:
     world = origin + direction @ (spacing * index).
 
     numpy.asarray(volume) and numpy.from_dlpack(volume), or that of any package for memory of the host, show the voxels in
-    place. Volumes can be pickled, with geometry, value map, attributes and history."""
+    place. Volumes can be pickled, with geometry, value map, attributes and history.
+
+    Arrays of a GPU, of CuPy, PyTorch, Numba, JAX, are taken as well: the voxels stay there, and operations on a GPU
+    (device="gpu", or vkt.policy) leave their results there. Such volumes have __cuda_array_interface__ and hand DLPack the
+    memory of the GPU; numpy.asarray(volume) brings the voxels to the host, migrate("gpu") to the GPU."""
 
     def __init__(self, array: Any, *, spacing: "float | Sequence[float] | None" = None,
                  origin: "Sequence[float] | None" = None, direction: Any = None, slope: "float | None" = None,
                  intercept: "float | None" = None, units: "str | None" = None, like: "Volume | None" = None,
                  copy: bool = True):
-        array = np.asarray(array)
+        on_gpu = array if isinstance(array, _cuda.DeviceArray) else _cuda.array_of(array)
+        array = np.asarray(array) if on_gpu is None else on_gpu
         if array.dtype == bool:
             array = array.view(np.uint8)
         if not 1 <= array.ndim <= 3 or array.size == 0:
             raise Error(f"an array of shape {array.shape} is no volume: it takes [z, y, x]", 2)
         if array.dtype.kind not in "iuf" or array.dtype.itemsize > 8:
             raise Error(f"voxels cannot be {array.dtype}: integers and floats of up to 64 bits can", 2)
-        fits = array.flags.c_contiguous and array.flags.aligned and array.dtype.isnative
+        if on_gpu is not None and not (array.contiguous and array.dtype.isnative):
+            raise Error("an array of a GPU is to be contiguous, [z, y, x]", 2, "make a contiguous copy of it")
+        fits = on_gpu is not None or (array.flags.c_contiguous and array.flags.aligned and array.dtype.isnative)
         if not copy and not fits:
             raise Error("this array cannot be used in place", 2,
                         "it is to be contiguous, [z, y, x], and in the byte order of the machine; or say copy=True")
-        array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+        if on_gpu is None:
+            array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
         told = like.header if like is not None else {}
         direction = (np.transpose(np.asarray(direction, float).reshape(3, 3)).tolist() if direction is not None
                      else told.get("direction", np.eye(3).tolist()))
@@ -128,10 +138,54 @@ class Volume:
 
     def __dlpack__(self, *, stream: Any = None, max_version: "tuple[int, int] | None" = None, dl_device: Any = None,
                    copy: "bool | None" = None) -> Any:
-        return _dlpack.capsule(self.array, stream, max_version, dl_device, copy)
+        device = self.__dlpack_device__() if dl_device is None else tuple(int(n) for n in dl_device)
+        if device[0] != _dlpack.GPU:
+            return _dlpack.capsule(self.array, stream, max_version, device, copy)
+        if copy:
+            raise BufferError("the voxels are not copied on the GPU: copy what you take")
+        try:
+            array = self._on_gpu()
+        except Error as e:
+            raise BufferError(str(e)) from None
+        if device[1] != self._residence()[1]:
+            raise BufferError(f"the voxels are on GPU {self._residence()[1]}")
+        return _dlpack.capsule(array, None, max_version, device, False)  # all work on them is done, for any stream
 
     def __dlpack_device__(self) -> "tuple[int, int]":
-        return _dlpack.HOST
+        host, gpu = self._residence()
+        return _dlpack.HOST if host or gpu < 0 else (_dlpack.GPU, gpu)
+
+    def __getattr__(self, name):
+        # An attribute of volumes on a GPU alone, since packages take its presence to mean that they are there.
+        if name == "__cuda_array_interface__" and self._residence()[1] >= 0:
+            array = self._on_gpu()
+            return {"version": 3, "shape": array.shape, "typestr": array.dtype.str, "data": (array.pointer, True),
+                    "strides": None, "stream": None}
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def _residence(self):
+        """Whether the voxels are in memory of the host, and the index of the GPU that has them, or -1."""
+        host, gpu = ctypes.c_int(), ctypes.c_int()
+        check(library.vkt_residence(self._handle, ctypes.byref(host), ctypes.byref(gpu)))
+        return bool(host.value), gpu.value
+
+    def _on_gpu(self):
+        """The voxels on a GPU, brought there if they are not."""
+        pointer = ctypes.c_void_p()
+        check(library.vkt_device_voxels(self._handle, ctypes.byref(pointer), None, None))
+        return _cuda.DeviceArray(self, pointer.value, self.dims[::-1], self.dtype)
+
+    @property
+    def devices(self) -> "tuple[str, ...]":
+        """Where the voxels are: ("cpu",), ("gpu:0",) or both. Operations move them just before use."""
+        host, gpu = self._residence()
+        return ("cpu",) * host + ((f"gpu:{gpu}",) if gpu >= 0 else ())
+
+    def migrate(self, device: str) -> "Volume":
+        """Brings the voxels to "cpu", "gpu" or "gpu:N" before use; what a GPU has already stays on that one. Returns the
+        volume itself."""
+        check(library.vkt_migrate(self._handle, device.encode()))
+        return self
 
     @property
     def _description(self):
@@ -254,6 +308,7 @@ def read(path: "str | os.PathLike[str]", **options: Any) -> Volume:
 
 
 def from_dlpack(array: Any, **geometry: Any) -> Volume:
-    """A volume of the memory of an array [z, y, x] of another package, in the host's memory and used in place; it must not
+    """A volume of the memory of an array [z, y, x] of another package, of the host or of a GPU, used in place; it must not
     change as long as the volume and what was made of it exist. Geometry is that of vkt.Volume()."""
-    return Volume(np.from_dlpack(array), copy=False, **geometry)
+    on_gpu = array.__dlpack_device__()[0] == _dlpack.GPU
+    return Volume(_dlpack.taken(array) if on_gpu else np.from_dlpack(array), copy=False, **geometry)
