@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/tree.h"
 #include "libvkt/core/view.h"
+#include "libvkt/kernel/host_device.h"
 
 #include <vector>
 

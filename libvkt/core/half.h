@@ -2,19 +2,16 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/view.h"
-
 #include <cstdint>
 
 namespace vkt {
 
 namespace detail {
 
-template <class To, class From> VKT_HD To bits_as(From from) {
+/// std::bit_cast() that is inlined without optimisation, too: kernels for several instruction sets call it.
+template <class To, class From> [[gnu::always_inline]] constexpr To bits_as(From from) {
     static_assert(sizeof(To) == sizeof(From));
-    To to;
-    __builtin_memcpy(&to, &from, sizeof to);
-    return to;
+    return __builtin_bit_cast(To, from);
 }
 
 } // namespace detail
@@ -26,15 +23,15 @@ struct Half {
     std::uint16_t bits = 0;
 
     Half() = default;
-    explicit VKT_HD Half(float value) : bits(narrow(value)) {}
-    explicit VKT_HD Half(double value) : bits(narrow(to_odd(value))) {}
-    static VKT_HD Half from_bits(std::uint16_t bits) {
+    [[gnu::always_inline]] constexpr explicit Half(float value) : bits(narrow(value)) {}
+    [[gnu::always_inline]] constexpr explicit Half(double value) : bits(narrow(to_odd(value))) {}
+    [[gnu::always_inline]] static constexpr Half from_bits(std::uint16_t bits) {
         Half h;
         h.bits = bits;
         return h;
     }
 
-    explicit VKT_HD operator float() const {
+    [[gnu::always_inline]] constexpr explicit operator float() const {
         // The fraction and exponent moved to float's place are the value times 2^-112, subnormals included.
         std::uint32_t const magnitude = static_cast<std::uint32_t>(bits & 0x7fffu) << 13;
         float const scaled = detail::bits_as<float>(magnitude) * 0x1p112f;
@@ -42,10 +39,12 @@ struct Half {
         std::uint32_t const result = magnitude >= 0x0f800000u ? (magnitude | 0x7f800000u) : finite;
         return detail::bits_as<float>(result | (static_cast<std::uint32_t>(bits & 0x8000u) << 16));
     }
-    explicit VKT_HD operator double() const { return static_cast<double>(static_cast<float>(*this)); }
+    [[gnu::always_inline]] constexpr explicit operator double() const {
+        return static_cast<double>(static_cast<float>(*this));
+    }
 
 private:
-    static VKT_HD std::uint16_t narrow(float value) {
+    [[gnu::always_inline]] static constexpr std::uint16_t narrow(float value) {
         std::uint32_t const all = detail::bits_as<std::uint32_t>(value);
         std::uint32_t const magnitude = all & 0x7fffffffu;
         // Normal: rebias by -112, add just under half an ulp plus the last kept bit, and let carries run.
@@ -61,7 +60,7 @@ private:
         return static_cast<std::uint16_t>(result | ((all >> 16) & 0x8000u));
     }
     /// Rounds to float so that a second rounding gives what one rounding would have given: inexact results end in 1.
-    static VKT_HD float to_odd(double value) {
+    [[gnu::always_inline]] static constexpr float to_odd(double value) {
         float const nearest = static_cast<float>(value);
         double const back = static_cast<double>(nearest);
         std::uint32_t bits = detail::bits_as<std::uint32_t>(nearest);

@@ -6,12 +6,6 @@
 
 #include <type_traits>
 
-#ifdef __CUDACC__
-#define VKT_HD __host__ __device__ __forceinline__
-#else
-#define VKT_HD inline __attribute__((always_inline))
-#endif
-
 namespace vkt {
 
 /// Where bytes can be dereferenced.
@@ -23,7 +17,7 @@ template <class T> struct View {
     Index3 lower;
     std::int64_t row = 0, slice = 0;
 
-    VKT_HD T& operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
+    [[gnu::always_inline]] constexpr T& operator()(std::int64_t x, std::int64_t y, std::int64_t z) const {
         return data[(x - lower.x) + (y - lower.y) * row + (z - lower.z) * slice];
     }
 };

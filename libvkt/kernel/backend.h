@@ -5,6 +5,7 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/view.h"
+#include "libvkt/kernel/host_device.h"
 
 // Sources in folders called kernels, and rows.cpp, are compiled as baseline, avx2, avx512 and cuda, each into the
 // namespace VKT_BACKEND of its own; all others once. What is called from outside is declared in a header beside it:

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/view.h"
+#include "libvkt/kernel/host_device.h"
 
 namespace vkt::render {
 
