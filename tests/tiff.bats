@@ -118,6 +118,28 @@ assert infos("cm.tif")[0]["spacing"] == [0.5, 1, 1]
 END
 }
 
+@test "orientation: what is seen at the top left is at the origin, whatever the order in the file" {
+    /usr/bin/python3 - <<'END'
+import tifffile, numpy
+from voxels import *
+seen = numpy.arange(3 * 4 * 6, dtype="u2").reshape(3, 4, 6)
+stored = {1: seen, 2: seen[:, :, ::-1], 3: seen[:, ::-1, ::-1], 4: seen[:, ::-1]}
+stored |= {5: stored[1].swapaxes(1, 2), 6: stored[2].swapaxes(1, 2), 7: stored[3].swapaxes(1, 2), 8: stored[4].swapaxes(1, 2)}
+for n, data in stored.items():
+    tifffile.imwrite("o.tif", numpy.ascontiguousarray(data), photometric="minisblack", metadata=None,
+                     resolution=(4, 2), resolutionunit="CENTIMETER", extratags=[(274, "H", 1, n, True)])
+    assert voxels("o.tif").tobytes() == data.tobytes(), n  # in the order of the file
+    info = infos("o.tif")[0]
+    origin, spacing, axes = (numpy.array(info[k]) for k in ("origin", "spacing", "direction"))
+    assert list(spacing) == [2.5, 5, 1]
+    seen_spacing = spacing[[1, 0, 2]] if n > 4 else spacing
+    for z, y, x in numpy.ndindex(data.shape):
+        at = (origin + axes.T @ (spacing * (x, y, z))) / seen_spacing
+        i, j, k = numpy.round(at).astype(int)
+        assert numpy.allclose(at, (i, j, k)) and seen[k, j, i] == data[z, y, x], (n, at)
+END
+}
+
 @test "axes of tifffile's own files, units that differ, thumbnails that come first" {
     /usr/bin/python3 - <<'END'
 import tifffile, numpy
