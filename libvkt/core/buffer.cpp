@@ -117,16 +117,20 @@ std::byte* Buffer::write(Space space) {
     return data;
 }
 
+bool Buffer::resident(Space space) const {
+    std::lock_guard const lock(moving_);
+    return space == Space::host ? host_valid_ : device_valid_;
+}
+
 std::byte const* Buffer::read(Space space) {
+    std::lock_guard const lock(moving_);
     std::byte* const data = memory(space);
     bool const to_device = space == Space::device && !device_valid_ && host_valid_;
     bool const to_host = space == Space::host && !host_valid_ && device_valid_;
     if (to_device || to_host) device_select(device_index_);
     if (to_device) copy_to_device(device_, host_, bytes_);
     if (to_host) copy_to_host(host_, device_, bytes_);
-    // Written only when it changes: several threads may read what is there already.
-    bool& valid = space == Space::host ? host_valid_ : device_valid_;
-    if (!valid) valid = true;
+    (space == Space::host ? host_valid_ : device_valid_) = true;
     return data;
 }
 

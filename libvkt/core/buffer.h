@@ -7,12 +7,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 
 namespace vkt {
 
 /// Owns bytes with up to two residencies. Reading on a device copies there if needed and keeps the other copy valid;
-/// writing invalidates the other. Moves are cheap; copies do not exist. Host memory is 64-byte aligned and comes in
-/// huge pages from 2 MiB up, because freshly touched 4 KiB pages cost more than most kernels.
+/// writing invalidates the other. Moves are cheap; copies do not exist. Any number of threads may read. Host memory is
+/// 64-byte aligned and comes in huge pages from 2 MiB up, because freshly touched 4 KiB pages cost more than most
+/// kernels.
 class Buffer {
 public:
     Buffer() = default;
@@ -34,7 +36,7 @@ public:
     std::byte* write(Space space);      ///< the memory there; other copies become stale
     std::byte* update(Space space);     ///< like write, but present contents are brought along first
     std::byte const* read(Space space); ///< the contents there, migrated if they are elsewhere
-    bool resident(Space space) const { return space == Space::host ? host_valid_ : device_valid_; }
+    bool resident(Space space) const;
     int device() const { return device_index_; } ///< of the contents there, if they are resident
 
 private:
@@ -49,6 +51,7 @@ private:
     Space adopted_ = Space::host; ///< where that is
     std::size_t bytes_ = 0;
     bool host_valid_ = false, device_valid_ = false;
+    mutable std::mutex moving_; ///< readers that want the contents where they are not yet
 };
 
 /// Aligned, huge-page-advised host memory. Throws Error{resources} when there is none.
