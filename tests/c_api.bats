@@ -106,6 +106,18 @@ static int take_null(void) {
     REFUSED(vkt_statistics(volume, NULL, 1, &json), "words");
     REFUSED(vkt_voxels(NULL, &voxels, NULL), "volume");
     REFUSED(vkt_voxels(volume, NULL, NULL), "voxels");
+    int host = -7, device = -7;
+    REFUSED(vkt_residence(NULL, &host, &device), "volume");
+    REFUSED(vkt_residence(volume, NULL, &device), "host");
+    REFUSED(vkt_residence(volume, &host, NULL), "device");
+    REFUSED(vkt_migrate(NULL, "cpu"), "volume");
+    REFUSED(vkt_migrate(volume, NULL), "device");
+    REFUSED(vkt_device_voxels(NULL, &voxels, NULL, NULL), "volume");
+    REFUSED(vkt_device_voxels(volume, NULL, NULL, NULL), "voxels");
+    REFUSED(vkt_create_on_device(NULL, volume, 1, NULL, NULL, &untouched), "json");
+    REFUSED(vkt_create_on_device("{}", NULL, 1, NULL, NULL, &untouched), "voxels");
+    REFUSED(vkt_create_on_device("{}", volume, 1, NULL, NULL, NULL), "volume");
+    if (host != -7 || device != -7) return 3;
     REFUSED(vkt_write(NULL, "null.nrrd", NULL, 0), "volume");
     REFUSED(vkt_write(volume, NULL, NULL, 0), "path");
     REFUSED(vkt_write(volume, "null.nrrd", OPTIONS("--force", NULL)), "words[1]");
@@ -122,6 +134,33 @@ static int take_null(void) {
     vkt_free(NULL);
     vkt_free_text(NULL);
     return wrong != 0 || untouched != NULL || json != NULL || voxels != NULL || *vkt_remarks(NULL) != '\0';
+}
+
+static void must_not_be_called(void* user) { *(int*)user = 1; }
+
+/* program residence: voxels are on the host; without a GPU nothing else can be had, and nothing is released. */
+static int residence(void) {
+    vkt_volume *volume = NULL, *untouched = NULL;
+    vkt_description d;
+    void const* voxels = NULL;
+    char* json = NULL;
+    int host = -7, device = -7, released = 0;
+    vkt_default_description(&d);
+    if (vkt_create(&d, NULL, &volume) != VKT_OK || vkt_header(volume, &json) != VKT_OK) return complain();
+    if (vkt_migrate(volume, "cpu") != VKT_OK || vkt_residence(volume, &host, &device) != VKT_OK) return complain();
+    if (host != 1 || device != -1) return 3;
+    if (vkt_migrate(volume, "moon") != VKT_USAGE) return 4;
+    vkt_status const moved = vkt_migrate(volume, "gpu");
+    if (moved == VKT_OK) { /* there is one: tests/gpu.sh looks at more */
+        if (vkt_device_voxels(volume, &voxels, NULL, &device) != VKT_OK || device < 0 || voxels == NULL) return 5;
+    } else {
+        if (moved != VKT_RESOURCES || vkt_device_voxels(volume, &voxels, NULL, &device) != VKT_RESOURCES) return 6;
+        if (vkt_create_on_device(json, volume, 1, must_not_be_called, &released, &untouched) != VKT_RESOURCES) return 7;
+        if (voxels != NULL || device != -1 || untouched != NULL || released != 0) return 8;
+    }
+    vkt_free_text(json);
+    vkt_free(volume);
+    return 0;
 }
 
 static double shifted(int64_t x, int64_t y, int64_t z, double value, void* user) {
@@ -214,6 +253,7 @@ int main(int argc, char** argv) {
     if (argc == 3 && strcmp(argv[1], "refuse") == 0) return refuse(argv[2][0] - '0');
     if (argc == 2 && strcmp(argv[1], "memory") == 0) return in_memory();
     if (argc == 2 && strcmp(argv[1], "null") == 0) return take_null();
+    if (argc == 2 && strcmp(argv[1], "residence") == 0) return residence();
     if (argc == 2 && strcmp(argv[1], "trim") == 0) return trim();
     if (argc == 2 && strcmp(argv[1], "transform") == 0) return transform();
     printf("%s\n", vkt_version());
@@ -286,6 +326,10 @@ EOF
 @test "null pointers are refused by name" {
     "$program" null
     [ ! -e null.nrrd ]
+}
+
+@test "where voxels are, and that a GPU is needed for more" {
+    "$program" residence
 }
 
 @test "a function of index and value is called for every voxel" {
