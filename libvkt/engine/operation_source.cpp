@@ -124,7 +124,8 @@ void OperationSource::Input::finish() {
 
 void OperationSource::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
     Source& from = preparing_ ? *preparing_ : *source_;
-    auto spool = std::make_unique<Spool>(from.header(), in_memory, execution, info);
+    Space const space = execution.device == Device::gpu ? from.space() : Space::host;
+    auto spool = std::make_unique<Spool>(from.header(), in_memory, execution, info, space);
     spool->fill(from, execution);
     spool_ = std::move(spool);
     preparing_.reset();

@@ -216,12 +216,20 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
     } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
         if (hint == 0) hint = sink.natural_slab();
+        // What lies on the GPU already comes in slabs that may be passed on as they are.
+        if (sink.space() == Space::device && (hint == 0 || source.space() == Space::host))
+            hint = gpu_slab_hint(header, hint);
+        Buffer staging;
         Cut const cut = cut_of(header, hint, execution);
         source.expect(box_of(header.dims));
         for_each_piece(box_of(header.dims), cut, [&](Box const& box) {
             ProgressPart const share = part_of(execution.monitor, box_of(header.dims), box);
             if (auto const lease = source.lease(box); lease && sink.pass_on(box, lease)) return;
-            source.read(sink.acquire(box));
+            AnyView const to = sink.acquire(box);
+            if (to.space == Space::device)
+                read_across(source, to, staging, execution);
+            else
+                source.read(to);
             sink.commit();
         });
     }
