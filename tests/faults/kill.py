@@ -69,7 +69,7 @@ def main():
             cut += 1
         for code, process in zip(codes, processes):
             assert code in (0, 1, 2, 3, 4, 5) or code in (-number, -signal.SIGPIPE), f"{process.args} exited {code}: {messages}"
-        lines = [line for message in messages for line in message.splitlines() if "hint:" not in line and "through the pipe" not in line]
+        lines = [line for message in messages for line in message.splitlines() if "hint:" not in line and "voxels go through" not in line]
         assert len(lines) <= 1, f"more than one stage complains: {lines}"
         assert not leftovers(processes), f"left behind: {leftovers(processes)}"
     print(f"{sys.argv[2]} over {transport}: {rounds} rounds, {cut} cut off, {whole} whole, 0 losses, 0 leftovers")
