@@ -207,7 +207,7 @@ void OperationSource::plan_volume() {
     }
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
-    if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    if (execution_.device == Device::gpu && !plan_.shift) device_select(execution_.gpu);
     auto* const prepared = dynamic_cast<Prepared*>(&operation_);
     if (Operation* const first = prepared != nullptr ? prepared->preparation() : nullptr) {
         inputs_.front()->prepare(*first, requested_, info_);

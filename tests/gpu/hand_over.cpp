@@ -40,14 +40,14 @@ double median(std::vector<double> times) {
 }
 
 /// A stage that fills slabs; what it would take alone.
-void produce(int descriptor, std::shared_ptr<ipc::GpuMemory> gpu) {
+void produce(int descriptor, std::shared_ptr<ipc::GpuMemory> gpu, std::int64_t slices) {
     ipc::StreamOptions options;
     options.transport = ipc::Transport::gpu;
     options.gpu = std::move(gpu);
     options.notice = [](std::string const& message) { std::printf("FAILED: %s\n", message.c_str()); };
     ipc::StreamSink sink(descriptor, options);
     Header const header = one_gigabyte();
-    Cut const cut = cut_of(header, gpu_slab_hint(header, 0), default_execution());
+    Cut const cut = cut_of(header, slices > 0 ? slices : gpu_slab_hint(header, 0), default_execution());
     std::vector<double> times;
     for (int i = 0; i < volumes; ++i) {
         auto const begin = Clock::now();
@@ -69,9 +69,10 @@ void produce(int descriptor, std::shared_ptr<ipc::GpuMemory> gpu) {
     device_synchronize();
     double const fill = ms_since(begin);
     double const handed = median({times.begin() + 2, times.end()});
-    std::printf("1 GiB filled and handed over in %.2f ms, filled alone in %.2f ms: %.2f ms for the hand-over (bar: at most "
-                "%.0f): %s\n",
-                handed, fill, handed - fill, most_ms, handed - fill <= most_ms ? "within" : "FAILED");
+    std::printf(
+        "1 GiB filled and handed over in %.2f ms, filled alone in %.2f ms: %.2f ms for the hand-over (bar: at most "
+        "%.0f): %s\n",
+        handed, fill, handed - fill, most_ms, handed - fill <= most_ms ? "within" : "FAILED");
 }
 
 void consume(int descriptor, bool copies) {
@@ -93,10 +94,12 @@ void consume(int descriptor, bool copies) {
     }
 }
 
-void run(bool copies) {
+void run(bool copies, std::int64_t slices) {
     int ends[2];
     if (::pipe(ends) != 0) throw Error(ErrorKind::failure, "no pipe");
-    std::printf("%s\n", copies ? "The reader copies every slab:" : "The reader looks at slabs in place:");
+    std::printf("%s, slabs of %ld MiB:\n",
+                copies ? "The reader copies every slab" : "The reader looks at slabs in place",
+                static_cast<long>(4 * slices));
     std::fflush(stdout);
     auto const child = [&](auto const& body) {
         pid_t const process = ::fork(); // before anybody has hold of a GPU
@@ -117,7 +120,7 @@ void run(bool copies) {
     });
     pid_t const writer = child([&] {
         ::close(ends[0]);
-        produce(ends[1], ipc::cuda_memory(0, "--transport gpu"));
+        produce(ends[1], ipc::cuda_memory(0, "--transport gpu"), slices);
     });
     ::close(ends[0]);
     ::close(ends[1]);
@@ -139,6 +142,7 @@ int main() {
         std::puts("skipped: no GPU");
         return 77;
     }
-    for (bool const copies : {false, true}) run(copies);
+    for (std::int64_t const slices : {16, 32, 64, 128})
+        for (bool const copies : {false, true}) run(copies, slices);
     return 0;
 }

@@ -89,8 +89,8 @@ export VKT_TRANSPORT=gpu
 [ ! -s said ] || grep -q 'voxels go through' said || bad "head: $(cat said)"
 "$vkt" read large.nrrd 2>/dev/null | "$vkt" crop --roi :,:,0:3 | "$vkt" stats --json >/dev/null || bad 'a reader of three slices'
 head -c 200000000 large.nrrd >cut.nrrd
-if "$vkt" read cut.nrrd 2>said | "$vkt" flip x | "$vkt" filter gaussian --sigma 1 -o out.nrrd --force; then bad 'a cut volume passed'; fi
-[ ! -e out.nrrd ] || bad 'a cut volume left a file'
+if "$vkt" read cut.nrrd 2>said | "$vkt" flip x | "$vkt" filter gaussian --sigma 1 -o whole.nrrd; then bad 'a cut volume passed'; fi
+[ ! -e whole.nrrd ] || bad 'a cut volume left a file'
 checked=$((checked + 4))
 
 # Killed at any moment.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "file_gpu.h"
 #include "ipc/channel.h"
+#include "ipc/descriptor.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
@@ -273,6 +274,57 @@ TEST(GpuTransport, AnErrorUpstreamReachesTheReader) {
     });
     EXPECT_THROW((void)consume_on(pipe.read_end, a_gpu()), UpstreamError);
     producer.join();
+}
+
+/// A writer that shares a ring of four slots on a GPU and then names slabs of 4 slices as it pleases.
+void write_slabs(int descriptor, std::vector<ipc::SlabHeader> const& slabs) {
+    auto const write = [&](ipc::FrameType type, std::span<std::byte const> payload) {
+        ipc::FrameHeader frame = ipc::sealed({type, ipc::flag_required, payload.size(), 0, 0});
+        iovec parts[2]{{&frame, sizeof frame}, {const_cast<std::byte*>(payload.data()), payload.size()}};
+        ipc::write_all(descriptor, parts);
+    };
+    ipc::ProducerChannel channel(descriptor);
+    Header header;
+    header.dims = {64, 64, 8};
+    header.dtype = DataType::uint32;
+    iovec start{const_cast<char*>(ipc::magic.data()), ipc::magic.size()};
+    ipc::write_all(descriptor, std::span(&start, 1));
+    std::string const json = to_json(header);
+    write(ipc::FrameType::header, std::as_bytes(std::span(json)));
+    ASSERT_TRUE(channel.connected(std::chrono::seconds(10)));
+    auto const gpu = a_gpu();
+    EXPECT_EQ(channel.gpu_obstacle(*gpu), "");
+    channel.share_ring(4, 4 * 64 * 64 * 4, gpu);
+    for (auto const& slab : slabs) write(ipc::FrameType::slab, std::as_bytes(std::span(&slab, 1)));
+    ::close(descriptor);
+}
+
+TEST(GpuTransport, SlabsThatLieNowhereOrOutOfOrderAreRefused) {
+    constexpr std::uint64_t bytes = 4 * 64 * 64 * 4;
+    constexpr auto place = ipc::Residence::shared;
+    struct Case {
+        std::vector<ipc::SlabHeader> slabs;
+        std::string said;
+    };
+    for (auto const& c : {Case{{{0, 4, place, ipc::slot_name(1, 4), bytes}}, "outside the shared memory"},
+                          Case{{{0, 4, place, ipc::slot_name(2, 0), bytes}}, "ended before it shared its memory"},
+                          Case{{{0, 4, place, 0, bytes}}, "not offered"},
+                          Case{{{4, 8, place, ipc::slot_name(1, 0), bytes}}, "out of order"},
+                          Case{{{0, 8, place, ipc::slot_name(1, 0), 2 * bytes}}, "outside the shared memory"},
+                          Case{{{0, 4, place, ipc::slot_name(1, 0), bytes - 1}}, "of the wrong size"},
+                          Case{{{0, 4, place, ipc::slot_name(1, 0), bytes}}, "ended early"},
+                          Case{{{0, 4, place, ipc::slot_name(1, 0), bytes}, {0, 4, place, ipc::slot_name(1, 1), bytes}},
+                               "out of order"}}) {
+        Pipe pipe;
+        std::jthread producer([&] { write_slabs(pipe.write_end, c.slabs); });
+        try {
+            (void)consume_on(pipe.read_end, a_gpu());
+            ADD_FAILURE() << "not refused: " << c.said;
+        } catch (Error const& e) {
+            EXPECT_EQ(e.kind(), ErrorKind::data);
+            EXPECT_NE(std::string(e.what()).find(c.said), std::string::npos) << c.said << ": " << e.what();
+        }
+    }
 }
 
 TEST(GpuTransport, MemoryThatIsNotWhatItClaimsToBeIsRefused) {
