@@ -7,6 +7,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 
+#include <algorithm>
 #include <future>
 
 namespace vkt::ipc {
@@ -22,12 +23,21 @@ private:
     SharedDeviceMemory memory_;
 };
 
+/// Each costs up to 0.4 ms: four a gigabyte (measured: 5.1 ms with 16 of them, 2.8 with 8, 1.7 with 4, 1.1 with 2).
+constexpr std::size_t largest_slab = std::size_t{256} << 20;
+/// A ring of four then takes a sixty-fourth of the GPU's memory at most.
+constexpr std::size_t share_of_slab = 256;
+
 class CudaMemory : public GpuMemory {
 public:
     explicit CudaMemory(int gpu)
-        : gpu_(gpu), identity_(std::async(std::launch::async, [gpu] { return try_device_sharing(gpu); })) {}
+        : gpu_(gpu), facts_(std::async(std::launch::async, [gpu] {
+              DeviceIdentity const identity = try_device_sharing(gpu);
+              return Facts{identity, std::min(largest_slab, device_facts(gpu).memory / share_of_slab)};
+          })) {}
 
-    DeviceIdentity identity() override { return identity_.get(); }
+    DeviceIdentity identity() override { return facts_.get().identity; }
+    std::size_t slab_bytes() override { return facts_.get().slab_bytes; }
     std::unique_ptr<RingMemory> create(std::size_t bytes) override {
         device_select(gpu_);
         return std::make_unique<CudaPiece>(SharedDeviceMemory::create(bytes));
@@ -42,8 +52,13 @@ public:
     }
 
 private:
+    struct Facts {
+        DeviceIdentity identity;
+        std::size_t slab_bytes;
+    };
+
     int gpu_;
-    std::shared_future<DeviceIdentity> identity_;
+    std::shared_future<Facts> facts_;
 };
 
 } // namespace

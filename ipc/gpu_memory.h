@@ -40,6 +40,9 @@ public:
     /// Waits until all that this process does with its memory is done. Throws Error{resources} if any of it failed.
     virtual void settle() = 0;
     virtual Space space() const { return Space::device; }
+    /// Of a slab that is left here: large, since the GPU changes from one process to the other and back for each (0.3
+    /// ms on an H200), but a few must not matter beside its memory.
+    virtual std::size_t slab_bytes() = 0;
 };
 
 /// A GPU through CUDA. Another thread begins at once to get hold of it, which takes some tenths of a second. Throws

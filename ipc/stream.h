@@ -93,6 +93,7 @@ public:
     void put_bricks(BrickSequence bricks) override;
     /// After begin(): where acquire() wants the slabs of the volume.
     Space space() const override;
+    std::int64_t natural_slab() const override;
 
     Traffic traffic() const;
     /// What the voxels of the last volume went through: "pipe", "shared memory" or "GPU memory".

@@ -70,6 +70,7 @@ public:
     void put_bricks(BrickSequence& sequence);
     Traffic traffic() const { return {wait_, written_}; }
     Space space() const { return on_gpu_ ? options_.gpu->space() : Space::host; }
+    std::int64_t natural_slab() const;
     char const* way() const { return on_gpu_ ? "GPU memory" : shares_ ? "shared memory" : "pipe"; }
 
     std::function<std::vector<StageReport>()> reports;
@@ -178,6 +179,12 @@ void StreamSink::Writer::meet_consumer() {
     std::string const obstacle = channel_->gpu_obstacle(*options_.gpu);
     on_gpu_ = obstacle.empty() && !segment_;
     if (!obstacle.empty()) tell_once(obstacle);
+}
+
+std::int64_t StreamSink::Writer::natural_slab() const {
+    if (!on_gpu_) return 0;
+    auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
+    return static_cast<std::int64_t>(std::max<std::size_t>(1, options_.gpu->slab_bytes() / slice));
 }
 
 /// Makes the ring, if there is none that will do. False if there is no such memory to be had.
@@ -472,6 +479,7 @@ void StreamSink::fail(std::string const& stage, std::string const& message) { wr
 void StreamSink::put_bricks(BrickSequence bricks) { writer_->put_bricks(bricks); }
 Traffic StreamSink::traffic() const { return writer_->traffic(); }
 Space StreamSink::space() const { return writer_->space(); }
+std::int64_t StreamSink::natural_slab() const { return writer_->natural_slab(); }
 char const* StreamSink::way() const { return writer_->way(); }
 void StreamSink::report_stages(std::function<std::vector<StageReport>()> reports) {
     writer_->reports = std::move(reports);

@@ -154,13 +154,10 @@ Cut cut_of(Header const& header, std::int64_t hint, Execution const& execution) 
     return {std::clamp<std::int64_t>(slices, 1, std::min(n.z, times(limit, slice))), n.y};
 }
 
-std::int64_t gpu_slab_hint(Header const& header, std::int64_t hint) {
-    std::size_t const slice = row_bytes(header) * static_cast<std::size_t>(header.dims.y);
-    return slice == 0 ? hint : std::max(hint, times(slab_bytes_on_gpu, slice));
-}
-
 std::int64_t slab_hint_on(Execution const& execution, Header const& header, std::int64_t hint) {
-    return execution.device == Device::gpu ? gpu_slab_hint(header, hint) : hint;
+    std::size_t const slice = row_bytes(header) * static_cast<std::size_t>(header.dims.y);
+    if (execution.device != Device::gpu || slice == 0) return hint;
+    return std::max(hint, times(slab_bytes_on_gpu, slice));
 }
 
 bool PieceOrder::takes(Box const& piece) const {

@@ -25,9 +25,7 @@ std::size_t piece_limit(Execution const& execution);
 /// Error{resources} where a single row is out of proportion to the budget.
 Cut cut_of(Header const& header, std::int64_t hint, Execution const& execution);
 
-/// So many slices, `hint` at least, as suit a GPU.
-std::int64_t gpu_slab_hint(Header const& header, std::int64_t hint);
-/// … as suit the device that works on them.
+/// So many slices, `hint` at least, as suit the device that works on them.
 std::int64_t slab_hint_on(Execution const& execution, Header const& header, std::int64_t hint);
 
 /// The pieces of a region, x fastest, each given to f(Box). Slabs lie as those of the whole volume do.

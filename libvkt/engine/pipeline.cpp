@@ -215,10 +215,9 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
         sink.put_bricks(source.take_bricks());
     } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
-        if (hint == 0) hint = sink.natural_slab();
-        // What lies on the GPU already comes in slabs that may be passed on as they are.
-        if (sink.space() == Space::device && (hint == 0 || source.space() == Space::host))
-            hint = gpu_slab_hint(header, hint);
+        // What comes from the host's caches in small slabs is gathered to what suits a GPU.
+        bool const gathered = sink.space() == Space::device && source.space() == Space::host;
+        if (hint == 0 || gathered) hint = std::max(hint, sink.natural_slab());
         Buffer staging;
         Cut const cut = cut_of(header, hint, execution);
         source.expect(box_of(header.dims));

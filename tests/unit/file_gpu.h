@@ -51,6 +51,7 @@ public:
     }
     void settle() override { ++settled_; }
     Space space() const override { return Space::host; }
+    std::size_t slab_bytes() override { return std::size_t{1} << 20; }
 
 private:
     struct Counts {

@@ -94,6 +94,10 @@ TEST(GpuTransport, ItHoldsFourSlabsHoweverLargeTheVolume) {
     std::vector<Volume> const volumes{patterned({64, 64, 1000}, 1)};
     expect_same(hop(volumes, from, to, 1).read, volumes);
     EXPECT_EQ(from->most_bytes(), 4u * 64 * 64 * 4);
+    // Slabs are as large as suits the GPU, if nobody says otherwise.
+    auto const other = a_gpu();
+    expect_same(hop(volumes, other, to, 0).read, volumes);
+    EXPECT_EQ(other->most_bytes(), 4 * other->slab_bytes());
 }
 
 TEST(GpuTransport, WorkIsSettledBeforeASlabIsNamedAndBeforeItIsReturned) {
