@@ -31,6 +31,8 @@ constexpr std::size_t ring_slabs = 3;
 constexpr std::size_t large_slab = std::size_t{4} << 20;
 constexpr std::uint32_t shared_slots = 4;
 constexpr std::chrono::milliseconds patience{250}; ///< for the next stage to take the offered memory
+/// … if that is a GPU's: just to find GPUs takes processes that begin at once some tenths of a second.
+constexpr std::chrono::milliseconds patience_on_gpu{1000};
 /// From this size on mapping pages into the pipe beats copying them, and buffers come from fresh mappings.
 constexpr std::size_t splice_bytes = std::size_t{512} << 10;
 constexpr std::size_t mapped_bytes = std::size_t{2} << 20;
@@ -164,7 +166,7 @@ void StreamSink::Writer::tell_once(std::string const& reason) {
 }
 
 void StreamSink::Writer::meet_consumer() {
-    shares_ = channel_ && channel_->connected(patience);
+    shares_ = channel_ && channel_->connected(options_.transport == Transport::gpu ? patience_on_gpu : patience);
     segment_ = false;
     if (shares_ && channel_->wants_whole() && header_.kind == Kind::structured) {
         try {

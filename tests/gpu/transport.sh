@@ -1,7 +1,7 @@
 #!/bin/sh
 # Pipelines of several processes through GPU memory: the same bytes as through pipes, faults, memory that stays behind,
 # and times: transport.sh VKT HAND_OVER
-# VKT_GPU_SIDE: voxels along an edge of the volume that is timed (1024; 0: none). VKT_FAULT_ROUNDS: kills (12).
+# VKT_GPU_SIDE: voxels along an edge of the volume that is timed (1024; 0: none). VKT_FAULT_ROUNDS: kills (8).
 # SPDX-License-Identifier: MIT
 set -eu
 vkt=$1 hand_over=$2
@@ -101,7 +101,7 @@ mkdir kills
     export TMPDIR="$PWD/tmp"
     "$vkt" make noise --dims 96 80 64 --dtype float32 --seed 3 -o in.nrrd
     for signal in SIGKILL SIGTERM; do
-        python3 "$faults/kill.py" "${VKT_FAULT_ROUNDS:-12}" $signal gpu || echo FAILED >bad
+        python3 "$faults/kill.py" "${VKT_FAULT_ROUNDS:-8}" $signal gpu || echo FAILED >bad
     done
 )
 [ ! -e kills/bad ] || bad 'killed stages'
