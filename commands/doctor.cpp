@@ -4,6 +4,7 @@
 #include "libvkt/core/cgroup.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/device.h"
+#include "libvkt/core/device_sharing.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/parameters.h"
 #include "libvkt/core/report.h"
@@ -53,6 +54,16 @@ template <class F> double rate_of(std::size_t bytes, F const& work) {
     return static_cast<double>(bytes) / best;
 }
 
+/// Whether its memory can be handed to other processes, as --transport gpu does.
+std::string sharing_text(int index) {
+    try {
+        try_device_sharing(index);
+        return "; its memory can be shared (--transport gpu)";
+    } catch (Error const& e) {
+        return text("; its memory cannot be shared: ", e.what());
+    }
+}
+
 /// What a GPU is and how fast it copies: in its memory, and from and to that of the host.
 Line gpu_line(int index) {
     DeviceFacts const facts = device_facts(index);
@@ -71,6 +82,7 @@ Line gpu_line(int index) {
     }
     for (std::size_t i = 0; i < facts.reaches.size(); ++i)
         line += text(i == 0 ? "; reaches GPU " : ", ", facts.reaches[i]);
+    line += sharing_text(index);
     return {text("GPU ", index), line};
 }
 

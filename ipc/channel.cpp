@@ -1,4 +1,4 @@
-// Abstract Unix sockets, descriptors passed over them, and anonymous shared memory.
+// Abstract Unix sockets, descriptors passed over them, and anonymous shared memory, of the host or of a GPU.
 // SPDX-License-Identifier: MIT
 #include "ipc/channel.h"
 
@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/shared_memory.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -24,11 +25,24 @@ namespace {
 
 constexpr std::uint32_t greeting = 0x314b5456;       ///< both ends speak this version
 constexpr std::uint32_t greeting_whole = 0x574b5456; ///< … and the consumer wants whole volumes in one piece
+constexpr std::uint32_t greeting_gpu = 0x474b5456;   ///< … or works on a GPU, or the ring lies there
 /// Names of slots have 16 bits for the ring: a series of more volumes than that goes on through the pipe.
 constexpr std::uint32_t most_rings = 0xffff;
 /// Slots of the producer before us that the consumer may hold: one to work on, the others on their way. What is left
 /// keeps that producer going meanwhile.
 constexpr std::size_t most_passed = 3;
+
+/// What the consumer sends first. Without a GPU it sends the word alone, which is all that older producers receive.
+struct Hello {
+    std::uint32_t word = 0, gpu = 0;
+};
+
+/// What a consumer on a GPU sends next.
+struct GpuMessage {
+    std::uint32_t greeting = greeting_gpu, usable = 0;
+    DeviceIdentity identity{};
+};
+static_assert(sizeof(GpuMessage) == 24);
 
 /// What the producer sends with a ring's descriptor.
 struct RingMessage {
@@ -105,59 +119,80 @@ int receive_descriptor(int socket, RingMessage& message) {
 
 } // namespace
 
-SharedRing::SharedRing() = default;
-SharedRing::SharedRing(SharedRing&& other) noexcept { *this = std::move(other); }
-SharedRing& SharedRing::operator=(SharedRing&& other) noexcept {
-    std::swap(mapping_, other.mapping_);
-    std::swap(descriptor_, other.descriptor_);
-    std::swap(slots_, other.slots_);
-    std::swap(slot_bytes_, other.slot_bytes_);
-    return *this;
-}
-SharedRing::~SharedRing() { close_descriptor(descriptor_); }
+namespace {
 
-std::byte* SharedRing::slot(std::uint32_t index) const { return mapping_->data() + index * slot_bytes_; }
+/// A file in memory without a name.
+class FileMemory : public RingMemory {
+public:
+    /// Takes ownership of the descriptor.
+    explicit FileMemory(int descriptor) : descriptor_(descriptor) {}
+    ~FileMemory() override { close_descriptor(descriptor_); }
+    void map(std::size_t bytes, SharedMapping::Rights rights) {
+        mapping_ = std::make_unique<SharedMapping>(descriptor_, bytes, rights);
+    }
+    std::byte* data() const override { return mapping_->data(); }
+    int descriptor() const override { return descriptor_; }
 
-void SharedRing::map(SharedMapping::Rights rights) {
-    mapping_ = std::make_unique<SharedMapping>(descriptor_, slots_ * slot_bytes_, rights);
-}
+private:
+    int descriptor_;
+    std::unique_ptr<SharedMapping> mapping_;
+};
 
-SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes) {
-    auto const page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
-    SharedRing ring;
-    ring.slots_ = slots;
-    ring.slot_bytes_ = (slot_bytes + page - 1) / page * page;
-    ring.descriptor_ = ::memfd_create("vkt-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-    int const refusal = ring.descriptor_ < 0 ? errno : 0;
-    std::size_t const bytes = ring.slots_ * ring.slot_bytes_;
+std::unique_ptr<RingMemory> new_file(std::size_t bytes) {
+    auto file = std::make_unique<FileMemory>(::memfd_create("vkt-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    int const refusal = file->descriptor() < 0 ? errno : 0;
     // Pages of a memory file count against no limit: asked for more than there is, the kernel kills processes at
     // random.
     if (bytes > std::max(default_memory(), std::size_t{256} << 20))
         throw Error(ErrorKind::resources, text("a ring of ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory is more than a stage may hold"));
-    int const failure = refusal != 0 ? refusal : ::posix_fallocate(ring.descriptor_, 0, static_cast<off_t>(bytes));
+    int const failure = refusal != 0 ? refusal : ::posix_fallocate(file->descriptor(), 0, static_cast<off_t>(bytes));
     if (failure != 0)
         throw Error(ErrorKind::resources, text("cannot have ", bytes_text(static_cast<double>(bytes)),
                                                " of shared memory: ", std::strerror(failure)));
     // Nobody may shrink it under the other's feet.
-    ::fcntl(ring.descriptor_, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
-    ring.map(SharedMapping::Rights::write);
+    ::fcntl(file->descriptor(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
+    file->map(bytes, SharedMapping::Rights::write);
+    return file;
+}
+
+std::unique_ptr<RingMemory> open_file(int descriptor, std::size_t bytes, SharedMapping::Rights rights) {
+    auto file = std::make_unique<FileMemory>(descriptor);
+    struct stat status {};
+    bool const sane = ::fstat(descriptor, &status) == 0 && static_cast<std::size_t>(status.st_size) >= bytes &&
+                      (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
+    if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
+    file->map(bytes, rights);
+    return file;
+}
+
+} // namespace
+
+SharedRing SharedRing::create(std::uint32_t slots, std::size_t slot_bytes, std::shared_ptr<GpuMemory> gpu) {
+    auto const page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+    SharedRing ring;
+    ring.slots_ = slots;
+    ring.slot_bytes_ = (slot_bytes + page - 1) / page * page;
+    std::size_t const bytes = ring.slots_ * ring.slot_bytes_;
+    ring.memory_ = gpu ? gpu->create(bytes) : new_file(bytes);
+    ring.gpu_ = std::move(gpu);
     return ring;
 }
 
-SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slot_bytes) {
+SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slot_bytes,
+                            std::shared_ptr<GpuMemory> gpu) {
+    constexpr std::size_t most = std::size_t{1} << 46;
+    if (slots == 0 || slots >= 65536 || slot_bytes == 0 || slot_bytes >= most) {
+        ::close(descriptor);
+        throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
+    }
     SharedRing ring;
-    ring.descriptor_ = descriptor;
     ring.slots_ = slots;
     ring.slot_bytes_ = slot_bytes;
-    struct stat status {};
-    constexpr std::size_t most = std::size_t{1} << 46;
-    bool const sane = slots > 0 && slots < 65536 && slot_bytes > 0 && slot_bytes < most &&
-                      ::fstat(descriptor, &status) == 0 &&
-                      static_cast<std::size_t>(status.st_size) >= slots * slot_bytes &&
-                      (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
-    if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
-    ring.map(slots == 1 ? SharedMapping::Rights::copy_on_write : SharedMapping::Rights::read);
+    auto const rights = slots == 1 ? SharedMapping::Rights::copy_on_write : SharedMapping::Rights::read;
+    std::size_t const bytes = slots * slot_bytes;
+    ring.memory_ = gpu ? gpu->open(descriptor, bytes) : open_file(descriptor, bytes, rights);
+    ring.gpu_ = std::move(gpu);
     return ring;
 }
 
@@ -189,30 +224,44 @@ bool ProducerChannel::connected(std::chrono::milliseconds wait) {
     if (::poll(entries, 2, static_cast<int>(wait.count())) <= 0 || (entries[0].revents & POLLIN) == 0) return false;
     int candidate = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     if (candidate < 0) return false;
-    std::uint32_t word = 0;
-    pollfd hello{candidate, POLLIN, 0};
-    bool const greeted = same_user(candidate) && ::poll(&hello, 1, 1000) == 1 &&
-                         ::recv(candidate, &word, sizeof word, 0) == sizeof word &&
-                         (word == greeting || word == greeting_whole);
+    Hello hello;
+    pollfd entry{candidate, POLLIN, 0};
+    bool const greeted = same_user(candidate) && ::poll(&entry, 1, 1000) == 1 &&
+                         ::recv(candidate, &hello, sizeof hello, 0) >= static_cast<ssize_t>(sizeof hello.word) &&
+                         (hello.word == greeting || hello.word == greeting_whole);
     if (!greeted) {
         close_descriptor(candidate);
         return false;
     }
     peer_ = candidate;
-    wants_whole_ = word == greeting_whole;
+    wants_whole_ = hello.word == greeting_whole;
+    works_on_gpu_ = hello.gpu == greeting_gpu;
     close_descriptor(listener_); // one reader only
     return true;
 }
 
+std::string ProducerChannel::gpu_obstacle(GpuMemory& gpu) {
+    if (!works_on_gpu_) return "the next stage reads no GPU memory";
+    DeviceIdentity own;
+    try {
+        own = gpu.identity();
+    } catch (Error const& e) {
+        return e.what();
+    }
+    while (!answer_) receive_return(0);
+    if (*answer_ == DeviceIdentity{}) return "the next stage cannot map memory of its GPU";
+    return *answer_ == own ? "" : "the next stage works on another GPU";
+}
+
 void ProducerChannel::send_ring(SharedRing const& ring) {
     if (rings_sent_ == most_rings) throw Error(ErrorKind::resources, "this stream has shared memory too many times");
-    RingMessage const message{greeting, ring.slots(), ring.slot_bytes()};
+    RingMessage const message{ring.on_gpu() ? greeting_gpu : greeting, ring.slots(), ring.slot_bytes()};
     if (!send_descriptor(peer_, message, ring.descriptor())) throw BrokenPipe{};
     ++rings_sent_;
 }
 
-void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes) {
-    SharedRing ring = SharedRing::create(slots, slot_bytes);
+void ProducerChannel::share_ring(std::uint32_t slots, std::size_t slot_bytes, std::shared_ptr<GpuMemory> gpu) {
+    SharedRing ring = SharedRing::create(slots, slot_bytes, std::move(gpu));
     send_ring(ring);
     std::lock_guard const lock(mutex_);
     ring_ = std::move(ring);
@@ -230,17 +279,22 @@ void ProducerChannel::take_back(std::uint32_t name) {
         std::erase_if(passed_, [&](auto const& passed) { return passed.first == name; });
 }
 
-/// Receives the name of one slot; false if `flags` forbid to wait for it. Throws BrokenPipe when the consumer is gone.
+/// Receives the name of one slot, or which GPU the consumer works on; false if `flags` forbid to wait for it. Throws
+/// BrokenPipe when the consumer is gone.
 bool ProducerChannel::receive_return(int flags) {
-    std::uint32_t name = 0;
+    GpuMessage message; // whose first word is the name of a slot otherwise
     ssize_t n = 0;
     do {
-        n = ::recv(peer_, &name, sizeof name, flags);
+        n = ::recv(peer_, &message, sizeof message, flags);
     } while (n < 0 && errno == EINTR);
     if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
-    if (n != sizeof name) throw BrokenPipe{};
     std::lock_guard const lock(mutex_);
-    take_back(name);
+    if (n == sizeof message)
+        answer_ = message.usable != 0 ? message.identity : DeviceIdentity{};
+    else if (n == sizeof message.greeting)
+        take_back(message.greeting);
+    else
+        throw BrokenPipe{};
     return true;
 }
 
@@ -286,15 +340,28 @@ std::uint32_t ProducerChannel::pass_on(std::shared_ptr<SlotLease> lease) {
     return name;
 }
 
-ConsumerChannel::ConsumerChannel(int pipe, bool whole) {
+ConsumerChannel::ConsumerChannel(int pipe, bool whole, std::shared_ptr<GpuMemory> gpu) : gpu_(std::move(gpu)) {
     auto const address = address_of(pipe);
     if (!address) return;
-    std::uint32_t const word = whole ? greeting_whole : greeting;
+    Hello const hello{whole ? greeting_whole : greeting, greeting_gpu};
+    std::size_t const length = gpu_ ? sizeof hello : sizeof hello.word;
     peer_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     bool const met = peer_ >= 0 &&
                      ::connect(peer_, reinterpret_cast<sockaddr const*>(&address->address), address->length) == 0 &&
-                     same_user(peer_) && ::send(peer_, &word, sizeof word, MSG_NOSIGNAL) == sizeof word;
+                     same_user(peer_) && ::send(peer_, &hello, length, MSG_NOSIGNAL) == static_cast<ssize_t>(length);
     if (!met) close_descriptor(peer_);
+    if (met && gpu_) tell_gpu();
+}
+
+/// After the greeting, for which the producer has little patience: a process may need a while to get hold of its GPU.
+void ConsumerChannel::tell_gpu() {
+    GpuMessage message;
+    try {
+        message.identity = gpu_->identity();
+        message.usable = 1;
+    } catch (Error const&) { // the ring will lie elsewhere
+    }
+    [[maybe_unused]] ssize_t const n = ::send(peer_, &message, sizeof message, MSG_NOSIGNAL);
 }
 
 ConsumerChannel::~ConsumerChannel() { close_descriptor(peer_); }
@@ -302,11 +369,15 @@ ConsumerChannel::~ConsumerChannel() { close_descriptor(peer_); }
 void ConsumerChannel::receive_ring() {
     RingMessage message;
     int const descriptor = receive_descriptor(peer_, message);
-    if (descriptor < 0 || message.greeting != greeting)
+    bool const on_gpu = message.greeting == greeting_gpu && gpu_;
+    if (descriptor < 0 || !(message.greeting == greeting || on_gpu)) {
+        if (descriptor >= 0) ::close(descriptor);
         throw Error(ErrorKind::data, "an upstream command ended before it shared its memory");
+    }
     // A segment of the volume before is gone with that volume.
     if (!rings_.empty() && rings_.back()->slots() == 1) rings_.back().reset();
-    rings_.push_back(std::make_shared<SharedRing>(SharedRing::open(descriptor, message.slots, message.slot_bytes)));
+    rings_.push_back(std::make_shared<SharedRing>(
+        SharedRing::open(descriptor, message.slots, message.slot_bytes, on_gpu ? gpu_ : nullptr)));
 }
 
 std::byte const* ConsumerChannel::slot(std::uint32_t name, std::size_t bytes) {
@@ -324,6 +395,15 @@ std::byte const* ConsumerChannel::slot(std::uint32_t name, std::size_t bytes) {
 
 void ConsumerChannel::give_back(std::uint32_t name) {
     [[maybe_unused]] ssize_t const n = ::send(peer_, &name, sizeof name, MSG_NOSIGNAL);
+}
+
+SlotLease::~SlotLease() {
+    if (!channel_) return;
+    try {
+        ring_->settle();
+    } catch (Error const&) { // whoever asks the GPU for more is told
+    }
+    channel_->give_back(name_);
 }
 
 } // namespace vkt::ipc

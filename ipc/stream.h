@@ -3,6 +3,7 @@
 #pragma once
 
 #include "ipc/frame.h"
+#include "ipc/gpu_memory.h"
 #include "libvkt/engine/source.h"
 #include "libvkt/formats/format.h"
 
@@ -12,11 +13,15 @@
 
 namespace vkt::ipc {
 
-/// How a stream's voxels travel.
-enum class Transport : std::uint8_t { pipe, shm };
+/// How a stream's voxels travel: in the pipe, in memory that both ends map, or in that of a GPU on which both work.
+/// Whatever stands in the way of one, those before it do.
+enum class Transport : std::uint8_t { pipe, shm, gpu };
 
 struct StreamOptions {
     Transport transport = Transport::pipe;
+    /// Writing with Transport::gpu: the GPU where slabs are left. Reading: the one on which they are worked on, where
+    /// the writer may leave them; null if they are wanted in the host's memory.
+    std::shared_ptr<GpuMemory> gpu{};
     bool checksum = true;
     std::size_t piece = std::size_t{2} << 20; ///< reading: slices beyond this are handed out in pieces of rows
     bool whole = false;        ///< reading: whole volumes are wanted, in one segment of shared memory if the writer can
@@ -57,6 +62,8 @@ public:
     std::shared_ptr<Lease> lease(Box const& region) override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
+    /// Where the current volume's first slab lies, for which it waits. read() writes to either space.
+    Space space() const override;
     void finish() override;
     BrickSequence take_bricks() override;
     std::optional<Volume> take_whole() override;
@@ -84,8 +91,13 @@ public:
     void close() override;
     void fail(std::string const& stage, std::string const& message) override;
     void put_bricks(BrickSequence bricks) override;
+    /// After begin(): where acquire() wants the slabs of the volume.
+    Space space() const override;
+    std::int64_t natural_slab() const override;
 
     Traffic traffic() const;
+    /// What the voxels of the last volume went through: "pipe", "shared memory" or "GPU memory".
+    char const* way() const;
     /// Timing rows to send with the next END.
     void report_stages(std::function<std::vector<StageReport>()> reports);
 

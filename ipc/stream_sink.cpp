@@ -31,6 +31,8 @@ constexpr std::size_t ring_slabs = 3;
 constexpr std::size_t large_slab = std::size_t{4} << 20;
 constexpr std::uint32_t shared_slots = 4;
 constexpr std::chrono::milliseconds patience{250}; ///< for the next stage to take the offered memory
+/// … if that is a GPU's: just to find GPUs takes processes that begin at once some tenths of a second.
+constexpr std::chrono::milliseconds patience_on_gpu{1000};
 /// From this size on mapping pages into the pipe beats copying them, and buffers come from fresh mappings.
 constexpr std::size_t splice_bytes = std::size_t{512} << 10;
 constexpr std::size_t mapped_bytes = std::size_t{2} << 20;
@@ -69,6 +71,9 @@ public:
     void fail(std::string const& stage, std::string const& message);
     void put_bricks(BrickSequence& sequence);
     Traffic traffic() const { return {wait_, written_}; }
+    Space space() const { return on_gpu_ ? options_.gpu->space() : Space::host; }
+    std::int64_t natural_slab() const;
+    char const* way() const { return on_gpu_ ? "GPU memory" : shares_ ? "shared memory" : "pipe"; }
 
     std::function<std::vector<StageReport>()> reports;
 
@@ -78,6 +83,8 @@ private:
     void write_frame(FrameHeader frame, std::span<iovec> parts);
     void write_voxels(FrameHeader const& frame, std::span<std::byte const> head, Slab& slab);
     void meet_consumer();
+    void tell_once(std::string const& reason);
+    bool share(std::size_t bytes);
     bool take_slot(std::size_t bytes);
     void write_table(std::span<Brick const> bricks);
     void write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most);
@@ -92,7 +99,8 @@ private:
     StreamOptions options_;
     std::size_t pipe_bytes_ = 0; ///< capacity of the pipe; 0 if the output is no pipe
     std::unique_ptr<ProducerChannel> channel_;
-    bool shares_ = false;  ///< slabs go through shared memory
+    bool shares_ = false;  ///< slabs go through shared memory,
+    bool on_gpu_ = false;  ///< which is a GPU's
     bool segment_ = false; ///< the whole volume lies in one piece of it
     bool direct_ = false;  ///< the reader copies out of the pipe itself, so pages may be mapped into it
     bool told_ = false;
@@ -148,11 +156,17 @@ void StreamSink::Writer::begin(Header const& header) {
     while ((magic.size() + sizeof(FrameHeader) + json.size()) % 64 != 0) json.insert(json.size() - 1, 1, ' ');
     write_text(FrameType::header, json, true);
     open_volume_ = true;
-    if (options_.transport == Transport::shm && !header.dry_run) meet_consumer();
+    if (options_.transport != Transport::pipe && !header.dry_run) meet_consumer();
+}
+
+/// Why voxels take another way than they were asked to.
+void StreamSink::Writer::tell_once(std::string const& reason) {
+    if (std::exchange(told_, true) || !options_.notice) return;
+    options_.notice(text(reason, ": voxels go through ", shares_ ? "shared memory" : "the pipe"));
 }
 
 void StreamSink::Writer::meet_consumer() {
-    shares_ = channel_ && channel_->connected(patience);
+    shares_ = channel_ && channel_->connected(options_.transport == Transport::gpu ? patience_on_gpu : patience);
     segment_ = false;
     if (shares_ && channel_->wants_whole() && header_.kind == Kind::structured) {
         try {
@@ -161,22 +175,40 @@ void StreamSink::Writer::meet_consumer() {
         } catch (Error const&) { // too large to hold: a ring will do
         }
     }
-    if (shares_ || std::exchange(told_, true) || !options_.notice) return;
-    options_.notice("the next stage does not share memory: voxels go through the pipe");
+    on_gpu_ = false;
+    if (!shares_) return tell_once("the next stage does not share memory");
+    if (options_.transport != Transport::gpu || header_.kind != Kind::structured) return;
+    std::string const obstacle = channel_->gpu_obstacle(*options_.gpu);
+    on_gpu_ = obstacle.empty() && !segment_;
+    if (!obstacle.empty()) tell_once(obstacle);
+}
+
+std::int64_t StreamSink::Writer::natural_slab() const {
+    if (!on_gpu_) return 0;
+    auto const slice = static_cast<std::size_t>(header_.dims.x * header_.dims.y) * size_of(header_.dtype);
+    return static_cast<std::int64_t>(std::max<std::size_t>(1, options_.gpu->slab_bytes() / slice));
+}
+
+/// Makes the ring, if there is none that will do. False if there is no such memory to be had.
+bool StreamSink::Writer::share(std::size_t bytes) {
+    SharedRing const* const ring = channel_->ring();
+    if (ring != nullptr && ring->on_gpu() == on_gpu_ && ring->slots() >= shared_slots && ring->slot_bytes() >= bytes)
+        return true;
+    try {
+        channel_->share_ring(shared_slots, bytes, on_gpu_ ? options_.gpu : nullptr);
+        return true;
+    } catch (Error const& e) {
+        (on_gpu_ ? on_gpu_ : shares_) = false;
+        tell_once(e.what());
+        return false;
+    }
 }
 
 /// Puts the current slab into a slot of shared memory that has so many bytes; false if there is none to be had.
 bool StreamSink::Writer::take_slot(std::size_t bytes) {
-    try {
-        if (channel_->ring() == nullptr || channel_->ring()->slots() < shared_slots ||
-            channel_->ring()->slot_bytes() < bytes)
-            channel_->share_ring(shared_slots, bytes);
-    } catch (Error const& e) {
-        shares_ = false;
-        if (!std::exchange(told_, true) && options_.notice)
-            options_.notice(text(e.what(), ": voxels go through the pipe"));
-        return false;
+    while (shares_ && !share(bytes)) { // the host's memory may do where a GPU's does not
     }
+    if (!shares_) return false;
     auto const begin = Clock::now();
     current_.slot = channel_->acquire_slot();
     wait_ += std::chrono::duration<double>(Clock::now() - begin).count();
@@ -195,7 +227,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
                                   static_cast<std::size_t>(box.lower.y) * row,
                               header_.dtype, box);
         }
-        if (take_slot(current_.bytes)) return dense_view(channel_->slot(*current_.slot), header_.dtype, box);
+        if (take_slot(current_.bytes)) return dense_view(channel_->slot(*current_.slot), header_.dtype, box, space());
     }
     {
         std::unique_lock lock(mutex_);
@@ -223,6 +255,7 @@ AnyView StreamSink::Writer::acquire(Box const& box) {
 
 void StreamSink::Writer::commit() {
     if (current_.slot) {
+        channel_->ring()->settle();
         // A frame of a few bytes: the pipe always has room for as many as there are slots.
         write_slab(current_);
         current_ = {};
@@ -238,7 +271,7 @@ bool StreamSink::Writer::pass_on(Box const& box, std::shared_ptr<Lease> const& l
     if (!shares_ || segment_) return false;
     auto slot = std::dynamic_pointer_cast<SlotLease>(lease);
     Slab slab{box, {}, static_cast<std::size_t>(box.voxels()) * size_of(header_.dtype), {}, 0};
-    if (!slot || slot->bytes() != slab.bytes) return false;
+    if (!slot || slot->bytes() != slab.bytes || slot->ring()->on_gpu() != on_gpu_) return false;
     auto const begin = Clock::now();
     try {
         slab.slot = channel_->pass_on(std::move(slot));
@@ -447,6 +480,9 @@ void StreamSink::close() { writer_->close(); }
 void StreamSink::fail(std::string const& stage, std::string const& message) { writer_->fail(stage, message); }
 void StreamSink::put_bricks(BrickSequence bricks) { writer_->put_bricks(bricks); }
 Traffic StreamSink::traffic() const { return writer_->traffic(); }
+Space StreamSink::space() const { return writer_->space(); }
+std::int64_t StreamSink::natural_slab() const { return writer_->natural_slab(); }
+char const* StreamSink::way() const { return writer_->way(); }
 void StreamSink::report_stages(std::function<std::vector<StageReport>()> reports) {
     writer_->reports = std::move(reports);
 }

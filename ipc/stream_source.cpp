@@ -10,6 +10,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/kernel/border.h"
 
 #include <algorithm>
 #include <chrono>
@@ -36,7 +37,8 @@ constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads 
 struct Piece {
     Box box;
     Buffer voxels;
-    std::byte const* shared = nullptr;  ///< where they lie in shared memory
+    std::byte const* shared = nullptr;  ///< where they lie in shared memory,
+    Space space = Space::host;          ///< which may be a GPU's
     std::shared_ptr<SlotLease> lease{}; ///< that keeps them there
 };
 
@@ -65,6 +67,7 @@ public:
     std::shared_ptr<Lease> lease(Box const& region);
     void expect(Box const& region) { expected_ = region; }
     std::int64_t first_slab_height();
+    Space space();
     void finish();
     BrickSequence take_bricks();
     std::optional<Volume> take_whole();
@@ -112,7 +115,7 @@ private:
     }
     ConstView view_of(Piece& piece) const {
         return dense_view(piece.shared != nullptr ? piece.shared : piece.voxels.read(Space::host), header_.dtype,
-                          piece.box);
+                          piece.box, piece.space);
     }
 
     Input input_;
@@ -128,6 +131,7 @@ private:
     bool all_checked_ = true;
     std::optional<std::uint32_t> segment_; ///< that take_whole() hands out
     std::uint64_t segment_bytes_ = 0;
+    std::optional<Space> space_; ///< of the first slab, once that is known
 
     BrickSequence::Table table_;                     ///< of a hierarchical volume, once it was read
     std::size_t next_brick_ = 0, framed_bricks_ = 0; ///< the next to hand out, and behind the frame under way
@@ -253,7 +257,7 @@ bool StreamSource::Reader::next_volume() {
     header_ = header_from_json(read_text(frame, "HEAD"));
     // Only now is it certain that the producer is a vkt process and listens.
     if (!channel_ && is_pipe(input_.descriptor()))
-        channel_ = std::make_shared<ConsumerChannel>(input_.descriptor(), options_.whole);
+        channel_ = std::make_shared<ConsumerChannel>(input_.descriptor(), options_.whole, options_.gpu);
     any_volume_ = in_volume_ = true;
     complete_ = false;
     frames_ = bytes_ = chain_ = 0;
@@ -264,6 +268,7 @@ bool StreamSource::Reader::next_volume() {
     pending_.reset();
     pending_slab_.reset();
     table_.reset();
+    space_.reset();
     return true;
 }
 
@@ -316,6 +321,16 @@ std::int64_t StreamSource::Reader::first_slab_height() {
     Box const slab = box_of_slab(*pending_slab_);
     return pending_slab_->slab.place != Residence::here ? slab.dims().z
                                                         : std::min(slab.dims().z, pieces_of(slab).slices);
+}
+
+Space StreamSource::Reader::space() {
+    if (!options_.gpu || header_.dry_run || header_.kind != Kind::structured) return Space::host;
+    if (!space_) {
+        bool const shared = first_slab_height() > 0 && pending_slab_->slab.place == Residence::shared;
+        if (shared) (void)shared_slot(pending_slab_->slab.slot, pending_slab_->slab.bytes);
+        space_ = shared ? channel_->memory_of(pending_slab_->slab.slot)->space() : Space::host;
+    }
+    return *space_;
 }
 
 void StreamSource::Reader::start() {
@@ -400,6 +415,7 @@ void StreamSource::Reader::read_shared(SlabHead const& head) {
     } else {
         piece.shared = shared_slot(slab.slot, slab.bytes);
         piece.lease = std::make_shared<SlotLease>(channel_, slab.slot, slab.bytes);
+        piece.space = piece.lease->ring()->space();
     }
     if (wanted(piece.box)) hand_out(std::move(piece));
     bytes_ += slab.bytes;
@@ -501,9 +517,12 @@ Piece* StreamSource::Reader::piece_with(Index3 at) {
 
 /// Takes the next slab if it lies in shared memory; from the first that does not, a thread reads them.
 void StreamSource::Reader::receive() {
-    if (!peek_slab())
+    if (!peek_slab()) {
         complete_ = true;
-    else if (pending_slab_->slab.place == Residence::here)
+        return;
+    }
+    (void)space();
+    if (pending_slab_->slab.place == Residence::here)
         start();
     else
         read_slab();
@@ -513,7 +532,7 @@ void StreamSource::Reader::read(AnyView out) {
     for_each_part(out.box, [&](Box const& rest) {
         Piece& piece = *piece_with(rest.lower);
         Box const part = first_part(rest, piece.box);
-        copy(view_of(piece).part(part), out.part(part));
+        copy_region(view_of(piece).part(part), out.part(part), Execution{});
         return part;
     });
 }
@@ -521,7 +540,7 @@ void StreamSource::Reader::read(AnyView out) {
 std::optional<ConstView> StreamSource::Reader::borrow(Box const& region) {
     if (is_released(region.lower)) return std::nullopt; // a window holds those slices already
     Piece& piece = *piece_with(region.lower);
-    if (!piece.box.contains(region)) return std::nullopt;
+    if (!piece.box.contains(region) || piece.space != space()) return std::nullopt;
     return view_of(piece).part(region);
 }
 
@@ -727,6 +746,7 @@ std::optional<ConstView> StreamSource::borrow(Box const& region) { return reader
 std::shared_ptr<Lease> StreamSource::lease(Box const& region) { return reader_->lease(region); }
 void StreamSource::expect(Box const& region) { reader_->expect(region); }
 std::int64_t StreamSource::natural_slab() const { return reader_->first_slab_height(); }
+Space StreamSource::space() const { return reader_->space(); }
 void StreamSource::finish() { reader_->finish(); }
 BrickSequence StreamSource::take_bricks() { return reader_->take_bricks(); }
 std::optional<Volume> StreamSource::take_whole() { return reader_->take_whole(); }

@@ -29,7 +29,7 @@ void Common::declare(Parameters& p, CommonKind kind) {
         p.flag("compress", compress, "compress the output file, where the format can").not_in_history();
         p.flag("no-checksum", no_checksum, "do not checksum the voxels in the stream").not_in_history();
         p.flag("no-history", no_history, "do not record this command in the volume's history").not_in_history();
-        p.option("transport", transport, "T", "how voxels travel to the next stage: pipe or shm (VKT_TRANSPORT)")
+        p.option("transport", transport, "T", "how voxels travel to the next stage: pipe, shm or gpu (VKT_TRANSPORT)")
             .not_in_history();
     }
     if (kind.report_file)

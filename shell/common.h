@@ -11,7 +11,7 @@
 namespace vkt {
 template <> struct EnumNames<ipc::Transport> {
     static std::vector<std::pair<ipc::Transport, char const*>> all() {
-        return {{ipc::Transport::pipe, "pipe"}, {ipc::Transport::shm, "shm"}};
+        return {{ipc::Transport::pipe, "pipe"}, {ipc::Transport::shm, "shm"}, {ipc::Transport::gpu, "gpu"}};
     }
 };
 } // namespace vkt

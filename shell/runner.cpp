@@ -115,9 +115,9 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     if (!described && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
-        options.transport = stage.common().resolved_transport();
         // A window shows what is there before all of it is.
         options.whole = stage.consumer() != nullptr && stage.consumer()->needs_whole() && !window_;
+        if (&stage == &stages_.front() && !options.whole) options.gpu = gpu_in_;
         options.piece = piece_limit(execution_of(stage));
         bool const standard_input = bytes->descriptor() == STDIN_FILENO || bytes->name() == "standard input";
         auto stream = std::make_unique<ipc::StreamSource>(std::move(bytes), options);
@@ -235,12 +235,32 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     return code;
 }
 
+/// Before anything is waited for: all stages of a pipeline get hold of their GPUs at once.
+void Runner::take_gpus() {
+    Common const& c = last_.common();
+    bool const streams = last_.yields_volumes() && c.output == "-" && c.streams();
+    if (streams && c.resolved_transport() == ipc::Transport::gpu)
+        gpu_out_ = ipc::cuda_memory(execution_of(last_).gpu, c.transport ? "--transport gpu" : "VKT_TRANSPORT=gpu");
+    // Who computes nothing there is better served in the host's memory.
+    Invocation const& first = stages_.front();
+    Execution const execution = execution_of(first);
+    bool const computes =
+        first.operation() != nullptr
+            ? first.operation()->runs_on_gpu()
+            : first.consumer() != nullptr && first.consumer()->runs_on_gpu() && !first.consumer()->writes();
+    bool const reads_pipe = std::ranges::count(first.inputs(), "-") > 0 && ipc::is_pipe(STDIN_FILENO);
+    if (dry_run_ || execution.device != Device::gpu || !computes || !reads_pipe) return;
+    bool const same = gpu_out_ && execution.gpu == execution_of(last_).gpu;
+    gpu_in_ = same ? gpu_out_ : ipc::cuda_memory(execution.gpu, "--device gpu");
+}
+
 int Runner::run() {
     for (auto const& stage : stages_) dry_run_ = dry_run_ || stage.common().dry_run;
     check_ends();
     if (!dry_run_) spare_inputs(stages_);
     std::unique_ptr<Source> source;
     try {
+        take_gpus();
         for (auto& stage : stages_) {
             if (stage.consumer() != nullptr) return consume(stage, std::move(source));
             source = build(stage, std::move(source));

@@ -85,6 +85,7 @@ private:
     void look_at_like(Invocation const& stage);
     int consume(Invocation& stage, std::unique_ptr<Source> previous);
     int drain(std::unique_ptr<Source> source);
+    void take_gpus();
     std::unique_ptr<Sink> make_sink();
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
@@ -98,7 +99,6 @@ private:
     Invocation& last_;
     Log log_;
     bool dry_run_ = false, window_ = false;
-    bool went_inline_ = false; ///< voxels that were to go through shared memory
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
     int predictions_ = 0;
@@ -109,6 +109,8 @@ private:
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     std::vector<std::unique_ptr<StageContext>> contexts_; ///< of openers
+    /// Where streams that arrive and leave may have their voxels; null: not on a GPU.
+    std::shared_ptr<ipc::GpuMemory> gpu_in_, gpu_out_;
     TimeMeter meter_;
 };
 

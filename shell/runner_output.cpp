@@ -88,10 +88,8 @@ std::unique_ptr<Sink> Runner::make_sink() {
         options.stage = last_.stage();
         options.checksum = !c.no_checksum;
         options.transport = c.resolved_transport();
-        options.notice = [this](std::string const& message) {
-            went_inline_ = true; // it is told about nothing else
-            log_.note(last_.stage(), message);
-        };
+        options.gpu = gpu_out_;
+        options.notice = [this](std::string const& message) { log_.note(last_.stage(), message); };
         auto sink = std::make_unique<ipc::StreamSink>(STDOUT_FILENO, options);
         stream_out_ = sink.get();
         sink->report_stages([this] { return reports(); });
@@ -154,10 +152,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
 void Runner::tell_transport() const {
     std::string where = (is_segment(last_.common().output) ? "segment " : "file ") + last_.common().output;
     if (last_.common().output == "-") {
-        bool const shared = last_.common().resolved_transport() == ipc::Transport::shm && !went_inline_;
-        where = !ipc::is_pipe(STDOUT_FILENO)       ? "standard output"
-                : stream_out_ != nullptr && shared ? "shared memory"
-                                                   : "pipe";
+        where = !ipc::is_pipe(STDOUT_FILENO) ? "standard output" : stream_out_ != nullptr ? stream_out_->way() : "pipe";
     }
     log_.detail(last_.stage(), "voxels left through " + where);
 }

@@ -51,6 +51,21 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     vkt flip x v.nrrd --compress -o p.nrrd
 }
 
+@test "--transport gpu is refused where there is no GPU, and downstream is told" {
+    vkt doctor | grep -q '^GPUs  *none' || skip "there is a GPU: tests/gpu/transport.sh"
+    fails_with 5 "vkt flip: --transport gpu: " vkt flip x v.nrrd --transport gpu
+    VKT_TRANSPORT=gpu fails_with 5 "vkt flip: VKT_TRANSPORT=gpu: " vkt flip x v.nrrd
+    fails_with 2 "'rail' is not one of" vkt flip x v.nrrd --transport rail
+    fails_with 2 "--transport: no other command" vkt flip x v.nrrd --transport gpu -o o.nrrd
+    run --separate-stderr bash -c 'vkt flip x v.nrrd --transport gpu | vkt write o.nrrd; echo ${PIPESTATUS[*]}'
+    [ "$output" = '5 3' ]
+    [ "$(grep -c '^vkt [^h]*: [^h]' <<<"$stderr")" -eq 1 ]
+    [ ! -e o.nrrd ]
+    # What leaves into a file takes no transport.
+    VKT_TRANSPORT=gpu vkt flip x v.nrrd -o o.nrrd
+    VKT_TRANSPORT=gpu vkt stats v.nrrd >/dev/null
+}
+
 @test "who asks for each volume is told that this is so" {
     fails_with 2 "every command treats each of several volumes by itself" vkt flip x v.nrrd --each
 }

@@ -99,7 +99,8 @@ private:
 ipc::Transport transport_of(std::string const& asked, char const* what) {
     if (asked.empty() || asked == "pipe") return ipc::Transport::pipe;
     if (asked == "shm") return ipc::Transport::shm;
-    throw Error(ErrorKind::usage, text(what, ": '", asked, "' is not one of pipe, shm"));
+    if (asked == "gpu") return ipc::Transport::gpu;
+    throw Error(ErrorKind::usage, text(what, ": '", asked, "' is not one of pipe, shm, gpu"));
 }
 
 } // namespace
@@ -179,7 +180,7 @@ vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t co
         Parameters parameters;
         std::string transport;
         bool no_checksum = false;
-        parameters.option("transport", transport, "T", "pipe or shm");
+        parameters.option("transport", transport, "T", "pipe, shm or gpu");
         parameters.flag("no-checksum", no_checksum, "spare the checksums");
         read_options(words, count, {&parameters});
         need_mode(descriptor, O_RDONLY, "writing");
@@ -190,8 +191,10 @@ vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t co
         ipc::StreamOptions options;
         options.stage = program_invocation_short_name;
         options.checksum = !no_checksum;
-        options.transport = !transport.empty() || variable == nullptr ? transport_of(transport, "--transport")
-                                                                      : transport_of(variable, "VKT_TRANSPORT");
+        bool const said = !transport.empty() || variable == nullptr;
+        options.transport = said ? transport_of(transport, "--transport") : transport_of(variable, "VKT_TRANSPORT");
+        if (options.transport == ipc::Transport::gpu)
+            options.gpu = ipc::cuda_memory(0, said ? "--transport gpu" : "VKT_TRANSPORT=gpu");
         options.notice = [own = result.get()](std::string const& notice) { own->notice = printable(notice); };
         WithoutBrokenPipeSignal const quiet;
         result->pipe = ipc::is_pipe(descriptor);

@@ -175,8 +175,9 @@ VKT_API void vkt_stream_free_reader(vkt_stream_reader* reader);
 /** A stream that is being written. */
 typedef struct vkt_stream_writer vkt_stream_writer;
 /** Begins a stream. The descriptor stays the program's, and must stay open until the writer is freed. Options:
-   --transport pipe or shm (else what VKT_TRANSPORT says; shm gives voxels to a vkt at the other end of a pipe without
-   copying them), --no-checksum. A reader that goes away is VKT_IO and no signal. */
+   --transport pipe, shm or gpu (else what VKT_TRANSPORT says; shm gives voxels to a vkt at the other end of a pipe
+   without copying them, gpu leaves them in the memory of the first GPU for one that works there), --no-checksum. A
+   reader that goes away is VKT_IO and no signal. */
 VKT_API vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t count,
                                      vkt_stream_writer** writer);
 /** Writes a volume. If that fails, the reader is told why. */

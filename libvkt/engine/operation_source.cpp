@@ -124,7 +124,8 @@ void OperationSource::Input::finish() {
 
 void OperationSource::Input::spool(std::size_t in_memory, Execution const& execution, StageInfo const& info) {
     Source& from = preparing_ ? *preparing_ : *source_;
-    auto spool = std::make_unique<Spool>(from.header(), in_memory, execution, info);
+    Space const space = execution.device == Device::gpu ? from.space() : Space::host;
+    auto spool = std::make_unique<Spool>(from.header(), in_memory, execution, info, space);
     spool->fill(from, execution);
     spool_ = std::move(spool);
     preparing_.reset();
@@ -206,7 +207,7 @@ void OperationSource::plan_volume() {
     }
 
     execution_ = beside_neighbours(resolve_device(requested_, operation_, plan_), plan_, info_);
-    if (execution_.device == Device::gpu) device_select(execution_.gpu);
+    if (execution_.device == Device::gpu && !plan_.shift) device_select(execution_.gpu);
     auto* const prepared = dynamic_cast<Prepared*>(&operation_);
     if (Operation* const first = prepared != nullptr ? prepared->preparation() : nullptr) {
         inputs_.front()->prepare(*first, requested_, info_);

@@ -26,7 +26,9 @@ public:
     std::int64_t natural_slab() const override;
     /// What is handed through lies where the input lies.
     Space space() const override {
-        return tree_ || made_ ? Space::host : plan_.shift ? inputs_.front()->space() : execution_.space();
+        return tree_ || made_ || work_.bands ? Space::host
+               : plan_.shift                 ? inputs_.front()->space()
+                                             : execution_.space();
     }
     void finish() override;
 
@@ -45,7 +47,7 @@ private:
         std::shared_ptr<Lease> lease(Box const& region) override;
         void expect(Box const& region) override;
         std::int64_t natural_slab() const override { return source_->natural_slab(); }
-        Space space() const override { return spool_ ? Space::host : source_->space(); }
+        Space space() const override { return spool_ ? spool_->space() : source_->space(); }
         BrickSequence take_bricks() override { return source_->take_bricks(); }
         void finish() override;
         /// Reads all of the current volume and keeps it, in memory up to so many bytes.

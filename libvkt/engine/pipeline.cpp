@@ -215,13 +215,20 @@ void drain_volume(Source& source, Sink& sink, Execution const& execution) {
         sink.put_bricks(source.take_bricks());
     } else if (!header.dry_run) {
         std::int64_t hint = source.natural_slab();
-        if (hint == 0) hint = sink.natural_slab();
+        // What comes from the host's caches in small slabs is gathered to what suits a GPU.
+        bool const gathered = sink.space() == Space::device && source.space() == Space::host;
+        if (hint == 0 || gathered) hint = std::max(hint, sink.natural_slab());
+        Buffer staging;
         Cut const cut = cut_of(header, hint, execution);
         source.expect(box_of(header.dims));
         for_each_piece(box_of(header.dims), cut, [&](Box const& box) {
             ProgressPart const share = part_of(execution.monitor, box_of(header.dims), box);
             if (auto const lease = source.lease(box); lease && sink.pass_on(box, lease)) return;
-            source.read(sink.acquire(box));
+            AnyView const to = sink.acquire(box);
+            if (to.space == Space::device)
+                read_across(source, to, staging, execution);
+            else
+                source.read(to);
             sink.commit();
         });
     }

@@ -5,7 +5,9 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/engine/window.h"
 #include "libvkt/io/free_space.h"
+#include "libvkt/kernel/border.h"
 
 #include <cerrno>
 #include <cstdlib>
@@ -30,6 +32,7 @@ public:
     Access access() const override { return Access::random; }
     void read(AnyView out) override { spool_->read(out); }
     std::optional<ConstView> borrow(Box const& region) override { return spool_->borrow(region); }
+    Space space() const override { return spool_->space(); }
     void finish() override {}
 
 private:
@@ -39,12 +42,15 @@ private:
 
 } // namespace
 
-Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info)
+Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info,
+             Space space)
     : Spool(header) {
     std::size_t const bytes = header_.bytes();
     if (bytes <= in_memory) {
         memory_.reserve(bytes);
-        voxels_ = dense_view(memory_.write(Space::host), header_.dtype, box_of(header_.dims));
+        std::byte* const memory = space == Space::device ? memory_on_gpu() : nullptr;
+        voxels_ = memory != nullptr ? dense_view(memory, header_.dtype, box_of(header_.dims), Space::device)
+                                    : dense_view(memory_.write(Space::host), header_.dtype, box_of(header_.dims));
         return;
     }
     open_file(execution.temporary_directory);
@@ -56,6 +62,14 @@ Spool::Spool(Header const& header, std::size_t in_memory, Execution const& execu
                       false);
 }
 
+std::byte* Spool::memory_on_gpu() {
+    try {
+        return memory_.write(Space::device);
+    } catch (Error const&) { // there is no room: others use the GPU, too
+        return nullptr;
+    }
+}
+
 void Spool::fill(Source& source, Execution const& execution) {
     Box const whole = box_of(header_.dims);
     source.expect(whole);
@@ -63,10 +77,13 @@ void Spool::fill(Source& source, Execution const& execution) {
         ProgressPart const share = part_of(execution.monitor, whole, box);
         if (file_ >= 0) {
             auto const lent = source.borrow(box);
-            if (lent && lent->contiguous()) return store(*lent);
+            if (lent && lent->space == Space::host && lent->contiguous()) return store(*lent);
         }
         AnyView const to = place(box);
-        source.read(to);
+        if (to.space == Space::device)
+            read_across(source, to, staging_, execution);
+        else
+            source.read(to);
         store(to);
     });
     source.finish();
@@ -129,7 +146,7 @@ std::optional<ConstView> Spool::borrow(Box const& region) const {
 }
 
 void Spool::read(AnyView out) {
-    if (file_ < 0) return copy(ConstView(voxels_).part(out.box), out);
+    if (file_ < 0) return copy_region(ConstView(voxels_).part(out.box), out, Execution{});
     Index3 const n = out.dims();
     bool const in_place = n.x == header_.dims.x && (out.row == n.x || n.y == 1);
     if (in_place) {
@@ -213,7 +230,8 @@ BrickSequence spooled(BrickSequence bricks, std::size_t in_memory, Execution con
 
 std::unique_ptr<Source> spooled(Source& source, std::size_t inputs, Execution const& execution, StageInfo const& info) {
     Header const header = source.header();
-    auto spool = std::make_unique<Spool>(header, spool_limit(inputs, execution), execution, info);
+    Space const space = execution.device == Device::gpu ? source.space() : Space::host;
+    auto spool = std::make_unique<Spool>(header, spool_limit(inputs, execution), execution, info, space);
     spool->fill(source, execution);
     return std::make_unique<SpoolSource>(std::move(spool), header);
 }

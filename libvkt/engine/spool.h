@@ -12,8 +12,10 @@ namespace vkt {
 /// whatever happens to the process. Disk full is Error{io}.
 class Spool {
 public:
-    /// Keeps volumes of up to `in_memory` bytes in memory.
-    Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info);
+    /// Keeps volumes of up to `in_memory` bytes in memory: in that of the current GPU if `space` asks for it and there
+    /// is room.
+    Spool(Header const& header, std::size_t in_memory, Execution const& execution, StageInfo const& info,
+          Space space = Space::host);
     ~Spool();
     Spool(Spool const&) = delete;
     Spool& operator=(Spool const&) = delete;
@@ -26,10 +28,12 @@ public:
 
     void read(AnyView out);
     std::optional<ConstView> borrow(Box const& region) const;
+    Space space() const { return voxels_.space; } ///< where borrow() hands them out
 
 private:
     explicit Spool(Header const& header) : header_(header) {} ///< what throws after it finds the file closed
     void open_file(std::string const& directory);
+    std::byte* memory_on_gpu();
     std::int64_t offset_of(std::int64_t y, std::int64_t z) const;
     void write(std::byte const* data, std::size_t n, std::int64_t offset);
     void fetch(std::byte* to, std::size_t n, std::int64_t offset);

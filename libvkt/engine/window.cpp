@@ -11,6 +11,28 @@
 
 namespace vkt {
 
+void read_across(Source& source, AnyView to, Buffer& staging, Execution const& execution) {
+    if (source.space() == to.space) {
+        if (auto const lent = source.borrow(to.box))
+            copy_region(*lent, to, execution);
+        else
+            source.read(to);
+        return;
+    }
+    // To a GPU, or from one, in pieces that stay in the caches on their way: those that a source hands out.
+    Header piece;
+    piece.dims = to.box.dims();
+    piece.dtype = to.type;
+    for_each_piece(to.box, cut_of(piece, source.natural_slab(), execution), [&](Box const& box) {
+        if (auto const lent = source.borrow(box)) return copy_region(*lent, to.part(box), execution);
+        AnyView const small = to.part(box);
+        staging.reserve(small.bytes());
+        AnyView const staged = dense_view(staging.write(source.space()), to.type, box, source.space());
+        source.read(staged);
+        copy_region(staged, small, execution);
+    });
+}
+
 Box Window::with_fold_sources(Box region) const {
     for (int axis = 0; axis < (rule_.boundary == Boundary::wrap ? 1 : 2); ++axis) {
         std::int64_t const n = rule_.volume_dims[axis];
@@ -104,26 +126,7 @@ void Window::read_slices(Source& source, std::int64_t z0, std::int64_t z1, std::
 
 /// Reads `part` of the source to the window's voxels from `target` on.
 void Window::read_part(Source& source, Box const& part, Index3 target, Execution const& execution) {
-    AnyView const to = view({target, target + part.dims()}).moved_to(part.lower);
-    if (source.space() == to.space) {
-        if (auto const lent = source.borrow(part))
-            copy_region(*lent, to, execution);
-        else
-            source.read(to);
-        return;
-    }
-    // To a GPU, or from one, in pieces that stay in the caches on their way: those that a source hands out.
-    Header piece;
-    piece.dims = part.dims();
-    piece.dtype = rule_.type;
-    for_each_piece(part, cut_of(piece, source.natural_slab(), execution), [&](Box const& box) {
-        if (auto const lent = source.borrow(box)) return copy_region(*lent, to.part(box), execution);
-        AnyView const small = to.part(box);
-        staging_.reserve(small.bytes());
-        AnyView const staged = dense_view(staging_.write(source.space()), rule_.type, box, source.space());
-        source.read(staged);
-        copy_region(staged, small, execution);
-    });
+    read_across(source, view({target, target + part.dims()}).moved_to(part.lower), staging_, execution);
 }
 
 /// Slices of the window that lie below or above the volume and were not kept.

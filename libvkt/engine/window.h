@@ -8,6 +8,9 @@
 
 namespace vkt {
 
+/// Reads to.box of a source to `to`, whichever of them lies on a GPU; `staging` is for what cannot go there directly.
+void read_across(Source& source, AnyView to, Buffer& staging, Execution const& execution);
+
 /// How a window continues outside its volume, and where it lies.
 struct WindowRule {
     Index3 volume_dims;

@@ -19,7 +19,7 @@ namespace {
 
 /// One source's slab, in place or copied.
 ConstView slab_of(Source& source, Box const& box, Buffer& buffer) {
-    if (auto const lent = source.borrow(box)) return *lent;
+    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
     buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
     AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
     source.read(view);

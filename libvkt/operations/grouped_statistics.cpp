@@ -162,7 +162,7 @@ std::map<std::int64_t, PartialStatistics> block_groups(Beside const& in, Box con
 
 /// A source's voxels of a box, in place or copied.
 ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
-    if (auto const lent = source.borrow(box)) return *lent;
+    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
     buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
     AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
     source.read(view);

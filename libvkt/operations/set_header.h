@@ -22,6 +22,7 @@ public:
     std::string_view name() const override { return "set"; }
     Texts texts() const override;
     Shape shape() const override { return Shape::geometric; }
+    bool runs_on_gpu() const override { return !dims; } // voxels stay where they are
     void parameters(Parameters& p) override;
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;

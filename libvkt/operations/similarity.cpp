@@ -19,7 +19,7 @@ constexpr std::int64_t window_radius = 5;
 constexpr Index3 block{32, 32, 32}; // on the volume's own lattice, so that the order of sums depends on nothing else
 
 ConstView voxels_of(Source& source, Box const& box, Buffer& buffer) {
-    if (auto const lent = source.borrow(box)) return *lent;
+    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
     buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
     AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
     source.read(view);

@@ -45,14 +45,22 @@ static int refuse(void) {
     vkt_volume* volume = NULL;
     int ends[2];
     char const* const wrong[] = {"--transport", "carrier"};
+    char const* const gpu[] = {"--transport", "gpu"};
     if (pipe(ends) != 0) return 1;
     if (vkt_stream_open(77, &reader) != VKT_USAGE || reader != NULL) return 10;
     if (vkt_stream_open(ends[1], &reader) != VKT_USAGE || reader != NULL) return 11;
     if (vkt_stream_create(77, NULL, 0, &writer) != VKT_USAGE || writer != NULL) return 12;
     if (vkt_stream_create(ends[0], NULL, 0, &writer) != VKT_USAGE || writer != NULL) return 13;
     if (vkt_stream_create(ends[1], wrong, 2, &writer) != VKT_USAGE || strstr(vkt_error(), "carrier") == NULL) return 14;
+    if (vkt_stream_create(ends[1], gpu, 2, &writer) == VKT_OK)
+        vkt_stream_free_writer(writer);
+    else if (vkt_stream_create(ends[1], gpu, 2, &writer) != VKT_RESOURCES ||
+             strstr(vkt_error(), "--transport gpu: ") == NULL)
+        return 20;
+    writer = NULL;
     if (vkt_stream_next(NULL, &volume) != VKT_USAGE || vkt_stream_put(NULL, NULL) != VKT_USAGE) return 15;
-    if (vkt_stream_open(ends[0], NULL) != VKT_USAGE || vkt_stream_create(ends[1], NULL, 0, NULL) != VKT_USAGE) return 16;
+    if (vkt_stream_open(ends[0], NULL) != VKT_USAGE || vkt_stream_create(ends[1], NULL, 0, NULL) != VKT_USAGE)
+        return 16;
     if (vkt_stream_create(ends[1], NULL, 0, &writer) != VKT_OK) return 17;
     if (vkt_stream_put(writer, NULL) != VKT_USAGE || vkt_stream_fail(writer, NULL) != VKT_USAGE) return 18;
     if (vkt_stream_close(writer) != VKT_OK || vkt_stream_close(writer) != VKT_USAGE) return 19;

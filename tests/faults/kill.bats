@@ -14,4 +14,13 @@ rounds() {
 @test "SIGKILL at any moment leaves nothing behind (shm)" { rounds SIGKILL shm; }
 @test "SIGTERM at any moment leaves nothing behind (pipe)" { rounds SIGTERM pipe; }
 @test "SIGTERM at any moment leaves nothing behind (shm)" { rounds SIGTERM shm; }
+
+# A GPU that is a file in memory (gpu_stage.cpp); tests/gpu/transport.sh does the same on one.
+on_standin() {
+    export VKT_GPU_STAGE="$VKT_BUILD/tests/vkt_gpu_stage"
+    [ -x "$VKT_GPU_STAGE" ] || skip "vkt_gpu_stage is not built"
+    rounds "$1" standin
+}
+@test "SIGKILL at any moment leaves nothing behind (GPU memory)" { on_standin SIGKILL; }
+@test "SIGTERM at any moment leaves nothing behind (GPU memory)" { on_standin SIGTERM; }
 @test "SIGPIPE at any moment leaves nothing behind" { rounds SIGPIPE pipe; }

@@ -2,6 +2,8 @@
 """Runs a pipeline many times, sends a signal to a random stage after a random while, and looks for losses and leftovers.
 
 usage: kill.py ROUNDS SIGNAL TRANSPORT   (in a scratch directory that holds in.nrrd; vkt on PATH)
+
+With the transport `standin` the stages in the middle are those of tests/faults/gpu_stage.cpp, $VKT_GPU_STAGE.
 """
 import os
 import random
@@ -13,14 +15,20 @@ import time
 # Two stages that change no voxel: over shared memory they pass on the slots of the stage before them.
 STAGES = [["read", "in.nrrd", "--slab", "2"], ["filter", "gaussian", "--sigma", "1.5", "--slab", "2"],
           ["convert", "--dtype", "float32", "-q"], ["set", "--spacing", "1,2,3"], ["flip", "z"], ["write", "out.nrrd"]]
+MIDDLE = ["copy"], ["pass"], ["copy"], ["pass"]  # on a GPU that is none
 
 
 def start():
     """The stages joined by anonymous pipes, as a shell joins them."""
     processes, upstream = [], None
-    for i, stage in enumerate(STAGES):
-        last = i == len(STAGES) - 1
-        process = subprocess.Popen(["vkt", *stage], stdin=upstream, stdout=None if last else subprocess.PIPE,
+    standin = os.environ["VKT_TRANSPORT"] == "standin"
+    stages = [["vkt", *stage] for stage in STAGES]
+    if standin:
+        stages[1:-1] = [[os.environ["VKT_GPU_STAGE"], *stage] for stage in MIDDLE]
+    for i, stage in enumerate(stages):
+        last = i == len(stages) - 1
+        environment = dict(os.environ, VKT_TRANSPORT="shm") if standin else None
+        process = subprocess.Popen(stage, env=environment, stdin=upstream, stdout=None if last else subprocess.PIPE,
                                    stderr=subprocess.PIPE, restore_signals=True)
         if upstream is not None:
             upstream.close()
@@ -69,7 +77,7 @@ def main():
             cut += 1
         for code, process in zip(codes, processes):
             assert code in (0, 1, 2, 3, 4, 5) or code in (-number, -signal.SIGPIPE), f"{process.args} exited {code}: {messages}"
-        lines = [line for message in messages for line in message.splitlines() if "hint:" not in line and "through the pipe" not in line]
+        lines = [line for message in messages for line in message.splitlines() if "hint:" not in line and "voxels go through" not in line]
         assert len(lines) <= 1, f"more than one stage complains: {lines}"
         assert not leftovers(processes), f"left behind: {leftovers(processes)}"
     print(f"{sys.argv[2]} over {transport}: {rounds} rounds, {cut} cut off, {whole} whole, 0 losses, 0 leftovers")

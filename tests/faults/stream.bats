@@ -130,6 +130,24 @@ for i in range(len(data)): os.write(1, data[i:i+1])' | vkt read | vkt diff in.vk
     vkt flip x flipped.vkt | vkt diff - in.vkt >/dev/null
 }
 
+@test "GPU memory gives the same bytes, a reader may leave early, and what was cut off stays that" {
+    local stage="$VKT_BUILD/tests/vkt_gpu_stage" # its GPU is a file in memory
+    [ -x "$stage" ] || skip "vkt_gpu_stage is not built"
+    vkt make noise --dims 128 128 200 --dtype float32 --seed 4 -o large.vkt
+    $stage copy <large.vkt 2>notices | $stage pass 2>>notices | $stage copy 2>>notices | vkt diff - large.vkt >/dev/null
+    # The first two leave voxels there; vkt diff reads none of it.
+    [ "$(cat notices)" = 'vkt_gpu_stage: the next stage reads no GPU memory: voxels go through shared memory' ]
+    $stage copy <large.vkt 2>/dev/null | cat | $stage copy 2>/dev/null | vkt diff - large.vkt >/dev/null
+    run --separate-stderr bash -c "$stage copy <large.vkt | $stage copy | head -c 1000 | wc -c; echo \${PIPESTATUS[*]}"
+    [[ "$output" == $'1000\n'*' 0 0' ]]
+    run ! grep -v 'voxels go through' <<<"$stderr"
+    head -c 9000000 large.vkt >cut.vkt
+    run --separate-stderr bash -c "$stage copy <cut.vkt | $stage pass | $stage copy | vkt write out.nrrd; echo \${PIPESTATUS[*]}"
+    [ "$output" = '3 3 3 3' ]
+    [ "$(grep -c 'ended early' <<<"$stderr")" -eq 1 ]
+    [ ! -e out.nrrd ]
+}
+
 @test "geometry that is no number is refused" {
     vkt make ramp --dims 3 4 5 --dtype uint8 -o good.vkt
     for option in spacing origin slope intercept; do

@@ -7,6 +7,7 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/region_source.h"
 #include "libvkt/operations/crop.h"
+#include "pipes.h"
 
 #include <atomic>
 #include <chrono>
@@ -22,41 +23,10 @@ namespace {
 
 using namespace vkt;
 
-Volume patterned(Index3 dims, std::uint32_t seed) {
-    Header header;
-    header.dims = dims;
-    header.dtype = DataType::uint32;
-    Volume volume(header);
-    auto* voxels = reinterpret_cast<std::uint32_t*>(volume.mutable_view().data);
-    for (std::int64_t i = 0; i < header.voxels(); ++i) voxels[i] = static_cast<std::uint32_t>(i) * 2654435761u + seed;
-    return volume;
-}
-
-struct Pipe {
-    Pipe() {
-        int ends[2];
-        if (::pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("pipe");
-        read_end = ends[0];
-        write_end = ends[1];
-    }
-    int read_end = -1, write_end = -1;
-};
-
-/// Writes the volumes into one end; `slabs` are the slab heights of the volumes in turn.
-void produce(int descriptor, ipc::Transport transport, std::vector<Volume> const& volumes, std::int64_t slab,
-             std::string* notice) {
-    {
-        ipc::StreamOptions options;
-        options.transport = transport;
-        options.notice = [&](std::string const& message) { *notice = message; };
-        ipc::StreamSink sink(descriptor, options);
-        Execution execution;
-        execution.slab = slab;
-        auto const source = volume_source(volumes);
-        drain(*source, sink, execution);
-    }
-    ::close(descriptor);
-}
+using vkt::test::expect_same;
+using vkt::test::patterned;
+using vkt::test::Pipe;
+using vkt::test::produce;
 
 std::unique_ptr<ipc::StreamSource> source_of(int descriptor, bool whole = false) {
     ipc::StreamOptions options;
@@ -65,18 +35,7 @@ std::unique_ptr<ipc::StreamSource> source_of(int descriptor, bool whole = false)
 }
 
 std::vector<Volume> consume(int descriptor, bool whole = false) {
-    auto const source = source_of(descriptor, whole);
-    std::vector<Volume> volumes;
-    while (source->next_volume()) volumes.push_back(load(*source, {}));
-    return volumes;
-}
-
-void expect_same(std::vector<Volume> const& a, std::vector<Volume> const& b) {
-    ASSERT_EQ(a.size(), b.size());
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        ASSERT_EQ(a[i].header().dims, b[i].header().dims);
-        EXPECT_EQ(std::memcmp(a[i].view().data, b[i].view().data, a[i].header().bytes()), 0) << i;
-    }
+    return vkt::test::consume(*source_of(descriptor, whole));
 }
 
 class Transports : public testing::TestWithParam<ipc::Transport> {};
@@ -101,16 +60,7 @@ TEST_P(Transports, AThirdPartyInBetweenKeepsVoxelsInThePipe) {
     Pipe first, second;
     std::string notice;
     std::thread producer([&] { produce(first.write_end, GetParam(), volumes, 8, &notice); });
-    std::thread between([&] {
-        std::vector<char> buffer(100000);
-        ssize_t n = 0;
-        while ((n = ::read(first.read_end, buffer.data(), buffer.size())) > 0) {
-            iovec part{buffer.data(), static_cast<std::size_t>(n)};
-            ipc::write_all(second.write_end, std::span(&part, 1));
-        }
-        ::close(second.write_end);
-        ::close(first.read_end);
-    });
+    std::thread between([&] { vkt::test::pass_bytes(first.read_end, second.write_end); });
     auto const read = consume(second.read_end);
     producer.join();
     between.join();

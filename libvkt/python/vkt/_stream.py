@@ -50,7 +50,7 @@ def write_stream(file: Any, volumes: "Volume | Iterable[Volume]", **options: Any
     """Writes one volume or several as a stream: write_stream(process.stdin, volume). The file is that of a pipe, of a
     socket or of a file on disk, a descriptor, or any object with write(); it stays open, and who reads a pipe waits until
     it is closed. Options: transport="shm" gives voxels to a vkt at the other end of a pipe without copying them,
-    no_checksum=True. What iterating over the volumes raises is told to the reader, which fails as well."""
+    transport="gpu" leaves them in GPU memory for one that works there, no_checksum=True. What iterating over the volumes raises is told to the reader, which fails as well."""
     if isinstance(volumes, Volume):
         volumes = [volumes]
     if hasattr(file, "flush"):
