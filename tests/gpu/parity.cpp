@@ -357,6 +357,12 @@ void compare_far() {
                         auto const label = operation_of(words_of(words));
                         compare(*label, in, words + that, -1, block > 1 ? 0 : 3);
                     }
+                    for (char const* const words : {"fill-holes", "fill-holes --connectivity 26 --max-size 3",
+                                                    "fill-holes --connectivity 18 --value 9", "slice --axis x",
+                                                    "slice --axis y --range minmax", "slice --range 2:90"}) {
+                        auto const operation = operation_of(words_of(words));
+                        compare(*operation, in, words + that, -1);
+                    }
                     Geometry fine, odd;
                     fine.spacing = {0.5, 1, 2.5};
                     odd.spacing = {0.31, 0.7777, 2.1234567};

@@ -10,5 +10,7 @@ void component_bits(DeviceComponents&, ConstView, std::optional<double>, Executi
 void component_numbers(DeviceComponents&, Execution const&) { throw_without_cuda(); }
 void component_facts(DeviceComponents&, std::vector<ComponentFacts>&, Execution const&) { throw_without_cuda(); }
 void component_labels(DeviceComponents&, AnyView, Execution const&) { throw_without_cuda(); }
+void component_values(DeviceComponents&, ConstView, Execution const&) { throw_without_cuda(); }
+void component_paint(DeviceComponents&, AnyView, Execution const&) { throw_without_cuda(); }
 
 } // namespace vkt::VKT_BACKEND

@@ -80,8 +80,9 @@ Rows rows_of(DeviceComponents& components) {
 template <class T> struct IsObject {
     using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
     C zero;
-    bool any;
+    bool any, holes;
     __device__ bool operator()(C v) const {
+        if (holes) return any && v == zero;
         if constexpr (std::is_integral_v<T>)
             return !any || v != zero;
         else
@@ -126,7 +127,8 @@ void pack(DeviceComponents& components, ConstView in, std::optional<double> zero
     Rows const rows = rows_of(components);
     Index3 const n = in.dims();
     std::int64_t const parts = (rows.words + words_of_warp - 1) / words_of_warp;
-    IsObject<T> const is_object{static_cast<typename IsObject<T>::C>(zero.value_or(0)), zero.has_value()};
+    IsObject<T> const is_object{static_cast<typename IsObject<T>::C>(zero.value_or(0)), zero.has_value(),
+                                components.holes};
     bits_kernel<T><<<blocks_for(parts * n.y * n.z * 32), block>>>(in.as<T>(), n, is_object, rows.bits, rows,
                                                                   in.box.lower.z * rows.ny + in.box.lower.y, totals);
     check_launch("label");
@@ -396,12 +398,14 @@ __global__ void __launch_bounds__(block) roots_kernel(Rows rows, unsigned const*
 
 __global__ void __launch_bounds__(block)
     ranks_kernel(Rows rows, unsigned const* before, unsigned const* parent, unsigned long long const* first,
-                 unsigned const* marks, unsigned const* marks_before, unsigned* rank) {
+                 unsigned const* marks, unsigned const* marks_before, unsigned* rank, unsigned long long* voxels) {
     std::int64_t const i = this_thread();
     if (i >= rows.words * rows.run_ny * rows.run_nz) return;
     for_each_root(rows, i, before, parent, first, [&](unsigned run, unsigned long long voxel) {
-        rank[run] = marks_before[voxel / 32] +
-                    static_cast<unsigned>(__popc(marks[voxel / 32] & below(static_cast<int>(voxel % 32))));
+        unsigned const mine = marks_before[voxel / 32] +
+                              static_cast<unsigned>(__popc(marks[voxel / 32] & below(static_cast<int>(voxel % 32))));
+        rank[run] = mine;
+        voxels[mine] = voxel;
     });
 }
 
@@ -459,6 +463,46 @@ template <class T> void launch_labels(Runs const& runs, unsigned const* names, A
     std::int64_t const parts = (runs.rows.words + words_of_warp - 1) / words_of_warp;
     labels_kernel<T><<<blocks_for(parts * n.y * n.z * 32), block>>>(runs, names, out.as<T>(), out.box.lower, n);
     check_launch("label");
+}
+
+/// Voxels whose components have names get values.
+template <class T>
+__global__ void __launch_bounds__(block)
+    paint_kernel(Runs runs, unsigned const* names, std::uint64_t const* values, View<T> out, Index3 lower, Index3 n) {
+    std::int64_t const i = this_thread(), r = driver::quotient_of(i, n.x), x = i - r * n.x;
+    if (r >= n.y * n.z) return;
+    std::int64_t const dz = driver::quotient_of(r, n.y), dy = r - dz * n.y, y = lower.y + dy, z = lower.z + dz;
+    if ((runs.rows.row(y, z, x / 32) >> x % 32 & 1) == 0) return;
+    unsigned const component = runs.component_of(y, z, x / 32, static_cast<int>(x % 32));
+    if (names[component] != 0) out.data[x + dy * out.row + dz * out.slice] = static_cast<T>(values[component]);
+}
+template <class T>
+void launch_paint(Runs const& runs, unsigned const* names, std::uint64_t const* values, AnyView out) {
+    paint_kernel<T>
+        <<<blocks_for(out.box.voxels()), block>>>(runs, names, values, out.as<T>(), out.box.lower, out.dims());
+    check_launch("fill-holes");
+}
+
+template <class T>
+__global__ void __launch_bounds__(block) values_kernel(Rows rows, unsigned long long const* first, std::int64_t count,
+                                                       View<T const> in, Box box, std::uint64_t* values) {
+    std::int64_t const i = this_thread();
+    if (i >= count) return;
+    auto const bit = static_cast<std::int64_t>(first[i]);
+    std::int64_t const r = bit / (rows.words * 32), x = bit - r * rows.words * 32;
+    std::int64_t const voxel = r * rows.nx + x - 1; // in x-fastest order
+    if (voxel < 0) return;
+    std::int64_t const row = voxel / rows.nx, at_z = row / rows.ny, at_y = row - at_z * rows.ny,
+                       at_x = voxel - row * rows.nx;
+    if (at_z < box.lower.z || at_z >= box.upper.z || at_y < box.lower.y || at_y >= box.upper.y) return;
+    values[i] = static_cast<std::uint64_t>(in(at_x, at_y, at_z));
+}
+template <class T> void launch_values(DeviceComponents& components, ConstView in) {
+    values_kernel<T><<<blocks_for(components.count), block>>>(
+        rows_of(components), reinterpret_cast<unsigned long long const*>(components.first.read(Space::device)),
+        components.count, in.as<T>(), in.box,
+        reinterpret_cast<std::uint64_t*>(components.values.update(Space::device)));
+    check_launch("fill-holes");
 }
 
 __device__ void least(std::int32_t* to, std::int64_t v) {
@@ -543,7 +587,10 @@ void component_numbers(DeviceComponents& components, Execution const&) {
     device_clear(marks, static_cast<std::size_t>(bit_words) * 4);
     roots_kernel<<<blocks_for(words), block>>>(rows, before, parent, first, marks);
     components.count = static_cast<std::int64_t>(sums_before(bit_words, CountBits{marks}, marks_before));
-    ranks_kernel<<<blocks_for(words), block>>>(rows, before, parent, first, marks, marks_before, rank);
+    components.first.reserve(static_cast<std::size_t>(components.count) * 8);
+    ranks_kernel<<<blocks_for(words), block>>>(
+        rows, before, parent, first, marks, marks_before, rank,
+        reinterpret_cast<unsigned long long*>(components.first.write(Space::device)));
     spread_kernel<<<blocks_for(count), block>>>(parent, rank, count);
     check_launch("label");
 }
@@ -569,6 +616,20 @@ void component_labels(DeviceComponents& components, AnyView out, Execution const
     unsigned const* const names = components.names.empty() ? nullptr : list.get();
     Runs const runs = runs_of(components);
     for_each_size(size_of(out.type), [&]<class T>(T) { launch_labels<T>(runs, names, out); });
+}
+
+void component_values(DeviceComponents& components, ConstView rows, Execution const&) {
+    if (rows.box.empty() || components.count == 0) return;
+    components.values.reserve(static_cast<std::size_t>(components.count) * 8);
+    for_each_size(size_of(rows.type), [&]<class T>(T) { launch_values<T>(components, rows); });
+}
+
+void component_paint(DeviceComponents& components, AnyView out, Execution const&) {
+    if (out.box.empty() || components.names.empty()) return;
+    driver::DeviceList<std::uint32_t> const names(components.names);
+    auto const* const values = reinterpret_cast<std::uint64_t const*>(components.values.read(Space::device));
+    Runs const runs = runs_of(components);
+    for_each_size(size_of(out.type), [&]<class T>(T) { launch_paint<T>(runs, names.get(), values, out); });
 }
 
 } // namespace VKT_BACKEND

@@ -16,15 +16,18 @@ namespace vkt {
 struct DeviceComponents {
     Index3 dims;
     int connectivity = 6;
+    bool holes = false;               ///< zero voxels form components, others do not
     std::int64_t count = 0;           ///< components, once they are numbered
     std::int64_t nan = 0;             ///< voxels so far
     Buffer bits;                      ///< 32 voxels of a row a word
     Buffer before;                    ///< runs before each word of the rows that they are of
     Buffer component;                 ///< of each run, from 0
+    Buffer first;                     ///< 8 bytes a component: where the bit of its first voxel is
+    Buffer values;                    ///< 8 bytes a component, see component_values()
     std::vector<std::uint32_t> names; ///< of components; if there are none they are numbered from 1
 };
 
-/// Which of these voxels form components: neither zero nor NaN. Rows may come in any order.
+/// Which of these voxels form components: those that are neither zero nor NaN, or zero. Rows may come in any order.
 VKT_KERNEL(component_bits,
            (DeviceComponents & components, ConstView rows, std::optional<double> zero, Execution const& execution),
            (components, rows, zero, execution))
@@ -37,6 +40,12 @@ VKT_KERNEL(component_facts,
            (components, facts, execution))
 /// The names of the voxels of out.box, whole rows of the volume; 0 for those of no component.
 VKT_KERNEL(component_labels, (DeviceComponents & components, AnyView out, Execution const& execution),
+           (components, out, execution))
+/// Keeps, for components whose first voxel follows one of these in x-fastest order, the value of that one.
+VKT_KERNEL(component_values, (DeviceComponents & components, ConstView rows, Execution const& execution),
+           (components, rows, execution))
+/// Voxels of out.box, whole rows, get the value of their component if that has a name.
+VKT_KERNEL(component_paint, (DeviceComponents & components, AnyView out, Execution const& execution),
            (components, out, execution))
 
 } // namespace vkt
