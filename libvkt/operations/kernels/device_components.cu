@@ -245,6 +245,8 @@ __device__ unsigned root_of(unsigned* parent, unsigned i) {
 }
 
 __device__ void unite(unsigned* parent, unsigned a, unsigned b) {
+    auto* const now = static_cast<unsigned volatile*>(parent);
+    if (now[a] == now[b]) return;
     for (;;) {
         a = root_of(parent, a);
         b = root_of(parent, b);
@@ -317,8 +319,11 @@ struct Joiner {
     }
 };
 
+/// Which neighbours are joined: of the slice, of the slice before, and those across.
+enum class Links { above, before, across };
+
 __global__ void __launch_bounds__(block)
-    join_kernel(Rows rows, int connectivity, unsigned const* before, unsigned* parent) {
+    join_kernel(Rows rows, int connectivity, Links links, unsigned const* before, unsigned* parent) {
     std::int64_t const i = this_thread();
     if (i >= rows.words * rows.run_ny * rows.run_nz) return;
     Place const p = place_of(rows, i);
@@ -333,21 +338,31 @@ __global__ void __launch_bounds__(block)
         auto const one = [&](std::int64_t y, std::int64_t z) { return word(y, z, y, z); };
         bool const edges = connectivity >= 18;
         Word const own = one(p.y, p.z), above = one(p.y - 1, p.z), below = one(p.y, p.z - 1);
-        joiner.join(own, above, p.y - 1, p.z, edges, 0);
+        if (links == Links::above) joiner.join(own, above, p.y - 1, p.z, edges, 0);
         // Around four rows that all have a voxel there is a way without this one.
-        unsigned const joined = above.bits & rows.row(p.y - 1, p.z - 1, p.w);
-        joiner.join(own, below, p.y, p.z - 1, edges, joined);
-        if (!edges) return;
+        if (links == Links::before)
+            joiner.join(own, below, p.y, p.z - 1, edges, above.bits & rows.row(p.y - 1, p.z - 1, p.w));
+        if (links != Links::across) return;
         joiner.join(own, one(p.y - 1, p.z - 1), p.y - 1, p.z - 1, false, above.bits | below.bits);
         joiner.join(own, one(p.y + 1, p.z - 1), p.y + 1, p.z - 1, false, below.bits | rows.row(p.y + 1, p.z, p.w));
         return;
     }
     std::int64_t const y = 2 * p.y, z = 2 * p.z;
-    if (p.y > 0) joiner.join(word(y, z, y, z + 1), word(y - 1, z, y - 1, z + 1), p.y - 1, p.z, true, 0);
+    if (links == Links::above && p.y > 0)
+        joiner.join(word(y, z, y, z + 1), word(y - 1, z, y - 1, z + 1), p.y - 1, p.z, true, 0);
     if (p.z == 0) return;
-    joiner.join(word(y, z, y + 1, z), word(y, z - 1, y + 1, z - 1), p.y, p.z - 1, true, 0);
+    if (links == Links::before) joiner.join(word(y, z, y + 1, z), word(y, z - 1, y + 1, z - 1), p.y, p.z - 1, true, 0);
+    if (links != Links::across) return;
     if (p.y > 0) joiner.join(word(y, z, y, z), word(y - 1, z - 1, y - 1, z - 1), p.y - 1, p.z - 1, true, 0);
     joiner.join(word(y + 1, z, y + 1, z), word(y + 2, z - 1, y + 2, z - 1), p.y + 1, p.z - 1, true, 0);
+}
+
+/// Runs point to their roots, so that those that are joined already are seen to be at once.
+__global__ void __launch_bounds__(block) flatten_kernel(unsigned* parent, std::int64_t n) {
+    std::int64_t const i = this_thread();
+    if (i >= n) return;
+    unsigned const root = root_of(parent, static_cast<unsigned>(i));
+    if (parent[i] != root) parent[i] = root;
 }
 
 // Numbering.
@@ -571,7 +586,11 @@ void component_numbers(DeviceComponents& components, Execution const&) {
         return;
     }
     singles_kernel<<<blocks_for(count), block>>>(parent, count);
-    join_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, before, parent);
+    for (Links const links : {Links::above, Links::before, Links::across}) {
+        if (links == Links::across && components.connectivity == 6) break;
+        join_kernel<<<blocks_for(words), block>>>(rows, components.connectivity, links, before, parent);
+        flatten_kernel<<<blocks_for(count), block>>>(parent, count);
+    }
     std::optional<driver::DeviceScratch> firsts;
     unsigned long long* first = nullptr;
     if (rows.group > 1) {

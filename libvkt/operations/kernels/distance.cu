@@ -131,11 +131,12 @@ template <class V> struct Rule {
     int n, across;                             ///< voxels of a line, and of a row
     unsigned tiles;                            ///< in a row
     int columns, columns_log;                  ///< of a tile
+    int steps;                                 ///< of a search
     V weight, weight_before;
     double unit;
 };
 
-template <class V> struct Lines {
+template <class V, bool both> struct Lines {
     using S = std::conditional_t<std::is_same_v<V, int>, int, float>;
     Rule<V> rule;
     V* tile; ///< squares, negative for the other side
@@ -146,29 +147,28 @@ template <class V> struct Lines {
     __device__ V at(int r, int c) const { return tile[r << rule.columns_log | c]; }
     /// The square of a voxel as those of one side see it.
     __device__ static V seen(V square, bool object) {
+        if constexpr (!both) return square;
         V const own = object ? square : -square;
         return own > V(0) ? own : V(0);
     }
     __device__ V step(int d) const { return rule.weight * static_cast<V>(d * d); }
 
-    /// False if a nearer site may lie beyond the steps of the search.
-    __device__ bool search(int r, int c, V own, V& best) const {
+    /// False if a nearer site may lie beyond the steps of the search, or if it was given up.
+    __device__ bool search(int r, int c, V own, V& best, int const volatile& given_up) const {
         bool const object = own > V(0);
-        int const steps = min(most_steps, rule.n - 1);
+        V const* const here = tile + ((r << rule.columns_log) | c);
         best = object ? own : -own;
-        for (int d = 1; d <= steps; ++d) {
+        for (int d = 1; d <= rule.steps; ++d) {
             V const add = step(d);
             if (!(best > add)) return true;
-            if (r - d >= 0) {
-                V const other = seen(at(r - d, c), object) + add;
-                best = other < best ? other : best;
-            }
-            if (r + d < rule.n) {
-                V const other = seen(at(r + d, c), object) + add;
-                best = other < best ? other : best;
-            }
+            int const away = d << rule.columns_log;
+            V const left = both && r < d ? none_yet<V>() : seen(here[-away], object),
+                    right = both && r + d >= rule.n ? none_yet<V>() : seen(here[away], object);
+            V const nearer = (left < right ? left : right) + add;
+            best = nearer < best ? nearer : best;
+            if (d % 8 == 0 && given_up != 0) return false;
         }
-        return steps == rule.n - 1 || !(best > step(steps + 1));
+        return rule.steps == rule.n - 1 || !(best > step(rule.steps + 1));
     }
 
     /// All voxels of one side: of every second voxel between those that are known, again and again.
@@ -183,8 +183,10 @@ template <class V> struct Lines {
                 int const high = above + s > rule.n ? rule.n - 1 : nearest[(r + s) << rule.columns_log | c];
                 int site = low;
                 V best = seen(at(low, c), object) + step(r - low);
-                for (int j = low + 1; j <= high; ++j) {
-                    V const other = seen(at(j, c), object) + step(r - j);
+                V const* next = tile + ((low + 1) << rule.columns_log | c);
+#pragma unroll 4
+                for (int j = low + 1; j <= high; ++j, next += rule.columns) {
+                    V const other = seen(*next, object) + step(r - j);
                     if (other < best) {
                         best = other;
                         site = j;
@@ -211,42 +213,60 @@ template <class V> struct Lines {
     }
 };
 
-template <class V>
+template <class V, bool both>
 __global__ void __launch_bounds__(block_of_lines, 3)
     lines_kernel(std::byte* data, __grid_constant__ Rule<V> const rule) {
     extern __shared__ __align__(16) unsigned char memory[];
-    using S = typename Lines<V>::S;
+    __shared__ int volatile given_up;
+    using S = typename Lines<V, both>::S;
     std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % rule.tiles) << rule.columns_log;
-    int const voxels = rule.n << rule.columns_log;
-    Lines<V> lines{rule, reinterpret_cast<V*>(memory),
-                   reinterpret_cast<unsigned short*>(memory + static_cast<std::int64_t>(voxels) * sizeof(V)),
-                   data + 4 * (x + blockIdx.x / rule.tiles * rule.other_stride),
-                   static_cast<int>(min(static_cast<std::int64_t>(rule.columns), rule.across - x))};
+    int const voxels = rule.n << rule.columns_log, ends = rule.steps << rule.columns_log;
+    V* const padded = reinterpret_cast<V*>(memory);
+    Lines<V, both> const lines{rule, padded + ends, reinterpret_cast<unsigned short*>(padded + voxels + 2 * ends),
+                               data + 4 * (x + blockIdx.x / rule.tiles * rule.other_stride),
+                               static_cast<int>(min(static_cast<std::int64_t>(rule.columns), rule.across - x))};
+    if (threadIdx.x == 0) given_up = 0;
+    for (int i = static_cast<int>(threadIdx.x); i < ends; i += block_of_lines)
+        padded[i] = padded[ends + voxels + i] = none_yet<V>();
+    int sites = 0; // bits: of objects, of the other side
     for (int i = static_cast<int>(threadIdx.x); i < voxels; i += block_of_lines) {
         int const c = i & (rule.columns - 1), r = i >> rule.columns_log;
         V v = c < lines.width ? static_cast<V>(*reinterpret_cast<S const*>(lines.data + 4 * (r * rule.stride + c)))
-                              : V(0);
+                              : none_yet<V>();
         if (rule.weight_before != V(0)) {
             V const square = v * v * rule.weight_before;
             v = v < V(0) ? -square : square;
         }
+        sites |= (v < none_yet<V>() ? 1 : 0) | (v > -none_yet<V>() ? 2 : 0);
         lines.tile[i] = v;
     }
-    __syncthreads();
-    int far = 0; // bits: of objects, of the other side
+    // What is a site for one side is none for the other, unless there is nothing at all.
+    bool const object_sites = __syncthreads_or(sites & 1) != 0, other_sites = __syncthreads_or(sites & 2) != 0;
+    int far = 0; // bits as above
     for (int i = static_cast<int>(threadIdx.x); i < voxels; i += block_of_lines) {
         int const c = i & (rule.columns - 1), r = i >> rule.columns_log;
+        if (c >= lines.width) continue;
         V const own = lines.tile[i];
         V best = V(0);
-        if (own != V(0) && !lines.search(r, c, own, best)) {
-            far |= own > V(0) ? 1 : 2;
-            continue;
+        if (own != V(0) && (own > V(0) ? object_sites : other_sites)) {
+            if (given_up != 0 || !lines.search(r, c, own, best, given_up)) {
+                far |= own > V(0) ? 1 : 2;
+                if (!both) given_up = 1;
+                continue;
+            }
+        } else if (own != V(0)) {
+            best = none_yet<V>();
         }
-        if (c < lines.width) lines.store(r, c, own, best);
+        lines.store(r, c, own, best);
     }
     bool const objects = __syncthreads_or(far & 1) != 0, others = __syncthreads_or(far & 2) != 0;
     if (objects) lines.divide(true);
-    if (others) lines.divide(false);
+    if (both && others) lines.divide(false);
+}
+
+template <class V, bool both> void launch_lines(AnyView out, Rule<V> const& rule, unsigned blocks, std::int64_t bytes) {
+    cudaFuncSetAttribute(lines_kernel<V, both>, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes));
+    lines_kernel<V, both><<<blocks, block_of_lines, static_cast<std::size_t>(bytes)>>>(out.data, rule);
 }
 
 template <class V> void pass_of(AnyView out, DistancePass const& pass) {
@@ -255,6 +275,7 @@ template <class V> void pass_of(AnyView out, DistancePass const& pass) {
     Rule<V> rule{};
     rule.n = static_cast<int>(along_y ? n.y : n.z);
     rule.across = static_cast<int>(n.x);
+    rule.steps = std::min(most_steps, rule.n - 1);
     rule.others = along_y ? n.z : n.y;
     rule.stride = along_y ? out.row : out.slice;
     rule.other_stride = along_y ? out.slice : out.row;
@@ -264,7 +285,8 @@ template <class V> void pass_of(AnyView out, DistancePass const& pass) {
     int most = 0;
     cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_current());
     auto const bytes = [&](int columns_log) {
-        return (static_cast<std::int64_t>(rule.n) << columns_log) * static_cast<int>(sizeof(V) + sizeof(short));
+        return (static_cast<std::int64_t>(rule.n) << columns_log) * static_cast<int>(sizeof(V) + sizeof(short)) +
+               (static_cast<std::int64_t>(2 * rule.steps) << columns_log) * static_cast<int>(sizeof(V));
     };
     // Two tiles at least at a time, unless these would be narrower than what is read at once.
     rule.columns_log = 4;
@@ -275,9 +297,10 @@ template <class V> void pass_of(AnyView out, DistancePass const& pass) {
     if (bytes(rule.columns_log) > most || tiles * rule.others > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
     rule.tiles = static_cast<unsigned>(tiles);
-    cudaFuncSetAttribute(lines_kernel<V>, cudaFuncAttributeMaxDynamicSharedMemorySize, most);
-    lines_kernel<V><<<static_cast<unsigned>(tiles * rule.others), block_of_lines,
-                      static_cast<std::size_t>(bytes(rule.columns_log))>>>(out.data, rule);
+    if (pass.both_sides)
+        launch_lines<V, true>(out, rule, static_cast<unsigned>(tiles * rule.others), bytes(rule.columns_log));
+    else
+        launch_lines<V, false>(out, rule, static_cast<unsigned>(tiles * rule.others), bytes(rule.columns_log));
     check_launch("distance");
 }
 

@@ -14,8 +14,8 @@ namespace VKT_BACKEND {
 namespace {
 
 constexpr int block = 128;
-constexpr int lanes = 16;   ///< that take turns along a row, as on CPUs
-constexpr int together = 8; ///< loads of a thread that do not wait for each other
+constexpr int lanes = 16;    ///< that take turns along a row, as on CPUs
+constexpr int together = 16; ///< loads of a thread that do not wait for each other
 
 /// The accumulators of an image, see ProjectionState.
 struct Image {
@@ -86,12 +86,14 @@ template <class T> struct Real {
         sum = s;
     }
     __device__ void add(T voxel, Added& added) {
-        auto const v = static_cast<double>(voxel);
+        using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
+        C const v = static_cast<C>(voxel);
         bool const number = v == v;
-        take(number ? v : 0);
-        count += number ? 1 : 0;
+        take(static_cast<double>(number ? v : C(0)));
         added.counts.nan += number ? 0 : 1;
     }
+    /// Of so many voxels, of which so many were no numbers.
+    __device__ void added(std::int64_t n, unsigned nan) { count += n - nan; }
     __device__ void merge(Real const& other) {
         take(other.sum);
         lost += other.lost;
@@ -112,16 +114,20 @@ template <class T> struct Real {
 /// Means and sums of squared deviations from them (Welford).
 template <class T> struct Spread {
     double mean = 0, squares = 0;
-    std::int64_t count = 0;
+    int count = 0; ///< lines of 2^31 voxels have no image
 
     __device__ void add(T voxel, Added& added) {
-        auto const v = static_cast<double>(voxel);
-        if (v != v) {
-            ++added.counts.nan;
-            return;
+        using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
+        C const own = static_cast<C>(voxel);
+        if constexpr (!std::is_integral_v<T>) {
+            if (own != own) {
+                ++added.counts.nan;
+                return;
+            }
         }
+        auto const v = static_cast<double>(own);
         double const d = v - mean;
-        mean += d * added.share[count];
+        mean += d * __ldg(added.share + count);
         squares += d * (v - mean);
         ++count;
     }
@@ -137,7 +143,7 @@ template <class T> struct Spread {
     __device__ void load(Image const& image, std::int64_t at) {
         mean = image.value[at];
         squares = image.extra[at];
-        count = static_cast<std::int64_t>(image.count[at]);
+        count = static_cast<int>(image.count[at]);
     }
     __device__ void store(Image const& image, std::int64_t at) const {
         image.value[at] = mean;
@@ -157,6 +163,7 @@ struct Lines {
 template <class S, class T>
 __device__ void add_line(S& sum, T const* first, std::int64_t step, std::int64_t n, Added& added) {
     std::int64_t k = 0;
+    unsigned const nan = added.counts.nan;
     for (; k + together <= n; k += together) {
         T v[together];
 #pragma unroll
@@ -165,6 +172,7 @@ __device__ void add_line(S& sum, T const* first, std::int64_t step, std::int64_t
         for (int i = 0; i < together; ++i) sum.add(v[i], added);
     }
     for (; k < n; ++k) sum.add(first[k * step], added);
+    if constexpr (requires { sum.added(n, nan); }) sum.added(n, added.counts.nan - nan);
 }
 
 template <class S, class T>

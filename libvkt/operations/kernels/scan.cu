@@ -13,8 +13,8 @@ namespace VKT_BACKEND {
 namespace {
 
 constexpr int block = 256;
-constexpr int each = 4; ///< neighbouring voxels of a thread
-constexpr std::size_t most_shared = std::size_t{96} << 10;
+constexpr int row_block = 512;
+constexpr int each = 2; ///< neighbouring voxels of a thread, whose sums are stored at once
 
 /// A sum in float64 and what its additions lost.
 struct Pair {
@@ -26,13 +26,13 @@ __device__ __forceinline__ Pair operator+(Pair const& a, Pair const& b) {
     return {sum, a.rest + b.rest + lost};
 }
 
-template <class A> __device__ __forceinline__ A from_below(A const& mine, int by) {
+template <class A> __device__ __forceinline__ A from_lane(A const& mine, int lane) {
     constexpr int words = sizeof(A) / 8;
     static_assert(sizeof(A) % 8 == 0);
     unsigned long long w[words];
     memcpy(w, &mine, sizeof mine);
 #pragma unroll
-    for (int i = 0; i < words; ++i) w[i] = __shfl_up_sync(~0u, w[i], by);
+    for (int i = 0; i < words; ++i) w[i] = __shfl_sync(~0u, w[i], lane);
     A other;
     memcpy(&other, w, sizeof other);
     return other;
@@ -72,47 +72,56 @@ template <class T> struct Slab {
     bool first_rows, exclusive;
 };
 
-/// The sum of all threads before this one; `total` becomes that of all.
-template <class A> __device__ __forceinline__ A sum_before(A const& mine, A& total) {
-    __shared__ alignas(16) unsigned char memory[(block / 32) * sizeof(A)];
-    A* const warps = reinterpret_cast<A*>(memory);
+/// The sum of all threads before this one; `total` becomes that of all. Calls one after the other take turns in
+/// `memory`.
+template <class A> __device__ __forceinline__ A sum_before(A const& mine, A& total, A* memory) {
+    constexpr int warps = row_block / 32;
     auto const lane = static_cast<int>(threadIdx.x % 32), warp = static_cast<int>(threadIdx.x / 32);
     A sum = mine;
 #pragma unroll
     for (int by = 1; by < 32; by *= 2) {
-        A const below = from_below(sum, by);
+        A const below = from_lane(sum, lane - by);
         if (lane >= by) sum = below + sum;
     }
-    if (lane == 31) warps[warp] = sum;
-    A before = from_below(sum, 1);
+    if (lane == 31) memory[warp] = sum;
+    A before = from_lane(sum, lane - 1);
     if (lane == 0) before = zero_sum<A>();
     __syncthreads();
-    A all = zero_sum<A>(), below = zero_sum<A>();
+    A all = lane < warps ? memory[lane] : zero_sum<A>();
 #pragma unroll
-    for (int w = 0; w < block / 32; ++w) {
-        if (w == warp) below = all;
-        all = all + warps[w];
+    for (int by = 1; by < warps; by *= 2) {
+        A const below = from_lane(all, lane - by);
+        if (lane >= by) all = below + all;
     }
-    total = all;
-    __syncthreads();
-    return below + before;
+    total = from_lane(all, warps - 1);
+    A const below = from_lane(all, warp - 1);
+    return warp > 0 ? below + before : before;
 }
 
-/// Sums along x and y of each slice to `sums`, rows of nx. `above` holds the sums of the rows before, a row a slice,
-/// unless they fit into shared memory while the slice is whole.
-template <class A, class T, bool shared>
-__global__ void __launch_bounds__(block) slices_kernel(Slab<T> slab, Value<A, T> value, A* above, A* sums) {
-    extern __shared__ __align__(16) unsigned char memory[];
+/// What two neighbouring sums are stored as.
+template <class A> struct alignas(2 * sizeof(A)) Both { A v[each]; };
+template <> struct alignas(16) Both<Int128> { Int128 v[each]; };
+template <> struct alignas(16) Both<Pair> { Pair v[each]; };
+
+/// Sums along x and y of each slice to `sums`, rows of nx. `above` holds the sums of the rows before, a row a slice.
+/// Those of rows that a block takes at once are in registers.
+template <class A, class T, bool at_once>
+__global__ void __launch_bounds__(row_block) slices_kernel(Slab<T> slab, Value<A, T> value, A* above, A* sums) {
+    __shared__ alignas(16) unsigned char memory[2 * (row_block / 32) * sizeof(A)];
     A* const kept = above + blockIdx.x * slab.nx;
-    A* const column = shared ? reinterpret_cast<A*>(memory) : kept;
     std::int64_t const first = static_cast<std::int64_t>(threadIdx.x) * each;
     // A thread reads and writes its own columns only.
-    for (std::int64_t x0 = first; x0 < slab.nx; x0 += block * each)
-        for (std::int64_t x = x0; x < x0 + each && x < slab.nx; ++x)
-            column[x] = slab.first_rows ? zero_sum<A>() : kept[x];
+    A column[each];
+    if constexpr (at_once) {
+#pragma unroll
+        for (int i = 0; i < each; ++i)
+            column[i] = slab.first_rows || first + i >= slab.nx ? zero_sum<A>() : kept[first + i];
+    } else if (slab.first_rows) {
+        for (std::int64_t x0 = first; x0 < slab.nx; x0 += row_block * each)
+            for (std::int64_t x = x0; x < x0 + each && x < slab.nx; ++x) kept[x] = zero_sum<A>();
+    }
     T const* row = slab.in + blockIdx.x * slab.in_slice;
     A* to = sums + blockIdx.x * slab.ny * slab.nx;
-    bool const one = slab.nx <= block * each;
     auto const load = [&](T const* from, std::int64_t x0, T(&v)[each]) {
         if (x0 + each <= slab.nx) {
             driver::Pack<T, each> const pack = driver::load_pack<T, each>(from + x0);
@@ -124,18 +133,21 @@ __global__ void __launch_bounds__(block) slices_kernel(Slab<T> slab, Value<A, T>
         }
     };
     T next[each];
-    if (one) load(row, first, next);
+    if constexpr (at_once) load(row, first, next);
+    int turn = 0;
     for (std::int64_t y = 0; y < slab.ny; ++y, row += slab.in_row, to += slab.nx) {
         A before_part = zero_sum<A>();
-        for (std::int64_t begin = 0; begin < slab.nx; begin += block * each) {
+        for (std::int64_t begin = 0; begin < slab.nx; begin += row_block * each) {
             std::int64_t const x0 = begin + first;
             T v[each];
-            if (one) {
+            if constexpr (at_once) {
 #pragma unroll
                 for (int i = 0; i < each; ++i) v[i] = next[i];
                 if (y + 1 < slab.ny) load(row + slab.in_row, first, next);
             } else {
                 load(row, x0, v);
+#pragma unroll
+                for (int i = 0; i < each; ++i) column[i] = x0 + i < slab.nx ? kept[x0 + i] : zero_sum<A>();
             }
             A sum[each];
 #pragma unroll
@@ -144,23 +156,37 @@ __global__ void __launch_bounds__(block) slices_kernel(Slab<T> slab, Value<A, T>
                 sum[i] = i > 0 ? sum[i - 1] + own : own;
             }
             A total;
-            A const before = before_part + sum_before(sum[each - 1], total);
+            A const before =
+                before_part + sum_before(sum[each - 1], total, reinterpret_cast<A*>(memory) + turn * (row_block / 32));
+            turn ^= 1;
+            Both<A> stored;
 #pragma unroll
             for (int i = 0; i < each; ++i) {
-                std::int64_t const x = x0 + i;
-                if (x >= slab.nx) break;
-                A const old = column[x];
+                A const old = column[i];
                 A const along = slab.exclusive ? (i > 0 ? before + sum[i - 1] : before) : before + sum[i];
-                A const all = old + along;
-                column[x] = all;
-                to[x] = slab.exclusive ? old : all;
+                column[i] = old + along;
+                stored.v[i] = slab.exclusive ? old : column[i];
+            }
+            if (x0 + each <= slab.nx && reinterpret_cast<std::uintptr_t>(to + x0) % alignof(Both<A>) == 0) {
+                *reinterpret_cast<Both<A>*>(to + x0) = stored;
+            } else {
+#pragma unroll
+                for (int i = 0; i < each; ++i)
+                    if (x0 + i < slab.nx) to[x0 + i] = stored.v[i];
+            }
+            if constexpr (!at_once) {
+#pragma unroll
+                for (int i = 0; i < each; ++i)
+                    if (x0 + i < slab.nx) kept[x0 + i] = column[i];
             }
             before_part = before_part + total;
         }
     }
-    if constexpr (shared)
-        for (std::int64_t x0 = first; x0 < slab.nx; x0 += block * each)
-            for (std::int64_t x = x0; x < x0 + each && x < slab.nx; ++x) kept[x] = column[x];
+    if constexpr (at_once) {
+#pragma unroll
+        for (int i = 0; i < each; ++i)
+            if (first + i < slab.nx) kept[first + i] = column[i];
+    }
 }
 
 /// The sums along z. `below` holds those of the slices before, rows of nx; the output may be the same memory as `sums`.
@@ -195,7 +221,7 @@ __device__ __forceinline__ void store_sum(driver::DeviceRows const& out, std::by
 
 template <class A>
 __global__ void __launch_bounds__(block) columns_kernel(Columns<A> columns, unsigned long long* totals) {
-    constexpr int together = 4;
+    constexpr int together = sizeof(A) == 8 ? 8 : 4;
     std::int64_t const i = static_cast<std::int64_t>(blockIdx.x) * block + threadIdx.x,
                        pixels = columns.nx * columns.ny;
     driver::LossCounts counts;
@@ -236,17 +262,13 @@ template <class A, class T> void scan_slab_of(ScanState& state, ConstView in, An
     Slab<T> const slab{
         reinterpret_cast<T const*>(in.data), in.row, in.slice, n.x, n.y, n.z, in.box.lower.y == 0, state.exclusive};
     Value<A, T> const value{!(state.map == ValueMap{}), state.map.slope, state.map.intercept};
-    std::size_t const bytes = static_cast<std::size_t>(n.x) * sizeof(A);
     std::int64_t const blocks = (n.x * n.y + block - 1) / block;
     if (n.z > 0x7fffffff || blocks > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    if (bytes <= most_shared) {
-        cudaFuncSetAttribute(slices_kernel<A, T, true>, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                             static_cast<int>(most_shared));
-        slices_kernel<A, T, true><<<static_cast<unsigned>(n.z), block, bytes>>>(slab, value, above, sums);
-    } else {
-        slices_kernel<A, T, false><<<static_cast<unsigned>(n.z), block>>>(slab, value, above, sums);
-    }
+    if (n.x <= row_block * each)
+        slices_kernel<A, T, true><<<static_cast<unsigned>(n.z), row_block>>>(slab, value, above, sums);
+    else
+        slices_kernel<A, T, false><<<static_cast<unsigned>(n.z), row_block>>>(slab, value, above, sums);
     check_launch("scan");
     Columns<A> const columns{
         sums,           below, driver::device_rows(out, out.box), n.x, n.y, n.z, in.box.lower.y, in.box.lower.z == 0,
