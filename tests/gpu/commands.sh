@@ -164,7 +164,8 @@ for type in $types; do
 done
 # Lines and whole volumes, whatever there is in them.
 for type in $types; do
-    "$vkt" transform 'v>60 && mod(x*y+z, 7)>0 ? v : 0' "a_$type.vkt" -q -o "far_$type.vkt"
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --high 100 --seed 9 |
+        "$vkt" transform 'v>60 && mod(x*y+z, 7)>0 ? v : 0' -q -o "far_$type.vkt"
     case $type in float*) tolerance=1e-3 ;; *) tolerance=1e-9 ;; esac
     for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
         'project sum --axis y' scan 'scan --exclusive' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \

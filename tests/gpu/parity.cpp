@@ -191,7 +191,9 @@ void compare(Operation& operation, Twin& in, std::string const& what, double bou
                 return;
             }
             ConstView const all = in.view(execution.space());
-            ConstView const window = need.empty() ? ConstView{} : all.part(need);
+            ConstView const window = need.empty() // as the engine has it: the operation has seen all that it needs
+                                         ? dense_view(static_cast<std::byte const*>(nullptr), in.type, need)
+                                         : all.part(need);
             operation.run({&window, 1}, out->view(execution.space()).part(part), execution);
         }
         std::string& words = said[execution.device == Device::gpu ? 1 : 0];
@@ -359,7 +361,7 @@ void compare_far() {
                     }
                     for (char const* const words : {"fill-holes", "fill-holes --connectivity 26 --max-size 3",
                                                     "fill-holes --connectivity 18 --value 9", "slice --axis x",
-                                                    "slice --axis y --range minmax", "slice --range 2:90"}) {
+                                                    "slice --axis y --range 0:50", "slice --range 2:90"}) {
                         auto const operation = operation_of(words_of(words));
                         compare(*operation, in, words + that, -1);
                     }

@@ -639,7 +639,9 @@ void component_labels(DeviceComponents& components, AnyView out, Execution const
 
 void component_values(DeviceComponents& components, ConstView rows, Execution const&) {
     if (rows.box.empty() || components.count == 0) return;
-    components.values.reserve(static_cast<std::size_t>(components.count) * 8);
+    std::size_t const bytes = static_cast<std::size_t>(components.count) * 8;
+    components.values.reserve(bytes);
+    if (!components.values.resident(Space::device)) device_clear(components.values.write(Space::device), bytes);
     for_each_size(size_of(rows.type), [&]<class T>(T) { launch_values<T>(components, rows); });
 }
 

@@ -153,8 +153,8 @@ template <class V, bool both> struct Lines {
     }
     __device__ V step(int d) const { return rule.weight * static_cast<V>(d * d); }
 
-    /// False if a nearer site may lie beyond the steps of the search, or if it was given up.
-    __device__ bool search(int r, int c, V own, V& best, int const volatile& given_up) const {
+    /// False if a nearer site may lie beyond the steps of the search.
+    __device__ bool search(int r, int c, V own, V& best) const {
         bool const object = own > V(0);
         V const* const here = tile + ((r << rule.columns_log) | c);
         best = object ? own : -own;
@@ -166,7 +166,6 @@ template <class V, bool both> struct Lines {
                     right = both && r + d >= rule.n ? none_yet<V>() : seen(here[away], object);
             V const nearer = (left < right ? left : right) + add;
             best = nearer < best ? nearer : best;
-            if (d % 8 == 0 && given_up != 0) return false;
         }
         return rule.steps == rule.n - 1 || !(best > step(rule.steps + 1));
     }
@@ -184,7 +183,6 @@ template <class V, bool both> struct Lines {
                 int site = low;
                 V best = seen(at(low, c), object) + step(r - low);
                 V const* next = tile + ((low + 1) << rule.columns_log | c);
-#pragma unroll 4
                 for (int j = low + 1; j <= high; ++j, next += rule.columns) {
                     V const other = seen(*next, object) + step(r - j);
                     if (other < best) {
@@ -217,7 +215,6 @@ template <class V, bool both>
 __global__ void __launch_bounds__(block_of_lines, 3)
     lines_kernel(std::byte* data, __grid_constant__ Rule<V> const rule) {
     extern __shared__ __align__(16) unsigned char memory[];
-    __shared__ int volatile given_up;
     using S = typename Lines<V, both>::S;
     std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % rule.tiles) << rule.columns_log;
     int const voxels = rule.n << rule.columns_log, ends = rule.steps << rule.columns_log;
@@ -225,7 +222,6 @@ __global__ void __launch_bounds__(block_of_lines, 3)
     Lines<V, both> const lines{rule, padded + ends, reinterpret_cast<unsigned short*>(padded + voxels + 2 * ends),
                                data + 4 * (x + blockIdx.x / rule.tiles * rule.other_stride),
                                static_cast<int>(min(static_cast<std::int64_t>(rule.columns), rule.across - x))};
-    if (threadIdx.x == 0) given_up = 0;
     for (int i = static_cast<int>(threadIdx.x); i < ends; i += block_of_lines)
         padded[i] = padded[ends + voxels + i] = none_yet<V>();
     int sites = 0; // bits: of objects, of the other side
@@ -243,21 +239,33 @@ __global__ void __launch_bounds__(block_of_lines, 3)
     // What is a site for one side is none for the other, unless there is nothing at all.
     bool const object_sites = __syncthreads_or(sites & 1) != 0, other_sites = __syncthreads_or(sites & 2) != 0;
     int far = 0; // bits as above
-    for (int i = static_cast<int>(threadIdx.x); i < voxels; i += block_of_lines) {
+    auto const look = [&](int i, bool stores) {
         int const c = i & (rule.columns - 1), r = i >> rule.columns_log;
-        if (c >= lines.width) continue;
+        if (c >= lines.width) return;
         V const own = lines.tile[i];
         V best = V(0);
-        if (own != V(0) && (own > V(0) ? object_sites : other_sites)) {
-            if (given_up != 0 || !lines.search(r, c, own, best, given_up)) {
+        if (own != V(0)) {
+            bool const some = own > V(0) ? object_sites : other_sites;
+            if (!some) best = none_yet<V>();
+            if (some && !lines.search(r, c, own, best)) {
                 far |= own > V(0) ? 1 : 2;
-                if (!both) given_up = 1;
-                continue;
+                return;
             }
-        } else if (own != V(0)) {
-            best = none_yet<V>();
         }
-        lines.store(r, c, own, best);
+        if (stores) lines.store(r, c, own, best);
+    };
+    // Some rows tell whether it is worth while to search from all of them.
+    int const every = max(1, voxels / block_of_lines) << rule.columns_log;
+    int const some = (static_cast<int>(threadIdx.x) >> rule.columns_log) * every +
+                     (static_cast<int>(threadIdx.x) & (rule.columns - 1));
+    if (some < voxels) look(some, false);
+    bool const hopeless = __syncthreads_or(far) != 0 && !both;
+    for (int i = static_cast<int>(threadIdx.x); i < voxels; i += block_of_lines)
+        if (!hopeless) look(i, true);
+    if (hopeless) { // what no division looks at
+        for (int i = static_cast<int>(threadIdx.x); i < voxels; i += block_of_lines)
+            if (lines.tile[i] == V(0) && (i & (rule.columns - 1)) < lines.width)
+                lines.store(i >> rule.columns_log, i & (rule.columns - 1), V(0), V(0));
     }
     bool const objects = __syncthreads_or(far & 1) != 0, others = __syncthreads_or(far & 2) != 0;
     if (objects) lines.divide(true);
