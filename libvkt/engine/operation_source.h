@@ -24,7 +24,7 @@ public:
     BrickSequence take_bricks() override;
     void expect(Box const& region) override;
     std::int64_t natural_slab() const override;
-    /// What is handed through lies where the input lies.
+    /// What is handed through lies where the input lies, what is spooled on the host.
     Space space() const override {
         return tree_ || made_ || work_.bands ? Space::host
                : plan_.shift                 ? inputs_.front()->space()

@@ -6,6 +6,7 @@
 #include "libvkt/core/large_vector.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/bits.h"
+#include "libvkt/operations/kernels/component_facts.h"
 
 #include <optional>
 #include <span>
@@ -23,16 +24,10 @@ public:
         bool by_value = false;             ///< only equal values belong together
         BitRule members = BitRule::object; ///< which voxels form components
         std::optional<double> zero;        ///< the stored zero
-        bool keeps_value_before = false;   ///< Component::value_before is wanted
+        bool keeps_value_before = false;   ///< ComponentFacts::value_before is wanted
     };
 
-    struct Component {
-        std::uint64_t size = 0;                             ///< voxels
-        std::uint64_t sum_x = 0, sum_y = 0, sum_z = 0;      ///< of their indices
-        std::int32_t lower_x = 0, lower_y = 0, lower_z = 0; ///< bounding box, half-open
-        std::int32_t upper_x = 0, upper_y = 0, upper_z = 0;
-        VoxelBytes value_before{}; ///< the stored voxel before the first one, in its row or in one of a single voxel
-    };
+    using Component = ComponentFacts;
 
     /// Bytes that are held whatever the voxels are.
     static std::size_t table_bytes(Index3 dims);

@@ -3,19 +3,13 @@
 #include "libvkt/operations/distance.h"
 
 #include "libvkt/core/text.h"
-#include "libvkt/kernel/kernel.h"
-#include "libvkt/operations/kernels/bits.h"
 #include "libvkt/operations/kernels/distance.h"
 #include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/zero.h"
 
 #include <algorithm>
-#include <atomic>
-#include <bit>
 #include <cmath>
-#include <limits>
-#include <vector>
 
 namespace vkt {
 namespace {
@@ -46,30 +40,6 @@ std::optional<WholeSpacing> whole_spacing(Vec3 spacing, Index3 dims) {
 }
 
 double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-/// The first voxel from x on whose bit differs from those of `same`, which is all 0 or all 1; n if there is none.
-std::int64_t next(std::vector<std::uint64_t> const& bits, std::int64_t x, std::int64_t n, std::uint64_t same) {
-    while (x < n) {
-        std::uint64_t const rest = (bits[static_cast<std::size_t>(x / 64)] ^ same) >> (x % 64);
-        if (rest != 0) return std::min(n, x + std::countr_zero(rest));
-        x = (x / 64 + 1) * 64;
-    }
-    return n;
-}
-
-/// Distances in steps for the voxels [begin, end) of a row of n, all of one side; those beyond are of the other.
-template <class S, class F>
-void fill_run(S* row, std::int64_t begin, std::int64_t end, std::int64_t n, S none, F const& value) {
-    std::int64_t const far = std::int64_t{1} << 40;
-    std::int64_t const left = begin > 0 ? begin - 1 : -far, right = end < n ? end : far;
-    if (begin == 0 && end == n) {
-        std::fill(row, row + n, none);
-        return;
-    }
-    std::int64_t const middle = std::clamp((left + right) / 2 + 1, begin, end);
-    for (std::int64_t x = begin; x < middle; ++x) row[x] = value(x - left);
-    for (std::int64_t x = middle; x < end; ++x) row[x] = value(right - x);
-}
 
 } // namespace
 
@@ -141,68 +111,24 @@ Plan Distance::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-Box Distance::footprint(Box const&, int) const { return region_; }
-
-void Distance::run_rows(ConstView in, AnyView out, Execution const& execution) {
-    Index3 const n = in.dims();
-    Execution alone = execution;
-    alone.threads = 1;
-    std::atomic<std::int64_t> objects = 0, nan = 0;
-    VKT_BACKEND::for_each_item(
-        VKT_BACKEND::threads_for(execution, in.box.voxels()), n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
-            std::vector<std::uint64_t> bits(static_cast<std::size_t>(bit_words(n.x)));
-            std::int64_t my_objects = 0, my_nan = 0;
-            for (std::int64_t r = begin; r < end; ++r) {
-                VKT_BACKEND::tell_progress(execution, begin, r, end);
-                std::int64_t const y = in.box.lower.y + r % n.y, z = in.box.lower.z + r / n.y;
-                ConstView const row = in.part({{in.box.lower.x, y, z}, {in.box.upper.x, y + 1, z + 1}});
-                if (!is_integer(in.type)) {
-                    pack_bits(row, BitRule::number, {}, bits.data(), alone);
-                    my_nan += n.x;
-                    for (std::uint64_t const word : bits) my_nan -= std::popcount(word);
-                }
-                pack_bits(row, BitRule::object, zero_, bits.data(), alone);
-                auto const fill_row = [&]<class S>(S* to, S none, auto const& value) {
-                    auto const outside = [&](std::int64_t first, std::int64_t last) {
-                        if (first == last) return;
-                        if (both)
-                            fill_run(to, first, last, n.x, static_cast<S>(-none),
-                                     [&](std::int64_t d) { return static_cast<S>(-value(d)); });
-                        else
-                            std::fill(to + first, to + last, S(0));
-                    };
-                    std::int64_t x = 0;
-                    while (x < n.x) {
-                        // The next voxel of an object, and the next beyond it.
-                        std::int64_t const first = next(bits, x, n.x, 0),
-                                           last = next(bits, first, n.x, ~std::uint64_t{0});
-                        outside(x, first);
-                        if (first < last) fill_run(to, first, last, n.x, none, value);
-                        my_objects += last - first;
-                        x = last;
-                    }
-                };
-                std::byte* const to = out.at(out.box.lower.x, y, z);
-                if (whole_) {
-                    auto const weight = static_cast<std::int32_t>(weights_[0]);
-                    fill_row(reinterpret_cast<std::int32_t*>(to), no_site,
-                             [&](std::int64_t d) { return static_cast<std::int32_t>(d * d) * weight; });
-                } else {
-                    fill_row(reinterpret_cast<float*>(to), std::numeric_limits<float>::infinity(),
-                             [](std::int64_t d) { return static_cast<float>(d); });
-                }
-            }
-            objects += my_objects;
-            nan += my_nan;
-        });
-    nan_ = nan;
-    none_ = objects == in.box.voxels() || (both && objects == 0);
+bool Distance::runs_on_gpu() const {
+    Index3 const n = region_.dims();
+    return n.x <= 500000 && std::max(n.y, n.z) <= (whole_ ? 36000 : 22000);
 }
+
+Box Distance::footprint(Box const&, int) const { return region_; }
 
 void Distance::run(std::span<ConstView const> inputs, AnyView whole, Execution const& execution) {
     if (region_ != whole.box) fill_box(whole, VoxelBytes{}, execution);
     AnyView const out = whole.part(region_).moved_to({});
-    run_rows(inputs[0].part(region_).moved_to({}), out, execution);
+    DistanceRows rows;
+    rows.zero = zero_;
+    rows.whole = whole_;
+    rows.both_sides = both;
+    rows.weight = weights_[0];
+    distance_rows(inputs[0].part(region_).moved_to({}), out, rows, execution);
+    nan_ = rows.nan;
+    none_ = rows.objects == out.box.voxels() || (both && rows.objects == 0);
     DistancePass pass;
     pass.whole = whole_;
     pass.both_sides = both;

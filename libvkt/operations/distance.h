@@ -29,12 +29,11 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    /// Lines of up to 22000 voxels, whose tables fit into the memory that threads of a GPU share.
+    bool runs_on_gpu() const override;
     std::vector<Remark> remarks() const override;
 
 private:
-    /// Distances along x.
-    void run_rows(ConstView in, AnyView out, Execution const& execution);
-
     Header input_;
     Box region_;
     std::optional<double> zero_;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/fill_holes.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/connectivity.h"
@@ -40,6 +41,9 @@ void FillHoles::check() const {
 Plan FillHoles::plan(std::span<Header const> inputs) {
     input_ = inputs[0];
     fillings_.clear();
+    device_.reset();
+    passes_ = 0;
+    holes_ = 0;
     filled_ = 0;
     stored_.reset();
     fits_ = true;
@@ -55,7 +59,7 @@ Plan FillHoles::plan(std::span<Header const> inputs) {
     Components::Rules rules;
     rules.connectivity = connectivity;
     rules.members = BitRule::hole;
-    rules.zero = stored_zero(input_);
+    rules.zero = zero_ = stored_zero(input_);
     rules.keeps_value_before = true;
     components_.begin(input_.dims, rules);
     if (value) {
@@ -72,31 +76,74 @@ Box FillHoles::footprint(Box const& output, int) const {
 }
 
 void FillHoles::scan(ConstView slab, Execution const& execution) {
-    threads_ = execution.threads;
-    components_.add(slab, execution);
+    scanned_on_ = execution;
+    if (execution.device != Device::gpu) return components_.add(slab, execution);
+    if (passes_ > 0) return component_values(*device_, slab, execution);
+    if (!device_) {
+        device_ = std::make_unique<DeviceComponents>();
+        device_->dims = input_.dims;
+        device_->connectivity = connectivity;
+        device_->holes = true;
+    }
+    component_bits(*device_, slab, zero_, execution);
+}
+
+bool FillHoles::fills(ComponentFacts const& hole) const {
+    Index3 const n = input_.dims;
+    bool const open = (n.x > 1 && (hole.lower_x == 0 || hole.upper_x == n.x)) ||
+                      (n.y > 1 && (hole.lower_y == 0 || hole.upper_y == n.y)) ||
+                      (n.z > 1 && (hole.lower_z == 0 || hole.upper_z == n.z));
+    return !open && !(max_size && hole.size > static_cast<std::uint64_t>(*max_size));
+}
+
+void FillHoles::number_on_device() {
+    component_numbers(*device_, scanned_on_);
+    std::vector<ComponentFacts> facts;
+    component_facts(*device_, facts, scanned_on_);
+    device_->names.assign(facts.size(), 0);
+    for (std::size_t i = 0; i < facts.size(); ++i) {
+        if (!fills(facts[i])) continue;
+        device_->names[i] = 1;
+        ++holes_;
+        filled_ += facts[i].size;
+    }
+    if (!stored_ || facts.empty()) return;
+    std::vector<VoxelBytes> const values(facts.size(), *stored_);
+    device_->values.reserve(values.size() * sizeof values[0]);
+    copy_to_device(device_->values.write(Space::device), values.data(), values.size() * sizeof values[0]);
 }
 
 void FillHoles::scan_end() {
-    components_.end();
-    LargeVector<Components::Component> const& all = components_.found();
-    std::vector<std::uint32_t> names(all.size(), 0);
-    Index3 const n = input_.dims;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-        Components::Component const& c = all[i];
-        bool const open = (n.x > 1 && (c.lower_x == 0 || c.upper_x == n.x)) ||
-                          (n.y > 1 && (c.lower_y == 0 || c.upper_y == n.y)) ||
-                          (n.z > 1 && (c.lower_z == 0 || c.upper_z == n.z));
-        if (open || (max_size && c.size > static_cast<std::uint64_t>(*max_size))) continue;
-        fillings_.push_back(stored_.value_or(c.value_before));
-        names[i] = static_cast<std::uint32_t>(fillings_.size());
-        filled_ += c.size;
+    ++passes_;
+    if (device_) {
+        if (passes_ == 1) number_on_device();
+        return;
     }
-    components_.rename(names, threads_);
+    components_.end();
+    LargeVector<ComponentFacts> const& all = components_.found();
+    std::vector<std::uint32_t> names(all.size(), 0);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        if (!fills(all[i])) continue;
+        fillings_.push_back(stored_.value_or(all[i].value_before));
+        names[i] = static_cast<std::uint32_t>(fillings_.size());
+        filled_ += all[i].size;
+    }
+    holes_ = static_cast<std::int64_t>(fillings_.size());
+    components_.rename(names, scanned_on_.threads);
 }
 
 void FillHoles::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
     copy_region(inputs[0].part(out.box), out, execution);
-    if (fillings_.empty()) return;
+    if (holes_ == 0) return;
+    if (device_) {
+        if (out.space == Space::device) return component_paint(*device_, out, execution);
+        // They were looked for where the voxels lay.
+        Buffer memory(out.bytes());
+        AnyView const made = dense_view(memory.write(Space::device), out.type, out.box, Space::device);
+        copy_region(out, made, scanned_on_);
+        component_paint(*device_, made, scanned_on_);
+        return copy_region(made, out, scanned_on_);
+    }
     VKT_BACKEND::for_each_size(size_of(out.type), [&]<class U>(U) {
         View<U> const to = out.as<U>();
         auto const first = static_cast<std::int32_t>(out.box.lower.x),
@@ -126,7 +173,7 @@ std::vector<Remark> FillHoles::remarks() const {
 
 Report FillHoles::report() const {
     Report result;
-    result.add("holes", static_cast<std::int64_t>(fillings_.size()));
+    result.add("holes", holes_);
     result.add("voxels", static_cast<std::int64_t>(filled_));
     return result;
 }

@@ -4,7 +4,10 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/components.h"
+#include "libvkt/operations/kernels/device_components.h"
+
 #include "libvkt/operations/number.h"
+#include <memory>
 
 #include <optional>
 #include <vector>
@@ -30,20 +33,31 @@ public:
     Box footprint(Box const& output, int input) const override;
     void scan(ConstView slab, Execution const& execution) override;
     void scan_end() override;
+    /// On a GPU the values come in a second pass.
+    bool scans_again() const override { return device_ && passes_ == 1 && !stored_ && filled_ > 0; }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
+    bool scans_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
     bool reports() const override { return true; }
     /// How many holes were filled, and how many voxels.
     Report report() const override;
 
 private:
+    bool fills(ComponentFacts const& hole) const;
+    void number_on_device();
+
     Header input_;
+    std::optional<double> zero_;
     Components components_;
+    std::unique_ptr<DeviceComponents> device_; ///< instead, if they are looked for on a GPU
+    Execution scanned_on_;
+    int passes_ = 0;
+    std::int64_t holes_ = 0;           ///< that are filled
     std::vector<VoxelBytes> fillings_; ///< of holes by their name less 1
     std::optional<VoxelBytes> stored_; ///< the value given
     bool fits_ = true;                 ///< … as it is
     std::uint64_t filled_ = 0;         ///< voxels
-    int threads_ = 1;
 };
 
 } // namespace vkt

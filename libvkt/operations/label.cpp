@@ -3,6 +3,7 @@
 #include "libvkt/operations/label.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/kernel/border.h"
 #include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/kernels/fill.h"
 #include "libvkt/operations/kernels/paint.h"
@@ -53,6 +54,8 @@ Plan Label::plan(std::span<Header const> inputs) {
     input_ = inputs[0];
     nan_ = 0;
     labelled_.clear();
+    found_ = 0;
+    device_.reset();
     Plan plan;
     plan.output = input_;
     plan.output.dtype = dtype;
@@ -67,7 +70,7 @@ Plan Label::plan(std::span<Header const> inputs) {
     Components::Rules rules;
     rules.connectivity = connectivity;
     rules.by_value = by_value;
-    rules.zero = stored_zero(input_);
+    rules.zero = zero_ = stored_zero(input_);
     region_ = roi.resolve(input_.dims);
     components_.begin(region_.dims(), rules);
     plan.state_bytes = Components::table_bytes(region_.dims());
@@ -86,7 +89,15 @@ ConstView Label::in_region(ConstView rows) const {
 void Label::scan(ConstView whole_rows, Execution const& execution) {
     ConstView const slab = in_region(whole_rows);
     if (slab.box.empty()) return;
-    threads_ = execution.threads;
+    scanned_on_ = execution;
+    if (execution.device == Device::gpu) {
+        if (!device_) {
+            device_ = std::make_unique<DeviceComponents>();
+            device_->dims = region_.dims();
+            device_->connectivity = connectivity;
+        }
+        return component_bits(*device_, slab, zero_, execution);
+    }
     components_.add(slab, execution);
     if (is_integer(slab.type)) return;
     Index3 const n = slab.dims();
@@ -96,8 +107,7 @@ void Label::scan(ConstView whole_rows, Execution const& execution) {
     for (std::uint64_t const word : bits) nan_ -= std::popcount(word);
 }
 
-void Label::choose() {
-    LargeVector<Components::Component> const& all = components_.found();
+void Label::choose(std::span<ComponentFacts const> all) {
     for (std::size_t i = 0; i < all.size(); ++i)
         if (all[i].size >= static_cast<std::uint64_t>(min_size)) labelled_.push_back(static_cast<std::uint32_t>(i));
     if (keep_largest && static_cast<std::uint64_t>(*keep_largest) < labelled_.size()) {
@@ -110,15 +120,36 @@ void Label::choose() {
     }
 }
 
-void Label::scan_end() {
-    components_.end();
-    choose();
-    if (static_cast<double>(labelled_.size()) > highest_of(dtype))
-        throw Error(ErrorKind::failure, text(labelled_.size(), " components are more than ", dtype, " can number"),
-                    "take a larger --dtype, or fewer components by --min-size or --keep-largest");
-    std::vector<std::uint32_t> names(components_.found().size(), 0);
+/// The label of each component, 0 for those that get none.
+std::vector<std::uint32_t> Label::chosen_names(std::size_t components) const {
+    std::vector<std::uint32_t> names(components, 0);
     for (std::size_t i = 0; i < labelled_.size(); ++i) names[labelled_[i]] = static_cast<std::uint32_t>(i + 1);
-    components_.rename(names, threads_);
+    return names;
+}
+
+void Label::scan_end() {
+    if (device_) {
+        component_numbers(*device_, scanned_on_);
+        nan_ = device_->nan;
+        found_ = device_->count;
+        if (!takes_all()) {
+            std::vector<ComponentFacts> facts;
+            component_facts(*device_, facts, scanned_on_);
+            choose(facts);
+        }
+    } else {
+        components_.end();
+        found_ = static_cast<std::int64_t>(components_.found().size());
+        choose(components_.found());
+    }
+    std::int64_t const labels = device_ && takes_all() ? found_ : static_cast<std::int64_t>(labelled_.size());
+    if (static_cast<double>(labels) > highest_of(dtype))
+        throw Error(ErrorKind::failure, text(labels, " components are more than ", dtype, " can number"),
+                    "take a larger --dtype, or fewer components by --min-size or --keep-largest");
+    if (!device_)
+        components_.rename(chosen_names(components_.found().size()), scanned_on_.threads);
+    else if (!takes_all())
+        device_->names = chosen_names(static_cast<std::size_t>(found_));
 }
 
 void Label::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {
@@ -126,6 +157,14 @@ void Label::run(std::span<ConstView const> inputs, AnyView out, Execution const&
     if (inside != out.box) fill_box(out, VoxelBytes{}, execution);
     if (inside.empty()) return;
     AnyView const to = out.part(inside).moved_to(inside.lower - region_.lower);
+    if (device_) {
+        if (to.space == Space::device) return component_labels(*device_, to, execution);
+        // They were looked for where the voxels lay.
+        Buffer memory(to.bytes());
+        AnyView const made = dense_view(memory.write(Space::device), to.type, to.box, Space::device);
+        component_labels(*device_, made, scanned_on_);
+        return copy_region(made, to, scanned_on_);
+    }
     components_.for_each_row(
         in_region(inputs[0]), execution,
         [&](std::int64_t y, std::int64_t z, std::span<std::int32_t const> edges, std::uint32_t const* names) {
@@ -143,12 +182,17 @@ std::vector<Remark> Label::remarks() const {
 
 Report Label::report() const {
     Report result;
-    LargeVector<Components::Component> const& all = components_.found();
+    std::vector<ComponentFacts> on_device;
+    if (device_) component_facts(*device_, on_device, scanned_on_);
+    std::span<ComponentFacts const> const all =
+        device_ ? std::span<ComponentFacts const>(on_device) : std::span<ComponentFacts const>(components_.found());
+    bool const everything = device_ && takes_all();
+    std::size_t const labels = everything ? all.size() : labelled_.size();
     result.add("components", static_cast<std::int64_t>(all.size()));
-    result.add("labelled", static_cast<std::int64_t>(labelled_.size()));
+    result.add("labelled", static_cast<std::int64_t>(labels));
     std::vector<Report> rows;
-    for (std::size_t i = 0; i < labelled_.size(); ++i) {
-        Components::Component const& c = all[labelled_[i]];
+    for (std::size_t i = 0; i < labels; ++i) {
+        ComponentFacts const& c = all[everything ? i : labelled_[i]];
         auto const n = static_cast<long double>(c.size);
         auto const centre = [&](std::uint64_t sum, std::int64_t lower) {
             return static_cast<double>(static_cast<long double>(sum) / n + static_cast<long double>(lower));

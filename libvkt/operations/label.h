@@ -4,8 +4,11 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/components.h"
+#include "libvkt/operations/kernels/device_components.h"
 
+#include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 namespace vkt {
@@ -35,22 +38,31 @@ public:
     /// Throws Error{failure} if there are more labels than the type has room for.
     void scan_end() override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return !by_value; }
+    bool scans_on_gpu() const override { return runs_on_gpu(); }
     std::vector<Remark> remarks() const override;
     bool reports() const override { return true; }
     /// How many components there are, and size, bounding box and centroid of those that are labelled.
     Report report() const override;
 
 private:
-    void choose();
+    void choose(std::span<ComponentFacts const> all);
+    std::vector<std::uint32_t> chosen_names(std::size_t components) const;
+    /// True if all components are labelled, whatever their sizes.
+    bool takes_all() const { return !keep_largest && min_size <= 1; }
     /// What these rows have of the region, with the region's lower corner at 0.
     ConstView in_region(ConstView rows) const;
 
     Header input_;
     Box region_;
+    std::optional<double> zero_;
     Components components_;
-    std::vector<std::uint32_t> labelled_; ///< numbers of the components that are labelled, in the order of the labels
+    std::unique_ptr<DeviceComponents> device_; ///< instead, if they are looked for on a GPU
+    Execution scanned_on_;
+    std::int64_t found_ = 0;              ///< components
+    std::vector<std::uint32_t> labelled_; ///< numbers of the components that are labelled, in the order of the labels;
+                                          ///< on a GPU none if all are
     std::int64_t nan_ = 0;
-    int threads_ = 1;
 };
 
 } // namespace vkt

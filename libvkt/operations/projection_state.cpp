@@ -47,21 +47,36 @@ std::size_t ProjectionState::bytes() const {
     return static_cast<std::size_t>(pixels()) * pixel;
 }
 
-void ProjectionState::allocate() {
+void ProjectionState::point(std::byte* memory) {
     Needs const n = needs(kind, type, dims[axis]);
     auto const count_of = static_cast<std::size_t>(pixels());
-    if (n.whole) whole.assign(count_of, 0);
-    if (n.wide) wide.assign(count_of, 0);
-    if (n.value) value.assign(count_of, 0);
-    if (n.extra) extra.assign(count_of, 0);
-    if (n.count) count.assign(count_of, 0);
-    if (n.extremes == 0) return;
-    extremes.resize(count_of * n.extremes);
+    auto const next = [&]<class T>(T*& list, bool wanted) { // the widest come first, so that all are aligned
+        list = wanted ? reinterpret_cast<T*>(memory) : nullptr;
+        memory += wanted ? count_of * sizeof(T) : 0;
+    };
+    next(wide, n.wide);
+    next(whole, n.whole);
+    next(value, n.value);
+    next(extra, n.extra);
+    next(count, n.count);
+    next(extremes, n.extremes > 0);
+}
+
+void ProjectionState::use(Space space) { point(memory_.update(space)); }
+
+void ProjectionState::begin(Space space) {
+    memory_.reserve(bytes());
+    std::byte* const memory = memory_.write(space);
+    point(memory);
+    if (space == Space::device) return;
+    if (extremes == nullptr) {
+        std::fill_n(memory, bytes(), std::byte{0});
+        return;
+    }
     baseline::for_each_type(type == DataType::float16 ? DataType::float32 : type, [&]<class T>(T) {
         T start = kind == Projection::max ? std::numeric_limits<T>::lowest() : std::numeric_limits<T>::max();
         if constexpr (std::is_floating_point_v<T>) start = std::numeric_limits<T>::quiet_NaN();
-        auto* const first = reinterpret_cast<T*>(extremes.data());
-        std::fill_n(first, count_of, start);
+        std::fill_n(reinterpret_cast<T*>(extremes), pixels(), start);
     });
 }
 

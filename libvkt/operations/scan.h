@@ -24,6 +24,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    bool runs_on_gpu() const override { return true; }
     std::vector<Remark> remarks() const override;
 
 private:

@@ -111,7 +111,7 @@ void Slice::run(std::span<ConstView const> inputs, AnyView out, Execution const&
     ConstView const in = inputs[0].part(footprint(out.box, 0));
     if (!range) return permute_box(in, out, axes_, {}, execution);
     staging_.reserve(static_cast<std::size_t>(out.box.voxels()) * size_of(type_));
-    AnyView const staged = dense_view(staging_.write(Space::host), type_, out.box);
+    AnyView const staged = dense_view(staging_.write(out.space), type_, out.box, out.space);
     permute_box(in, staged, axes_, {}, execution);
     ConstView const slice = staged;
     convert_.run({&slice, 1}, out, execution);

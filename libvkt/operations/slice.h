@@ -31,6 +31,9 @@ public:
     void after_scan(Plan& plan) const override { convert_.after_scan(plan); }
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    /// But for percentiles, once it is planned.
+    bool runs_on_gpu() const override { return !range || convert_.runs_on_gpu(); }
+    bool scans_on_gpu() const override { return runs_on_gpu(); }
     std::vector<Remark> remarks() const override;
 
 private:

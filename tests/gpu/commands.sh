@@ -162,6 +162,23 @@ for type in $types; do
     done
     same 1e-6 "$vkt clahe a_$type.vkt --bricks 60,3,7 --bins 900 --device \$DEVICE -q"
 done
+# Lines and whole volumes, whatever there is in them.
+for type in $types; do
+    "$vkt" make noise --dims 61 23 17 --dtype "$type" --high 100 --seed 9 |
+        "$vkt" transform 'v>60 && mod(x*y+z, 7)>0 ? v : 0' -q -o "far_$type.vkt"
+    case $type in float*) tolerance=1e-3 ;; *) tolerance=1e-9 ;; esac
+    for command in 'project max --axis x' 'project min --axis y' 'project std --roi 3:,1:,2:' 'project mean --axis x' \
+        'project sum --axis y' scan 'scan --exclusive' distance 'distance --signed --unit voxel' 'distance --roi 3:,1:,2:' \
+        label 'label --connectivity 18 --roi 3:,1:,2:' 'label --connectivity 26 --min-size 3 --dtype uint16' fill-holes \
+        'fill-holes --connectivity 26 --value 3' 'slice --axis y' 'slice --z 3 --range minmax'; do
+        same "$tolerance" "$vkt $command far_$type.vkt --device \$DEVICE -q"
+    done
+done
+"$vkt" set far_uint8.vkt --spacing 0.3,0.7,2.1 -o far_spaced.vkt
+same 0 "$vkt distance far_spaced.vkt --device \$DEVICE -q"
+same 0 "$vkt pipe 'read far_uint8.vkt | fill-holes | distance | flip x | label --connectivity 26 | project max --axis y' -q"
+same 1e-3 "$vkt pipe 'read far_float32.vkt | filter gaussian --sigma 1 | scan | slice --axis x' -q"
+same 0 "$vkt scan far_int64.vkt --memory 8M --slab 1 --device \$DEVICE -q"
 same text "$vkt make constant --value 7 --dims 300 200 100 --dtype uint8 | $vkt histogram --device \$DEVICE --json"
 same text "$vkt read large.nrrd | $vkt filter gaussian --sigma 2 --method fir | $vkt convert --dtype uint8 -q | $vkt stats --device \$DEVICE --json"
 same text "$vkt pipe 'read large.nrrd | flip x | stats --json'"
@@ -191,7 +208,12 @@ refused stats a_uint8.vkt --percentiles 50
 refused stats a_uint8.vkt --per z
 refused stats tree.vkt
 refused histogram a_uint8.vkt --range p1:p99
-refused label a_uint8.vkt
+refused label a_uint8.vkt --by-value
+refused project median a_uint8.vkt
+refused slice a_uint8.vkt --range p1:p99
+refused filter nlmeans a_uint8.vkt --strength 9
+refused watershed a_uint8.vkt
+refused diff a_uint8.vkt b_uint8.vkt
 refused crop tree.vkt --roi 1:5,:,:
 refused resample tree.vkt --method average
 

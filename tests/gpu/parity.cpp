@@ -143,15 +143,35 @@ double value_at(ConstView view, std::byte const* at) {
     return 0;
 }
 
-/// Runs on both and compares all of the output's memory, gaps included. bound < 0 asks for equal bits.
-void compare(Operation& operation, Twin& in, std::string const& what, double bound, std::int64_t slab = 0) {
+/// The voxels that an operation wants to see first, so many slices at a time.
+void scan(Operation& operation, ConstView in, std::int64_t slab, Execution const& execution) {
+    Box const all = operation.scanned(in.box);
+    std::int64_t const height = slab > 0 ? slab : all.dims().z;
+    do {
+        for (std::int64_t z = all.lower.z; z < all.upper.z; z += height) {
+            Box part = all;
+            part.lower.z = z;
+            part.upper.z = std::min(z + height, all.upper.z);
+            operation.scan(in.part(part), execution);
+        }
+        operation.scan_end();
+    } while (operation.scans_again());
+}
+
+/// Runs on both and compares all of the output's memory, gaps included, reports, and what was remarked. bound < 0 asks
+/// for equal bits.
+void compare(Operation& operation, Twin& in, std::string const& what, double bound, std::int64_t slab = 0,
+             Geometry const& geometry = {}) {
     Header header;
+    header.geometry = geometry;
     header.dims = in.box.dims();
     header.dtype = in.type;
     std::vector<Header> const headers{header};
     std::unique_ptr<Twin> out;
+    std::string said[2];
     for (Execution const& execution : {cpu(), gpu()}) {
-        Header const planned = operation.plan(headers).output;
+        Plan const plan = operation.plan(headers);
+        Header const planned = plan.output;
         // Otherwise host code would be given device memory; the command runs it on the CPU and says so.
         if (!operation.runs_on_gpu()) {
             ++cpu_only;
@@ -159,39 +179,51 @@ void compare(Operation& operation, Twin& in, std::string const& what, double bou
         }
         if (!out) out = std::make_unique<Twin>(planned.dtype, box_of(planned.dims), 3);
         std::int64_t const height = slab > 0 ? slab : planned.dims.z;
+        if (plan.scans) scan(operation, in.view(execution.space()), slab, execution);
         operation.fit({planned.dims.x, planned.dims.y, std::min(height, planned.dims.z)}, execution);
         for (std::int64_t z = 0; z < planned.dims.z; z += height) {
             Box part = box_of(planned.dims);
             part.lower.z = z;
             part.upper.z = std::min(z + height, planned.dims.z);
             Box const need = operation.footprint(part, 0);
-            if (!in.box.contains(need)) {
+            if (!need.empty() && !in.box.contains(need)) {
                 report(false, what + ": footprint leaves the volume");
                 return;
             }
-            ConstView const window = ConstView(in.view(execution.space())).part(need);
+            ConstView const all = in.view(execution.space());
+            ConstView const window = need.empty() // as the engine has it: the operation has seen all that it needs
+                                         ? dense_view(static_cast<std::byte const*>(nullptr), in.type, need)
+                                         : all.part(need);
             operation.run({&window, 1}, out->view(execution.space()).part(part), execution);
         }
+        std::string& words = said[execution.device == Device::gpu ? 1 : 0];
+        if (operation.reports() && (in.type == DataType::uint8 || in.type == DataType::float32))
+            words += operation.report().json();
+        for (Remark const& remark : operation.remarks()) words += remark.message + "\n";
     }
+    if (said[0] != said[1]) return report(false, what + ": says\n" + said[1] + "instead of\n" + said[0]);
     device_synchronize();
     std::vector<std::byte> const got = out->download();
-    if (bound < 0) return report(got == out->host, what);
-    // Outside the box bytes must be equal, inside values close.
+    // Outside the box bytes must be equal, inside values close; one NaN is as good as another.
     ConstView const expected = out->view(Space::host);
     Index3 const n = expected.dims();
     std::vector<std::byte> rest = got;
     double worst = 0;
+    bool numbers = true;
     for (std::int64_t z = 0; z < n.z; ++z)
         for (std::int64_t y = 0; y < n.y; ++y)
             for (std::int64_t x = 0; x < n.x; ++x) {
                 std::byte const* const a = expected.at(x, y, z);
                 std::size_t const offset = static_cast<std::size_t>(a - out->host.data());
-                worst = std::max(worst, std::abs(value_at(expected, a) - value_at(expected, got.data() + offset)));
-                std::memcpy(rest.data() + offset, a, size_of(out->type));
+                double const v = value_at(expected, a), w = value_at(expected, got.data() + offset);
+                numbers = numbers && std::isnan(v) == std::isnan(w);
+                bool const same = v == w || (std::isnan(v) && std::isnan(w));
+                if (!same) worst = std::max(worst, std::abs(v - w));
+                if (bound >= 0 || std::isnan(v)) std::memcpy(rest.data() + offset, a, size_of(out->type));
             }
     char text[96];
-    std::snprintf(text, sizeof text, ": error %g, bound %g", worst, bound);
-    report(rest == out->host && worst <= bound, what + text);
+    std::snprintf(text, sizeof text, ": error %g, bound %g%s", worst, bound, numbers ? "" : ", NaN elsewhere");
+    report(rest == out->host && worst <= std::max(bound, 0.0) && numbers, what + text);
 }
 
 void compare_all() {
@@ -239,6 +271,114 @@ void compare_all() {
     }
 }
 
+/// As on the command line.
+std::unique_ptr<Operation> operation_of(std::vector<std::string> words) {
+    std::string name = words.front();
+    std::size_t taken = 1;
+    if (name == "filter") name += " " + words[taken++];
+    words.erase(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(taken));
+    auto operation = make_operation(name);
+    Parameters parameters;
+    operation->parameters(parameters);
+    (void)read_words(words, {&parameters});
+    operation->check();
+    return operation;
+}
+std::vector<std::string> words_of(std::string const& line) { return split(line, ' '); }
+
+/// Some voxels become zero: of blocks of so many voxels along each axis all but a share.
+void thin(Twin& volume, unsigned seed, double share, std::int64_t block) {
+    AnyView const view = volume.view(Space::host);
+    Index3 const n = view.dims();
+    for (std::int64_t z = 0; z < n.z; ++z)
+        for (std::int64_t y = 0; y < n.y; ++y)
+            for (std::int64_t x = 0; x < n.x; ++x) {
+                auto h = static_cast<std::uint64_t>(seed + x / block + 4099 * (y / block) + 8381029 * (z / block)) *
+                         0x9e3779b97f4a7c15u;
+                h = (h ^ h >> 29) * 0xbf58476d1ce4e5b9u;
+                if (static_cast<double>((h ^ h >> 32) >> 11) * 0x1p-53 > share)
+                    std::memset(view.at(x, y, z), 0, size_of(volume.type));
+            }
+    volume.upload();
+}
+/// Some voxels are no numbers.
+void spoil(Twin& volume, std::int64_t every) {
+    AnyView const view = volume.view(Space::host);
+    Index3 const n = view.dims();
+    for (std::int64_t i = every / 2; i < n.x * n.y * n.z && !is_integer(volume.type); i += every) {
+        VoxelBytes const voxel = voxel_bytes(volume.type, i % 3 == 0 ? HUGE_VAL : std::nan(""));
+        std::memcpy(view.at(i % n.x, i / n.x % n.y, i / n.x / n.y), voxel.data(), size_of(volume.type));
+    }
+    volume.upload();
+}
+
+/// What looks at whole lines and whole volumes.
+void compare_far() {
+    Index3 const shapes[] = {{1000, 37, 5}, {64, 48, 20}, {1, 1, 1},     {17, 1, 9},   {3, 300, 7},
+                             {131, 70, 33}, {1, 1, 700},  {33, 3, 1100}, {2050, 9, 3}, {6200, 2, 2}};
+    for (int t = 0; t < data_type_count; ++t) {
+        auto const type = static_cast<DataType>(t);
+        for (Index3 const dims : shapes) {
+            std::string const name = " " + std::string(name_of(type)) + " " + to_text(dims);
+            for (bool const odd : {false, true}) {
+                if (odd && is_integer(type)) continue;
+                Twin in(type, box_of(dims), odd ? 5 : 1);
+                randomise(in, 7);
+                if (odd) spoil(in, 29);
+                for (char const* const what : {"max", "min", "mean", "sum", "std"})
+                    for (char const* const axis : {"x", "y", "z"}) {
+                        // Along rows numbers are summed in another order.
+                        bool const sums = what[0] == 's' || std::strcmp(what, "mean") == 0;
+                        bool const exact = !sums || axis[0] != 'x' || (is_integer(type) && what[1] != 't');
+                        auto const project = operation_of({"project", what, "--axis", axis});
+                        for (std::int64_t const slab : {0, 3}) {
+                            double const bound = exact ? -1 : type == DataType::float16 ? 0.05 : 1e-4;
+                            compare(*project, in, std::string("project ") + what + " " + axis + name, bound, slab);
+                        }
+                    }
+                for (bool const exclusive : {false, true}) {
+                    auto const sums = operation_of(exclusive ? words_of("scan --exclusive") : words_of("scan"));
+                    for (std::int64_t const slab : {0, 7})
+                        compare(*sums, in, (exclusive ? "scan --exclusive" : "scan") + name,
+                                is_integer(type) ? -1 : 1e-5, slab);
+                }
+            }
+            for (double const share : {0.05, 0.3, 0.95, 1.0})
+                for (std::int64_t const block : {1, 5}) {
+                    if (block > 1 && share > 0.9) continue;
+                    Twin in(type, box_of(dims), 3);
+                    randomise(in, 11);
+                    thin(in, 5, share, block);
+                    spoil(in, 101);
+                    std::string const that = name + " share " + to_text(share) + " of blocks of " + to_text(block);
+                    for (char const* const words : {"label", "label --connectivity 18", "label --connectivity 26",
+                                                    "label --connectivity 26 --keep-largest 2 --dtype uint8",
+                                                    "label --min-size 4 --roi 1:,:,1:"}) {
+                        if (dims.z < 2 && std::strstr(words, "roi") != nullptr) continue;
+                        if (dims.x < 2 && std::strstr(words, "roi") != nullptr) continue;
+                        auto const label = operation_of(words_of(words));
+                        compare(*label, in, words + that, -1, block > 1 ? 0 : 3);
+                    }
+                    for (char const* const words : {"fill-holes", "fill-holes --connectivity 26 --max-size 3",
+                                                    "fill-holes --connectivity 18 --value 9", "slice --axis x",
+                                                    "slice --axis y --range 0:50", "slice --range 2:90"}) {
+                        auto const operation = operation_of(words_of(words));
+                        compare(*operation, in, words + that, -1);
+                    }
+                    Geometry fine, odd;
+                    fine.spacing = {0.5, 1, 2.5};
+                    odd.spacing = {0.31, 0.7777, 2.1234567};
+                    for (char const* const words : {"distance", "distance --signed"}) {
+                        auto const distance = operation_of(words_of(words));
+                        compare(*distance, in, words + that, -1);
+                        compare(*distance, in, words + that + " spaced", -1, 0, fine);
+                        compare(*distance, in, words + that + " oddly spaced", -1, 0, odd);
+                    }
+                }
+        }
+    }
+}
+
 void compare_borders() {
     for (Boundary boundary : {Boundary::mirror, Boundary::clamp, Boundary::wrap, Boundary::border})
         for (DataType type : {DataType::uint8, DataType::float16, DataType::float32, DataType::float64}) {
@@ -276,21 +416,11 @@ double best_ms(std::function<void()> const& run) {
     return best;
 }
 
-std::vector<std::string> words_of(std::string const& line) { return split(line, ' '); }
-
 /// An operation as on the command line, on a cube of zeros and what lies around it.
 template <class Line> void time_words(std::vector<std::string> words, DataType type, std::int64_t n, Line const& line) {
-    std::string name = words.front();
-    bool const two = name == "filter" || name == "arith" || name == "morphology";
-    if (name == "filter") name += " " + words[1];
     std::string what;
     for (std::string const& word : words) what += (what.empty() ? "" : " ") + word;
-    words.erase(words.begin(), words.begin() + (two && name.starts_with("filter") ? 2 : 1));
-    auto const operation = make_operation(name);
-    Parameters parameters;
-    operation->parameters(parameters);
-    (void)read_words(words, {&parameters});
-    operation->check();
+    auto const operation = operation_of(std::move(words));
     Header header;
     header.dims = {n, n, n};
     header.dtype = type;
@@ -338,13 +468,96 @@ void time_scan(Operation& reduction, std::string const& what, DataType type, std
     }
 }
 
+/// Blobs: noise on a lattice, linear in between, above what leaves about this share.
+void fill_blobs(std::vector<std::uint8_t>& voxels, std::int64_t n, std::int64_t cell, double level) {
+    auto const at = [](std::int64_t x, std::int64_t y, std::int64_t z) {
+        auto h = static_cast<std::uint64_t>(x * 73856093 ^ y * 19349663 ^ z * 83492791);
+        h = (h ^ h >> 31) * 0x9e3779b97f4a7c15u;
+        return static_cast<double>(h >> 40) * 0x1p-24;
+    };
+#pragma omp parallel for
+    for (std::int64_t z = 0; z < n; ++z)
+        for (std::int64_t y = 0; y < n; ++y)
+            for (std::int64_t x = 0; x < n; ++x) {
+                std::int64_t const i = x / cell, j = y / cell, k = z / cell;
+                auto const of = [cell](std::int64_t a, std::int64_t b) {
+                    return static_cast<double>(a - b * cell) / static_cast<double>(cell);
+                };
+                double const u = of(x, i), v = of(y, j), w = of(z, k);
+                double sum = 0;
+                for (int c = 0; c < 8; ++c)
+                    sum += at(i + c % 2, j + c / 2 % 2, k + c / 4) * (c % 2 != 0 ? u : 1 - u) *
+                           (c / 2 % 2 != 0 ? v : 1 - v) * (c / 4 != 0 ? w : 1 - w);
+                voxels[static_cast<std::size_t>((z * n + y) * n + x)] = sum > level ? 1 : 0;
+            }
+}
+
+/// What takes as long as its input is shaped.
+template <class Line> void time_shapes(std::int64_t n, Line const& line) {
+    Header header;
+    header.dims = {n, n, n};
+    header.dtype = DataType::uint8;
+    std::vector<std::uint8_t> voxels(header.bytes());
+    Buffer in_memory(header.bytes()), out_memory(4 * header.bytes());
+    auto const fill = [&](std::string const& what) {
+        auto const set = [&](auto const& inside) {
+#pragma omp parallel for
+            for (std::int64_t i = 0; i < n * n * n; ++i) {
+                auto h = static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15u;
+                h = (h ^ h >> 29) * 0xbf58476d1ce4e5b9u;
+                double const random = static_cast<double>((h ^ h >> 32) >> 11) * 0x1p-53;
+                voxels[static_cast<std::size_t>(i)] = inside(i % n, i / n % n, i / n / n, random) ? 1 : 0;
+            }
+        };
+        using I = std::int64_t;
+        if (what == "blobs") fill_blobs(voxels, n, 12, 0.6);
+        if (what == "many blobs") fill_blobs(voxels, n, 6, 0.5);
+        if (what == "30 % noise") set([](I, I, I, double r) { return r < 0.3; });
+        if (what == "50 % noise") set([](I, I, I, double r) { return r < 0.5; });
+        if (what == "checkerboard") set([](I x, I y, I z, double) { return (x + y + z) % 2 == 0; });
+        if (what == "comb") set([n](I x, I y, I z, double) { return x % 2 == 0 || (y == n - 1 && z == n - 1); });
+        if (what == "all but one") set([](I x, I y, I z, double) { return x + y + z > 0; });
+        if (what == "all but the middle")
+            set([n](I x, I y, I z, double) { return x != n / 2 || y != n / 2 || z != n / 2; });
+        if (what == "ball")
+            set([n](I x, I y, I z, double) {
+                I const h = n / 2;
+                return (x - h) * (x - h) + (y - h) * (y - h) + (z - h) * (z - h) < h * h;
+            });
+        if (what == "20 sites") set([n](I, I, I, double r) { return r > 20.0 / static_cast<double>(n * n * n); });
+        copy_to_device(in_memory.write(Space::device), voxels.data(), voxels.size());
+    };
+    auto const time = [&](std::string const& words, std::string const& what) {
+        auto const operation = operation_of(words_of(words));
+        Header const output = operation->plan(std::vector<Header>{header}).output;
+        ConstView const in =
+            dense_view(in_memory.read(Space::device), header.dtype, box_of(header.dims), Space::device);
+        AnyView const out =
+            dense_view(out_memory.write(Space::device), output.dtype, box_of(output.dims), Space::device);
+        double const ms = best_ms([&] {
+            if (operation->plan(std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
+            operation->run({&in, 1}, out, gpu());
+        });
+        line(words + ", " + what, ms, static_cast<double>(in.bytes() + out.bytes()));
+    };
+    for (char const* const what : {"blobs", "many blobs", "30 % noise", "50 % noise", "checkerboard", "comb",
+                                   "all but one", "all but the middle", "ball", "20 sites"}) {
+        fill(what);
+        if (std::strstr(what, "all") == nullptr && std::strcmp(what, "20 sites") != 0)
+            for (char const* const words : {"label", "label --connectivity 18", "label --connectivity 26"})
+                time(words, what);
+        time("distance", what);
+    }
+    time("distance --signed", "20 sites");
+}
+
 void time_all() {
     if (std::FILE* const cube = std::fopen("cube.txt", "w")) {
         std::fputs("3 3 3", cube);
         for (int i = 0; i < 27; ++i) std::fprintf(cube, " %d", i * i % 11);
         std::fclose(cube);
     }
-    std::printf("\n%-28s %8s %10s %8s %8s\n", "operation", "type", "ms", "TB/s", "of copy");
+    std::printf("\n%-44s %8s %10s %8s %8s\n", "operation", "type", "ms", "TB/s", "of copy");
     for (std::int64_t n : {512, 1024})
         for (DataType type : {DataType::float32, DataType::uint16, DataType::uint8}) {
             Header header;
@@ -356,7 +569,7 @@ void time_all() {
             device_clear(from, bytes);
             double const copied = best_ms([&] { copy_on_device(to, from, bytes); });
             auto line = [&](std::string const& what, double ms, double moved) {
-                std::printf("%-28s %8s %10.3f %8.2f %8.2f\n", (what + " " + to_text(n) + "^3").c_str(),
+                std::printf("%-44s %8s %10.3f %8.2f %8.2f\n", (what + " " + to_text(n) + "^3").c_str(),
                             std::string(name_of(type)).c_str(), ms, moved / ms * 1e-9,
                             moved / ms / (2 * static_cast<double>(bytes) / copied));
             };
@@ -403,6 +616,14 @@ void time_all() {
             time_scan(statistics, "stats", type, n, line);
             Histogram histogram;
             time_scan(histogram, "histogram", type, n, line);
+            for (char const* const words :
+                 {"project max --axis z", "project max --axis y", "project max --axis x", "project mean --axis z",
+                  "project mean --axis x", "project std --axis z", "project std --axis x"}) {
+                auto const project = operation_of(words_of(words));
+                time_scan(*project, words, type, n, line);
+            }
+            time_words({"scan"}, type, n, line);
+            if (n == 512 && type == DataType::uint8) time_shapes(n, line);
             device_free(from);
             device_free(to);
         }
@@ -416,10 +637,15 @@ int main(int argc, char** argv) {
             std::fprintf(stderr, "skipped: this machine has no CUDA device\n");
             return skipped;
         }
-        compare_all();
-        compare_borders();
-        std::printf("%d comparisons, %d failed, %d of operations that run on CPUs only\n", checks, failures, cpu_only);
-        if (argc < 2 || std::strcmp(argv[1], "--no-timing") != 0) time_all();
+        std::string const only = argc > 1 ? argv[1] : "";
+        if (only != "--no-comparing") {
+            compare_far();
+            compare_all();
+            compare_borders();
+            std::printf("%d comparisons, %d failed, %d of operations that run on CPUs only\n", checks, failures,
+                        cpu_only);
+        }
+        if (only != "--no-timing") time_all();
     } catch (Error const& error) {
         std::fprintf(stderr, "parity: %s\n", error.what());
         return 1;

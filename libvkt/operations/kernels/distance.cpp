@@ -5,8 +5,10 @@
 
 #include "libvkt/core/buffer.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/bits.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -244,7 +246,90 @@ private:
     std::int64_t n_, stride_, steps_;
 };
 
+/// The first voxel from x on whose bit differs from those of `same`, which is all 0 or all 1; n if there is none.
+std::int64_t next(std::uint64_t const* bits, std::int64_t x, std::int64_t n, std::uint64_t same) {
+    while (x < n) {
+        std::uint64_t const rest = (bits[x / 64] ^ same) >> (x % 64);
+        if (rest != 0) return std::min(n, x + std::countr_zero(rest));
+        x = (x / 64 + 1) * 64;
+    }
+    return n;
+}
+
+/// Distances in steps for the voxels [begin, end) of a row of n, all of one side; those beyond are of the other.
+template <class S, class F>
+void fill_run(S* row, std::int64_t begin, std::int64_t end, std::int64_t n, S none, F const& value) {
+    std::int64_t const far = std::int64_t{1} << 40;
+    std::int64_t const left = begin > 0 ? begin - 1 : -far, right = end < n ? end : far;
+    if (begin == 0 && end == n) {
+        std::fill(row, row + n, none);
+        return;
+    }
+    std::int64_t const middle = std::clamp((left + right) / 2 + 1, begin, end);
+    for (std::int64_t x = begin; x < middle; ++x) row[x] = value(x - left);
+    for (std::int64_t x = middle; x < end; ++x) row[x] = value(right - x);
+}
+
 } // namespace
+
+void distance_rows(ConstView in, AnyView out, DistanceRows& rows, Execution const& execution) {
+    Index3 const n = in.dims();
+    Execution alone = execution;
+    alone.threads = 1;
+    std::int64_t const words = bit_words(n.x);
+    int const threads = threads_for(execution, in.box.voxels());
+    std::size_t const each = (static_cast<std::size_t>(words) * 8 + 63) / 64 * 64;
+    Buffer buffer(each * static_cast<std::size_t>(threads));
+    std::byte* const memory = buffer.write(Space::host);
+    for_each_item(threads, n.y * n.z, [&](std::int64_t begin, std::int64_t end) {
+        auto* const bits =
+            reinterpret_cast<std::uint64_t*>(memory + each * static_cast<std::size_t>(omp_get_thread_num()));
+        std::int64_t objects = 0, nan = 0;
+        for (std::int64_t r = begin; r < end; ++r) {
+            tell_progress(execution, begin, r, end);
+            std::int64_t const y = in.box.lower.y + r % n.y, z = in.box.lower.z + r / n.y;
+            ConstView const row = in.part({{in.box.lower.x, y, z}, {in.box.upper.x, y + 1, z + 1}});
+            if (!is_integer(in.type)) {
+                pack_bits(row, BitRule::number, {}, bits, alone);
+                nan += n.x;
+                for (std::int64_t w = 0; w < words; ++w) nan -= std::popcount(bits[w]);
+            }
+            pack_bits(row, BitRule::object, rows.zero, bits, alone);
+            auto const fill_row = [&]<class S>(S* to, S none, auto const& value) {
+                auto const outside = [&](std::int64_t first, std::int64_t last) {
+                    if (first == last) return;
+                    if (rows.both_sides)
+                        fill_run(to, first, last, n.x, static_cast<S>(-none),
+                                 [&](std::int64_t d) { return static_cast<S>(-value(d)); });
+                    else
+                        std::fill(to + first, to + last, S(0));
+                };
+                std::int64_t x = 0;
+                while (x < n.x) {
+                    // The next voxel of an object, and the next beyond it.
+                    std::int64_t const first = next(bits, x, n.x, 0), last = next(bits, first, n.x, ~std::uint64_t{0});
+                    outside(x, first);
+                    if (first < last) fill_run(to, first, last, n.x, none, value);
+                    objects += last - first;
+                    x = last;
+                }
+            };
+            std::byte* const to = out.at(out.box.lower.x, y, z);
+            if (rows.whole) {
+                auto const weight = static_cast<std::int32_t>(rows.weight);
+                fill_row(reinterpret_cast<std::int32_t*>(to), no_site,
+                         [&](std::int64_t d) { return static_cast<std::int32_t>(d * d) * weight; });
+            } else {
+                fill_row(reinterpret_cast<float*>(to), std::numeric_limits<float>::infinity(),
+                         [](std::int64_t d) { return static_cast<float>(d); });
+            }
+        }
+#pragma omp atomic
+        rows.objects += objects;
+#pragma omp atomic
+        rows.nan += nan;
+    });
+}
 
 void distance_pass(AnyView out, DistancePass const& pass, Execution const& execution) {
     if (out.box.empty()) return;

@@ -191,7 +191,7 @@ void add_extremes_of(Lines<T> const& lines, A* image, Fold const fold, Best cons
 
 template <class T> void add_extremes(ProjectionState& state, ConstView in, Execution const& execution) {
     using A = std::conditional_t<std::is_same_v<T, Half>, float, T>;
-    auto* const image = reinterpret_cast<A*>(state.extremes.data());
+    auto* const image = reinterpret_cast<A*>(state.extremes);
     auto const add = [&](Lines<T> const& lines) {
         std::int64_t nan = 0;
         if constexpr (!std::is_integral_v<T>) add_nan(state, nan = count_nan(lines));
@@ -239,7 +239,7 @@ template <class A, class T> A sum_of_row(T const* row, std::int64_t n) {
 
 /// Integers: small ones in 32 bits for as many voxels as fit.
 template <class T> void add_whole(ProjectionState& state, ConstView in, Execution const& execution) {
-    if (state.axis == 0 && state.wide.empty())
+    if (state.axis == 0 && state.wide == nullptr)
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
             constexpr std::int64_t most = sizeof(T) <= 2 ? std::int64_t{row_lanes} << 15 : std::int64_t{1} << 40;
             using A = std::conditional_t<(sizeof(T) <= 2), std::int32_t, std::int64_t>;
@@ -249,8 +249,8 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
             state.whole[line.at] += sum;
         });
     for_each_upright<T>(state, in, execution, [&](Lines<T> lines) {
-        if (!state.wide.empty()) return fold_lines(lines, state.wide.data() + lines.at, Plus<Int128>{});
-        std::int64_t* const to = state.whole.data() + lines.at;
+        if (state.wide != nullptr) return fold_lines(lines, state.wide + lines.at, Plus<Int128>{});
+        std::int64_t* const to = state.whole + lines.at;
         if constexpr (sizeof(T) <= 2) {
             constexpr std::int64_t most = 32768;
             alignas(64) std::int32_t sums[row_piece];
@@ -270,7 +270,7 @@ template <class T> void add_whole(ProjectionState& state, ConstView in, Executio
 
 /// Sums of floats; those of float64 with what each addition lost (Neumaier).
 template <class T> void add_floats(ProjectionState& state, ConstView in, Execution const& execution) {
-    if (state.axis == 0 && state.extra.empty())
+    if (state.axis == 0 && state.extra == nullptr)
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
             std::int64_t const nan = nan_in_row(line.first, line.n);
             add_nan(state, nan);
@@ -278,9 +278,9 @@ template <class T> void add_floats(ProjectionState& state, ConstView in, Executi
             state.count[line.at] += static_cast<double>(line.n - nan);
         });
     auto const add = [&](Lines<T> const& lines) {
-        double* const sum = state.value.data() + lines.at;
-        double* const lost = state.extra.empty() ? nullptr : state.extra.data() + lines.at;
-        double* const count = state.count.data() + lines.at;
+        double* const sum = state.value + lines.at;
+        double* const lost = state.extra == nullptr ? nullptr : state.extra + lines.at;
+        double* const count = state.count + lines.at;
         std::int64_t const nan = count_nan(lines);
         add_nan(state, nan);
         if (lost == nullptr && nan == 0) {
@@ -421,9 +421,9 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
             state.count[line.at] = spread.count;
         });
     auto const add = [&](Lines<T> const& lines) {
-        double* const mean = state.value.data() + lines.at;
-        double* const squares = state.extra.data() + lines.at;
-        double* const count = state.count.data() + lines.at;
+        double* const mean = state.value + lines.at;
+        double* const squares = state.extra + lines.at;
+        double* const count = state.count + lines.at;
         std::int32_t others = 0;
 #pragma omp simd reduction(+ : others)
         for (std::int32_t i = 0; i < static_cast<std::int32_t>(lines.pixels); ++i)
@@ -459,14 +459,14 @@ void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n,
     double const none = std::numeric_limits<double>::quiet_NaN();
     for (std::int64_t i = 0; i < n; ++i) {
         std::size_t const p = at + static_cast<std::size_t>(i);
-        if (!state.whole.empty()) {
+        if (state.whole != nullptr) {
             to[i] = static_cast<double>(state.whole[p]) / length;
-        } else if (!state.wide.empty()) {
+        } else if (state.wide != nullptr) {
             to[i] = static_cast<double>(state.wide[p]) / length;
         } else if (state.kind == Projection::std) {
             to[i] = state.count[p] > 0 ? std::sqrt(state.extra[p] / state.count[p]) : none;
         } else {
-            double const sum = state.value[p] + (state.extra.empty() ? 0 : state.extra[p]);
+            double const sum = state.value[p] + (state.extra == nullptr ? 0 : state.extra[p]);
             to[i] = state.kind == Projection::sum ? sum : state.count[p] > 0 ? sum / state.count[p] : none;
         }
     }
@@ -476,7 +476,7 @@ void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n,
 
 void project_add(ProjectionState& state, ConstView slab, Execution const& execution) {
     if (slab.box.empty()) return;
-    if (slab.box.lower == Index3{}) state.allocate();
+    slab.box.lower == Index3{} ? state.begin(Space::host) : state.use(Space::host);
     for_each_type(slab.type, [&]<class T>(T) {
         switch (state.kind) {
         case Projection::max:
@@ -493,7 +493,8 @@ void project_add(ProjectionState& state, ConstView slab, Execution const& execut
     });
 }
 
-void project_store(ProjectionState const& state, AnyView out, Losses& losses, Execution const& execution) {
+void project_store(ProjectionState& state, AnyView out, Losses& losses, Execution const& execution) {
+    state.use(Space::host);
     for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
         Losses mine;
         for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
@@ -503,14 +504,14 @@ void project_store(ProjectionState const& state, AnyView out, Losses& losses, Ex
             bool const sums = state.kind == Projection::sum;
             if (state.kind == Projection::max || state.kind == Projection::min) {
                 if (out.type == DataType::float16)
-                    mine += store_row(out.type, reinterpret_cast<float const*>(state.extremes.data()) + at, to, n);
+                    mine += store_row(out.type, reinterpret_cast<float const*>(state.extremes) + at, to, n);
                 else
-                    std::memcpy(to, state.extremes.data() + at * size_of(out.type),
+                    std::memcpy(to, state.extremes + at * size_of(out.type),
                                 static_cast<std::size_t>(n) * size_of(out.type));
-            } else if (sums && !state.wide.empty()) {
-                mine += store_row(out.type, state.wide.data() + at, to, n);
-            } else if (sums && !state.whole.empty()) { // as int64 it is what uint64 holds as well
-                std::memcpy(to, state.whole.data() + at, static_cast<std::size_t>(n) * 8);
+            } else if (sums && state.wide != nullptr) {
+                mine += store_row(out.type, state.wide + at, to, n);
+            } else if (sums && state.whole != nullptr) { // as int64 it is what uint64 holds as well
+                std::memcpy(to, state.whole + at, static_cast<std::size_t>(n) * 8);
             } else {
                 alignas(64) double values[row_piece];
                 finish_pixels(state, at, n, values);

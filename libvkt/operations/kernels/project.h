@@ -2,26 +2,27 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/core/buffer.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/numeric.h"
-
-#include <vector>
 
 namespace vkt {
 
 enum class Projection : std::uint8_t { max, min, mean, sum, std, median };
 
-/// Accumulators of the pixels of an image, row after row; which of them there are depends on kind and type.
+/// Accumulators of the pixels of an image, row after row; which of them there are depends on kind and type, the others
+/// are null.
 struct ProjectionState {
     Projection kind = Projection::max;
     DataType type = DataType::uint8;
     int axis = 2;
-    Index3 dims;                      ///< of the volume
-    std::vector<std::byte> extremes;  ///< max, min: of the voxels' type, float32 for float16
-    std::vector<std::int64_t> whole;  ///< sums of integers
-    std::vector<Int128> wide;         ///< … that 64 bits may not hold
-    std::vector<double> value, extra; ///< sums of floats and what rounding lost; means, sums of squared deviations
-    std::vector<double> count;        ///< values so far: floats, and std
+    Index3 dims;                   ///< of the volume
+    std::byte* extremes = nullptr; ///< max, min: of the voxels' type, float32 for float16
+    std::int64_t* whole = nullptr; ///< sums of integers
+    Int128* wide = nullptr;        ///< … that 64 bits may not hold
+    double* value = nullptr;       ///< sums of floats; means
+    double* extra = nullptr;       ///< what rounding of those of float64 lost; sums of squared deviations
+    double* count = nullptr;       ///< values so far: floats, and std
     std::int64_t nan = 0;
 
     // Compiled once, since kernels for newer processors have such a state, too.
@@ -33,14 +34,20 @@ struct ProjectionState {
     std::int64_t pixels() const { return dims.x * dims.y * dims.z / dims[axis]; }
     std::int64_t row() const { return axis == 0 ? dims.y : dims.x; } ///< pixels in a row
     std::size_t bytes() const;                                       ///< once it is in use
-    void allocate();
+    /// Nothing was added so far; the accumulators are here, and on the host hold what they have then.
+    void begin(Space space);
+    /// The accumulators are here now, with what they held elsewhere.
+    void use(Space space);
+
+private:
+    void point(std::byte* memory);
+    Buffer memory_;
 };
 
 /// Adds the voxels of a slab, which follows the last one.
-VKT_CPU_KERNEL(project_add, (ProjectionState & state, ConstView slab, Execution const& execution),
-               (state, slab, execution))
+VKT_KERNEL(project_add, (ProjectionState & state, ConstView slab, Execution const& execution), (state, slab, execution))
 /// The pixels of out.box.
-VKT_CPU_KERNEL(project_store, (ProjectionState const& state, AnyView out, Losses& losses, Execution const& execution),
-               (state, out, losses, execution))
+VKT_KERNEL(project_store, (ProjectionState & state, AnyView out, Losses& losses, Execution const& execution),
+           (state, out, losses, execution))
 
 } // namespace vkt

@@ -30,7 +30,7 @@ struct ScanState {
 };
 
 /// Sums of the voxels of `in`, which follow the last ones: slices from the first row on, or rows of one slice.
-VKT_CPU_KERNEL(scan_slab, (ScanState & state, ConstView in, AnyView out, Losses& losses, Execution const& execution),
-               (state, in, out, losses, execution))
+VKT_KERNEL(scan_slab, (ScanState & state, ConstView in, AnyView out, Losses& losses, Execution const& execution),
+           (state, in, out, losses, execution))
 
 } // namespace vkt
