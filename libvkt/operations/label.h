@@ -15,7 +15,8 @@ namespace vkt {
 
 /// Voxels that are neither (physically) zero nor NaN form components; every other voxel becomes 0. Components are
 /// numbered 1, 2, … by their first voxel in x-fastest order, as SciPy does. Exact. Two passes over the input: one
-/// joins runs of voxels, the other writes; what is held is 4 bytes a run and 72 a component, whatever the slabs are.
+/// joins runs of voxels, the other writes; what is held is 4 bytes a run and 72 a component, whatever the slabs are. On
+/// a GPU that is a bit a voxel, 4 bytes for 32 voxels and 12 a run; components by value are found on CPUs only.
 class Label : public Operation {
 public:
     int connectivity = 6;  ///< 6, 18 or 26

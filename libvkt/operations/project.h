@@ -22,7 +22,8 @@ template <> struct EnumNames<Projection> {
 /// integers int64 or uint64, exact and saturated, of floats float64. std divides by the number of values. Value maps
 /// are kept or composed, so that physical values are those of the projection. All but the median see every voxel once,
 /// as it comes, and hold the image; sums are taken voxel by voxel in double precision, compensated for float64, so that
-/// slabs and threads do not matter. The median holds whole lines.
+/// slabs and threads do not matter. The median holds whole lines. GPUs add in the same order but for sums and
+/// deviations along rows, which stay within the same bounds.
 class Project : public Operation {
 public:
     Projection kind = Projection::max;

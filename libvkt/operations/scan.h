@@ -11,8 +11,8 @@ namespace vkt {
 /// along each of the axes, 0 in the first row, column and slice. Sums of unsigned integers are uint64, of signed ones
 /// int64, exact; where 64 bits may not hold them they are taken in 128, saturated and counted. A slope is kept. Floats,
 /// and integers whose value map has an intercept, are summed as physical values in float64: float64, and whatever was
-/// mapped, with what each addition loses. One pass, with a slice of sums as state; the order of additions, along z,
-/// then x, then y, depends on nothing.
+/// mapped, with what each addition loses. One pass, with a slice of sums as state; the order of additions, on CPUs
+/// along z, then x, then y, on GPUs along x, then y, then z, depends on nothing else.
 class Scan : public Operation {
 public:
     bool exclusive = false;
