@@ -87,13 +87,15 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
     } while (outer.leap(distance));
 }
 
-/// Share of the lamp's light that reaches a point through the surfaces.
+/// Share of the light from a direction (of unit length in the lattice) that reaches a point through the surfaces within
+/// a length.
 template <ScalarField S>
-VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Counters& counters) {
+VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Double3 direction, double reach,
+                      Counters& counters) {
     Ray ray{};
-    ray.direction = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
-    double near = 0, far = std::numeric_limits<double>::infinity();
-    if (!clip(point, ray.direction, scene.lower, scene.upper, near, far)) return 1;
+    ray.direction = direction;
+    double near = 0, far = reach;
+    if (!clip(point, ray.direction, scene.shown, near, far)) return 1;
     ray.entry = point + ray.direction * near;
     ray.length = far - near;
     float light = 1;
@@ -109,6 +111,23 @@ VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, C
     return light;
 }
 
+/// Share of the light from everywhere that reaches a surface element: of all directions on the eye's side of it,
+/// weighted by the cosine of their angle to its normal. `g`: gradient; `facing`: its part along the ray.
+template <ScalarField S>
+VKT_HD float openness(S const& sampler, SceneView const& scene, Double3 point, Float3 g, float facing,
+                      Counters& counters) {
+    float open = 0, all = 0;
+    for (int i = 0; i < scene.around_count; ++i) {
+        LightWay const& way = scene.around[i];
+        float const along = dot(g, way.direction) / way.world, cosine = facing > 0 ? -along : along;
+        if (!(cosine > 0)) continue;
+        Double3 const direction{way.direction.x, way.direction.y, way.direction.z};
+        all += cosine;
+        open += cosine * light_at(sampler, scene, point, direction, static_cast<double>(way.reach), counters);
+    }
+    return all > 0 ? open / all : 1.0F;
+}
+
 /// A surface element as a light at the eye, or the lamp, shows it.
 template <ScalarField S>
 VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
@@ -118,17 +137,26 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
     if (most > 0) g = g * (1.0F / most);
+    constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
+    Double3 const point = ray.entry + ray.direction * (t - off);
+    Arriving light;
+    if (scene.around_count > 0)
+        light.ambient = openness(sampler, scene, point, g, dot(g, to_float(ray.direction)), counters);
     if (scene.lamp.on) {
-        constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
         LampParts const parts = lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g);
         bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
-        float const light = asked ? light_at(sampler, scene, ray.entry + ray.direction * (t - off), counters) : 1.0F;
-        Reflection const s = lamplight(scene.shade, g, parts, light, 0.0F);
+        // What is no surface is lit by the lamp in any case.
+        float const base = unshaded(scene.shade, light);
+        if (asked) {
+            Double3 const toward = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
+            light.lamp = light_at(sampler, scene, point, toward, std::numeric_limits<double>::infinity(), counters);
+        }
+        Reflection const s = lamplight(scene.shade, g, parts, light, base, 0.0F);
         return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
     }
     float const along =
         dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
+    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, 0.0F);
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }
 
