@@ -241,11 +241,11 @@ void check(RenderSettings const& s) {
     if (s.ambient_occlusion != 0 && (s.ambient_occlusion < 6 || s.ambient_occlusion > most_ways))
         refuse(text("--ambient-occlusion looks in 6 to ", most_ways, " directions, or in 0"));
     if (!(s.occlusion_radius >= 0) || !std::isfinite(s.occlusion_radius))
-        refuse("the radius of ambient occlusion must be 0 or greater");
+        refuse("--occlusion-radius must be 0 or greater");
     if (s.exact && (s.shadows || s.ambient_occlusion > 0)) refuse("--exact has neither shadows nor ambient occlusion");
-    if (!std::isfinite(s.environment_rotation)) refuse("the rotation of the environment must be finite");
+    if (!std::isfinite(s.environment_rotation)) refuse("--environment-rotation must be finite");
     if (!(s.environment_strength >= 0 && s.environment_strength <= 1e30))
-        refuse("the strength of the environment must be 0 or greater");
+        refuse("--environment-strength must be 0 or greater");
     if (s.clip_planes.size() % 4 != 0 || s.clip_planes.size() > 4 * std::size_t{most_planes})
         refuse(text("--clip-plane takes NX NY NZ D for each of at most ", most_planes, " planes, not ",
                     s.clip_planes.size(), " numbers"));
@@ -480,7 +480,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         double const length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
         Double3 const toward{v.x / length, v.y / length, v.z / length};
         constexpr double anywhere = std::numeric_limits<double>::infinity();
-        scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward, light_way(scene, toward, anywhere)};
+        scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
+        scene.ways[0] = light_way(scene, toward, anywhere);
     }
     double const radius = settings.occlusion_radius > 0
                               ? settings.occlusion_radius
@@ -490,7 +491,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         // Evenly spread: rings of the same area, turned by the golden angle from one to the next.
         double const z = 1 - (2 * i + 1.0) / scene.around_count, r = std::sqrt(1 - z * z);
         double const angle = i * 2.3999632297286533;
-        scene.around[i] = light_way(scene, {r * std::cos(angle), r * std::sin(angle), z}, radius);
+        scene.ways[1 + i] = light_way(scene, {r * std::cos(angle), r * std::sin(angle), z}, radius);
     }
     scene.iso_count = static_cast<int>(appearance.isos.size());
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);

@@ -186,10 +186,7 @@ TEST(RenderEnvironment, PatchAgreesWithALightFromThere) {
             double const found = mean_of_channel(picture.image, 0);
             // The light of a path lies between 0 and that of an unattenuated scattering, so that its variance is
             // bounded.
-            double const most =
-                0.8 * 40 * solid *
-                static_cast<double>(henyey_greenstein_density(
-                    static_cast<float>(g), static_cast<float>(-std::cos(half_turn * (row + 0.5) / height))));
+            double const most = 0.8 * 40 * solid * phase_of(g, -std::cos(half_turn * (row + 0.5) / height));
             EXPECT_NEAR(found, wanted, 4 * std::sqrt(wanted * 1.1 * most / (64.0 * samples))) << row << " " << g;
             EXPECT_NEAR(directional, wanted, 0.03 * wanted);
         }

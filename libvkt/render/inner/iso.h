@@ -111,21 +111,30 @@ VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, D
     return light;
 }
 
-/// Share of the light from everywhere that reaches a surface element: of all directions on the eye's side of it,
-/// weighted by the cosine of their angle to its normal. `g`: gradient; `facing`: its part along the ray.
+/// What arrives at a surface element with this gradient, `facing` its part along the ray: of the lamp's light, if that
+/// is asked for, and of the light from everywhere. Of the latter all directions on the eye's side count, by the cosine
+/// of their angle to the normal.
 template <ScalarField S>
-VKT_HD float openness(S const& sampler, SceneView const& scene, Double3 point, Float3 g, float facing,
-                      Counters& counters) {
+VKT_HD Arriving arriving_at(S const& sampler, SceneView const& scene, Double3 point, Float3 g, float facing, bool lamp,
+                            Counters& counters) {
+    Arriving light;
     float open = 0, all = 0;
-    for (int i = 0; i < scene.around_count; ++i) {
-        LightWay const& way = scene.around[i];
+    for (int i = lamp ? 0 : 1; i <= scene.around_count; ++i) {
+        LightWay const& way = scene.ways[i];
         float const along = dot(g, way.direction) / way.world, cosine = facing > 0 ? -along : along;
-        if (!(cosine > 0)) continue;
-        Double3 const direction{way.direction.x, way.direction.y, way.direction.z};
+        if (i > 0 && !(cosine > 0)) continue;
+        Double3 const to_lamp = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
+        Double3 const direction = i == 0 ? to_lamp : Double3{way.direction.x, way.direction.y, way.direction.z};
+        float const share = light_at(sampler, scene, point, direction, static_cast<double>(way.reach), counters);
+        if (i == 0) {
+            light.lamp = share;
+            continue;
+        }
         all += cosine;
-        open += cosine * light_at(sampler, scene, point, direction, static_cast<double>(way.reach), counters);
+        open += cosine * share;
     }
-    return all > 0 ? open / all : 1.0F;
+    if (all > 0) light.ambient = open / all;
+    return light;
 }
 
 /// A surface element as a light at the eye, or the lamp, shows it.
@@ -137,26 +146,20 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
     if (most > 0) g = g * (1.0F / most);
-    constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
-    Double3 const point = ray.entry + ray.direction * (t - off);
+    LampParts const parts = scene.lamp.on ? lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g) : LampParts{};
+    bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
+    float const facing = dot(g, to_float(ray.direction));
     Arriving light;
-    if (scene.around_count > 0)
-        light.ambient = openness(sampler, scene, point, g, dot(g, to_float(ray.direction)), counters);
-    if (scene.lamp.on) {
-        LampParts const parts = lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g);
-        bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
-        // What is no surface is lit by the lamp in any case.
-        float const base = unshaded(scene.shade, light);
-        if (asked) {
-            Double3 const toward = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
-            light.lamp = light_at(sampler, scene, point, toward, std::numeric_limits<double>::infinity(), counters);
-        }
-        Reflection const s = lamplight(scene.shade, g, parts, light, base, 0.0F);
-        return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+    if (asked || scene.around_count > 0) {
+        constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
+        Double3 const point = ray.entry + ray.direction * (t - off);
+        light = arriving_at(sampler, scene, point, g, facing, asked, counters);
     }
-    float const along =
-        dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, 0.0F);
+    // What is no surface is lit by the lamp in any case.
+    float const base = unshaded(scene.shade, {1, light.ambient});
+    float const along = facing * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
+    Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
+                                       : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, 0.0F);
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }
 

@@ -17,14 +17,15 @@ VKT_HD void values_along(S const& sampler, typename S::Vector origin, typename S
         for (int k = 0; k < chunk; ++k) out[k] = sampler.value(origin + direction * t[k]);
 }
 
-/// Optical depth from a point along a way to a light, where that is below 9; beyond, 9 or more. Macrocells in which
+/// Optical depth from a point along a way to a light, where that is below 64; beyond, 64 or more. Macrocells in which
 /// nothing can be seen are passed over; in the others segments have the same length, two steps at most. The error falls
 /// with the square of the step.
 template <ScalarField S>
 VKT_HD float depth_along(S const& sampler, SceneView const& scene, typename S::Vector p, LightWay const& way,
                          std::int64_t& samples) {
     using Real = typename S::Real;
-    constexpr float deepest = 9; // 1/8100 of the light
+    // Nothing is left of the light then, nor of it on a segment that is as deep as most and begins outside.
+    constexpr float deepest = 64;
     double near = 0, far = static_cast<double>(way.reach);
     Double3 const from{p.x, p.y, p.z}, along{way.direction.x, way.direction.y, way.direction.z};
     if (!clip(from, along, scene.shown, near, far)) return 0;
@@ -85,26 +86,22 @@ struct Arriving {
     float lamp = 1, ambient = 1;
 };
 
-/// The light along one marched ray: depths towards all lights at the point that was looked at last.
+/// The light along one marched ray: depths along all of its ways at the point that was looked at last.
 struct Occlusion {
     float depths[1 + most_ways];
     int known = -1; ///< the point that they belong to
-
-    template <ScalarField S>
-    VKT_HD void look(S const& sampler, SceneView const& scene, typename S::Vector p, std::int64_t& samples) {
-        if (scene.lamp.shadows) depths[0] = depth_along(sampler, scene, p, scene.lamp.way, samples);
-        for (int i = 0; i < scene.around_count; ++i)
-            depths[1 + i] = depth_along(sampler, scene, p, scene.around[i], samples);
-    }
 
     /// What arrives on the segment from point k, at `begin`, to the next one, at `end`.
     template <ScalarField S>
     VKT_HD Arriving on_segment(S const& sampler, SceneView const& scene, int k, typename S::Vector begin,
                                typename S::Vector end, float depth, float absorbed, std::int64_t& samples) {
-        if (known != k) look(sampler, scene, begin, samples);
+        int const first = scene.lamp.shadows ? 0 : 1;
         float before[1 + most_ways];
-        for (int i = 0; i <= scene.around_count; ++i) before[i] = depths[i];
-        look(sampler, scene, end, samples);
+        for (int point = known == k ? 1 : 0; point < 2; ++point)
+            for (int i = first; i <= scene.around_count; ++i) {
+                before[i] = depths[i];
+                depths[i] = depth_along(sampler, scene, point == 0 ? begin : end, scene.ways[i], samples);
+            }
         known = k + 1;
         Arriving arriving;
         if (scene.lamp.shadows) arriving.lamp = arriving_share(before[0], depths[0], depth, absorbed);

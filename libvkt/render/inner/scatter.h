@@ -66,7 +66,9 @@ VKT_HD float henyey_greenstein_cosine(float g, float uniform) {
 /// How likely that cosine is, per steradian.
 VKT_HD float henyey_greenstein_density(float g, float cosine) {
     constexpr float per_sphere = 0.0795774715459F;
-    float const squared = 1.0F + g * g - 2.0F * g * cosine;
+    // As a sum of what is not negative, so that nothing cancels where it is narrow.
+    float const narrow = g < 0 ? -g : g, off = 1.0F - (g < 0 ? -cosine : cosine);
+    float const squared = (1.0F - narrow) * (1.0F - narrow) + 2.0F * narrow * (off > 0 ? off : 0.0F);
     return per_sphere * (1.0F - g * g) / (squared * std::sqrt(squared));
 }
 

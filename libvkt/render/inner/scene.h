@@ -48,7 +48,6 @@ struct LampView {
     bool on = false, shadows = false;
     Double3 world{};   ///< towards it, of unit length
     Double3 lattice{}; ///< the same in the lattice
-    LightWay way{};
 };
 
 struct IsoView {
@@ -79,8 +78,9 @@ struct SceneView {
     int knot_count;
     ShadeView shade;
     LampView lamp;
-    LightWay around[most_ways]; ///< spread over all directions, by which the light from everywhere is measured
-    int around_count;           ///< 0: it is everywhere the same
+    /// The lamp's, if it throws shadows, and then those over which the light from everywhere is measured.
+    LightWay ways[1 + most_ways];
+    int around_count; ///< of the latter; 0: that light is everywhere the same
     IsoView isos[most_isos];
     int iso_count;
     float step;         ///< lattice units
