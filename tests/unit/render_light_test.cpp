@@ -44,8 +44,7 @@ double once_scattered(double depth, double cosine) {
         return -std::expm1(-depth * rate) / rate;
     }
     double const rate = 1 + 1 / cosine; // e^-t e^-(depth - t) / |cosine|
-    return std::abs(rate) < 1e-9 ? depth * std::exp(depth / cosine)
-                                 : std::exp(depth / cosine) * -std::expm1(-depth * rate) / rate;
+    return std::abs(rate) < 1e-9 ? depth * std::exp(-depth) : (std::exp(depth / cosine) - std::exp(-depth)) / rate;
 }
 
 /// Henyey and Greenstein's phase function, per steradian.
@@ -232,8 +231,9 @@ TEST(RenderShadows, SlabIsTheClosedForm) {
                     << depth << " " << cosine << " " << step;
                 s.ambient = 0.25;
                 double const all = -std::expm1(-depth);
+                // A ray ends where less than 1/8100 of its light is left.
                 EXPECT_NEAR(static_cast<double>(render_one(slab.volume, s).center()[0]), 0.25 * all + 0.75 * wanted,
-                            2e-5 + 1e-4 * wanted);
+                            1.3e-4);
             }
 }
 
@@ -355,18 +355,24 @@ TEST(RenderOcclusion, PlaneIsOpenAndACornerIsHalfClosed) {
     Index3 const dims{80, 320, 48};
     Volume const plane_volume = volume_of(dims, {1, 1, 1}, floor), corner_volume = volume_of(dims, {1, 1, 1}, corner);
     double const top = 47.5 - 8; // height of the wall
-    double squares = 0;
-    int count = 0;
     for (double const away : {3.0, 6.0, 10.0, 20.0, 40.0}) {
         RenderSettings const s = corner_view({8 + away + 10, 170, 60}, {8 + away, 160, 8});
         EXPECT_EQ(render_one(plane_volume, s).center()[0], 1);
-        double const open = 1 - 0.5 * (1 - away / std::hypot(away, top)); // view factor of a long wall
+        // The directions, and which of them meet the wall.
+        double open = 0, all = 0;
+        for (int i = 0; i < 64; ++i) {
+            double const z = 1 - (2 * i + 1.0) / 64, r = std::sqrt(1 - z * z), angle = i * 2.3999632297286533;
+            if (z <= 0) continue;
+            double const x = r * std::cos(angle), y = r * std::sin(angle), to_wall = away / -x;
+            bool const met = x < 0 && z * to_wall < top && std::abs(y * to_wall) < 160;
+            all += z;
+            open += met ? 0 : z;
+        }
         double const found = static_cast<double>(render_one(corner_volume, s).center()[0]);
-        EXPECT_NEAR(found, open, 0.04) << away;
-        squares += (found - open) * (found - open);
-        ++count;
+        EXPECT_NEAR(found, open / all, 1e-3) << away;
+        // The view factor of a long wall, which infinitely many directions give; each counts up to 1/16.
+        EXPECT_NEAR(found, 1 - 0.5 * (1 - away / std::hypot(away, top)), 1.0 / 16) << away;
     }
-    EXPECT_LT(std::sqrt(squares / count), 0.02);
     // What lies further than the radius does not count.
     RenderSettings s = corner_view({8 + 20 + 10, 170, 60}, {8 + 20, 160, 8});
     s.occlusion_radius = 15;
@@ -408,10 +414,11 @@ TEST(RenderClipPlanes, AgreeWithClipBoxes) {
                                                         }())
                                                  .image),
                       0.02);
-            // Rounding moves entries by an ulp; a few pixels at the rims of surfaces fall to the other side.
+            // Rounding moves entries by an ulp; a few pixels at the rims of surfaces fall to the other side. In trees
+            // gradients next to a face of the box are one-sided, and next to a plane they are not.
             std::size_t off = 0;
             for (std::size_t i = 0; i < a.pixels.size(); ++i) off += std::abs(a.pixels[i] - b.pixels[i]) > 2e-4F;
-            EXPECT_LT(static_cast<double>(off), 0.003 * static_cast<double>(a.pixels.size()))
+            EXPECT_LT(static_cast<double>(off), (tree ? 0.01 : 0.003) * static_cast<double>(a.pixels.size()))
                 << enum_name(algorithm) << " " << tree;
         }
     }
