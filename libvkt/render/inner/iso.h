@@ -159,7 +159,7 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     float const base = unshaded(scene.shade, {1, light.ambient});
     float const along = facing * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
     Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
-                                       : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, 0.0F);
+                                       : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, base, 0.0F);
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }
 

@@ -37,8 +37,9 @@ VKT_HD float unshaded(ShadeView const& shade, Arriving const& light) {
 }
 
 /// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
-/// `reference` is shaded half. Of the light from everywhere the share `open` arrives.
-VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float open,
+/// `reference` is shaded half. Of the light from everywhere the share `open` arrives; `base`: brightness of what is no
+/// surface.
+VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float open, float base,
                             float reference) {
     float const* m = shade.metric;
     float const squared =
@@ -48,7 +49,6 @@ VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz
     float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
     float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
     float const lit = shade.ambient * open + (1.0F - shade.ambient) * std::sqrt(cosine2);
-    float const base = unshaded(shade, {1, open});
     return {base + surface * (lit - base), surface * shade.specular * c16 * c16};
 }
 
@@ -70,7 +70,7 @@ VKT_HD LampFrame lamp_frame(SceneView const& scene, Double3 direction, double wo
             to_float((scene.lamp.lattice - way) * per)};
 }
 
-/// As headlight(), with a lamp. What faces the eye and not the lamp is dark. `base`: brightness of what is no surface.
+/// As headlight(), with a lamp. What faces the eye and not the lamp is dark.
 VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, Arriving const& light, float base,
                             float reference) {
     float const* m = shade.metric;
@@ -182,19 +182,20 @@ template <class S, class Comb, ScalarField P> struct March {
             shaded && scene.lamp.on
                 ? lamp_frame(scene, Double3{direction.x, direction.y, direction.z}, static_cast<double>(world))
                 : LampFrame{};
-        auto const reflected = [&](int j, Arriving const& arriving) __attribute__((always_inline)) {
+        auto const reflect = [&](int j, bool by_lamp, Arriving const& arriving, float base)
+            __attribute__((always_inline)) {
             Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
                            in_references(scene.shade, gz[j])};
-            return scene.lamp.on
-                       ? lamplight(scene.shade, g, lamp.of(g), arriving, unshaded(scene.shade, arriving), 1.0F)
-                       : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, arriving.ambient, 1.0F);
+            Reflection const s = by_lamp ? lamplight(scene.shade, g, lamp.of(g), arriving, base, 1.0F)
+                                         : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing,
+                                                     arriving.ambient, base, 1.0F);
+            diffuse[j] = s.diffuse;
+            glint[j] = s.glint;
         };
-        if (shaded && !occluded)
-            for (int j = 0; j < chunk; ++j) {
-                Reflection const s = reflected(j, {});
-                diffuse[j] = s.diffuse;
-                glint[j] = s.glint;
-            }
+        // Loops of their own, which vectorise.
+        bool const at_once = shaded && !occluded;
+        for (int j = 0; j < chunk && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
+        for (int j = 0; j < chunk && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
             if (occluded) {
@@ -202,9 +203,9 @@ template <class S, class Comb, ScalarField P> struct March {
                 Arriving const arriving =
                     occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
                                          origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
-                Reflection const s = shaded ? reflected(j, arriving) : Reflection{unshaded(scene.shade, arriving), 0};
-                diffuse[j] = s.diffuse;
-                glint[j] = s.glint;
+                float const base = unshaded(scene.shade, arriving);
+                diffuse[j] = base, glint[j] = 0;
+                if (shaded) reflect(j, scene.lamp.on, arriving, base);
             }
             float const share = static_cast<float>(transmittance) * weight[j];
             if (shaded || occluded) {

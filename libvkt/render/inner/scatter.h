@@ -156,9 +156,10 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
             break;
         }
         p = p + d * flight.t;
-        Double3 const came = scene.to_world * Double3{d.x, d.y, d.z};
-        if (pictured && scene.environment.per_total > 0)
+        if (pictured && scene.environment.per_total > 0) {
+            Double3 const came = scene.to_world * Double3{d.x, d.y, d.z};
             add_environment(sampler, scene, p, came * (1 / std::sqrt(dot(came, came))), through, sum, random, counters);
+        }
         if (bounce >= roulette_from && most < 1) {
             if (random.next() >= most) break;
             for (float& w : through) w /= most;
@@ -170,9 +171,9 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
             world_way = {r * std::cos(angle), r * std::sin(angle), z};
         } else {
             cosine = henyey_greenstein_cosine(scene.anisotropy, place);
-            world_way = direction_around(came, cosine, angle);
+            world_way = direction_around(scene.to_world * Double3{d.x, d.y, d.z}, cosine, angle);
         }
-        density = henyey_greenstein_density(scene.anisotropy, cosine);
+        if (pictured) density = henyey_greenstein_density(scene.anisotropy, cosine);
         Way<S> const way = way_from<S>(scene, p, world_way);
         d = way.direction, length = way.length, world = way.world;
     }
