@@ -121,7 +121,8 @@ TEST(RenderTree, PiecesHoldTheReconstruction) {
     int plain = 0, mixed = 0;
     for (int r = 0; r < 200; ++r) {
         auto const point = [&] {
-            return Double3{share(random) * scene.shown.upper.x, share(random) * scene.shown.upper.y, share(random) * scene.shown.upper.z};
+            return Double3{share(random) * scene.shown.upper.x, share(random) * scene.shown.upper.y,
+                           share(random) * scene.shown.upper.z};
         };
         Double3 const a = point(), way = point() - a;
         double const length = std::sqrt(dot(way, way));
