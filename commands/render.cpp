@@ -57,7 +57,11 @@ public:
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
-    std::size_t bytes_held(Header const& header) const override { return render::bytes_to_draw(header); }
+    std::size_t bytes_held(Header const& header) const override {
+        auto const environment = options_.settings().environment;
+        std::size_t const floats = environment ? environment->pixels.size() + environment->column_ends.size() : 0;
+        return render::bytes_to_draw(header) + floats * sizeof(float);
+    }
     std::vector<std::string> explain(Header const& header) const override {
         return render::explanation(options_.settings(), header);
     }
@@ -232,6 +236,8 @@ Command render_command() {
            "vkt make amr --blocks 300 --levels 4 | vkt render --opacity 0,0.3 --domain 0:1 -o amr.png"},
           {"Light scattered in it, as in a cloud", "vkt make amr --blocks 300 --levels 4 | vkt render --render-algo "
                                                    "multi-scattering --spp 16 --size 256 -o amr.png"},
+          {"Lit from a side, with shadows", "vkt render volume.nrrd --light-direction 1,-1,2 --shadows -o lit.png"},
+          {"Cut by a plane", "vkt render volume.nrrd --clip-plane 1 1 0 40 -o cut.png"},
           {"16 bits a channel", "vkt render volume.nrrd --depth 16 -o picture.png"},
           {"Multiple scattering, quickly", "vkt render volume.nrrd --render-algo "
                                            "multi-scattering --spp 16 --size 256 -o picture.png"}}});

@@ -325,7 +325,8 @@ assert dark.sum() > 100 and lit.sum() > 500, (dark.sum(), lit.sum())
 assert np.abs(s['R'] - 0.3 * e['albedo.R'])[dark].max() < 1e-5
 assert np.abs(s['R'] - e['R'])[lit].max() < 1e-5"
     fails_with 2 "--shadows needs a light" vkt render scene.nrrd -ra implicit-iso --shadows -o a.png
-    fails_with 2 "--shadows does not apply" vkt render scene.nrrd --light-direction 0,0,1 --shadows -o a.png
+    fails_with 2 "--shadows does not apply" vkt render scene.nrrd -ra multi-scattering --shadows -o a.png
+    fails_with 2 "--shadows needs a light" vkt render scene.nrrd --shadows -o a.png
     fails_with 2 "--light-direction" vkt render scene.nrrd --light-direction 0,0,0 -o a.png
     fails_with 2 "does not apply to --shade none" vkt render scene.nrrd --light-direction 0,0,1 --shade none -o a.png
     fails_with 2 "--ambient" vkt render scene.nrrd --ambient 2 -o a.png

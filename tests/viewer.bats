@@ -315,6 +315,58 @@ presses() { xdotool key "$1"; sleep 0.3; }
     quits
 }
 
+# clicks X Y: a click into the window, as slow as a hand.
+clicks() {
+    xdotool mousemove --window "$window" "$1" "$2"
+    sleep 0.3
+    xdotool click 1
+    sleep 0.3
+}
+
+@test "light, its shadows, occlusion and a clip plane from the panels are in the picture and in the command" {
+    python_with vtk numpy
+    with_display
+    opens
+    vkt render $volume --size 320x240 -o before.png
+    clicks 480 18 # closes the transfer function
+    clicks 480 43 # and the integrator
+    clicks 480 68 # opens the light
+    clicks 338 168 # ambient occlusion
+    clicks 338 93 # a light from a direction
+    clicks 338 168 # its shadows
+    clicks 480 68 # closes the light
+    clicks 480 93 # and the picture
+    clicks 480 168 # opens the clip planes
+    clicks 360 193 # adds one
+    titled ' ms'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == *--light-direction*--shadows*--ambient-occlusion\ 16*--clip-plane* ]]
+    eval "$said"
+    shows_picture block_24x18x30_uint8.png 320 240
+    run ! cmp -s <(pixels_of before.png) <(pixels_of block_24x18x30_uint8.png)
+    quits
+}
+
+@test "an environment is shown, and turned by the command that is printed" {
+    python_with vtk numpy
+    with_display
+    /usr/bin/python3 -c "
+import numpy as np
+sky = np.full((8, 16, 3), 0.2, '<f4')
+sky[2, 4] = 30
+open('sky.pfm', 'wb').write(b'PF\n16 8\n-1.0\n' + sky.tobytes())"
+    opens -ra multi-scattering --spp 8 --environment sky.pfm
+    vkt render $volume --size 320x240 -ra multi-scattering --spp 8 --environment sky.pfm -o expected.png
+    shows_picture expected.png 320 240
+    presses p
+    sleep 0.5
+    [[ "$(command_of)" == *'--environment sky.pfm'* ]]
+    quits
+}
+
 @test "paths add up on the screen to the picture of all of them" {
     python_with vtk numpy
     with_display

@@ -42,6 +42,8 @@ show volume 'A volume, colours and opacities chosen from the data' "$phantom" \
     'vkt render examples/data/phantom.nrrd --size 200 -o volume.png'
 show bone 'An iso-surface with shadows' "$ct" \
     'vkt filter gaussian examples/data/ct.nrrd --sigma 0.8 | vkt render -ra implicit-iso --iso 250 --light-direction 1,-1,1 --shadows --size 240 -o bone.png'
+show lit 'Light from one direction, what the volume holds back of it, and of that from everywhere' "$ct" \
+    'vkt render examples/data/ct.nrrd --opacity 0,0,0.3,0.8 --domain 0:500 --colormap bone --light-direction 1,-1,1 --shadows --ambient-occlusion 8 --size 200 -o lit.png'
 show signal 'A test signal with fine ripples, and its two surfaces' "$made" \
     'vkt make marschner-lobb --dims 64 64 64 --dtype float32 | vkt render -ra implicit-iso --iso 0.5 --view z --projection orthographic --size 160 -o signal.png'
 show cloud 'Light, scattered many times' "$made" \

@@ -79,6 +79,8 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
                               : text("at most ", static_cast<std::int64_t>(std::ceil(diagonal / settings.step)),
                                      " steps on each of ", rays, " rays");
     }
+    int const ways = settings.ambient_occlusion + (settings.shadows ? 1 : 0);
+    if (ways > 0) cost += text(", ", ways, ways == 1 ? " ray" : " rays", " to light from wherever something is seen");
     std::vector<std::string> lines = model_text(settings);
     lines.push_back("method " + method);
     lines.push_back(text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory"));

@@ -56,7 +56,8 @@ LatticeView DeviceCopies::lattice() {
     return view;
 }
 
-SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const> const& made_for) {
+SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const> const& made_for,
+                              std::shared_ptr<Environment const> const& environment) {
     if (made_for_ != made_for) {
         auto const cells = static_cast<std::size_t>(scene.cells.nx) * static_cast<std::size_t>(scene.cells.ny) *
                            static_cast<std::size_t>(scene.cells.nz);
@@ -67,7 +68,18 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
         knots_ = copied(scene.knots, static_cast<std::size_t>(scene.knot_count) * sizeof(Knot));
         made_for_ = made_for;
     }
+    if (environment_ != environment && environment != nullptr) {
+        pixels_ = copied(environment->pixels.data(), environment->pixels.size() * sizeof(float));
+        row_ends_ = copied(environment->row_ends.data(), environment->row_ends.size() * sizeof(float));
+        column_ends_ = copied(environment->column_ends.data(), environment->column_ends.size() * sizeof(float));
+        environment_ = environment;
+    }
     SceneView result = scene;
+    if (environment != nullptr) {
+        result.environment.pixels = on_device<float>(pixels_);
+        result.environment.row_ends = on_device<float>(row_ends_);
+        result.environment.column_ends = on_device<float>(column_ends_);
+    }
     result.cells.lowest = on_device<float>(lowest_);
     result.cells.majorant = on_device<float>(majorant_);
     result.cells.distance = on_device<std::uint8_t>(distance_);

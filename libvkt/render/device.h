@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/render/environment.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/passes.h"
 #include "libvkt/render/tiles.h"
@@ -20,13 +21,15 @@ public:
     LatticeView lattice();
 
     /// The scene with its cells, table and knots on the GPU. They are copied when `made_for`, which keeps them alive,
-    /// is another than the last time.
-    SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for);
+    /// is another than the last time; the same goes for the environment, which may be null.
+    SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for,
+                    std::shared_ptr<Environment const> const& environment);
 
 private:
     LatticeView lattice_;
-    Buffer voxels_, lowest_, majorant_, distance_, nodes_, knots_;
+    Buffer voxels_, lowest_, majorant_, distance_, nodes_, knots_, pixels_, row_ends_, column_ends_;
     std::shared_ptr<void const> made_for_;
+    std::shared_ptr<Environment const> environment_;
 };
 
 /// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU, as the lattice is. Paths are drawn

@@ -136,6 +136,25 @@ Box visible_box(CellVisibility const& cells, Index3 dims) {
     return intersect(box, box_of(dims));
 }
 
+/// A plane of the world, as RenderSettings::clip_planes has it, in the lattice in which the first cell's centre is at
+/// (first, first, first).
+HalfSpace half_space(double const* plane, Geometry const& g, double first) {
+    // Whatever the size of the world: only the direction of the normal matters, once the distance is in its units.
+    double const length = std::hypot(plane[0], plane[1], plane[2]);
+    Double3 const normal{plane[0] / length, plane[1] / length, plane[2] / length};
+    Matrix3 const to_world = lattice_to_world(g);
+    Double3 const mapped{dot(to_world.x, normal), dot(to_world.y, normal), dot(to_world.z, normal)};
+    double const origin = dot(normal, Double3{g.origin.x, g.origin.y, g.origin.z});
+    return {mapped, plane[3] / length - origin + first * (mapped.x + mapped.y + mapped.z)};
+}
+
+/// A direction of the world, of unit length, with a reach in the world.
+LightWay light_way(SceneView const& scene, Double3 world, double reach) {
+    Double3 const lattice = scene.to_lattice * world;
+    double const length = std::sqrt(dot(lattice, lattice));
+    return {to_float(lattice * (1 / length)), static_cast<float>(1 / length), static_cast<float>(reach * length)};
+}
+
 /// Whether light from behind passes everywhere.
 bool is_empty(Image const& image) {
     for (std::size_t i = 3; i < image.pixels.size(); i += 4)
@@ -219,6 +238,22 @@ void check(RenderSettings const& s) {
     if (s.parts > 1 && (s.goal.tolerance > 0 || s.goal.seconds > 0))
         refuse("with --tolerance or --time pixels of all parts have to do with each other",
                "--noise and --step do not have that");
+    if (s.ambient_occlusion != 0 && (s.ambient_occlusion < 6 || s.ambient_occlusion > most_ways))
+        refuse(text("--ambient-occlusion looks in 6 to ", most_ways, " directions, or in 0"));
+    if (!(s.occlusion_radius >= 0) || !std::isfinite(s.occlusion_radius))
+        refuse("--occlusion-radius must be 0 or greater");
+    if (s.exact && (s.shadows || s.ambient_occlusion > 0)) refuse("--exact has neither shadows nor ambient occlusion");
+    if (!std::isfinite(s.environment_rotation)) refuse("--environment-rotation must be finite");
+    if (!(s.environment_strength >= 0 && s.environment_strength <= 1e30))
+        refuse("--environment-strength must be 0 or greater");
+    if (s.clip_planes.size() % 4 != 0 || s.clip_planes.size() > 4 * std::size_t{most_planes})
+        refuse(text("--clip-plane takes NX NY NZ D for each of at most ", most_planes, " planes, not ",
+                    s.clip_planes.size(), " numbers"));
+    for (std::size_t i = 0; i < s.clip_planes.size(); i += 4) {
+        double const length = std::hypot(s.clip_planes[i], s.clip_planes[i + 1], s.clip_planes[i + 2]);
+        if (!(length > 0) || !std::isfinite(length) || !std::isfinite(s.clip_planes[i + 3]))
+            refuse("--clip-plane: a normal must be finite and not 0 0 0, and its distance finite");
+    }
     if (s.bounces < 1) refuse("the number of bounces must be at least 1");
     if (s.isos.size() > most_isos) refuse(text("at most ", most_isos, " iso-values can be shown at once"));
     for (double const v : s.isos)
@@ -412,10 +447,12 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         double const low = first - 0.5;
         return Double3{low + static_cast<double>(i.x), low + static_cast<double>(i.y), low + static_cast<double>(i.z)};
     };
-    scene.lower = place(shown.lower);
-    scene.upper = place(shown.upper);
+    scene.shown.lower = place(shown.lower);
+    scene.shown.upper = place(shown.upper);
     scene.to_lattice = world_to_lattice(g);
     scene.to_world = lattice_to_world(g);
+    for (std::size_t i = 0; i + 4 <= settings.clip_planes.size(); i += 4)
+        scene.shown.planes[scene.shown.plane_count++] = half_space(&settings.clip_planes[i], g, first);
 
     // Gradients are shaded in units of a reference, so that the sizes of values and of the world do not matter. |A^T
     // g|^2 for a lattice gradient g, A mapping world vectors, in smallest spacings, to lattice vectors.
@@ -442,7 +479,19 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         Vec3 const v = *settings.light_direction;
         double const length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
         Double3 const toward{v.x / length, v.y / length, v.z / length};
+        constexpr double anywhere = std::numeric_limits<double>::infinity();
         scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
+        scene.ways[0] = light_way(scene, toward, anywhere);
+    }
+    double const radius = settings.occlusion_radius > 0
+                              ? settings.occlusion_radius
+                              : diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 10;
+    scene.around_count = settings.ambient_occlusion;
+    for (int i = 0; i < scene.around_count; ++i) {
+        // Evenly spread: rings of the same area, turned by the golden angle from one to the next.
+        double const z = 1 - (2 * i + 1.0) / scene.around_count, r = std::sqrt(1 - z * z);
+        double const angle = i * 2.3999632297286533;
+        scene.ways[1 + i] = light_way(scene, {r * std::cos(angle), r * std::sin(angle), z}, radius);
     }
     scene.iso_count = static_cast<int>(appearance.isos.size());
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
@@ -457,9 +506,11 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     scene.albedo = static_cast<float>(settings.albedo);
     scene.anisotropy = static_cast<float>(settings.anisotropy);
     scene.emission = settings.emission;
-    scene.light[0] = static_cast<float>(settings.light.red);
-    scene.light[1] = static_cast<float>(settings.light.green);
-    scene.light[2] = static_cast<float>(settings.light.blue);
+    double const strength = settings.environment ? settings.environment_strength : 1;
+    scene.light[0] = static_cast<float>(settings.light.red * strength);
+    scene.light[1] = static_cast<float>(settings.light.green * strength);
+    scene.light[2] = static_cast<float>(settings.light.blue * strength);
+    if (settings.environment) scene.environment = settings.environment->view(settings.environment_rotation);
     return scene;
 }
 
@@ -603,7 +654,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         std::lock_guard const lock(cache_->drawing);
         auto& copies = cache_->copies;
         if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-        quality = draw_on_gpu(drawing, copies->scene(scene, ready), copies->lattice(), integrator, image, counters);
+        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), copies->lattice(), integrator,
+                              image, counters);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)

@@ -7,6 +7,7 @@
 #include "libvkt/core/roi.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/render/camera.h"
+#include "libvkt/render/environment.h"
 #include "libvkt/render/goal.h"
 #include "libvkt/render/image.h"
 #include "libvkt/render/lattice.h"
@@ -51,8 +52,12 @@ struct RenderSettings {
         -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
     std::optional<Vec3> light_direction;    ///< towards a light that is far away, in the world; none: it is at the eye
     double ambient = 0.25, specular = 0.12; ///< shares of the light, in [0,1]: from everywhere, of the highlight
-    bool shadows = false;                   ///< of surfaces, from that light
-    bool skip = true;                       ///< leave out empty space; the picture is the same bit for bit
+    bool shadows = false;                   ///< of surfaces or of the volume, from that light
+    /// Directions, up to 64, in which the volume or the surfaces are asked how much of the light from everywhere they
+    /// hold back; 0: none of it. Within a world length; 0: a tenth of the volume's diagonal.
+    int ambient_occlusion = 0;
+    double occlusion_radius = 0;
+    bool skip = true; ///< leave out empty space; the picture is the same bit for bit
 
     // Iso-surfaces: physical values; none: one is chosen from the data.
     std::vector<double> isos;
@@ -61,6 +66,10 @@ struct RenderSettings {
 
     Roi clip; ///< voxels that are shown, in hierarchical volumes finest cells; empty: all
 
+    /// Planes of the world, four numbers nx, ny, nz, d each, at most most_planes of them: points p with nx p.x + ny p.y
+    /// + nz p.z >= d are shown. The camera does not follow them.
+    std::vector<double> clip_planes;
+
     // Multiple scattering.
     int samples = 64;     ///< paths per pixel
     int first_sample = 0; ///< number of the first one, to continue elsewhere
@@ -68,7 +77,11 @@ struct RenderSettings {
     double albedo = 1;     ///< multiplies the colours
     double anisotropy = 0; ///< mean cosine of the scattering angle, in (-1, 1); Henyey–Greenstein
     bool emission = false; ///< colours also glow
-    Color light{1, 1, 1};  ///< from all around, linear
+    Color light{1, 1, 1};  ///< from all around, linear; an environment is multiplied by it
+    std::shared_ptr<Environment const> environment; ///< null: light is the same from everywhere
+    std::string environment_file;                   ///< that it was read from
+    double environment_rotation = 0;                ///< degrees around z, counterclockwise from above
+    double environment_strength = 1;                ///< multiplies it, 0 or greater
     int bounces = 100000;
 
     Goal goal;             ///< what the picture is refined to; with noise or seconds, samples is the most

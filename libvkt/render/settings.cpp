@@ -110,7 +110,14 @@ void SettingsParameters::declare(Parameters& list) {
                 "direction towards the light, in world axes, instead of a light at the camera");
     list.option("ambient", s.ambient, "SHARE", "share of the light that comes from everywhere, 0 to 1");
     list.option("specular", s.specular, "SHARE", "strength of highlights, 0 to 1");
+    list.flag("shadows", s.shadows, "surfaces, or the marched volume, throw shadows, with --light-direction");
+    list.option("ambient-occlusion", s.ambient_occlusion, "N",
+                "hold back light from everywhere by what is nearby, in N directions, 6 to 64");
+    list.option("occlusion-radius", s.occlusion_radius, "LENGTH",
+                "world length that counts as nearby (default: a tenth of the diagonal)");
     list.option("clip-box", s.clip, "REGION", "show only this part, named as --roi of vkt crop names it");
+    list.option("clip-plane", s.clip_planes, "NX NY NZ D",
+                "show only where NX x + NY y + NZ z >= D, in world units; up to 6 planes, four numbers each");
 
     list.option(
         "tolerance", tolerance_, "LEVELS",
@@ -128,8 +135,6 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("iso-color", s.iso_colors, "R G B", "implicit-iso: colour of each surface, 0 to 1");
     list.option("iso-opacity", s.iso_opacities, "A", "implicit-iso: opacity of each surface, 0 to 1 (default: 1)");
 
-    list.flag("shadows", s.shadows, "implicit-iso: surfaces throw shadows, with --light-direction");
-
     list.option("spp", s.samples, "N", "multi-scattering: paths per pixel");
     list.option("first-sample", s.first_sample, "N", "multi-scattering: number of the first path, to share work out");
     list.option("seed", seed_, "N", "multi-scattering: seed of the random numbers");
@@ -137,6 +142,11 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("anisotropy", s.anisotropy, "G",
                 "multi-scattering: mean cosine of the scattering angle, above 0 forwards (Henyey-Greenstein)");
     list.option("light", light_, "R,G,B", "multi-scattering: light from all around, linear");
+    list.option("environment", s.environment_file, "FILE",
+                "multi-scattering: light from a picture of all directions, equirectangular: .exr, .hdr, .pfm, .png");
+    list.option("environment-rotation", s.environment_rotation, "DEGREES",
+                "turn it around z, counterclockwise from above; its middle is in the direction of y");
+    list.option("environment-strength", s.environment_strength, "FACTOR", "multiplies its light");
     list.flag("emission", s.emission, "multi-scattering: colours also glow, as in ray marching");
 }
 
@@ -146,7 +156,7 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 24> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 29> uses{{{"step", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
                                     {"exact", true, false, false, false},
@@ -155,7 +165,9 @@ constexpr std::array<Use, 24> uses{{{"step", true, false, false, false},
                                     {"light-direction", true, true, false, false},
                                     {"ambient", true, true, false, false},
                                     {"specular", true, true, false, false},
-                                    {"shadows", false, true, false, false},
+                                    {"shadows", true, true, false, false},
+                                    {"ambient-occlusion", true, true, false, false},
+                                    {"occlusion-radius", true, true, false, false},
                                     {"iso", false, true, false, false},
                                     {"iso-color", false, true, false, false},
                                     {"iso-opacity", false, true, false, false},
@@ -169,6 +181,9 @@ constexpr std::array<Use, 24> uses{{{"step", true, false, false, false},
                                     {"albedo", false, false, true, false},
                                     {"anisotropy", false, false, true, false},
                                     {"light", false, false, true, false},
+                                    {"environment", false, false, true, false},
+                                    {"environment-rotation", false, false, true, false},
+                                    {"environment-strength", false, false, true, false},
                                     {"emission", false, false, true, false}}};
 
 /// "auto" is below 0: chosen by the renderer.
@@ -207,7 +222,8 @@ void SettingsParameters::refuse_misfits() const {
     exclude("orbit", "eye");
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
     exclude("exact", "shade");
-    for (char const* other : {"light-direction", "ambient", "specular"}) exclude("exact", other);
+    for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion"})
+        exclude("exact", other);
     exclude("exact", "no-skip");
     exclude("exact", "step");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
@@ -302,6 +318,9 @@ RenderSettings SettingsParameters::settings() const {
     s.shade = s.exact ? 0 : read_shading(shading_);
     for (char const* const name : {"light-direction", "ambient", "specular"}) {
         if (!list_->given(name)) continue;
+        // Without any surface, light is held back all the same.
+        bool const occluded = (s.shadows && algorithm_ == Algorithm::ray_marching) || s.ambient_occlusion > 0;
+        if (s.shade == 0 && occluded) continue;
         if (s.shade == 0) refuse(text("--", name, " does not apply to --shade ", shading_));
         if (s.shade < 0) s.shade = 1; // whoever places a light wants to see it
     }
@@ -314,6 +333,14 @@ RenderSettings SettingsParameters::settings() const {
         bool const inlined = transfer_file_.starts_with('{') || transfer_file_.starts_with('[');
         if (!transfer_) transfer_ = transfer_from_json(inlined ? transfer_file_ : read_text_file(transfer_file_));
         s.transfer = transfer_;
+    }
+    if (list_->given("occlusion-radius") && s.ambient_occlusion == 0)
+        refuse("--occlusion-radius needs --ambient-occlusion");
+    for (char const* const name : {"environment-rotation", "environment-strength"})
+        if (list_->given(name) && s.environment_file.empty()) refuse(text("--", name, " needs --environment"));
+    if (!s.environment_file.empty()) {
+        if (!environment_) environment_ = read_environment(s.environment_file);
+        s.environment = environment_;
     }
     render::check(s);
     return s;
@@ -378,7 +405,10 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!exact && s.light_direction) add("light-direction", {triple(*s.light_direction)});
     if (!exact && s.ambient != plain.ambient) add("ambient", {to_text(s.ambient)});
     if (!exact && s.specular != plain.specular) add("specular", {to_text(s.specular)});
-    if (s.shadows) add("shadows", {});
+    if (!exact && s.shadows) add("shadows", {});
+    if (!exact && s.ambient_occlusion > 0) add("ambient-occlusion", {to_text(s.ambient_occlusion)});
+    if (!exact && s.ambient_occlusion > 0 && s.occlusion_radius > 0)
+        add("occlusion-radius", {to_text(s.occlusion_radius)});
     if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
     if (s.goal.tolerance > 0) add("tolerance", {to_text(s.goal.tolerance)});
     if (s.goal.noise > 0) add("noise", {to_text(s.goal.noise)});
@@ -393,8 +423,14 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (s.albedo != 1) add("albedo", {to_text(s.albedo)});
     if (s.anisotropy != 0) add("anisotropy", {to_text(s.anisotropy)});
     if (!(s.light == plain.light)) add("light", {text(s.light.red, ",", s.light.green, ",", s.light.blue)});
+    if (!s.environment_file.empty()) {
+        add("environment", {s.environment_file});
+        if (s.environment_rotation != 0) add("environment-rotation", {to_text(s.environment_rotation)});
+        if (s.environment_strength != 1) add("environment-strength", {to_text(s.environment_strength)});
+    }
     if (s.emission) add("emission", {});
     if (!s.clip.empty()) add("clip-box", {s.clip.text});
+    if (!s.clip_planes.empty()) add("clip-plane", numbers(s.clip_planes));
     return options;
 }
 
@@ -455,17 +491,23 @@ std::vector<std::string> model_text(RenderSettings const& s) {
         model = s.shade == 0        ? "absorption and emission"
                 : s.light_direction ? "absorption and emission, surfaces lit from one direction"
                                     : "absorption and emission, surfaces lit from the camera";
+        if (s.shadows) model += ", with shadows";
+        if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "light that is scattered once or more is not asked for (--render-algo multi-scattering)";
         break;
     case Algorithm::implicit_iso:
         model = !s.light_direction ? "surfaces, lit from the camera"
                 : s.shadows        ? "surfaces, lit from one direction, with shadows"
                                    : "surfaces, lit from one direction";
+        if (s.ambient_occlusion > 0) model += ", with ambient occlusion";
         why = "opacity of the volume itself is not asked for (--render-algo ray-marching)";
         break;
     case Algorithm::multi_scattering:
-        model = "multiple scattering, light from all around";
-        why = "the light has no direction, so that paths end in it by themselves and no shadow ray is needed";
+        model = s.environment ? "multiple scattering, light from an environment"
+                              : "multiple scattering, light from all around";
+        why = s.environment ? "one ray towards the light wherever a path is scattered, by the brightness of the picture"
+                            : "the light has no direction, so that paths end in it by themselves and no shadow ray is "
+                              "needed";
         break;
     case Algorithm::maximum:
     case Algorithm::minimum:

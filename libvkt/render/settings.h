@@ -29,7 +29,8 @@ private:
     RenderSettings settings_;
     std::optional<int> orbit_;
     std::optional<double> noise_, tolerance_, seconds_;
-    mutable std::optional<TransferFunction> transfer_; ///< what the file holds, once it is read
+    mutable std::optional<TransferFunction> transfer_;       ///< what the file holds, once it is read
+    mutable std::shared_ptr<Environment const> environment_; ///< the same
     std::int64_t seed_ = 0;
     bool no_skip_ = false;
 };

@@ -8,6 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
 #include <string_view>
 
 namespace vkt::shell::viewer {
@@ -27,6 +30,11 @@ View initial_view(RenderSettings const& asked) {
     look.samples = asked.samples, look.albedo = asked.albedo, look.emission = asked.emission;
     look.unit = asked.unit, look.opacity_scale = asked.opacity_scale;
     look.clip = asked.clip.text;
+    look.clip_planes = asked.clip_planes;
+    look.light_direction = asked.light_direction, look.shadows = asked.shadows;
+    look.ambient = asked.ambient, look.specular = asked.specular;
+    look.ambient_occlusion = asked.ambient_occlusion;
+    look.environment_rotation = asked.environment_rotation, look.environment_strength = asked.environment_strength;
     return view;
 }
 
@@ -42,6 +50,11 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     s.samples = look.samples, s.albedo = look.albedo, s.emission = look.emission;
     s.unit = look.unit, s.opacity_scale = look.opacity_scale;
     s.clip.text = look.clip;
+    s.clip_planes = look.clip_planes;
+    s.light_direction = look.light_direction, s.shadows = look.shadows && look.light_direction && !s.exact;
+    s.ambient = look.ambient, s.specular = look.specular;
+    s.ambient_occlusion = s.exact ? 0 : look.ambient_occlusion;
+    s.environment_rotation = look.environment_rotation, s.environment_strength = look.environment_strength;
     if (look.transfer) apply(*look.transfer, s);
     if (!look.surfaces.empty()) {
         s.isos.clear(), s.iso_colors.clear(), s.iso_opacities.clear();
@@ -61,6 +74,14 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
         s.opacity = plain.opacity, s.unit = plain.unit, s.opacity_scale = plain.opacity_scale;
     }
     if (s.algorithm == Algorithm::multi_scattering) s.shade = plain.shade;
+    bool const occluded = (s.shadows && s.algorithm == Algorithm::ray_marching) || s.ambient_occlusion > 0;
+    if (s.shade == 0 && !occluded) {
+        s.light_direction.reset(), s.shadows = false;
+        s.ambient = plain.ambient, s.specular = plain.specular;
+    }
+    // As for options: whoever places a light wants to see it.
+    bool const placed = s.light_direction || s.ambient != plain.ambient || s.specular != plain.specular;
+    if (placed && s.shade < 0 && render::applies("shade", s.algorithm)) s.shade = 1;
     if (!view.camera) return s;
     render::CameraRequest request;
     request.eye = view.camera->eye, request.target = view.camera->target, request.up = view.camera->up;
@@ -84,11 +105,9 @@ std::vector<std::vector<std::string_view>> const& groups() {
         {"unit-distance"},
         {"opacity-scale"},
         {"eye", "view", "azimuth", "elevation", "target", "up", "fov", "zoom", "projection", "span", "fit"},
-        {"exact", "shade", "step", "no-skip"},
-        {"light-direction"},
+        {"exact", "shade", "step", "no-skip", "shadows", "light-direction", "ambient-occlusion", "occlusion-radius"},
         {"ambient"},
         {"specular"},
-        {"shadows"},
         {"iso", "iso-color", "iso-opacity"},
         {"spp"},
         {"first-sample"},
@@ -96,8 +115,10 @@ std::vector<std::vector<std::string_view>> const& groups() {
         {"albedo"},
         {"anisotropy"},
         {"light"},
+        {"environment", "environment-rotation", "environment-strength"},
         {"emission"},
-        {"clip-box"}};
+        {"clip-box"},
+        {"clip-plane"}};
     return all;
 }
 
@@ -105,7 +126,8 @@ bool takes_no_value(std::string_view name) {
     return name == "exact" || name == "no-skip" || name == "emission" || name == "shadows";
 }
 bool takes_numbers(std::string_view name) {
-    return name == "iso" || name == "iso-color" || name == "iso-opacity" || name == "rgba-lookup-table";
+    return name == "iso" || name == "iso-color" || name == "iso-opacity" || name == "rgba-lookup-table" ||
+           name == "clip-plane";
 }
 
 std::vector<OptionWords> in_group(std::vector<OptionWords> const& options, std::vector<std::string_view> const& group) {
@@ -215,6 +237,40 @@ Shares clip_shares(std::string const& clip, Index3 dims) {
             static_cast<double>(box.lower[axis]) / static_cast<double>(dims[axis]),
             static_cast<double>(box.upper[axis]) / static_cast<double>(dims[axis])};
     return shares;
+}
+
+Angles angles_of(Vec3 v) {
+    constexpr double degrees = 180 / std::numbers::pi;
+    double const across = std::hypot(v.x, v.y);
+    return {across > 0 ? std::atan2(v.x, -v.y) * degrees : 0, std::atan2(v.z, across) * degrees};
+}
+
+namespace {
+
+/// So that commands stay short.
+double rounded(double v) { return std::round(v * 1e6) / 1e6 + 0.0; }
+
+} // namespace
+
+Vec3 direction_of(Angles const& angles) {
+    constexpr double radians = std::numbers::pi / 180;
+    double const a = angles.azimuth * radians, e = angles.elevation * radians;
+    return {rounded(std::sin(a) * std::cos(e)), rounded(-std::cos(a) * std::cos(e)), rounded(std::sin(e))};
+}
+
+std::array<double, 2> plane_distances(Vec3 normal, Header const& header) {
+    std::array<double, 2> ends{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+    for (Vec3 const& corner : render::corners_of(header.geometry, box_of(header.dims))) {
+        double const at = normal.x * corner.x + normal.y * corner.y + normal.z * corner.z;
+        ends = {std::min(ends[0], at), std::max(ends[1], at)};
+    }
+    return ends;
+}
+
+std::array<double, 4> plane_facing(render::Camera const& camera, Header const& header) {
+    Vec3 const normal = direction_of(angles_of(camera.target - camera.eye));
+    auto const [least, greatest] = plane_distances(normal, header);
+    return {normal.x, normal.y, normal.z, rounded(std::midpoint(least, greatest))};
 }
 
 } // namespace vkt::shell::viewer

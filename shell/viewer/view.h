@@ -34,7 +34,13 @@ struct Look {
     bool emission = false;
     std::string unit; ///< as the option --unit-distance takes it
     double opacity_scale = 1;
-    std::string clip; ///< as the option --clip-box takes it; empty: nothing is cut off
+    std::string clip;                ///< as the option --clip-box takes it; empty: nothing is cut off
+    std::vector<double> clip_planes; ///< as render::RenderSettings has them
+    std::optional<Vec3> light_direction;
+    double ambient = 0.25, specular = 0.12;
+    bool shadows = false;
+    int ambient_occlusion = 0; ///< directions; 0: off
+    double environment_rotation = 0, environment_strength = 1;
     friend bool operator==(Look const&, Look const&) = default;
 };
 
@@ -68,5 +74,18 @@ std::vector<Surface> editable_surfaces(Look const& look, render::RenderReport co
 using Shares = std::array<std::array<double, 2>, 3>;
 std::string clip_text(Shares const& shares, Index3 dims);
 Shares clip_shares(std::string const& clip, Index3 dims);
+
+/// A direction as angles in degrees, those of --azimuth and --elevation, and back, with six digits behind the point.
+/// From straight above or below the azimuth is 0.
+struct Angles {
+    double azimuth = 0, elevation = 0;
+};
+Angles angles_of(Vec3 direction);
+Vec3 direction_of(Angles const& angles);
+
+/// A plane through the middle of a volume that cuts off what lies before it, seen by a camera.
+std::array<double, 4> plane_facing(render::Camera const& camera, Header const& header);
+/// The least and the greatest distance of a plane with this normal that cuts the volume.
+std::array<double, 2> plane_distances(Vec3 normal, Header const& header);
 
 } // namespace vkt::shell::viewer

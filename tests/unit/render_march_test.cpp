@@ -20,8 +20,13 @@ namespace {
 
 /// Value t/depth along z of the lattice, exactly: no voxels in between.
 struct Ramp : PointSampler<Ramp> {
+    using Real = float;
+    using Vector = Float3;
     static constexpr bool skips_exactly = false;
     double depth = 1;
+    VKT_HD static Vector place(Double3 p) { return to_float(p); }
+    VKT_HD static Vector cell_origin() { return {0, 0, 0}; }
+    VKT_HD static Real cell_size() { return macrocell_size; }
     VKT_HD float value(Float3 p) const { return static_cast<float>(p.z / depth); }
     VKT_HD Float3 gradient(Float3) const { return {0, 0, 1}; }
     VKT_HD void corners(int, int, int z, float* c) const {

@@ -186,14 +186,14 @@ TEST(RenderCamera, ShowsTheWholeVolume) {
             Camera const camera = make_camera(request, corners_of(g, box_of(dims)), 1.5);
             RayFrame const frame = frame_of(camera, g, lattice_padding, 150, 100);
             double const low = lattice_padding - 0.5;
-            Double3 const lower{low, low, low}, upper{low + 40, low + 11, low + 27};
+            ShownPart const shown{{low, low, low}, {low + 40, low + 11, low + 27}, {}, 0};
             Ray ray;
-            EXPECT_TRUE(make_ray(frame, 75, 50, lower, upper, ray)) << view;
+            EXPECT_TRUE(make_ray(frame, 75, 50, shown, ray)) << view;
             bool touched = false;
             for (double t = 0; t <= 1; t += 0.01)
                 for (double const edge : {0.0, 1.0})
-                    touched = touched || make_ray(frame, 150 * t, 100 * edge, lower, upper, ray) ||
-                              make_ray(frame, 150 * edge, 100 * t, lower, upper, ray);
+                    touched = touched || make_ray(frame, 150 * t, 100 * edge, shown, ray) ||
+                              make_ray(frame, 150 * edge, 100 * t, shown, ray);
             EXPECT_FALSE(touched) << view << " leaves the picture";
         }
 }

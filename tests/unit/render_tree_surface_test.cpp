@@ -113,15 +113,16 @@ TEST(RenderTree, PiecesHoldTheReconstruction) {
     SceneView scene{};
     scene.cells = view_of(tree.cells().grid, cells);
     Index3 const dims = volume.header().dims;
-    scene.upper = {static_cast<double>(dims.x), static_cast<double>(dims.y), static_cast<double>(dims.z)};
+    scene.shown.upper = {static_cast<double>(dims.x), static_cast<double>(dims.y), static_cast<double>(dims.z)};
     TreeScratch scratch;
-    TreePoints<float, TreeScratch> const points{view, scene.cells, scene.lower, scene.upper, scratch};
+    TreePoints<float, TreeScratch> const points{view, scene.cells, scene.shown.lower, scene.shown.upper, scratch};
     std::mt19937 random(5);
     std::uniform_real_distribution<> share(0, 1);
     int plain = 0, mixed = 0;
     for (int r = 0; r < 200; ++r) {
         auto const point = [&] {
-            return Double3{share(random) * scene.upper.x, share(random) * scene.upper.y, share(random) * scene.upper.z};
+            return Double3{share(random) * scene.shown.upper.x, share(random) * scene.shown.upper.y,
+                           share(random) * scene.shown.upper.z};
         };
         Double3 const a = point(), way = point() - a;
         double const length = std::sqrt(dot(way, way));
@@ -168,9 +169,9 @@ TEST(RenderTree, CrossingsHaveTheRightParity) {
     SceneView scene{};
     scene.cells = view_of(tree.cells().grid, cells);
     scene.skip = true;
-    scene.upper = {48, 32, 32};
+    scene.shown.upper = {48, 32, 32};
     TreeScratch scratch;
-    TreePoints<float, TreeScratch> const points{view, scene.cells, scene.lower, scene.upper, scratch};
+    TreePoints<float, TreeScratch> const points{view, scene.cells, scene.shown.lower, scene.shown.upper, scratch};
     int odd = 0;
     for (int r = 0; r < 20000; ++r) {
         auto const point = [&] { return Double3{48 * share(random), 32 * share(random), 32 * share(random)}; };

@@ -584,7 +584,7 @@ TEST(Views, theCommandDrawsWhatIsSeen) {
     asked.width = 40, asked.height = 32, asked.domain = "0:255", asked.shade = 0, asked.step = 0.25;
     std::vector<std::string> const words{"render",  "--size", "40x32",  "--domain", "0:255",
                                          "--shade", "none",   "--step", "0.25"};
-    std::vector<View> views(9, initial_view(asked));
+    std::vector<View> views(15, initial_view(asked));
     TransferEdit edit;
     edit.lower = 20.5, edit.upper = 200;
     edit.knots = {{20.5, 0}, {90, 1.0 / 3}, {150, 0.9}};
@@ -602,6 +602,17 @@ TEST(Views, theCommandDrawsWhatIsSeen) {
     views[6].look.samples = 5, views[6].look.albedo = 0.75, views[6].look.emission = true;
     views[7].look.exact = true, views[7].look.transfer = edit;
     views[8].width = 24, views[8].look.step = 1.5, views[8].look.colormap = "ember:reverse";
+    for (std::size_t i = 9; i < 13; ++i) {
+        views[i].look.light_direction = Vec3{1, -0.5, 0.25};
+        views[i].look.shadows = true, views[i].look.ambient = 0.4, views[i].look.ambient_occlusion = 7;
+        views[i].look.clip_planes = {0, 1, 0.5, 4, 1, 0, 0, 3};
+    }
+    views[9].look.shade = -1; // a light is there to be seen
+    views[10].look.algorithm = render::Algorithm::implicit_iso, views[10].look.shade = -1;
+    views[11].look.exact = true;                                                   // has no light, and keeps its planes
+    views[12].look.shadows = false, views[12].look.shade = 0;                      // occlusion alone
+    views[13].look.light_direction = Vec3{1, 0, 0}, views[13].look.shadows = true; // without surfaces
+    views[14].look.light_direction = Vec3{1, 0, 0}, views[14].look.shade = 0;      // of no effect
     for (View const& view : views) {
         std::vector<std::string> const said = words_of(words, asked, view);
         RenderSettings const shown = settings_of(asked, view), again = parsed(said);
@@ -610,6 +621,35 @@ TEST(Views, theCommandDrawsWhatIsSeen) {
                   render::testing::render_one(volume, shown).image.pixels)
             << join(said, " ");
     }
+}
+
+TEST(Views, anEnvironmentIsTurnedInTheCommand) {
+    RenderSettings asked;
+    asked.algorithm = render::Algorithm::multi_scattering;
+    asked.environment_file = "sky.pfm";
+    View view = initial_view(asked);
+    view.look.environment_rotation = -30, view.look.environment_strength = 2;
+    EXPECT_EQ(join(words_of({"render", "a.nrrd", "--environment", "sky.pfm"}, asked, view), " "),
+              "render a.nrrd --environment sky.pfm --environment-rotation -30 --environment-strength 2");
+}
+
+TEST(Views, anglesAreThoseOfTheCamera) {
+    EXPECT_EQ(direction_of({0, 0}), (Vec3{0, -1, 0}));
+    EXPECT_EQ(direction_of({90, 0}), (Vec3{1, 0, 0}));
+    EXPECT_EQ(direction_of({45, 90}), (Vec3{0, 0, 1}));
+    Angles const back = angles_of(direction_of({-37, 21}) * 5);
+    EXPECT_NEAR(back.azimuth, -37, 1e-4);
+    EXPECT_NEAR(back.elevation, 21, 1e-4);
+    EXPECT_EQ(angles_of({0, 0, -2}).azimuth, 0);
+}
+
+TEST(Views, aNewPlaneCutsTheMiddleAndShowsWhatIsBehind) {
+    Header header;
+    header.dims = {10, 20, 30};
+    header.geometry.origin = {0.5, 0.5, 0.5};
+    auto const plane = plane_facing(front(), header); // looks along y
+    EXPECT_EQ(plane, (std::array<double, 4>{0, 1, 0, 10}));
+    EXPECT_EQ(plane_distances({0, 0, -1}, header), (std::array<double, 2>{-30, 0}));
 }
 
 TEST(Views, inputsStayBeforeListsOfNumbers) {

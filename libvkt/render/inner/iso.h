@@ -87,13 +87,15 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
     } while (outer.leap(distance));
 }
 
-/// Share of the lamp's light that reaches a point through the surfaces.
+/// Share of the light from a direction (of unit length in the lattice) that reaches a point through the surfaces within
+/// a length.
 template <ScalarField S>
-VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Counters& counters) {
+VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Double3 direction, double reach,
+                      Counters& counters) {
     Ray ray{};
-    ray.direction = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
-    double near = 0, far = std::numeric_limits<double>::infinity();
-    if (!clip(point, ray.direction, scene.lower, scene.upper, near, far)) return 1;
+    ray.direction = direction;
+    double near = 0, far = reach;
+    if (!clip(point, ray.direction, scene.shown, near, far)) return 1;
     ray.entry = point + ray.direction * near;
     ray.length = far - near;
     float light = 1;
@@ -109,6 +111,32 @@ VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, C
     return light;
 }
 
+/// What arrives at a surface element with this gradient, `facing` its part along the ray: of the lamp's light, if that
+/// is asked for, and of the light from everywhere. Of the latter all directions on the eye's side count, by the cosine
+/// of their angle to the normal.
+template <ScalarField S>
+VKT_HD Arriving arriving_at(S const& sampler, SceneView const& scene, Double3 point, Float3 g, float facing, bool lamp,
+                            Counters& counters) {
+    Arriving light;
+    float open = 0, all = 0;
+    for (int i = lamp ? 0 : 1; i <= scene.around_count; ++i) {
+        LightWay const& way = scene.ways[i];
+        float const along = dot(g, way.direction) / way.world, cosine = facing > 0 ? -along : along;
+        if (i > 0 && !(cosine > 0)) continue;
+        Double3 const to_lamp = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
+        Double3 const direction = i == 0 ? to_lamp : Double3{way.direction.x, way.direction.y, way.direction.z};
+        float const share = light_at(sampler, scene, point, direction, static_cast<double>(way.reach), counters);
+        if (i == 0) {
+            light.lamp = share;
+            continue;
+        }
+        all += cosine;
+        open += cosine * share;
+    }
+    if (all > 0) light.ambient = open / all;
+    return light;
+}
+
 /// A surface element as a light at the eye, or the lamp, shows it.
 template <ScalarField S>
 VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
@@ -118,17 +146,20 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
     if (most > 0) g = g * (1.0F / most);
-    if (scene.lamp.on) {
+    LampParts const parts = scene.lamp.on ? lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g) : LampParts{};
+    bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
+    float const facing = dot(g, to_float(ray.direction));
+    Arriving light;
+    if (asked || scene.around_count > 0) {
         constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
-        LampParts const parts = lamp_frame(scene, ray.direction, ray.world_per_lattice).of(g);
-        bool const asked = scene.lamp.shadows && parts.ray * parts.lamp < 0;
-        float const light = asked ? light_at(sampler, scene, ray.entry + ray.direction * (t - off), counters) : 1.0F;
-        Reflection const s = lamplight(scene.shade, g, parts, light, 0.0F);
-        return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+        Double3 const point = ray.entry + ray.direction * (t - off);
+        light = arriving_at(sampler, scene, point, g, facing, asked, counters);
     }
-    float const along =
-        dot(g, to_float(ray.direction)) * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
-    Reflection const s = headlight(scene.shade, g.x, g.y, g.z, along, 0.0F);
+    // What is no surface is lit by the lamp in any case.
+    float const base = unshaded(scene.shade, {1, light.ambient});
+    float const along = facing * (scene.shade.spacing / static_cast<float>(ray.world_per_lattice));
+    Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
+                                       : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, base, 0.0F);
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
 }
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/render/inner/sampler.h"
+#include "libvkt/render/inner/occlusion.h"
 #include "libvkt/render/inner/sums.h"
 
 namespace vkt::render {
@@ -31,9 +31,16 @@ VKT_HD float in_references(ShadeView const& shade, float g) {
     return scaled < -limit ? -limit : scaled > limit ? limit : scaled;
 }
 
+/// Of what is no surface.
+VKT_HD float unshaded(ShadeView const& shade, Arriving const& light) {
+    return 1.0F + shade.ambient * (light.ambient - 1.0F) + (1.0F - shade.ambient) * (light.lamp - 1.0F);
+}
+
 /// From a gradient in units of the reference and its part along the ray, per smallest spacing. A gradient of
-/// `reference` is shaded half.
-VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float reference) {
+/// `reference` is shaded half. Of the light from everywhere the share `open` arrives; `base`: brightness of what is no
+/// surface.
+VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz, float along, float open, float base,
+                            float reference) {
     float const* m = shade.metric;
     float const squared =
         m[0] * gx * gx + m[1] * gy * gy + m[2] * gz * gz + m[3] * gx * gy + m[4] * gx * gz + m[5] * gy * gz;
@@ -41,8 +48,8 @@ VKT_HD Reflection headlight(ShadeView const& shade, float gx, float gy, float gz
     float const ratio = squared > 0 ? along * along / squared : 1.0F; // squared cosine of the angle to the ray
     float const cosine2 = ratio < 1.0F ? ratio : 1.0F;
     float const c4 = cosine2 * cosine2, c8 = c4 * c4, c16 = c8 * c8;
-    float const lit = shade.ambient + (1.0F - shade.ambient) * std::sqrt(cosine2);
-    return {1.0F + surface * (lit - 1.0F), surface * shade.specular * c16 * c16};
+    float const lit = shade.ambient * open + (1.0F - shade.ambient) * std::sqrt(cosine2);
+    return {base + surface * (lit - base), surface * shade.specular * c16 * c16};
 }
 
 /// Parts of a gradient along unit vectors of the world: the ray's, towards the lamp, and halfway from that to the eye.
@@ -63,8 +70,9 @@ VKT_HD LampFrame lamp_frame(SceneView const& scene, Double3 direction, double wo
             to_float((scene.lamp.lattice - way) * per)};
 }
 
-/// As headlight(), with a lamp of which the share `light` arrives. What faces the eye and not the lamp is dark.
-VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, float light, float reference) {
+/// As headlight(), with a lamp. What faces the eye and not the lamp is dark.
+VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& parts, Arriving const& light, float base,
+                            float reference) {
     float const* m = shade.metric;
     float const squared =
         m[0] * g.x * g.x + m[1] * g.y * g.y + m[2] * g.z * g.z + m[3] * g.x * g.y + m[4] * g.x * g.z + m[5] * g.y * g.z;
@@ -74,8 +82,8 @@ VKT_HD Reflection lamplight(ShadeView const& shade, Float3 g, LampParts const& p
     float const ratio = parts.lamp * parts.lamp * per, glancing = parts.half * parts.half * per;
     float const cosine2 = ratio < 1.0F ? ratio : 1.0F, half2 = glancing < 1.0F ? glancing : 1.0F;
     float const c4 = half2 * half2, c8 = c4 * c4, c16 = c8 * c8;
-    float const lit = shade.ambient + (1.0F - shade.ambient) * light * std::sqrt(cosine2);
-    return {1.0F + surface * (lit - 1.0F), light * surface * shade.specular * c16 * c16};
+    float const lit = shade.ambient * light.ambient + (1.0F - shade.ambient) * light.lamp * std::sqrt(cosine2);
+    return {base + surface * (lit - base), light.lamp * surface * shade.specular * c16 * c16};
 }
 
 /// Where the segments of a ray lie in a lattice: between the points k * step, the last one ends where the ray does.
@@ -90,10 +98,12 @@ struct EvenComb {
     VKT_HD bool shows(int) const { return true; }
 };
 
-/// One ray on its way along a comb. Real is what positions along the ray are counted in.
-template <class S, class Comb> struct March {
+/// One ray on its way along a comb. Real is what positions along the ray are counted in; `points` answers what rays to
+/// the light ask.
+template <class S, class Comb, ScalarField P> struct March {
     using Real = typename Comb::Real;
     S const& sampler;
+    P const& points;
     SceneView const& scene;
     Comb comb;
     typename Comb::Vector origin, direction;
@@ -105,6 +115,7 @@ template <class S, class Comb> struct March {
     float last_position = 0;
     bool last_missing = false;
     std::int64_t samples = 0;
+    Occlusion occlusion{};
 
     /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
     VKT_HD int advance(int from, int to) {
@@ -154,40 +165,50 @@ template <class S, class Comb> struct March {
 
     VKT_HD void composite(int from, int segments, Quad const* mean, float const* depth, float const* through,
                           float const* weight) {
-        alignas(64) float diffuse[chunk], glint[chunk];
+        alignas(64) float diffuse[chunk], glint[chunk], gx[chunk], gy[chunk], gz[chunk];
         bool const shaded = scene.shade.strength > 0;
+        bool const occluded = scene.lamp.shadows || scene.around_count > 0;
         if (shaded) {
             alignas(64) Real t[chunk];
-            alignas(64) float gx[chunk], gy[chunk], gz[chunk];
             for (int j = 0; j < chunk; ++j) {
                 int const k = from + (j < segments ? j : segments - 1);
                 t[j] = Real(0.5) * (comb.point(k) + comb.point(k + 1));
             }
             sampler.gradients(origin, direction, t, gx, gy, gz);
-            float const per_spacing = scene.shade.spacing / world;
-            Float3 const toward = to_float(direction);
-            LampFrame const lamp = scene.lamp.on ? lamp_frame(scene, Double3{direction.x, direction.y, direction.z},
-                                                              static_cast<double>(world))
-                                                 : LampFrame{};
-            for (int j = 0; j < chunk && scene.lamp.on; ++j) {
-                Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
-                               in_references(scene.shade, gz[j])};
-                Reflection const s = lamplight(scene.shade, g, lamp.of(g), 1.0F, 1.0F);
-                diffuse[j] = s.diffuse;
-                glint[j] = s.glint;
-            }
-            for (int j = 0; j < chunk && !scene.lamp.on; ++j) {
-                Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
-                               in_references(scene.shade, gz[j])};
-                Reflection const s = headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing, 1.0F);
-                diffuse[j] = s.diffuse;
-                glint[j] = s.glint;
-            }
         }
+        float const per_spacing = scene.shade.spacing / world;
+        Float3 const toward = to_float(direction);
+        LampFrame const lamp =
+            shaded && scene.lamp.on
+                ? lamp_frame(scene, Double3{direction.x, direction.y, direction.z}, static_cast<double>(world))
+                : LampFrame{};
+        auto const reflect = [&](int j, bool by_lamp, Arriving const& arriving, float base)
+            __attribute__((always_inline)) {
+            Float3 const g{in_references(scene.shade, gx[j]), in_references(scene.shade, gy[j]),
+                           in_references(scene.shade, gz[j])};
+            Reflection const s = by_lamp ? lamplight(scene.shade, g, lamp.of(g), arriving, base, 1.0F)
+                                         : headlight(scene.shade, g.x, g.y, g.z, dot(g, toward) * per_spacing,
+                                                     arriving.ambient, base, 1.0F);
+            diffuse[j] = s.diffuse;
+            glint[j] = s.glint;
+        };
+        // Loops of their own, which vectorise.
+        bool const at_once = shaded && !occluded;
+        for (int j = 0; j < chunk && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
+        for (int j = 0; j < chunk && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
+            if (occluded) {
+                int const k = from + j;
+                Arriving const arriving =
+                    occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
+                                         origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
+                float const base = unshaded(scene.shade, arriving);
+                diffuse[j] = base, glint[j] = 0;
+                if (shaded) reflect(j, scene.lamp.on, arriving, base);
+            }
             float const share = static_cast<float>(transmittance) * weight[j];
-            if (shaded) {
+            if (shaded || occluded) {
                 float const g = share * glint[j];
                 light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
             } else {
@@ -210,7 +231,7 @@ template <class S, class Comb> struct March {
 };
 
 /// Walks the macrocells and adds the segments that touch a visible one.
-template <Sampler S> VKT_HD void walk(March<S, EvenComb>& march, SceneView const& scene) {
+template <Sampler S> VKT_HD void walk(March<S, EvenComb, S>& march, SceneView const& scene) {
     CellWalk<float> cells;
     cells.start(march.origin, march.direction, march.comb.length, macrocell_origin, static_cast<float>(macrocell_size),
                 scene.cells.nx, scene.cells.ny, scene.cells.nz);
@@ -243,12 +264,13 @@ template <Sampler S>
 VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
-    March<S, EvenComb> march{sampler,
-                             scene,
-                             {scene.step, length, count < 1 ? 1 : count},
-                             to_float(ray.entry),
-                             to_float(ray.direction),
-                             static_cast<float>(ray.world_per_lattice)};
+    March<S, EvenComb, S> march{sampler,
+                                sampler,
+                                scene,
+                                {scene.step, length, count < 1 ? 1 : count},
+                                to_float(ray.entry),
+                                to_float(ray.direction),
+                                static_cast<float>(ray.world_per_lattice)};
     if (scene.skip)
         walk(march, scene);
     else

@@ -50,8 +50,41 @@ VKT_HD bool clip(Double3 origin, Double3 direction, Double3 lower, Double3 upper
            clip_axis(origin.z, direction.z, lower.z, upper.z, near, far) && near < far;
 }
 
-/// The ray through image position (x, y) in pixels; false if it misses the box.
-VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, Double3 upper, Ray& ray) {
+/// The half of space in which dot(normal, p) is at least `offset`.
+struct HalfSpace {
+    Double3 normal;
+    double offset;
+};
+inline constexpr int most_planes = 6;
+
+/// What is shown of a volume, in the lattice: a box, of which planes cut parts off. It is convex, so that a ray meets
+/// it in one piece.
+struct ShownPart {
+    Double3 lower, upper;
+    HalfSpace planes[most_planes];
+    int plane_count;
+};
+
+VKT_HD bool clip(Double3 origin, Double3 direction, ShownPart const& shown, double& near, double& far) {
+    if (!clip(origin, direction, shown.lower, shown.upper, near, far)) return false;
+    for (int i = 0; i < shown.plane_count; ++i) {
+        HalfSpace const& half = shown.planes[i];
+        double const rise = dot(half.normal, direction), height = dot(half.normal, origin) - half.offset;
+        if (rise == 0) {
+            if (!(height >= 0)) return false;
+            continue;
+        }
+        double const at = -height / rise;
+        if (rise > 0)
+            near = at > near ? at : near;
+        else
+            far = at < far ? at : far;
+    }
+    return near < far;
+}
+
+/// The ray through image position (x, y) in pixels; false if it misses what is shown.
+VKT_HD bool make_ray(RayFrame const& frame, double x, double y, ShownPart const& shown, Ray& ray) {
     double const u = 2 * x / frame.width - 1, v = 1 - 2 * y / frame.height;
     Double3 const offset = frame.right * u + frame.up * v;
     double const ru = u * frame.right_length, uv = v * frame.up_length;
@@ -62,7 +95,7 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, Double3 lower, D
     ray.direction = along * (1 / lattice);
     ray.world_per_lattice = world / lattice;
     double near = 0, far = std::numeric_limits<double>::infinity();
-    if (!clip(origin, ray.direction, lower, upper, near, far)) return false;
+    if (!clip(origin, ray.direction, shown, near, far)) return false;
     ray.entry = origin + ray.direction * near;
     ray.length = far - near;
     ray.start = near;

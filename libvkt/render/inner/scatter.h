@@ -1,5 +1,5 @@
-// Volumetric path tracing: delta tracking through macrocell majorants, light from all around, scattered in all
-// directions alike or as Henyey and Greenstein have it.
+// Volumetric path tracing: delta tracking through macrocell majorants, light from all around, the same or that of an
+// environment, scattered in all directions alike or as Henyey and Greenstein have it.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -63,6 +63,15 @@ VKT_HD float henyey_greenstein_cosine(float g, float uniform) {
     return cosine < -1.0F ? -1.0F : cosine > 1.0F ? 1.0F : cosine;
 }
 
+/// How likely that cosine is, per steradian.
+VKT_HD float henyey_greenstein_density(float g, float cosine) {
+    constexpr float per_sphere = 0.0795774715459F;
+    // As a sum of what is not negative, so that nothing cancels where it is narrow.
+    float const narrow = g < 0 ? -g : g, off = 1.0F - (g < 0 ? -cosine : cosine);
+    float const squared = (1.0F - narrow) * (1.0F - narrow) + 2.0F * narrow * (off > 0 ? off : 0.0F);
+    return per_sphere * (1.0F - g * g) / (squared * std::sqrt(squared));
+}
+
 /// A direction of unit length at this cosine from another, which has any length, and this angle around it.
 VKT_HD Double3 direction_around(Double3 axis, float cosine, float angle) {
     Double3 const w = axis * (1 / std::sqrt(dot(axis, axis)));
@@ -71,6 +80,40 @@ VKT_HD Double3 direction_around(Double3 axis, float cosine, float angle) {
     Double3 const u{1 + sign * w.x * w.x * a, sign * b, -sign * w.x}, v{b, sign + w.y * w.y * a, -w.y};
     double const z = cosine, r = std::sqrt(1 - z * z > 0 ? 1 - z * z : 0.0), at = angle;
     return u * (r * std::cos(at)) + v * (r * std::sin(at)) + w * z;
+}
+
+/// A direction of the world as a ray from a point of the lattice has it.
+template <class S> struct Way {
+    typename S::Vector direction;
+    typename S::Real length, world; ///< lattice units to where the ray leaves what is shown; world length of one
+};
+template <ScalarField S> VKT_HD Way<S> way_from(SceneView const& scene, typename S::Vector p, Double3 world_way) {
+    using Real = typename S::Real;
+    Double3 const lattice = scene.to_lattice * world_way;
+    double const norm = std::sqrt(dot(lattice, lattice));
+    typename S::Vector const d = S::place(lattice * (1 / norm));
+    double near = 0, far = std::numeric_limits<double>::infinity();
+    Double3 const from{p.x, p.y, p.z}, along{d.x, d.y, d.z};
+    // A collision that rounding put onto the border may have nothing ahead of it: then the path leaves right here.
+    bool const inside = clip(from, along, scene.shown, near, far);
+    return {d, inside ? static_cast<Real>(far) : Real(0), static_cast<Real>(1 / norm)};
+}
+
+/// The part of the environment's light that is scattered at a point into the direction in which a path came, with a
+/// direction drawn by brightness. It and the direction that the path takes on are weighted by how likely either way was
+/// to find it (Veach and Guibas, Optimally Combining Sampling Techniques, 1995, the balance heuristic).
+template <ScalarField S>
+VKT_HD void add_environment(S const& sampler, SceneView const& scene, typename S::Vector p, Double3 world_way,
+                            float const* through, float* sum, Random& random, Counters& counters) {
+    float const row = random.next(), column = random.next(), across = random.next(), down = random.next();
+    SampledLight const light = sampled_light(scene.environment, row, column, across, down);
+    Way<S> const way = way_from<S>(scene, p, light.direction);
+    // Nothing on the way: the share of such flights is the share of the light that arrives.
+    if (fly(sampler, scene, p, way.direction, way.length, way.world, random, counters).collided) return;
+    float const density =
+        henyey_greenstein_density(scene.anisotropy, static_cast<float>(dot(world_way, light.direction)));
+    float const weight = density / (density + likelihood_of(scene.environment, light.pixel));
+    for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i] * light.pixel[i] * weight;
 }
 
 /// One path. Returns premultiplied radiance; transmittance 1 means that the camera ray met nothing.
@@ -83,11 +126,20 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
     using Real = typename S::Real;
     typename S::Vector p = S::place(ray.entry), d = S::place(ray.direction);
     auto length = static_cast<Real>(ray.length), world = static_cast<Real>(ray.world_per_lattice);
+    bool const pictured = scene.environment.pixels != nullptr;
+    Double3 world_way = ray.direction; // of unit length, after the first scattering
+    float density = 0;                 // how likely the path was to take it
     for (int bounce = 0;; ++bounce) {
         Flight<Real> const flight = fly(sampler, scene, p, d, length, world, random, counters);
         if (!flight.collided) {
             if (bounce == 0) return {0, 0, 0, 1};
-            for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i];
+            if (!pictured) {
+                for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i];
+                break;
+            }
+            float const* const pixel = light_from(scene.environment, world_way);
+            float const weight = density / (density + likelihood_of(scene.environment, pixel));
+            for (int i = 0; i < 3; ++i) sum[i] += through[i] * scene.light[i] * pixel[i] * weight;
             break;
         }
         Medium const& m = flight.medium;
@@ -103,28 +155,27 @@ VKT_HD Radiance scatter_path(S const& sampler, SceneView const& scene, Ray const
             ++counters.capped;
             break;
         }
+        p = p + d * flight.t;
+        if (pictured && scene.environment.per_total > 0) {
+            Double3 const came = scene.to_world * Double3{d.x, d.y, d.z};
+            add_environment(sampler, scene, p, came * (1 / std::sqrt(dot(came, came))), through, sum, random, counters);
+        }
         if (bounce >= roulette_from && most < 1) {
             if (random.next() >= most) break;
             for (float& w : through) w /= most;
         }
-        p = p + d * flight.t;
         float const place = random.next(), angle = two_pi * random.next();
-        Double3 world_way;
+        float cosine = 0;
         if (scene.anisotropy == 0) {
             float const z = 1.0F - 2.0F * place, r = std::sqrt(1.0F - z * z > 0 ? 1.0F - z * z : 0.0F);
             world_way = {r * std::cos(angle), r * std::sin(angle), z};
         } else {
-            world_way = direction_around(scene.to_world * Double3{d.x, d.y, d.z},
-                                         henyey_greenstein_cosine(scene.anisotropy, place), angle);
+            cosine = henyey_greenstein_cosine(scene.anisotropy, place);
+            world_way = direction_around(scene.to_world * Double3{d.x, d.y, d.z}, cosine, angle);
         }
-        Double3 const lattice = scene.to_lattice * world_way;
-        double const norm = std::sqrt(dot(lattice, lattice));
-        d = S::place(lattice * (1 / norm));
-        world = static_cast<Real>(1 / norm);
-        double near = 0, far = std::numeric_limits<double>::infinity();
-        Double3 const from{p.x, p.y, p.z}, along{d.x, d.y, d.z};
-        // A collision that rounding put onto the border may have nothing ahead of it: then the path leaves right here.
-        length = clip(from, along, scene.lower, scene.upper, near, far) ? static_cast<Real>(far) : Real(0);
+        if (pictured) density = henyey_greenstein_density(scene.anisotropy, cosine);
+        Way<S> const way = way_from<S>(scene, p, world_way);
+        d = way.direction, length = way.length, world = way.world;
     }
     return {sum[0], sum[1], sum[2], 0};
 }
@@ -139,8 +190,7 @@ VKT_HD Radiance scatter_pixel(S const& sampler, SceneView const& scene, int x, i
         Random random(scene.seed, pixel, static_cast<std::uint32_t>(scene.first_sample + i));
         float const dx = random.next(), dy = random.next();
         Ray ray;
-        if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.lower, scene.upper,
-                      ray)) {
+        if (!make_ray(scene.frame, x + static_cast<double>(dx), y + static_cast<double>(dy), scene.shown, ray)) {
             sums.add({0, 0, 0, 1});
             continue;
         }

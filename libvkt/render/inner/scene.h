@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/environment.h"
 #include "libvkt/render/inner/optics.h"
 #include "libvkt/render/inner/ray.h"
 
@@ -34,6 +35,14 @@ struct ShadeView {
     float metric[6]; ///< xx, yy, zz, 2xy, 2xz, 2yz: squared length of a lattice gradient, per smallest spacing
 };
 
+/// A direction of the lattice from which light comes.
+struct LightWay {
+    Float3 direction; ///< towards it, of unit length
+    float world;      ///< world length of one lattice unit along it
+    float reach;      ///< lattice units within which things hold light back
+};
+inline constexpr int most_ways = 64;
+
 /// A light that is far away, instead of the one at the eye.
 struct LampView {
     bool on = false, shadows = false;
@@ -61,14 +70,17 @@ enum class Projected : std::uint8_t { greatest, least, mean };
 
 struct SceneView {
     RayFrame frame;
-    Double3 lower, upper; ///< the volume's box in the padded lattice
-    Matrix3 to_lattice;   ///< world vectors to lattice vectors
+    ShownPart shown;    ///< of the volume, in the padded lattice
+    Matrix3 to_lattice; ///< world vectors to lattice vectors
     CellGridView cells;
     TableView table;
     Knot const* knots;
     int knot_count;
     ShadeView shade;
     LampView lamp;
+    /// The lamp's, if it throws shadows, and then those over which the light from everywhere is measured.
+    LightWay ways[1 + most_ways];
+    int around_count; ///< of the latter; 0: that light is everywhere the same
     IsoView isos[most_isos];
     int iso_count;
     float step;         ///< lattice units
@@ -79,7 +91,8 @@ struct SceneView {
     // Scattering.
     int samples, first_sample, bounces;
     std::uint64_t seed;
-    float albedo, light[3];
+    float albedo, light[3]; ///< from all around, or what the environment is multiplied by
+    EnvironmentView environment;
     float anisotropy = 0; ///< mean cosine of the scattering angle
     Matrix3 to_world;     ///< the inverse of to_lattice
     bool emission;

@@ -96,8 +96,10 @@ VKT_HD double unseen_from(TreeView const& tree, SceneView const& scene, Ray cons
 /// Scratch is a TreeScratch by a name that only one object file knows, so that the functions that are not inlined here
 /// are its own: those for another instruction set have the same names.
 template <class T, class Scratch>
-VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray const& ray, Scratch& scratch,
+VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const& scene, Ray const& ray,
                            Counters& counters) {
+    TreeView const& tree = asked.tree;
+    Scratch& scratch = asked.scratch;
     ++counters.rays;
     // Outside of the box nothing can be seen. Points are counted from the entry all the same, as in a lattice.
     double near = 0, far = ray.length;
@@ -117,24 +119,27 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
     TreeComb const comb{scratch.stretches.items, scratch.stretches.size, step, part.end, last};
     TreeField<T> field{tree,
                        scratch.near,
-                       {scene.lower.x, scene.lower.y, scene.lower.z},
-                       {scene.upper.x, scene.upper.y, scene.upper.z},
+                       {scene.shown.lower.x, scene.shown.lower.y, scene.shown.lower.z},
+                       {scene.shown.upper.x, scene.shown.upper.y, scene.shown.upper.z},
                        {},
                        0,
                        {}};
     double points[chunk + 1];
     bool empty[chunk];
-    March<TreeField<T>, BatchComb> march{field,     scene,         {points, empty},
-                                         ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
+    March<TreeField<T>, BatchComb, TreePoints<T, Scratch>> march{
+        field, asked, scene, {points, empty}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
     int size = 0;            // segments in the batch
     int included = -1;       // the last stretch whose bricks the batch knows
     std::int64_t known = -1; // the point whose value the march carries
     std::int64_t begin = 0;  // where the batch does
+    int flushed = -1;        // segments of the one before
     // Called from four places.
     auto const flush = [&]() __attribute__((noinline)) {
         if (size == 0) return;
         for (int j = size; j < chunk; ++j) field.width[j] = field.width[size - 1];
         march.known = known == begin ? 0 : -1;
+        march.occlusion.known = known == begin && march.occlusion.known == flushed ? 0 : -1;
+        flushed = size;
         march.advance(0, size);
         known = k;
         size = 0;
@@ -194,7 +199,7 @@ VKT_HD Radiance march_tree(TreeView const& tree, SceneView const& scene, Ray con
 template <class T, class Scratch>
 VKT_HD Radiance march_ray(TreePoints<T, Scratch> const& points, SceneView const& scene, Ray const& ray,
                           Counters& counters) {
-    return march_tree<T>(points.tree, scene, ray, points.scratch, counters);
+    return march_tree(points, scene, ray, counters);
 }
 
 } // namespace vkt::render

@@ -25,7 +25,7 @@ VKT_HD void for_rays(SceneView const& scene, Tile tile, float* pixels, std::int6
         for (int i = 0; i < scene.rays; ++i) {
             PixelPlace const place = place_in_pixel(i, scene.rays);
             Ray ray;
-            bool const meets = make_ray(scene.frame, x + place.x, y + place.y, scene.lower, scene.upper, ray);
+            bool const meets = make_ray(scene.frame, x + place.x, y + place.y, scene.shown, ray);
             sums.add(meets ? integrate(ray) : Radiance{0, 0, 0, 1});
         }
         return sums.finish();
@@ -39,7 +39,7 @@ VKT_HD void for_middles(SceneView const& scene, Tile tile, float* pixels, std::i
                         Look look) {
     for_pixels(tile, pixels, width, [&](int x, int y) {
         Ray ray;
-        if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.lower, scene.upper, ray)) return Radiance{0, 0, 0, nothing};
+        if (!make_ray(scene.frame, x + 0.5, y + 0.5, scene.shown, ray)) return Radiance{0, 0, 0, nothing};
         return look(ray);
     });
 }

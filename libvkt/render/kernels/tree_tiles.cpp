@@ -16,7 +16,7 @@ void run(SceneView const& scene, TreeView const& tree, Integrator integrator, Ti
     struct Owner : TreeScratch { // internal, as march_tree() wants it
         ~Owner() { release(); }
     } scratch;
-    TreePoints<T, Owner> const points{tree, scene.cells, scene.lower, scene.upper, scratch};
+    TreePoints<T, Owner> const points{tree, scene.cells, scene.shown.lower, scene.shown.upper, scratch};
     integrate(points, scene, integrator, tile, pixels, width, total);
 }
 

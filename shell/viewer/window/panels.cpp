@@ -1,4 +1,4 @@
-// Panels with Dear ImGui: transfer function, integrator, surfaces, camera, clip box, slices, help.
+// Panels with Dear ImGui: transfer function, integrator, surfaces, light, camera, clip box and planes, slices, help.
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/window/panels.h"
 
@@ -132,9 +132,11 @@ Wish Panels::draw(View& view, Shown const& shown, Area const& area) {
         if (view.look.algorithm == Algorithm::implicit_iso &&
             ImGui::CollapsingHeader("Surfaces", ImGuiTreeNodeFlags_DefaultOpen))
             surfaces_panel(view, shown);
+        if (!render::is_projection(view.look.algorithm) && ImGui::CollapsingHeader("Light")) light_panel(view, shown);
         if (ImGui::CollapsingHeader("Picture", ImGuiTreeNodeFlags_DefaultOpen)) take(picture_panel(view, shown));
         if (ImGui::CollapsingHeader("Camera")) take(camera_panel(view, shown));
         if (ImGui::CollapsingHeader("Clip box")) clip_panel(view, shown);
+        if (ImGui::CollapsingHeader("Clip planes")) planes_panel(view, shown);
     }
     ImGui::PopItemWidth();
     ImGui::End();
@@ -598,6 +600,90 @@ Wish Panels::camera_panel(View& view, Shown const& shown) {
     }
     if (changed) view.camera = camera;
     return wish;
+}
+
+void Panels::light_panel(View& view, Shown const& shown) {
+    Look& look = view.look;
+    if (look.algorithm == Algorithm::multi_scattering) {
+        if (!shown.asked.environment) {
+            ImGui::TextDisabled("the same from all around; --environment lights it by a picture");
+            return;
+        }
+        slider("turned by", look.environment_rotation, -180, 180, false, "%.0f degrees");
+        slider("strength", look.environment_strength, 0.01, 100, true, "%.3g");
+        return;
+    }
+    if (look.exact && look.algorithm == Algorithm::ray_marching) {
+        ImGui::TextDisabled("exact pictures are not lit");
+        return;
+    }
+    bool lamp = look.light_direction.has_value();
+    if (ImGui::Checkbox("from a direction", &lamp)) {
+        look.light_direction.reset();
+        // To begin with from above, to the left of the camera.
+        render::Camera const camera = view.camera.value_or(shown.frame->camera);
+        Axes const axes = axes_of(camera);
+        if (lamp) look.light_direction = direction_of(angles_of(axes.up - axes.forward - axes.right * 0.6));
+        if (!lamp) look.shadows = false;
+    }
+    tip("else from the camera");
+    if (lamp) {
+        Angles angles = angles_of(*look.light_direction);
+        bool turned = slider("azimuth", angles.azimuth, -180, 180, false, "%.0f degrees");
+        turned = slider("elevation", angles.elevation, -89, 89, false, "%.0f degrees") || turned;
+        if (turned) look.light_direction = direction_of(angles);
+        ImGui::Checkbox("shadows", &look.shadows);
+    }
+    slider("from everywhere", look.ambient, 0, 1, false, "%.2f");
+    slider("highlight", look.specular, 0, 1, false, "%.2f");
+    bool occluded = look.ambient_occlusion > 0;
+    if (ImGui::Checkbox("ambient occlusion", &occluded)) look.ambient_occlusion = occluded ? 16 : 0;
+    tip("what is nearby holds back the light from everywhere");
+    if (occluded) {
+        auto ways = static_cast<double>(look.ambient_occlusion);
+        if (slider("directions", ways, 6, render::most_ways, false, "%.0f"))
+            look.ambient_occlusion = std::clamp(static_cast<int>(ways), 6, render::most_ways);
+    }
+}
+
+void Panels::planes_panel(View& view, Shown const& shown) {
+    if (!shown.volume) return;
+    Header const& header = shown.volume->header();
+    std::vector<double> planes = view.look.clip_planes;
+    std::optional<std::size_t> gone;
+    for (std::size_t i = 0; i + 4 <= planes.size(); i += 4) {
+        ImGui::PushID(static_cast<int>(i));
+        double* const plane = &planes[i];
+        Vec3 normal{plane[0], plane[1], plane[2]};
+        Angles angles = angles_of(normal);
+        bool turned = slider("azimuth", angles.azimuth, -180, 180, false, "%.0f degrees");
+        turned = slider("elevation", angles.elevation, -90, 90, false, "%.0f degrees") || turned;
+        if (turned) {
+            // Around the middle of what it cuts.
+            auto const [from, to] = plane_distances(normal, header);
+            double const share = to > from ? (plane[3] - from) / (to - from) : 0.5;
+            normal = direction_of(angles);
+            auto const [least, greatest] = plane_distances(normal, header);
+            plane[0] = normal.x, plane[1] = normal.y, plane[2] = normal.z;
+            plane[3] = std::lerp(least, greatest, share);
+        }
+        auto const [least, greatest] = plane_distances(normal, header);
+        slider("distance", plane[3], least, greatest);
+        if (ImGui::SmallButton("other side"))
+            for (int k = 0; k < 4; ++k) plane[k] = -plane[k];
+        ImGui::SameLine();
+        if (ImGui::SmallButton("x")) gone = i;
+        ImGui::PopID();
+    }
+    if (gone) {
+        auto const first = planes.begin() + static_cast<std::ptrdiff_t>(*gone);
+        planes.erase(first, first + 4);
+    }
+    if (planes.size() < 4 * std::size_t{render::most_planes} && ImGui::SmallButton("add a plane")) {
+        auto const plane = plane_facing(view.camera.value_or(shown.frame->camera), header);
+        planes.insert(planes.end(), plane.begin(), plane.end());
+    }
+    view.look.clip_planes = std::move(planes);
 }
 
 void Panels::clip_panel(View& view, Shown const& shown) {

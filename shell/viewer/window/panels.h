@@ -56,6 +56,8 @@ private:
     void surfaces_panel(View& view, Shown const& shown);
     Wish camera_panel(View& view, Shown const& shown);
     void clip_panel(View& view, Shown const& shown);
+    void planes_panel(View& view, Shown const& shown);
+    void light_panel(View& view, Shown const& shown);
     Wish picture_panel(View& view, Shown const& shown);
     void slice_views(View& view, Shown const& shown);
     void help_window(Shown const& shown);
