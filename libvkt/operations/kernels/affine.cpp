@@ -202,16 +202,15 @@ double sample_anywhere(ConstView const& in, PositionRow const& at, double x, Aff
 /// Four neighbours along x, or what is summed up of them: what the sums of weighted() have in each of its columns.
 typedef double FourColumns __attribute__((vector_size(32)));
 template <class T> void load_columns(T const* from, FourColumns& to) {
-    if constexpr (std::is_arithmetic_v<T> && sizeof(T) == 4) { // of fewer bytes GCC 12 makes scalars of these vectors
-        typedef T Four __attribute__((vector_size(16)));
-        Four four;
-        std::memcpy(&four, from, sizeof four);
-        to = __builtin_convertvector(four, FourColumns);
-    } else {
-        double values[4];
-        for (int i = 0; i < 4; ++i) values[i] = static_cast<double>(from[i]);
-        std::memcpy(&to, values, sizeof to);
+#if defined(__AVX2__)
+    if constexpr (std::is_same_v<T, float>) { // __builtin_convertvector() of GCC 12 goes through memory
+        to = _mm256_cvtps_pd(_mm_loadu_ps(from));
+        return;
     }
+#endif
+    double values[4];
+    for (int i = 0; i < 4; ++i) values[i] = static_cast<double>(from[i]);
+    std::memcpy(&to, values, sizeof to);
 }
 
 /// Samples of a strip by kernels of N^3 voxels, in the order of weighted(): the columns are the lanes of vectors.
@@ -219,7 +218,8 @@ template <class Kernel, int N> struct StripConvolution {
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
         double wx[N][strip], wy[N][strip], wz[N][strip];
         weights(places.fx, n, wx);
-        bool const zeros = weights(places.fy, n, wy) + weights(places.fz, n, wz) > 0;
+        bool zeros = weights(places.fy, n, wy);
+        zeros = weights(places.fz, n, wz) || zeros;
         for_each_type(in.type, [&]<class T>(T) {
             constexpr int first = 1 - N / 2;
             T const* const data = reinterpret_cast<T const*>(in.data) + first * (1 + in.row + in.slice);
@@ -261,19 +261,19 @@ private:
     }
 
 private:
-    /// How many of them are 0.
-    static std::int32_t weights(double const* fraction, std::int32_t n, double (*w)[strip]) {
-        std::int32_t zeros = 0;
-#pragma omp simd reduction(+ : zeros)
+    /// True if one of them is 0.
+    static bool weights(double const* fraction, std::int32_t n, double (*w)[strip]) {
+#pragma omp simd
         for (std::int32_t s = 0; s < n; ++s) {
             double each[N];
             Kernel::weights(fraction[s], each);
-            for (int i = 0; i < N; ++i) {
-                w[i][s] = each[i];
-                zeros += each[i] == 0 ? 1 : 0;
-            }
+            for (int i = 0; i < N; ++i) w[i][s] = each[i];
         }
-        return zeros;
+        std::int64_t zeros = 0;
+        for (int i = 0; i < N; ++i)
+#pragma omp simd reduction(+ : zeros)
+            for (std::int32_t s = 0; s < n; ++s) zeros += w[i][s] == 0 ? 1 : 0;
+        return zeros > 0;
     }
 };
 
