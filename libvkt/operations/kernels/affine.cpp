@@ -34,6 +34,8 @@ template <class F> std::int64_t first_x(XRange range, F const& true_from_there_o
 /// The part of a range in which low <= position < high.
 XRange narrowed(XRange range, PositionLine const& line, double low, double high) {
     auto const at = [&](std::int64_t x) { return line(static_cast<double>(x)); };
+    auto const holds = [&](std::int64_t x) { return at(x) >= low && at(x) < high; };
+    if (range.begin >= range.end || (holds(range.begin) && holds(range.end - 1))) return range;
     if (line.step >= 0) {
         range.begin = first_x(range, [&](std::int64_t x) { return at(x) >= low; });
         range.end = first_x(range, [&](std::int64_t x) { return at(x) >= high; });
@@ -44,20 +46,71 @@ XRange narrowed(XRange range, PositionLine const& line, double low, double high)
     return range;
 }
 
-XRange inside(XRange range, PositionRow const& row, Index3 dims) {
-    for (int axis = 0; axis < 3; ++axis)
-        range = narrowed(range, row.line(axis), first_position(), end_position(dims[axis]));
+/// The part of a piece of a row that is samples, not background. `still`: an axis along which positions are whole and
+/// lie in the volume, or none.
+XRange inside(XRange range, PositionRow const& row, AffineSampling const& rule, int still = -1) {
+    for (int axis = 0; axis < 3 && !rule.boundary; ++axis)
+        if (axis != still) range = narrowed(range, row.line(axis), first_position(), end_position(rule.dims[axis]));
+    range.end = std::max(range.begin, range.end);
     return range;
 }
 
-/// Where the interpolant looks at nothing beyond the volume.
-XRange interior(XRange range, PositionRow const& row, Index3 dims, Interpolant interpolant) {
-    Reach const reach = reach_of(interpolant);
+/// The part of it in which the interpolant looks at nothing beyond the volume.
+XRange interior(XRange range, PositionRow const& row, AffineSampling const& rule, int still = -1) {
+    Reach const reach = reach_of(rule.interpolant);
+    XRange part = range;
     for (int axis = 0; axis < 3; ++axis)
-        range = narrowed(range, row.line(axis), static_cast<double>(reach.before),
-                         static_cast<double>(dims[axis] - reach.after));
-    return range;
+        if (axis != still)
+            part = narrowed(part, row.line(axis), static_cast<double>(reach.before),
+                            static_cast<double>(rule.dims[axis] - reach.after));
+    return part.begin < part.end ? part : XRange{range.end, range.end};
 }
+
+struct RowRanges {
+    XRange all, inside, interior;
+};
+RowRanges ranges_of(XRange all, PositionRow const& row, AffineSampling const& rule, int still = -1) {
+    XRange const quick = interior(all, row, rule, still);
+    if (quick.begin == all.begin && quick.end == all.end) return {all, all, all}; // nearly everywhere
+    XRange const part = inside(all, row, rule, still);
+    return {all, part, interior(part, row, rule, still)};
+}
+
+template <class F> void for_each_row(Box const& box, F const& f) {
+    for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+        for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) f(y, z);
+}
+
+/// What became of the voxels of a tile.
+struct Tally {
+    Losses losses;
+    std::int64_t outside = 0;
+};
+
+/// Calls f(tile, tally) for tiles of at most this extent that cover the box: what the samples of a tile look at lies
+/// together, however the rows run through the volume.
+template <class F>
+void for_each_tile(Execution const& execution, Box const& box, Index3 extent, Losses& losses, std::int64_t& outside,
+                   F const& f) {
+    auto const pieces = [&](int axis) { return (box.dims()[axis] + extent[axis] - 1) / extent[axis]; };
+    std::int64_t const nx = pieces(0), ny = pieces(1), nz = pieces(2);
+    for_each_item(threads_for(execution, box.voxels()), nx * ny * nz, [&](std::int64_t begin, std::int64_t end) {
+        Tally tally;
+        for (std::int64_t item = begin; item < end; ++item) {
+            tell_progress(execution, begin, item, end);
+            Box tile;
+            tile.lower = {box.lower.x + item % nx * extent.x, box.lower.y + item / nx % ny * extent.y,
+                          box.lower.z + item / nx / ny * extent.z};
+            tile.upper = tile.lower + extent;
+            f(intersect(tile, box), tally);
+        }
+        stream_fence();
+        driver::add(losses, tally.losses);
+#pragma omp atomic
+        outside += tally.outside;
+    });
+}
+constexpr Index3 tile_extent{64, 16, 16};
 
 /// Where the samples of a row look, if all the voxels lie in the view.
 struct Places {
@@ -71,9 +124,7 @@ struct Places {
 
     /// Where the voxel at the floor of the position of x lies, and the fractions beyond it.
     VKT_HD std::int64_t of(double x, double& fx, double& fy, double& fz) const {
-        double const px = at.x(x), py = at.y(x), pz = at.z(x);
-        double const wx = floor_of(px), wy = floor_of(py), wz = floor_of(pz);
-        fx = px - wx, fy = py - wy, fz = pz - wz;
+        double const wx = at.x.floor(x, fx), wy = at.y.floor(x, fy), wz = at.z.floor(x, fz);
         return integer_of((wx - lower_x) + (wy - lower_y) * row_length + (wz - lower_z) * slice_length);
     }
 };
@@ -100,80 +151,129 @@ void gather(ConstView const& in, std::int64_t const* index, std::int64_t offset,
     });
 }
 
-double voxel_at(ConstView const& in, std::int64_t x, std::int64_t y, std::int64_t z) {
-    double value = 0;
-    for_each_type(in.type,
-                  [&]<class T>(T) { value = static_cast<double>(*reinterpret_cast<T const*>(in.at(x, y, z))); });
-    return value;
+std::int64_t whole_of(double whole) {
+    double const limit = 0x1p60; // positions may be anything that a header can say
+    return static_cast<std::int64_t>(std::clamp(whole, -limit, limit));
 }
 
-/// What a view that begins at `first` has for the voxel i beyond a whole position, -1 if that is the border. A wrapped
-/// volume's may begin and end outside.
-std::int64_t place_of(double whole, int i, std::int64_t n, Boundary boundary, std::int64_t first) {
-    double const limit = 0x1p60; // positions may be anything that a header can say
-    std::int64_t const at = static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i;
+/// What a view that begins at `first` has for a voxel anywhere, -1 if that is the border. A wrapped volume's may begin
+/// and end outside.
+std::int64_t place_of(std::int64_t at, std::int64_t n, Boundary boundary, std::int64_t first) {
     return boundary == Boundary::wrap ? first + fold(at - first, n, boundary) : fold(at, n, boundary);
 }
 
 /// A sample anywhere: what lies outside the volume is folded back or is the border.
 template <class Kernel>
 double sample_anywhere(ConstView const& in, PositionRow const& at, double x, AffineSampling const& rule) {
-    double const px = at.x(x), py = at.y(x), pz = at.z(x);
-    double const wx = std::floor(px), wy = std::floor(py), wz = std::floor(pz);
+    constexpr int before = static_cast<int>(reach_of(Kernel::kind).before),
+                  n = before + 1 + static_cast<int>(reach_of(Kernel::kind).after);
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
     bool const continued =
         spline_degree(Kernel::kind) > 0 && boundary != Boundary::mirror && boundary != Boundary::wrap;
-    auto const index = [&](double whole, int i, std::int64_t n, std::int64_t lower) {
-        if (!continued) return place_of(whole, i, n, boundary, lower);
-        double const limit = 0x1p60; // positions may be anything that a header can say
-        std::int64_t const v = static_cast<std::int64_t>(std::clamp(whole, -limit, limit)) + i;
-        return std::clamp(v, -rule.beyond, n - 1 + rule.beyond);
-    };
-    auto const voxel = [&](int i, int j, int k) {
-        std::int64_t const vx = index(wx, i, rule.dims.x, in.box.lower.x),
-                           vy = index(wy, j, rule.dims.y, in.box.lower.y),
-                           vz = index(wz, k, rule.dims.z, in.box.lower.z);
-        bool const border = !continued && boundary == Boundary::border && (vx < 0 || vy < 0 || vz < 0);
-        return border ? rule.border : voxel_at(in, vx, vy, vz);
-    };
-    return Kernel::value(voxel, px - wx, py - wy, pz - wz);
+    std::int64_t const stride[3] = {1, in.row, in.slice};
+    std::int64_t place[3][n]; // voxels from the view's first
+    bool border[3][n];
+    double fraction[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        double const p = at.line(axis)(x), whole = std::floor(p);
+        fraction[axis] = p - whole;
+        std::int64_t const first = whole_of(whole) - before, dims = rule.dims[axis], lower = in.box.lower[axis];
+        for (int i = 0; i < n; ++i) {
+            std::int64_t const index = continued ? std::clamp(first + i, -rule.beyond, dims - 1 + rule.beyond)
+                                                 : place_of(first + i, dims, boundary, lower);
+            border[axis][i] = !continued && boundary == Boundary::border && index < 0;
+            place[axis][i] = (index - lower) * stride[axis];
+        }
+    }
+    double value[n][n][n];
+    for_each_type(in.type, [&]<class T>(T) {
+        T const* const data = reinterpret_cast<T const*>(in.data);
+        for (int k = 0; k < n; ++k)
+            for (int j = 0; j < n; ++j)
+                for (int i = 0; i < n; ++i)
+                    value[k][j][i] = border[0][i] || border[1][j] || border[2][k]
+                                         ? rule.border
+                                         : static_cast<double>(data[place[0][i] + place[1][j] + place[2][k]]);
+    });
+    return Kernel::value([&](int i, int j, int k) { return value[k + before][j + before][i + before]; }, fraction[0],
+                         fraction[1], fraction[2]);
 }
 
-/// Samples of a strip by kernels of N^3 voxels, in the order of weighted().
+/// Four neighbours along x, or what is summed up of them: what the sums of weighted() have in each of its columns.
+typedef double FourColumns __attribute__((vector_size(32)));
+template <class T> void load_columns(T const* from, FourColumns& to) {
+#if defined(__AVX2__)
+    if constexpr (std::is_same_v<T, float>) { // __builtin_convertvector() of GCC 12 goes through memory
+        to = _mm256_cvtps_pd(_mm_loadu_ps(from));
+        return;
+    }
+#endif
+    double values[4];
+    for (int i = 0; i < 4; ++i) values[i] = static_cast<double>(from[i]);
+    std::memcpy(&to, values, sizeof to);
+}
+
+/// Samples of a strip by kernels of N^3 voxels, in the order of weighted(): the columns are the lanes of vectors.
 template <class Kernel, int N> struct StripConvolution {
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
-        double wx[N][strip], wy[N][strip], wz[N][strip], v[N][strip], slice[strip];
+        double wx[N][strip], wy[N][strip], wz[N][strip];
         weights(places.fx, n, wx);
-        weights(places.fy, n, wy);
-        weights(places.fz, n, wz);
-        auto const term = [](double w, double value) { return w == 0 ? 0 : w * value; };
-        std::fill_n(to, n, 0.0);
-        for (int k = 0; k < N; ++k) {
-            std::fill_n(slice, n, 0.0);
-            for (int j = 0; j < N; ++j) {
-                constexpr int first = 1 - N / 2;
-                for (int i = 0; i < N; ++i)
-                    gather(in, places.index, (first + i) + (first + j) * in.row + (first + k) * in.slice, n, v[i]);
-#pragma omp simd
-                for (std::int32_t s = 0; s < n; ++s) {
-                    double row = 0;
-                    for (int i = 0; i < N; i += 2) row += term(wx[i][s], v[i][s]) + term(wx[i + 1][s], v[i + 1][s]);
-                    slice[s] += term(wy[j][s], row);
-                }
+        bool zeros = weights(places.fy, n, wy);
+        zeros = weights(places.fz, n, wz) || zeros;
+        for_each_type(in.type, [&]<class T>(T) {
+            constexpr int first = 1 - N / 2;
+            T const* const data = reinterpret_cast<T const*>(in.data) + first * (1 + in.row + in.slice);
+            for (std::int32_t s = 0; s < n; ++s) {
+                T const* const corner = data + places.index[s];
+                to[s] = zeros ? sum<true>(corner, in.row, in.slice, s, wx, wy, wz)
+                              : sum<false>(corner, in.row, in.slice, s, wx, wy, wz);
             }
-#pragma omp simd
-            for (std::int32_t s = 0; s < n; ++s) to[s] += term(wz[k][s], slice[s]);
-        }
+        });
     }
 
 private:
-    static void weights(double const* fraction, std::int32_t n, double (*w)[strip]) {
+    template <bool Zeros, class T>
+    static double sum(T const* corner, std::int64_t row, std::int64_t slice, std::int32_t s,
+                      double const (&wx)[N][strip], double const (&wy)[N][strip], double const (&wz)[N][strip]) {
+        constexpr int last = N - 4; // the last four columns, of six, begin there
+        FourColumns total{}, last_total{};
+        for (int k = 0; k < N; ++k) {
+            if (Zeros && wz[k][s] == 0) continue;
+            FourColumns part{}, last_part{};
+            for (int j = 0; j < N; ++j) {
+                double const w = wy[j][s];
+                if (Zeros && w == 0) continue;
+                T const* const from = corner + j * row + k * slice;
+                FourColumns v;
+                load_columns(from, v);
+                part += w * v;
+                if constexpr (last == 0) continue;
+                load_columns(from + last, v);
+                last_part += w * v;
+            }
+            total += wz[k][s] * part;
+            last_total += wz[k][s] * last_part;
+        }
+        double result = 0;
+        auto const column = [&](int i) { return term_of(wx[i][s], i < 4 ? total[i] : last_total[i - last]); };
+        for (int i = 0; i < N; i += 2) result += column(i) + column(i + 1);
+        return result;
+    }
+
+private:
+    /// True if one of them is 0.
+    static bool weights(double const* fraction, std::int32_t n, double (*w)[strip]) {
 #pragma omp simd
         for (std::int32_t s = 0; s < n; ++s) {
             double each[N];
             Kernel::weights(fraction[s], each);
             for (int i = 0; i < N; ++i) w[i][s] = each[i];
         }
+        std::int64_t zeros = 0;
+        for (int i = 0; i < N; ++i)
+#pragma omp simd reduction(+ : zeros)
+            for (std::int32_t s = 0; s < n; ++s) zeros += w[i][s] == 0 ? 1 : 0;
+        return zeros > 0;
     }
 };
 
@@ -215,14 +315,13 @@ template <class Strip> void sample_run(ConstView const& in, Places const& at, XR
 /// Samples of a row for x in `range`; to[0] belongs to its first.
 template <class Kernel, class Strip>
 void sample_row(ConstView const& in, PositionRow const& at, XRange range, AffineSampling const& rule, double* to) {
-    XRange const quick = interior(range, at, rule.dims, Kernel::kind);
+    XRange const quick = interior(range, at, rule);
     auto const slowly = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t x = begin; x < end; ++x)
             to[x - range.begin] = sample_anywhere<Kernel>(in, at, static_cast<double>(x), rule);
     };
-    if (quick.begin >= quick.end) return slowly(range.begin, range.end);
     slowly(range.begin, quick.begin);
-    sample_run<Strip>(in, Places(in, at), quick, to + (quick.begin - range.begin));
+    if (quick.begin < quick.end) sample_run<Strip>(in, Places(in, at), quick, to + (quick.begin - range.begin));
     slowly(quick.end, range.end);
 }
 
@@ -233,37 +332,40 @@ template <class F> void for_each_single_type(DataType type, F&& f) {
     });
 }
 
-/// Linear in float32 the same way; neighbours along x are loaded together.
-template <class T>
-void sample_run_single(T const* data, std::int64_t row, std::int64_t slice, Places const f, std::int64_t x,
-                       std::int64_t n, float* to) {
+/// The same places, for samples in float32.
+struct SinglePlaces {
     float fx[strip], fy[strip], fz[strip];
-    T pair[4][2 * strip];
     std::int64_t index[strip];
-    for (std::int64_t begin = 0; begin < n; begin += strip) {
-        auto const m = static_cast<std::int32_t>(std::min<std::int64_t>(strip, n - begin));
-        auto const first = static_cast<double>(x + begin);
+
+    void find(Places const places, double first, std::int32_t n) {
 #pragma omp simd
-        for (std::int32_t i = 0; i < m; ++i) {
+        for (std::int32_t i = 0; i < n; ++i) {
             double dx, dy, dz;
-            index[i] = f.of(first + i, dx, dy, dz);
+            index[i] = places.of(first + i, dx, dy, dz);
             fx[i] = static_cast<float>(dx), fy[i] = static_cast<float>(dy), fz[i] = static_cast<float>(dz);
         }
-        for (std::int32_t i = 0; i < m; ++i) {
-            T const* const c = data + index[i];
-            std::memcpy(pair[0] + 2 * i, c, 2 * sizeof(T));
-            std::memcpy(pair[1] + 2 * i, c + row, 2 * sizeof(T));
-            std::memcpy(pair[2] + 2 * i, c + slice, 2 * sizeof(T));
-            std::memcpy(pair[3] + 2 * i, c + slice + row, 2 * sizeof(T));
-        }
-        float* const result = to + begin;
+    }
+};
+
+/// Linear in float32 the same way; neighbours along x are loaded together. Rows counts those that are looked at: 4, or
+/// the 2 of a plane, `across` and `along` voxels from one another; `f` has the fractions across.
+template <int Rows, class T>
+void sample_strip_single(T const* data, std::int64_t across, std::int64_t along, SinglePlaces const& at, float const* f,
+                         std::int32_t n, float* to) {
+    T pair[Rows][2 * strip];
+    for (std::int32_t i = 0; i < n; ++i) {
+        T const* const c = data + at.index[i];
+        for (int r = 0; r < Rows; ++r)
+            std::memcpy(pair[r] + 2 * i, c + (r & 1) * across + (r >> 1) * along, 2 * sizeof(T));
+    }
 #pragma omp simd
-        for (std::int32_t i = 0; i < m; ++i) {
-            auto const along_x = [&](int k) {
-                return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), fx[i]);
-            };
-            result[i] = between(between(along_x(0), along_x(1), fy[i]), between(along_x(2), along_x(3), fy[i]), fz[i]);
-        }
+    for (std::int32_t i = 0; i < n; ++i) {
+        auto const along_x = [&](int k) {
+            return between(static_cast<float>(pair[k][2 * i]), static_cast<float>(pair[k][2 * i + 1]), at.fx[i]);
+        };
+        float value = between(along_x(0), along_x(1), f[i]);
+        if constexpr (Rows == 4) value = between(value, between(along_x(2), along_x(3), f[i]), at.fz[i]);
+        to[i] = value;
     }
 }
 
@@ -278,50 +380,93 @@ void sample_parallel_single(T const* from, std::int64_t row, std::int64_t slice,
     }
 }
 
+/// A piece of a row of results in float32; run(to) gives those that look at nothing beyond the volume.
+template <class Run>
+void sample_row_single(ConstView const& in, AnyView out, AffineSampling const& rule, RowRanges const& ranges,
+                       std::int64_t y, std::int64_t z, bool stream, Run const& run, Tally& tally) {
+    auto const [all, in_it, quick] = ranges;
+    driver::RowResult<float> result(out, out.at(all.begin, y, z), stream);
+    float* const values = result.data();
+    PositionRow const at = row_of(rule.map, {}, y, z);
+    std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin, first = all.begin;
+    if (m < n) std::fill_n(values, n, static_cast<float>(rule.background));
+    tally.outside += n - m;
+    auto const slowly = [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t x = begin; x < end; ++x)
+            values[x - first] = static_cast<float>(sample_anywhere<Linear>(in, at, static_cast<double>(x), rule));
+    };
+    slowly(in_it.begin, quick.begin);
+    if (quick.begin < quick.end) run(values + (quick.begin - first));
+    slowly(quick.end, in_it.end);
+    tally.losses += result.store(n);
+}
+
+/// Rows of a box that lie along those of the volume, on its voxels: only y and z have fractions.
+bool lies_along_rows(Affine const& map) {
+    Vec3 const step = map.column[0];
+    return step.x == 1 && step.y == 0 && step.z == 0 && map.offset.x == nearest_whole(map.offset.x) &&
+           map.column[1].x == nearest_whole(map.column[1].x) && map.column[2].x == nearest_whole(map.column[2].x);
+}
+
+void sample_rows_single(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses,
+                        std::int64_t& outside, Execution const& execution) {
+    bool const stream = driver::is_large(out);
+    for_each_tile(execution, out.box, {row_piece, 1, 1}, losses, outside, [&](Box const& tile, Tally& tally) {
+        std::int64_t const y = tile.lower.y, z = tile.lower.z;
+        PositionRow const at = row_of(rule.map, {}, y, z);
+        RowRanges const ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule);
+        XRange const quick = ranges.interior;
+        auto const run = [&](float* to) {
+            double fx, fy, fz;
+            std::int64_t const index = Places(in, at).of(static_cast<double>(quick.begin), fx, fy, fz);
+            for_each_single_type(in.type, [&]<class T>(T) {
+                sample_parallel_single(reinterpret_cast<T const*>(in.data) + index, in.row, in.slice,
+                                       quick.end - quick.begin, static_cast<float>(fy), static_cast<float>(fz), to);
+            });
+        };
+        sample_row_single(in, out, rule, ranges, y, z, stream, run, tally);
+    });
+}
+
 void sample_box_single(ConstView const& in, AnyView out, AffineSampling const& rule, Losses& losses,
                        std::int64_t& outside, Execution const& execution) {
-    for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
-        alignas(64) float values[row_piece];
-        Losses mine;
-        std::int64_t beyond = 0;
-        PositionRow const at = row_of(rule.map, {}, y, z);
-        bool const parallel =
-            at.y.step == 0 && at.z.step == 0 && at.x.step == 1 && at.x.base == nearest_whole(at.x.base);
-        for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
-            XRange const piece{x, std::min(x + row_piece, x0 + length)};
-            std::int64_t const n = piece.end - piece.begin;
-            XRange const in_it = rule.boundary ? piece : inside(piece, at, rule.dims);
-            if (in_it.end - in_it.begin < n) std::fill_n(values, n, static_cast<float>(rule.background));
-            beyond += n - std::max<std::int64_t>(in_it.end - in_it.begin, 0);
-            auto const slowly = [&](std::int64_t begin, std::int64_t end) {
-                for (std::int64_t i = begin; i < end; ++i)
-                    values[i - piece.begin] =
-                        static_cast<float>(sample_anywhere<Linear>(in, at, static_cast<double>(i), rule));
+    if (lies_along_rows(rule.map)) return sample_rows_single(in, out, rule, losses, outside, execution);
+    struct Row {
+        std::int64_t y, z;
+        RowRanges ranges;
+        SinglePlaces places;
+        std::int32_t n; ///< places
+    };
+    bool const stream = driver::is_large(out);
+    for_each_single_type(in.type, [&]<class T>(T) {
+        T const* const data = reinterpret_cast<T const*>(in.data);
+        for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
+            Row rows[2];
+            std::int64_t const height = tile.dims().y, count = height * tile.dims().z;
+            // Processors do not foresee the loads: those of the next row are asked for, every other voxel's.
+            auto const prepare = [&](std::int64_t item) {
+                Row& row = rows[item % 2];
+                row.y = tile.lower.y + item % height, row.z = tile.lower.z + item / height;
+                PositionRow const at = row_of(rule.map, {}, row.y, row.z);
+                row.ranges = ranges_of({tile.lower.x, tile.upper.x}, at, rule);
+                XRange const quick = row.ranges.interior;
+                row.n = static_cast<std::int32_t>(quick.end - quick.begin);
+                row.places.find(Places(in, at), static_cast<double>(quick.begin), row.n);
+                for (std::int32_t i = 0; i < row.n; i += 2) {
+                    __builtin_prefetch(data + row.places.index[i]);
+                    __builtin_prefetch(data + row.places.index[i] + in.slice + in.row);
+                }
             };
-            XRange const quick = interior(in_it, at, rule.dims, Interpolant::linear);
-            if (quick.begin >= quick.end) {
-                slowly(in_it.begin, in_it.end);
-            } else {
-                slowly(in_it.begin, quick.begin);
-                Places const places(in, at);
-                std::int64_t const m = quick.end - quick.begin;
-                float* const to = values + (quick.begin - piece.begin);
-                for_each_single_type(in.type, [&]<class T>(T) {
-                    T const* const data = reinterpret_cast<T const*>(in.data);
-                    if (!parallel) return sample_run_single(data, in.row, in.slice, places, quick.begin, m, to);
-                    double fx, fy, fz;
-                    std::int64_t const index = places.of(static_cast<double>(quick.begin), fx, fy, fz);
-                    sample_parallel_single(data + index, in.row, in.slice, m, static_cast<float>(fy),
-                                           static_cast<float>(fz), to);
-                });
-                slowly(quick.end, in_it.end);
+            prepare(0);
+            for (std::int64_t item = 0; item < count; ++item) {
+                if (item + 1 < count) prepare(item + 1);
+                Row const& row = rows[item % 2];
+                auto const run = [&](float* to) {
+                    sample_strip_single<4>(data, in.row, in.slice, row.places, row.places.fy, row.n, to);
+                };
+                sample_row_single(in, out, rule, row.ranges, row.y, row.z, stream, run, tally);
             }
-            mine += store_row(out.type, static_cast<float const*>(values), out.at(x, y, z), n);
-        }
-        driver::add(losses, mine);
-        if (beyond == 0) return;
-#pragma omp atomic
-        outside += beyond;
+        });
     });
 }
 
@@ -349,171 +494,43 @@ StillAxis still_axis(Affine const& map) {
     return {};
 }
 
-/// Linear where an axis stays: tiles of the plane, of several slices at once. The slices are the lanes of the vectors:
-/// the tile's source is turned so that they lie side by side, and weights are the same for all of them.
-class SlicesTogether {
-public:
-    SlicesTogether(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still)
-        : in_(in), out_(out), rule_(rule), still_(still), across_(still.axis == 2 ? 1 : 2),
-          source_(static_cast<std::size_t>(most_ * most_ * lanes_)),
-          result_(static_cast<std::size_t>(tile_ * tile_ * lanes_)) {}
-
-    /// The tile at voxel (x, v) of the plane, of `n` slices from `slice` on.
-    void run(std::int64_t x, std::int64_t v, std::int64_t slice, std::int64_t n) {
-        std::int64_t const x_end = std::min(x + tile_, out_.box.upper.x),
-                           v_end = std::min(v + tile_, out_.box.upper[across_]);
-        place(x, x_end, v, v_end);
-        if (high_x_ >= low_x_) {
-            load(slice, n);
-            for (std::int64_t row = v; row < v_end; ++row)
-                for (std::int64_t i = quick_[row - v].begin; i < quick_[row - v].end; ++i) compute(i - x, row - v);
+/// Linear where an axis stays: between the four voxels of the plane. Tiles of several slices, which share the places.
+void sample_slices_together(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still,
+                            Losses& losses, std::int64_t& outside, Execution const& execution) {
+    static_assert(tile_extent.x == strip);
+    constexpr std::int64_t most_rows = std::max(tile_extent.y, tile_extent.z);
+    bool const by_z = still.axis == 2, stream = driver::is_large(out);
+    int const plane = by_z ? 1 : 2; // the axis of the plane beside x
+    std::int64_t const across = by_z ? in.row : in.slice, along = by_z ? in.slice : in.row;
+    for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
+        SinglePlaces places[most_rows];
+        RowRanges ranges[most_rows];
+        std::int64_t const first_row = tile.lower[plane], first = tile.lower[still.axis];
+        for (std::int64_t row = first_row; row < tile.upper[plane]; ++row) {
+            PositionRow const at = by_z ? row_of(rule.map, {}, row, first) : row_of(rule.map, {}, first, row);
+            RowRanges& r = ranges[row - first_row];
+            r = ranges_of({tile.lower.x, tile.upper.x}, at, rule, still.axis);
+            auto const n = static_cast<std::int32_t>(r.interior.end - r.interior.begin);
+            places[row - first_row].find(Places(in, at), static_cast<double>(r.interior.begin), n);
         }
-        for (std::int64_t row = v; row < v_end; ++row) at_the_faces(x, x_end, row, row - v, slice, n);
-        store(x, x_end, v, v_end, slice, n);
-    }
-
-    static constexpr std::int64_t tile_ = 32, lanes_ = 16, most_ = 2 * tile_ + 2;
-    Losses losses;
-    std::int64_t beyond = 0;
-
-private:
-    PositionRow row_at(std::int64_t v) const {
-        return still_.axis == 2 ? row_of(rule_.map, {}, v, 0) : row_of(rule_.map, {}, 0, v);
-    }
-    std::int64_t stride_across() const { return across_ == 1 ? in_.row : in_.slice; }
-    std::int64_t stride_along() const { return still_.axis == 2 ? in_.slice : in_.row; }
-
-    XRange in_plane(XRange range, PositionRow const& row, double before, double after, double slack) const {
-        for (int axis : {0, across_}) {
-            auto const n = static_cast<double>(rule_.dims[axis]);
-            range = narrowed(range, row.line(axis), before - slack, n - after - slack);
-        }
-        return range;
-    }
-
-    /// Where the voxels of the tile come from, and which of them look at voxels of the volume only.
-    void place(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t v_end) {
-        low_x_ = low_v_ = std::int64_t{1} << 60;
-        high_x_ = high_v_ = -low_x_;
-        for (std::int64_t row = v; row < v_end; ++row) {
-            PositionRow const at = row_at(row);
-            std::int64_t const r = row - v;
-            XRange const piece{x, x_end};
-            inside_[r] = rule_.boundary ? piece : in_plane(piece, at, -0.5, 0.5, face_slack);
-            if (inside_[r].begin > inside_[r].end) inside_[r].end = inside_[r].begin;
-            quick_[r] = in_plane(inside_[r], at, 0, 1, 0);
-            PositionLine const along = at.line(0), across = at.line(across_);
-            for (std::int64_t i = quick_[r].begin; i < quick_[r].end; ++i) {
-                double const px = along(static_cast<double>(i)), pv = across(static_cast<double>(i));
-                double const wx = floor_of(px), wv = floor_of(pv);
-                Source& s = sources_[r][i - x];
-                s = {static_cast<std::int32_t>(wx), static_cast<std::int32_t>(wv), static_cast<float>(px - wx),
-                     static_cast<float>(pv - wv)};
-                low_x_ = std::min<std::int64_t>(low_x_, s.x), high_x_ = std::max<std::int64_t>(high_x_, s.x + 1);
-                low_v_ = std::min<std::int64_t>(low_v_, s.v), high_v_ = std::max<std::int64_t>(high_v_, s.v + 1);
-            }
-        }
-        width_ = high_x_ - low_x_ + 1;
-    }
-
-    void load(std::int64_t slice, std::int64_t n) {
-        std::int64_t const along = stride_along(), across = stride_across();
-        Index3 const lower = in_.box.lower;
-        for_each_single_type(in_.type, [&]<class T>(T) {
-            for (std::int64_t v = low_v_; v <= high_v_; ++v) {
-                T const* const from = reinterpret_cast<T const*>(in_.data) + (low_x_ - lower.x) +
-                                      (v - lower[across_]) * across +
-                                      (slice + still_.shift - lower[still_.axis]) * along;
-                float* const to = source_.data() + (v - low_v_) * width_ * lanes_;
-                for (std::int64_t k = 0; k < n; ++k) {
-                    T const* const row = from + k * along;
-                    for (std::int64_t i = 0; i < width_; ++i) to[i * lanes_ + k] = static_cast<float>(row[i]);
+        for_each_single_type(in.type, [&]<class T>(T) {
+            for (std::int64_t slice = first; slice < tile.upper[still.axis]; ++slice) {
+                T const* const data = reinterpret_cast<T const*>(in.data) + (slice - first) * along;
+                for (std::int64_t row = first_row; row < tile.upper[plane]; ++row) {
+                    RowRanges const& r = ranges[row - first_row];
+                    SinglePlaces const& at = places[row - first_row];
+                    auto const run = [&](float* to) {
+                        auto const n = static_cast<std::int32_t>(r.interior.end - r.interior.begin);
+                        // Processors do not foresee these loads: those of the next slice are asked for, every other
+                        // one.
+                        for (std::int32_t i = 0; i < n && slice + 1 < tile.upper[still.axis]; i += 2)
+                            __builtin_prefetch(data + along + at.index[i]);
+                        sample_strip_single<2>(data, across, 0, at, by_z ? at.fy : at.fz, n, to);
+                    };
+                    sample_row_single(in, out, rule, r, by_z ? row : slice, by_z ? slice : row, stream, run, tally);
                 }
             }
         });
-    }
-
-    void compute(std::int64_t x, std::int64_t row) {
-        Source const s = sources_[row][x];
-        float const* const a = source_.data() + ((s.v - low_v_) * width_ + (s.x - low_x_)) * lanes_;
-        float const* const b = a + width_ * lanes_;
-        float* const to = result_.data() + (row * tile_ + x) * lanes_;
-        float const fx = s.fraction_x, fv = s.fraction_v;
-#pragma omp simd
-        for (std::int64_t k = 0; k < lanes_; ++k)
-            to[k] = between(between(a[k], a[k + lanes_], fx), between(b[k], b[k + lanes_], fx), fv);
-    }
-
-    void at_the_faces(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t row, std::int64_t slice,
-                      std::int64_t n) {
-        XRange const in_it = inside_[row], quick = quick_[row];
-        bool const none = quick.begin >= quick.end;
-        for (std::int64_t i = x; i < x_end; ++i) {
-            if (!none && i >= quick.begin && i < quick.end) {
-                i = quick.end - 1;
-                continue;
-            }
-            float* const to = result_.data() + (row * tile_ + i - x) * lanes_;
-            if (i < in_it.begin || i >= in_it.end) {
-                std::fill_n(to, n, static_cast<float>(rule_.background));
-                beyond += n;
-                continue;
-            }
-            for (std::int64_t k = 0; k < n; ++k) {
-                PositionRow const at =
-                    still_.axis == 2 ? row_of(rule_.map, {}, v, slice + k) : row_of(rule_.map, {}, slice + k, v);
-                to[k] = static_cast<float>(sample_anywhere<Linear>(in_, at, static_cast<double>(i), rule_));
-            }
-        }
-    }
-
-    void store(std::int64_t x, std::int64_t x_end, std::int64_t v, std::int64_t v_end, std::int64_t slice,
-               std::int64_t n) {
-        alignas(64) float values[tile_];
-        for (std::int64_t k = 0; k < n; ++k)
-            for (std::int64_t row = v; row < v_end; ++row) {
-                float const* const from = result_.data() + (row - v) * tile_ * lanes_ + k;
-                for (std::int64_t i = 0; i < x_end - x; ++i) values[i] = from[i * lanes_];
-                std::byte* const to = still_.axis == 2 ? out_.at(x, row, slice + k) : out_.at(x, slice + k, row);
-                losses += store_row(out_.type, static_cast<float const*>(values), to, x_end - x);
-            }
-    }
-
-    struct Source {
-        std::int32_t x, v;
-        float fraction_x, fraction_v;
-    };
-
-    ConstView in_;
-    AnyView out_;
-    AffineSampling const& rule_;
-    StillAxis still_;
-    int across_; ///< the other axis of the plane, beside x
-    std::vector<float> source_, result_;
-    XRange inside_[tile_], quick_[tile_];
-    Source sources_[tile_][tile_];
-    std::int64_t low_x_ = 0, high_x_ = 0, low_v_ = 0, high_v_ = 0, width_ = 0;
-};
-
-void sample_slices_together(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still,
-                            Losses& losses, std::int64_t& outside, Execution const& execution) {
-    using Tiles = SlicesTogether;
-    int const across = still.axis == 2 ? 1 : 2;
-    Index3 const n = out.dims();
-    auto const pieces = [](std::int64_t extent, std::int64_t size) { return (extent + size - 1) / size; };
-    std::int64_t const nx = pieces(n.x, Tiles::tile_), nv = pieces(n[across], Tiles::tile_),
-                       nk = pieces(n[still.axis], Tiles::lanes_);
-    for_each_item(threads_for(execution, out.box.voxels()), nx * nv * nk, [&](std::int64_t begin, std::int64_t end) {
-        if (begin >= end) return;
-        Tiles tiles(in, out, rule, still);
-        for (std::int64_t item = begin; item < end; ++item) {
-            std::int64_t const slice = out.box.lower[still.axis] + item / nx / nv * Tiles::lanes_;
-            tiles.run(out.box.lower.x + item % nx * Tiles::tile_, out.box.lower[across] + item / nx % nv * Tiles::tile_,
-                      slice, std::min(Tiles::lanes_, out.box.upper[still.axis] - slice));
-        }
-        driver::add(losses, tiles.losses);
-#pragma omp atomic
-        outside += tiles.beyond;
     });
 }
 
@@ -551,40 +568,28 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
     auto const aside = [](std::int64_t i, std::int64_t n) {
         return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
     };
-    for_each_segment(execution, out.box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t length) {
-        alignas(64) double values[row_piece], sample[row_piece];
-        Losses mine;
-        std::int64_t beyond = 0;
-        for (std::int64_t x = x0; x < x0 + length; x += row_piece) {
-            XRange const piece{x, std::min(x + row_piece, x0 + length)};
-            std::int64_t const n = piece.end - piece.begin;
-            PositionRow const centres = row_of(rule.map, {}, y, z);
-            XRange const in_it = rule.boundary ? piece : inside(piece, centres, rule.dims);
-            std::int64_t const m = std::max<std::int64_t>(in_it.end - in_it.begin, 0);
-            double* const there = values + (m > 0 ? in_it.begin - piece.begin : 0);
+    for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
+        alignas(64) double values[tile_extent.x], sample[tile_extent.x];
+        for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
+            XRange const all{tile.lower.x, tile.upper.x};
+            XRange const in_it = inside(all, row_of(rule.map, {}, y, z), rule);
+            std::int64_t const n = all.end - all.begin, m = in_it.end - in_it.begin;
+            double* const there = values + (m > 0 ? in_it.begin - all.begin : 0);
             if (m < n) std::fill_n(values, n, rule.background);
-            beyond += n - m;
-            if (m > 0) {
-                std::int64_t count = 0;
-                for (std::int64_t kz = 0; kz < k.z; ++kz)
-                    for (std::int64_t ky = 0; ky < k.y; ++ky)
-                        for (std::int64_t kx = 0; kx < k.x; ++kx) {
-                            Vec3 const shift = rule.map.column[0] * aside(kx, k.x) +
-                                               rule.map.column[1] * aside(ky, k.y) +
-                                               rule.map.column[2] * aside(kz, k.z);
-                            PositionRow const at = row_of(rule.map, shift, y, z);
-                            sample_row<Kernel, Strip>(in, at, in_it, rule, ++count == 1 ? there : sample);
-                            if (count > 1) join_mean(sample, there, m, count);
-                        }
-                if (rule.scale != 1 || rule.offset != 0)
-                    for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+            tally.outside += n - m;
+            std::int64_t count = 0;
+            for (std::int64_t sub = 0; m > 0 && sub < k.x * k.y * k.z; ++sub) {
+                Vec3 const shift = rule.map.column[0] * aside(sub % k.x, k.x) +
+                                   rule.map.column[1] * aside(sub / k.x % k.y, k.y) +
+                                   rule.map.column[2] * aside(sub / k.x / k.y, k.z);
+                PositionRow const at = row_of(rule.map, shift, y, z);
+                sample_row<Kernel, Strip>(in, at, in_it, rule, ++count == 1 ? there : sample);
+                if (count > 1) join_mean(sample, there, m, count);
             }
-            mine += store_row(out.type, static_cast<double const*>(values), out.at(x, y, z), n);
-        }
-        driver::add(losses, mine);
-        if (beyond == 0) return;
-#pragma omp atomic
-        outside += beyond;
+            if (rule.scale != 1 || rule.offset != 0)
+                for (std::int64_t i = 0; i < m; ++i) there[i] = there[i] * rule.scale + rule.offset;
+            tally.losses += store_row(out.type, static_cast<double const*>(values), out.at(all.begin, y, z), n);
+        });
     });
 }
 
@@ -593,12 +598,12 @@ void nearest_bytes(View<U const> const& in, View<U> const& out, Box const& box, 
                    AffineSampling const& rule, std::int64_t& outside, Execution const& execution) {
     Boundary const boundary = rule.boundary.value_or(Boundary::clamp);
     auto const index = [&](double p, std::int64_t n, std::int64_t first) {
-        return place_of(std::floor(p + (0.5 + face_slack)), 0, n, boundary, first);
+        return place_of(whole_of(std::floor(p + (0.5 + face_slack))), n, boundary, first);
     };
     for_each_segment(execution, box, [&](std::int64_t x0, std::int64_t y, std::int64_t z, std::int64_t n) {
         PositionRow const at = row_of(rule.map, {}, y, z);
-        XRange const all{x0, x0 + n}, in_it = rule.boundary ? all : inside(all, at, rule.dims);
-        std::int64_t const m = std::max<std::int64_t>(in_it.end - in_it.begin, 0);
+        XRange const in_it = inside({x0, x0 + n}, at, rule);
+        std::int64_t const m = in_it.end - in_it.begin;
         U* const to = &out(x0, y, z);
         if (m < n) std::fill_n(to, n, background);
         for (std::int64_t x = in_it.begin; x < in_it.end; ++x) {

@@ -22,13 +22,13 @@ enum class Interpolant : std::uint8_t {
 struct Reach {
     std::int64_t before, after;
 };
-inline Reach reach_of(Interpolant interpolant) {
+constexpr Reach reach_of(Interpolant interpolant) {
     if (interpolant == Interpolant::cubic || interpolant == Interpolant::bspline3) return {1, 2};
     if (interpolant == Interpolant::bspline5 || interpolant == Interpolant::lanczos3) return {2, 3};
     return {0, 1}; // nearest: the floor or the one above
 }
 /// 0 for what looks at voxels, not at the coefficients of a spline.
-inline int spline_degree(Interpolant interpolant) {
+constexpr int spline_degree(Interpolant interpolant) {
     return interpolant == Interpolant::bspline3 ? 3 : interpolant == Interpolant::bspline5 ? 5 : 0;
 }
 

@@ -43,24 +43,22 @@ struct Linear {
     }
 };
 
-/// A sum over N^3 voxels from `First` on, with weights along each axis. What has no weight takes no part, whatever it
-/// is.
+/// What has no weight takes no part, whatever it is.
+VKT_HD double term_of(double weight, double value) { return weight == 0 ? 0 : weight * value; }
+
+/// A sum over N^3 voxels from `First` on, with weights along each axis: the columns of the same place in x first.
 template <int N, int First, class V>
 VKT_HD double weighted(V const& v, double const* wx, double const* wy, double const* wz) {
-    auto const term = [](double w, double value) { return w == 0 ? 0 : w * value; };
-    double total = 0;
+    double column[N] = {};
     for (int k = 0; k < N; ++k) {
-        double slice = 0;
-        for (int j = 0; j < N; ++j) {
-            double row = 0;
-            for (int i = 0; i < N; i += 2)
-                row += term(wx[i], v(First + i, First + j, First + k)) +
-                       term(wx[i + 1], v(First + i + 1, First + j, First + k));
-            slice += term(wy[j], row);
-        }
-        total += term(wz[k], slice);
+        double slice[N] = {};
+        for (int j = 0; j < N; ++j)
+            for (int i = 0; i < N; ++i) slice[i] += term_of(wy[j], v(First + i, First + j, First + k));
+        for (int i = 0; i < N; ++i) column[i] += term_of(wz[k], slice[i]);
     }
-    return total;
+    double sum = 0;
+    for (int i = 0; i < N; i += 2) sum += term_of(wx[i], column[i]) + term_of(wx[i + 1], column[i + 1]);
+    return sum;
 }
 /// The interpolant of degree N - 1 whose weights Kernel::weights(fraction, w) gives.
 template <class Kernel, int N> struct Convolution {
@@ -142,6 +140,13 @@ struct Nearest {
 struct PositionLine {
     double base = 0, step = 0;
     VKT_HD double operator()(double x) const { return snapped(base + x * step); }
+    /// The floor of the position, and the fraction beyond it: what floor_of() and a difference give, in fewer steps.
+    VKT_HD double floor(double x, double& fraction) const {
+        double const p = base + x * step, r = nearest_whole(p), d = p - r;
+        bool const below = d <= -1e-9;
+        fraction = below ? d + 1 : d < 1e-9 ? 0 : d;
+        return below ? r - 1 : r;
+    }
 };
 struct PositionRow {
     PositionLine x, y, z;

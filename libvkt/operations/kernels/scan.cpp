@@ -147,6 +147,9 @@ private:
         A* const rest = sums.part[parts - 1];
         if constexpr (std::is_integral_v<T> && !std::is_same_v<A, double>) {
             add_values<A, parts>(n_.x, sums.part[0], rest, reinterpret_cast<T const*>(from));
+        } else if (std::is_floating_point_v<T> && state_.map == ValueMap{}) {
+            if constexpr (std::is_floating_point_v<T>)
+                add_values<A, parts>(n_.x, sums.part[0], rest, reinterpret_cast<T const*>(from));
         } else {
             for (std::int64_t x = 0; x < n_.x; x += row_piece) {
                 alignas(64) double values[row_piece];
