@@ -1,6 +1,8 @@
 """Volumes and arrays of GPUs, against packages that nobody here wrote: CuPy, PyTorch, Numba; those that are missing are
 named. PYTHONPATH=build-cuda/python python3 tests/gpu/arrays.py; exits with 1 if anything failed."""
 # SPDX-License-Identifier: MIT
+import faulthandler
+import functools
 import gc
 import importlib
 import sys
@@ -9,6 +11,8 @@ import time
 import numpy as np
 import vkt
 
+faulthandler.enable()
+print = functools.partial(print, flush=True)
 TYPES = "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split()
 passed = failed = 0
 
