@@ -4,6 +4,7 @@
 
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/device_objects.h"
 
 #include <algorithm>
 #include <limits>
@@ -77,19 +78,6 @@ Rows rows_of(DeviceComponents& components) {
 
 // Bits.
 
-template <class T> struct IsObject {
-    using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
-    C zero;
-    bool any, holes;
-    __device__ bool operator()(C v) const {
-        if (holes) return any && v == zero;
-        if constexpr (std::is_integral_v<T>)
-            return !any || v != zero;
-        else
-            return any ? v < zero || v > zero : v == v;
-    }
-};
-
 /// A warp makes so many words.
 constexpr int words_of_warp = 4;
 
@@ -127,8 +115,7 @@ void pack(DeviceComponents& components, ConstView in, std::optional<double> zero
     Rows const rows = rows_of(components);
     Index3 const n = in.dims();
     std::int64_t const parts = (rows.words + words_of_warp - 1) / words_of_warp;
-    IsObject<T> const is_object{static_cast<typename IsObject<T>::C>(zero.value_or(0)), zero.has_value(),
-                                components.holes};
+    IsObject<T> const is_object(zero, components.holes);
     bits_kernel<T><<<blocks_for(parts * n.y * n.z * 32), block>>>(in.as<T>(), n, is_object, rows.bits, rows,
                                                                   in.box.lower.z * rows.ny + in.box.lower.y, totals);
     check_launch("label");

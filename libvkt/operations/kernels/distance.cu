@@ -5,6 +5,7 @@
 
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/operations/kernels/device_objects.h"
 
 #include <algorithm>
 #include <limits>
@@ -20,18 +21,6 @@ struct Volume4 {
     std::byte* data;
     Index3 n;
     std::int64_t row, slice;
-};
-
-template <class T> struct IsObject {
-    using C = std::conditional_t<std::is_same_v<T, Half>, float, T>;
-    C zero;
-    bool any;
-    __device__ bool operator()(C v) const {
-        if constexpr (std::is_integral_v<T>)
-            return !any || v != zero;
-        else
-            return any ? v < zero || v > zero : v == v;
-    }
 };
 
 constexpr int block_of_rows = 256;
@@ -322,7 +311,7 @@ template <class T> void rows_of_type(ConstView in, AnyView out, DistanceRows& ro
     if (each > most || blocks > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
     cudaFuncSetAttribute(rows_kernel<T>, cudaFuncAttributeMaxDynamicSharedMemorySize, most);
-    IsObject<T> const is_object{static_cast<typename IsObject<T>::C>(rows.zero.value_or(0)), rows.zero.has_value()};
+    IsObject<T> const is_object(rows.zero);
     driver::DeviceLosses const counts;
     rows_kernel<T><<<static_cast<unsigned>(blocks), dim3(32, warps), static_cast<std::size_t>(each) * warps>>>(
         reinterpret_cast<T const*>(in.data), in.row, in.slice, Volume4{out.data, n, out.row, out.slice}, is_object,
