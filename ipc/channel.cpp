@@ -107,9 +107,11 @@ int receive_descriptor(int socket, RingMessage& message) {
     header.msg_control = control;
     header.msg_controllen = sizeof control;
     ssize_t n = 0;
+    bool reset = false;
     do {
         n = ::recvmsg(socket, &header, MSG_CMSG_CLOEXEC);
-    } while (n < 0 && errno == EINTR);
+        // Who closes its end with words of ours unread makes this fail once; what it sent before is there all the same.
+    } while (n < 0 && (errno == EINTR || (errno == ECONNRESET && !std::exchange(reset, true))));
     cmsghdr const* const c = n == static_cast<ssize_t>(sizeof message) ? CMSG_FIRSTHDR(&header) : nullptr;
     if (c == nullptr || c->cmsg_type != SCM_RIGHTS || c->cmsg_len != CMSG_LEN(sizeof(int))) return -1;
     int descriptor = -1;

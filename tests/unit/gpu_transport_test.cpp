@@ -10,6 +10,7 @@
 #include "pipes.h"
 
 #include <csignal>
+#include <cstring>
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
@@ -231,6 +232,22 @@ TEST(GpuTransport, AReaderThatDiesBeforeItNamesItsGpuEndsItsWriter) {
     producer.join();
     ::close(pipe.read_end);
     ::close(pipe.write_end);
+}
+
+TEST(GpuTransport, AWriterThatIsDoneAndGoneHasLeftItsMemory) {
+    for (bool const on_gpu : {false, true}) {
+        Pipe pipe;
+        auto const gpu = a_gpu();
+        auto writer = std::make_unique<ipc::ProducerChannel>(pipe.write_end);
+        ipc::ConsumerChannel reader(pipe.read_end, false, a_gpu());
+        ASSERT_TRUE(writer->connected(std::chrono::seconds(10)));
+        writer->share_ring(4, 4096, on_gpu ? gpu : nullptr);
+        std::memset(writer->slot(ipc::slot_name(1, 2)), 7, 4096);
+        writer.reset(); // it has not even read which GPU the reader works on
+        EXPECT_EQ(reader.slot(ipc::slot_name(1, 2), 4096)[4095], std::byte{7});
+        ::close(pipe.read_end);
+        ::close(pipe.write_end);
+    }
 }
 
 TEST(GpuTransport, VoxelsThatAreThereWithoutAnEndAreNoVolume) {
