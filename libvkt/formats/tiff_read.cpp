@@ -243,6 +243,25 @@ void TiffFile::check_size(Page const& page, std::int64_t planes) const {
                   bytes_text(size)));
 }
 
+/// Voxels stay in the order of the file; the geometry says how the picture is to be seen, its origin being the corner
+/// that is seen top left.
+void orient(Geometry& geometry, Index3 dims, std::uint16_t orientation) {
+    bool const rows_are_columns = orientation >= ORIENTATION_LEFTTOP && orientation <= ORIENTATION_LEFTBOT;
+    bool const from_right = orientation == ORIENTATION_TOPRIGHT || orientation == ORIENTATION_BOTRIGHT ||
+                            orientation == ORIENTATION_RIGHTTOP || orientation == ORIENTATION_RIGHTBOT;
+    bool const from_below = orientation == ORIENTATION_BOTRIGHT || orientation == ORIENTATION_BOTLEFT ||
+                            orientation == ORIENTATION_RIGHTBOT || orientation == ORIENTATION_LEFTBOT;
+    int const across = rows_are_columns ? 1 : 0; // the axis of the volume that is seen as horizontal
+    for (int seen = 0; seen < 2; ++seen) {
+        int const axis = seen == 0 ? across : 1 - across;
+        bool const back = seen == 0 ? from_right : from_below;
+        Vec3 direction{0, 0, 0};
+        direction[seen] = back ? -1 : 1;
+        geometry.direction[static_cast<std::size_t>(axis)] = direction;
+        if (back) geometry.origin[seen] = static_cast<double>(dims[axis] - 1) * geometry.spacing[axis];
+    }
+}
+
 void TiffFile::read_geometry(Header& header, TiffDescription const& about) {
     auto const spacing = [](double resolution, double unit) {
         double const s = unit / resolution;
@@ -268,25 +287,6 @@ void TiffFile::read_geometry(Header& header, TiffDescription const& about) {
     if (about.values) header.values = *about.values;
     header.units = about.value_unit;
     orient(header.geometry, dims_, pages_.front().orientation);
-}
-
-/// Voxels stay in the order of the file; the geometry says how the picture is to be seen, its origin being the corner
-/// that is seen top left.
-void orient(Geometry& geometry, Index3 dims, std::uint16_t orientation) {
-    bool const rows_are_columns = orientation >= ORIENTATION_LEFTTOP && orientation <= ORIENTATION_LEFTBOT;
-    bool const from_right = orientation == ORIENTATION_TOPRIGHT || orientation == ORIENTATION_BOTRIGHT ||
-                            orientation == ORIENTATION_RIGHTTOP || orientation == ORIENTATION_RIGHTBOT;
-    bool const from_below = orientation == ORIENTATION_BOTRIGHT || orientation == ORIENTATION_BOTLEFT ||
-                            orientation == ORIENTATION_RIGHTBOT || orientation == ORIENTATION_LEFTBOT;
-    int const across = rows_are_columns ? 1 : 0; // the axis of the volume that is seen as horizontal
-    for (int seen = 0; seen < 2; ++seen) {
-        int const axis = seen == 0 ? across : 1 - across;
-        bool const back = seen == 0 ? from_right : from_below;
-        Vec3 direction{0, 0, 0};
-        direction[seen] = back ? -1 : 1;
-        geometry.direction[static_cast<std::size_t>(axis)] = direction;
-        if (back) geometry.origin[seen] = static_cast<double>(dims[axis] - 1) * geometry.spacing[axis];
-    }
 }
 
 /// Which page and sample each slice of each volume is.
