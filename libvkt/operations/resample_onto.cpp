@@ -287,6 +287,7 @@ void Onto::describe(Plan& plan) const {
         Index3 const k = sampling_.samples;
         double const count = static_cast<double>(k.x) * static_cast<double>(k.y) * static_cast<double>(k.z);
         plan.access = Access::random;
+        plan.slab_hint = affine_tile.z;
         if (boundary_) plan.boundary = boundary_->boundary;
         plan.method = text("onto a turned grid: ", name_of(sampling_.interpolant),
                            count > 1 ? text(", mean of ", k.x, "x", k.y, "x", k.z, " samples a voxel") : "");

@@ -110,7 +110,6 @@ void for_each_tile(Execution const& execution, Box const& box, Index3 extent, Lo
         outside += tally.outside;
     });
 }
-constexpr Index3 tile_extent{64, 16, 16};
 
 /// Where the samples of a row look, if all the voxels lie in the view.
 struct Places {
@@ -440,7 +439,7 @@ void sample_box_single(ConstView const& in, AnyView out, AffineSampling const& r
     bool const stream = driver::is_large(out);
     for_each_single_type(in.type, [&]<class T>(T) {
         T const* const data = reinterpret_cast<T const*>(in.data);
-        for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
+        for_each_tile(execution, out.box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally) {
             Row rows[2];
             std::int64_t const height = tile.dims().y, count = height * tile.dims().z;
             // Processors do not foresee the loads: those of the next row are asked for, every other voxel's.
@@ -497,12 +496,12 @@ StillAxis still_axis(Affine const& map) {
 /// Linear where an axis stays: between the four voxels of the plane. Tiles of several slices, which share the places.
 void sample_slices_together(ConstView const& in, AnyView out, AffineSampling const& rule, StillAxis still,
                             Losses& losses, std::int64_t& outside, Execution const& execution) {
-    static_assert(tile_extent.x == strip);
-    constexpr std::int64_t most_rows = std::max(tile_extent.y, tile_extent.z);
+    static_assert(affine_tile.x == strip);
+    constexpr std::int64_t most_rows = std::max(affine_tile.y, affine_tile.z);
     bool const by_z = still.axis == 2, stream = driver::is_large(out);
     int const plane = by_z ? 1 : 2; // the axis of the plane beside x
     std::int64_t const across = by_z ? in.row : in.slice, along = by_z ? in.slice : in.row;
-    for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
+    for_each_tile(execution, out.box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally) {
         SinglePlaces places[most_rows];
         RowRanges ranges[most_rows];
         std::int64_t const first_row = tile.lower[plane], first = tile.lower[still.axis];
@@ -568,8 +567,8 @@ void sample_box(ConstView const& in, AnyView out, AffineSampling const& rule, Lo
     auto const aside = [](std::int64_t i, std::int64_t n) {
         return (static_cast<double>(i) + 0.5) / static_cast<double>(n) - 0.5;
     };
-    for_each_tile(execution, out.box, tile_extent, losses, outside, [&](Box const& tile, Tally& tally) {
-        alignas(64) double values[tile_extent.x], sample[tile_extent.x];
+    for_each_tile(execution, out.box, affine_tile, losses, outside, [&](Box const& tile, Tally& tally) {
+        alignas(64) double values[affine_tile.x], sample[affine_tile.x];
         for_each_row(tile, [&](std::int64_t y, std::int64_t z) {
             XRange const all{tile.lower.x, tile.upper.x};
             XRange const in_it = inside(all, row_of(rule.map, {}, y, z), rule);
