@@ -58,7 +58,7 @@ class Foreign:
         self.__cuda_array_interface__ = {"version": 3, "shape": array.shape, "typestr": array.dtype.str,
                                          "data": (array.ctypes.data, False), "strides": strides, "stream": 1}
 a = np.zeros((2, 3, 4), np.float32)
-for array, code in (Foreign(a), 5), (Foreign(a, (48, 4, 16)), 2), (Foreign(a.astype(complex)), 2), (Foreign(a[0, 0, 0]), 2):
+for array, code in (Foreign(a), 5), (Foreign(a, (48, 4, 16)), 2), (Foreign(a.astype(complex)), 2), (Foreign(np.array(1, np.float32)), 2):
     for copy in True, False:
         try:
             vkt.Volume(array, copy=copy)
@@ -70,12 +70,76 @@ assert not _volume._kept
 EOF2
 }
 
+@test "arrays of GPUs, with a stand-in: in place or copied, both ways, kept alive and let go" {
+    [ -e "$VKT_BUILD/tests/vkt_host_gpu.so" ] || skip "this build has no stand-in for a GPU"
+    LD_PRELOAD=$VKT_BUILD/tests/vkt_host_gpu.so python <<'EOF2'
+import ctypes, gc, threading
+from vkt import _dlpack, _volume
+gpu = ctypes.CDLL(None)
+gpu.host_gpu_allocate.restype, gpu.host_gpu_allocate.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+gpu.host_gpu_free.argtypes, gpu.host_gpu_blocks.restype = [ctypes.c_void_p], ctypes.c_size_t
+class Array:  # another package's
+    def __init__(self, array, offset=0):
+        self.shape, self.dtype = array.shape, array.dtype
+        self.memory = gpu.host_gpu_allocate(array.nbytes + offset)
+        self.pointer = self.memory + offset
+        ctypes.memmove(self.pointer, array.ctypes.data, array.nbytes)
+    def __del__(self):
+        gpu.host_gpu_free(self.memory)
+    @property
+    def __cuda_array_interface__(self):
+        return {"version": 3, "shape": self.shape, "typestr": self.dtype.str, "data": (self.pointer, False), "stream": 1}
+rng = np.random.default_rng(1)
+for dtype in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64".split():
+    a = rng.integers(0, 100, (5, 6, 7)).astype(dtype)
+    v = vkt.Volume(a, spacing=(1, 2, 3))
+    assert v.devices == ("cpu",) and not hasattr(v, "__cuda_array_interface__")
+    assert v.migrate("gpu") is v and v.devices == ("cpu", "gpu:0") and v.__dlpack_device__() == (1, 0)
+    array = Array(a)
+    w = vkt.Volume(array, like=v, copy=False)
+    assert w.devices == ("gpu:0",) and w.spacing == (1, 2, 3) and w.dtype == a.dtype and w.__dlpack_device__() == (2, 0)
+    interface = w.__cuda_array_interface__
+    assert interface["data"] == (array.pointer, True) and interface["shape"] == a.shape and interface["typestr"] == a.dtype.str
+    u = vkt.Volume(array)
+    assert u.__cuda_array_interface__["data"][0] != array.pointer
+    x = vkt.from_dlpack(vkt.Volume(array))  # the other way by DLPack, and back
+    assert x.devices == ("gpu:0",) and x.dtype == a.dtype
+    del array
+    gc.collect()
+    for y in w, u, x:
+        assert np.array_equal(y, a) and y.devices == ("cpu", "gpu:0")  # brought here, still there
+    assert np.array_equal(np.from_dlpack(w), a)
+    seen = []
+    many = vkt.Volume(Array(np.broadcast_to(a, (40, 5, 6, 7)).reshape(200, 6, 7).copy()), copy=False)
+    threads = [threading.Thread(target=lambda: seen.append(np.asarray(many).tobytes())) for _ in range(8)]
+    [t.start() for t in threads], [t.join() for t in threads]
+    assert set(seen) == {seen[0]} and len(seen) == 8
+    del u, v, w, x, y, many
+    gc.collect()
+    assert not _volume._kept and not _dlpack._handed_out and gpu.host_gpu_blocks() == 0, dtype
+unaligned = Array(np.ones((2, 3, 4), np.float32), 16)
+try:
+    vkt.Volume(unaligned, copy=False)
+    raise SystemExit("memory that kernels cannot use was used in place")
+except vkt.Error as e:
+    assert e.exit_code == 2 and "256" in str(e), e
+assert np.all(np.asarray(vkt.Volume(unaligned)) == 1)
+capsule = vkt.Volume(unaligned).__dlpack__(stream=2, max_version=(1, 1))
+assert "dltensor_versioned" in repr(capsule)
+try:
+    vkt.Volume(unaligned).__dlpack__(dl_device=(2, 5))
+    raise SystemExit("memory of another GPU was promised")
+except BufferError:
+    pass
+EOF2
+}
+
 @test "the policy of a thread: nested, put back, of no other thread" {
     python <<'EOF2'
 import threading
 before = vkt.policy().threads
 with vkt.policy(threads=3, memory=1 << 26) as outer:
-    assert (outer.threads, outer.memory, outer.device) == (3, 1 << 26, "cpu")
+    assert (outer.threads, outer.memory, outer.device) == (3, 1 << 26, "auto")
     with vkt.policy(device="cpu", threads=2) as inner:
         assert (inner.threads, inner.memory, inner.device) == (2, 1 << 26, "cpu")
         seen = []
