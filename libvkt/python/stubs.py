@@ -78,7 +78,8 @@ def class_stub(cls):
             lines.append("    @property")
             lines.append(f"    def {name}(self) -> {annotation(inspect.signature(member.fget).return_annotation)}: ...")
         elif inspect.isfunction(member) and (not name.startswith("_") or name in (
-                "__init__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "_repr_html_")):
+                "__init__", "__dlpack__", "__dlpack_device__", "__copy__", "__deepcopy__", "__enter__", "__exit__",
+                "_repr_html_")):
             lines.append(stub(member, name, "    "))
     return "\n".join(lines) + "\n"
 
@@ -92,7 +93,7 @@ def stubs():
         files[name + ".pyi"] = (HEAD + IMPORTS.replace("from typing import Any, Iterable, Iterator, Literal",
                                                        "from typing import Any, Literal") +
                                 "from . import DType, Value, Volume\n\n" + "\n".join(lines) + "\n")
-    classes = [class_stub(vkt.Error), class_stub(vkt.Volume)]
+    classes = [class_stub(vkt.Error), class_stub(vkt.Volume), class_stub(vkt.policy)]
     functions = sorted(name for name, value in vars(vkt).items()
                        if inspect.isfunction(value) and not name.startswith("_"))
     aliases = ("Value = str | float | Sequence[float] | os.PathLike[str]\nDType = str | type | np.dtype[Any]\n"
