@@ -59,8 +59,8 @@ VKT_HD double first_position() { return -0.5 - face_slack; }
 VKT_HD double end_position(std::int64_t n) { return static_cast<double>(n) - 0.5 - face_slack; }
 
 /// Voxels of the result that a CPU samples together: what they look at stays in its caches, and where an axis stays,
-/// the slices share their places.
-inline constexpr Index3 affine_tile{64, 16, 16};
+/// the slices share their places. Not inline: one object for all would have the instructions of one of them.
+constexpr Index3 affine_tile{64, 16, 16};
 
 /// `in` holds voxels, or the coefficients of a spline as float32 or float64.
 VKT_KERNEL(affine_sample,
