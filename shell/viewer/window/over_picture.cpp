@@ -139,13 +139,15 @@ void Panels::slice_views(View& view, Shown const& shown) {
                         index[static_cast<int>(axis)] = place;
                         index[a] = (i + 0.5) / nx * static_cast<double>(dims[a]) - 0.5;
                         index[b] = (1 - (j + 0.5) / ny) * static_cast<double>(dims[b]) - 0.5; // upwards
-                        slice.values[static_cast<std::size_t>(j * nx + i)] = static_cast<float>(volume.value_at(index));
+                        slice.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) +
+                                     static_cast<std::size_t>(i)] = static_cast<float>(volume.value_at(index));
                     }
             }
             for (int j = 0; j < ny; ++j)
                 for (int i = 0; i < nx;) {
                     auto const shade_at = [&](int k) {
-                        float const v = slice.values[static_cast<std::size_t>(j * nx + k)];
+                        float const v = slice.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) +
+                                                     static_cast<std::size_t>(k)];
                         return std::isnan(v)
                                    ? -1
                                    : static_cast<int>(255 * std::clamp(grey.place(static_cast<double>(v)), 0.0, 1.0));
