@@ -119,9 +119,7 @@ int receive_descriptor(int socket, RingMessage& message) {
     return descriptor;
 }
 
-} // namespace
-
-namespace {
+Error false_offer() { return {ErrorKind::data, "the shared memory that was offered is not what it claims to be"}; }
 
 /// A file in memory without a name.
 class FileMemory : public RingMemory {
@@ -163,7 +161,7 @@ std::unique_ptr<RingMemory> open_file(int descriptor, std::size_t bytes, SharedM
     struct stat status {};
     bool const sane = ::fstat(descriptor, &status) == 0 && static_cast<std::size_t>(status.st_size) >= bytes &&
                       (::fcntl(descriptor, F_GET_SEALS) & F_SEAL_SHRINK) != 0;
-    if (!sane) throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
+    if (!sane) throw false_offer();
     file->map(bytes, rights);
     return file;
 }
@@ -186,7 +184,7 @@ SharedRing SharedRing::open(int descriptor, std::uint32_t slots, std::size_t slo
     constexpr std::size_t most = std::size_t{1} << 46;
     if (slots == 0 || slots >= 65536 || slot_bytes == 0 || slot_bytes >= most) {
         ::close(descriptor);
-        throw Error(ErrorKind::data, "the shared memory that was offered is not what it claims to be");
+        throw false_offer();
     }
     SharedRing ring;
     ring.slots_ = slots;

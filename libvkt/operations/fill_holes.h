@@ -5,10 +5,9 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/operations/components.h"
 #include "libvkt/operations/kernels/device_components.h"
-
 #include "libvkt/operations/number.h"
-#include <memory>
 
+#include <memory>
 #include <optional>
 #include <vector>
 

@@ -209,6 +209,10 @@ bool applies(std::string_view option, Algorithm algorithm) {
                                                   : use->scatter;
 }
 
+bool holds_back_light(RenderSettings const& settings, Algorithm algorithm) {
+    return (settings.shadows && algorithm == Algorithm::ray_marching) || settings.ambient_occlusion > 0;
+}
+
 void SettingsParameters::refuse_misfits() const {
     for (Use const& use : uses)
         if (!applies(use.option, algorithm_) && list_->given(use.option))
@@ -319,8 +323,7 @@ RenderSettings SettingsParameters::settings() const {
     for (char const* const name : {"light-direction", "ambient", "specular"}) {
         if (!list_->given(name)) continue;
         // Without any surface, light is held back all the same.
-        bool const occluded = (s.shadows && algorithm_ == Algorithm::ray_marching) || s.ambient_occlusion > 0;
-        if (s.shade == 0 && occluded) continue;
+        if (s.shade == 0 && holds_back_light(s, algorithm_)) continue;
         if (s.shade == 0) refuse(text("--", name, " does not apply to --shade ", shading_));
         if (s.shade < 0) s.shade = 1; // whoever places a light wants to see it
     }

@@ -62,5 +62,7 @@ struct OptionWords {
 std::vector<OptionWords> options_of(RenderSettings const& settings);
 /// Whether the option has a meaning for the algorithm.
 bool applies(std::string_view option, Algorithm algorithm);
+/// True if light is held back that would reach a point without any surface: a light means something with --shade none.
+bool holds_back_light(RenderSettings const& settings, Algorithm algorithm);
 
 } // namespace vkt::render

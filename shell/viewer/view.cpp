@@ -74,8 +74,7 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
         s.opacity = plain.opacity, s.unit = plain.unit, s.opacity_scale = plain.opacity_scale;
     }
     if (s.algorithm == Algorithm::multi_scattering) s.shade = plain.shade;
-    bool const occluded = (s.shadows && s.algorithm == Algorithm::ray_marching) || s.ambient_occlusion > 0;
-    if (s.shade == 0 && !occluded) {
+    if (s.shade == 0 && !render::holds_back_light(s, s.algorithm)) {
         s.light_direction.reset(), s.shadows = false;
         s.ambient = plain.ambient, s.specular = plain.specular;
     }

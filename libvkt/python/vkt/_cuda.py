@@ -22,6 +22,8 @@ class DeviceArray:
 
 def array_of(array):
     """The array if it is one of a GPU, else None."""
+    if isinstance(array, DeviceArray):
+        return array
     interface = getattr(array, "__cuda_array_interface__", None)
     if interface is None:
         return None

@@ -59,7 +59,7 @@ class Volume:
                  origin: "Sequence[float] | None" = None, direction: Any = None, slope: "float | None" = None,
                  intercept: "float | None" = None, units: "str | None" = None, like: "Volume | None" = None,
                  copy: bool = True):
-        on_gpu = array if isinstance(array, _cuda.DeviceArray) else _cuda.array_of(array)
+        on_gpu = _cuda.array_of(array)
         array = np.asarray(array) if on_gpu is None else on_gpu
         if array.dtype == bool:
             array = array.view(np.uint8)
