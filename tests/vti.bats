@@ -218,6 +218,11 @@ END
     fails_with 3 "huge.vti" vkt stats huge.vti
     printf '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="ImageData">&b;</VTKFile>' >bomb.vti
     fails_with 3 "entities" vkt stats bomb.vti
+    # An element where an array's numbers are, found by fuzzing: the array's end was looked for in the piece within it.
+    printf '%s' '<VTKFile type="ImageData"><ImageData WholeExtent="0 1 0 1 0 1" Origin="0 0 0" Spacing="1 1 1">' \
+        '<Piece Extent="0 1 0 1 0 1"><PointData><DataArray type="UInt8" Name="a" format="ascii">1' \
+        '<Piece Extent="0 1 0 1 0 1"/></DataArray></PointData></Piece></ImageData></VTKFile>' >nested.vti
+    fails_with 3 "within the numbers" vkt stats nested.vti
     printf '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"></VTKFile>' >grid.vtu
     fails_with 3 "VTK XML file" vkt stats grid.vtu
 }

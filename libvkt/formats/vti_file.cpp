@@ -160,6 +160,8 @@ private:
         Attributes a;
         for (; *list != nullptr; list += 2) a.emplace(list[0], list[1]);
         if (++depth_ == 1) return root(name, a);
+        if (inline_ && (name == "Piece" || name == "DataArray" || name == "Array" || name == "AppendedData"))
+            damaged(result_.name, text("has an element ", name, " within the numbers of an array"));
         if (name == "ImageData" || name == "PImageData") return image(a);
         if (name == "Piece") return piece(a);
         if (name == "PointData" || name == "PPointData" || name == "CellData" || name == "PCellData") {
