@@ -91,7 +91,9 @@ void Runner::predict(std::string const& stage, double seconds) {
 }
 
 void Runner::tell_prediction() const {
-    if (predictions_ > 1) log_.answer(text(last_.stage(), ":   all stages: about ", short_number(predicted_), " s\n"));
+    if (predictions_ > 0 && calibration_)
+        log_.answer(text(last_.stage(), ":   all stages: about ", short_number(predicted_ + calibration_->start),
+                         " s, the start of the program included\n"));
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {

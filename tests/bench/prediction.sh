@@ -23,9 +23,7 @@ for type in uint16 float32; do
     while read -r stage; do
         last='write out.vkt --force'
         [ "$stage" = stats ] && line="read v.vkt | stats" || line="read v.vkt | $stage | $last"
-        # What is predicted of each stage, summed.
-        predicted=$(vkt pipe -n "$line" 2>&1 | sed -n 's/^vkt [a-z-]*:   about \(.*\) s on this machine$/\1/p' |
-            awk '{ sum += $1 } END { print sum }')
+        predicted=$(vkt pipe -n "$line" 2>&1 | sed -n 's/^vkt [a-z-]*:   all stages: about \(.*\) s, .*/\1/p')
         i=0
         : >seconds
         while [ $i -lt "$repeats" ]; do

@@ -339,6 +339,7 @@ def pictures(options):
         volume = vkt.Volume((255 * waves(grid(n))).clip(0, 255).astype(np.uint8))
         volume.write(path)
         for name, words in (("march", "render --size 256x256"),
+                            ("iso", "render --size 256x256 --render-algo implicit-iso --iso 120"),
                             ("scattering", "render --size 96x96 --render-algo multi-scattering")):
             chart = Chart(name, f"{words}, {n}^3 uint8", "largest error, display levels", options)
             done = subprocess.run([options.vkt, "chart", words, path, "--csv", "--budget", "20"],
@@ -352,6 +353,85 @@ def pictures(options):
                     chart.point("vkt", knob, float(row["seconds"]), float(row["max_error"]))
             charts.append(chart)
     return charts
+
+
+def renderers(options):
+    """Fog without surfaces, beside VTK and Mitsuba: frames with the data loaded, without what is prepared once."""
+    n, size = options.size // 2, 192
+    v = (255 * waves(grid(n))).clip(0, 255).astype(np.uint8)
+    rim = np.ones_like(v)
+    rim[3:-3, 3:-3, 3:-3] = 0
+    v[rim == 1] = 0  # tools continue the volume differently
+    other = importlib.import_module("renderers")
+    reference = other.march(v, size)
+    eye, middle = other.eye * n + (n - 1) / 2, (n - 1) / 2
+    words = ["--eye", ",".join(map(str, eye)), "--target", f"{middle},{middle},{middle}", "--up", "0,0,1", "--fov", "30",
+             "--domain", "0:255", "--unit-distance", "1", "--threads", str(len(os.sched_getaffinity(0)))]
+    fog = Chart("march-fog", f"Ray marching of fog, {size}x{size}, {n}^3 uint8", "largest error, levels of 255", options)
+    paths = Chart("paths-fog", f"Multiple scattering, 64x64, {n}^3 uint8", "RMS error, of the mean", options)
+
+    def rows_of_peer(chart, tool, command, *files):
+        done = subprocess.run([*command, str(here / "renderers.py"), *files], capture_output=True, text=True)
+        if done.returncode != 0:
+            missing.add(tool)
+            print(done.stderr[-500:], file=sys.stderr)
+        for line in done.stdout.splitlines():
+            variant, seconds, error = line.split(",")
+            chart.point(tool, variant, float(seconds), float(error))
+
+    with tempfile.TemporaryDirectory() as folder:
+        vkt.Volume(v).write(f"{folder}/v.nrrd")
+        np.save(f"{folder}/v.npy", v)
+        np.save(f"{folder}/reference.npy", reference)
+
+        def frame(*more, runs=3):
+            """The best seconds of some runs, and the linear grey picture."""
+            best = math.inf
+            for _ in range(runs):
+                said = subprocess.run([options.vkt, "render", f"{folder}/v.nrrd", *words, *more, "-v", "--force",
+                                       "-o", f"{folder}/a.pfm"], capture_output=True, text=True, check=True).stderr
+                best = min(best, float(said.split("rendered in ")[1].split(" ms")[0]))
+            with open(f"{folder}/a.pfm", "rb") as file:
+                file.readline()
+                width, height = map(int, file.readline().split())
+                scale = abs(float(file.readline()))
+                picture = np.frombuffer(file.read(), "<f4").reshape(height, width, 3)[::-1].mean(axis=2) * scale
+            return best / 1000, picture
+
+        def white(thickness, colour):
+            return ["--lut", *[colour] * 3, "0", *[colour] * 3, str(-math.expm1(-thickness))]
+
+        for step in (4, 2, 1, 0.5, 0.25):
+            seconds, picture = frame("--size", f"{size}x{size}", "--background", "0,0,0", "--shade", "none", "--step", str(step),
+                                     *white(other.thin, "1"))
+            fog.point("vkt", f"step {step:g}", seconds, 255 * np.max(np.abs(picture - reference)))
+        rows_of_peer(fog, "VTK", ["xvfb-run", "-a", sys.executable], "vtk-march", f"{folder}/v.npy",
+                     f"{folder}/reference.npy")
+
+        scene = ["--render-algo", "multi-scattering", "--size", "64x64", "--background", "1,1,1",
+                 *white(other.thick, "0.9")]  # sRGB, 0.787 in linear light
+        _, limit = frame(*scene, "--spp", "1024", "--seed", "7", runs=1)
+        for count in (4, 16, 64, 256):
+            seconds, picture = frame(*scene, "--spp", str(count))
+            noise = np.mean((picture - limit) ** 2) / (1 + count / 1024)
+            paths.point("vkt", f"spp {count}", seconds, math.sqrt(noise) / limit.mean())
+        rows_of_peer(paths, "Mitsuba 3", [sys.executable], "mitsuba", f"{folder}/v.npy", "64")
+    return [fog, paths]
+
+
+def reconstructions(options):
+    """Hierarchical volumes made structured: cell averages of a field in closed form, against the field."""
+    bench = Path(options.build) / "tests" / "vkt_amr_bench"
+    if not bench.exists():
+        missing.add("vkt_amr_bench")
+        return []
+    done = subprocess.run([bench, "accuracy", str(len(os.sched_getaffinity(0)))], capture_output=True, text=True, check=True)
+    chart = Chart("amr-reconstructions", "A tree of cell averages to a grid", "RMS error, of the field's deviation", options)
+    for row in csv.DictReader(done.stdout.splitlines()):
+        if row["where"] == "all":
+            chart.point(row["method"], f"{float(row['samples_per_finest_cell']):g} a cell", float(row["seconds"]),
+                        float(row["rms_error"]))
+    return [chart]
 
 
 def main():
@@ -368,7 +448,7 @@ def main():
     vkt = importlib.import_module("vkt")
     out = Path(options.out)
     made = []
-    for make in (gaussians, resampling, rotations, equalization, sums, scaling, pictures):
+    for make in (gaussians, resampling, rotations, equalization, sums, scaling, pictures, renderers, reconstructions):
         if options.only and not any(word in make.__name__ for word in options.only):
             continue
         for chart in make(options):
