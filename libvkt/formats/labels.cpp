@@ -74,11 +74,17 @@ std::map<std::int64_t, LabelText> label_texts(std::map<std::string, std::string>
 }
 
 std::array<double, 3> label_color(std::int64_t label) {
+    struct Shade {
+        double brightness, saturation;
+    };
+    // Hues come close to earlier ones after eight steps.
+    constexpr std::array<Shade, 3> shades{{{0.95, 0.65}, {0.65, 0.5}, {0.95, 0.35}}};
+    Shade const shade = shades[static_cast<std::size_t>(std::abs(label % 24)) / 8];
     double const turns = static_cast<double>(label % 100'000) * 0.6180339887498949;
     double const hue = (turns - std::floor(turns)) * 6;
     auto const channel = [&](double offset) {
         double const k = std::fmod(offset + hue, 6);
-        double const value = 0.95 - 0.65 * std::clamp(std::min(k, 4 - k), 0.0, 1.0);
+        double const value = shade.brightness - shade.saturation * std::clamp(std::min(k, 4 - k), 0.0, 1.0);
         return std::round(value * 1000) / 1000;
     };
     return {channel(5), channel(3), channel(1)};

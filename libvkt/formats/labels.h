@@ -39,7 +39,7 @@ struct LabelText {
 std::map<std::int64_t, LabelText> label_texts(std::map<std::string, std::string> const& attributes);
 
 /// A colour for a label, always the same one: hues in steps of the golden ratio around their circle, so that each is
-/// far from those of the labels before it. sRGB, 0 to 1, three digits.
+/// far from those of the labels before it, bright, dark and pale by turns. sRGB, 0 to 1, three digits.
 std::array<double, 3> label_color(std::int64_t label);
 
 } // namespace vkt

@@ -88,12 +88,13 @@ TEST(RenderLabels, aCutShowsTheLabelsInIt) {
 
 TEST(RenderLabels, leavingOutEmptySpaceChangesNoBit) {
     auto const shells = [](auto x, auto y, auto z) {
-        double const r = std::hypot(static_cast<double>(x) - 31, static_cast<double>(y) - 20, static_cast<double>(z) - 9);
+        double const r =
+            std::hypot(static_cast<double>(x) - 31, static_cast<double>(y) - 20, static_cast<double>(z) - 9);
         return r > 9 ? 0 : static_cast<int>(r);
     };
     Volume const small = labels_of<std::uint8_t>({61, 45, 33}, DataType::uint8, shells);
     Volume const wide = labels_of<std::int32_t>({61, 45, 33}, DataType::int32,
-                                               [&](auto x, auto y, auto z) { return -1000 * shells(x, y, z); });
+                                                [&](auto x, auto y, auto z) { return -1000 * shells(x, y, z); });
     for (Volume const* volume : {&small, &wide}) {
         RenderSettings s;
         s.width = s.height = 70;

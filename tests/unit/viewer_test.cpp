@@ -79,8 +79,9 @@ TEST(Reprojection, goesAlongWithTheHand) {
         auto const turned = reprojected(camera, 1, orbit(camera, {0.2, 0}), 1, 2);
         EXPECT_NEAR(turned[4][0], 0.5, 1e-12);
         EXPECT_NEAR(turned[4][1], 0.5, 1e-12);
-        if (camera.projection == Projection::orthographic)
+        if (camera.projection == Projection::orthographic) {
             EXPECT_NEAR(turned[5][0] - 0.5, 0.5 * std::cos(0.2 * 3.14159265358979), 1e-12);
+        }
         // From behind and from the edge there is nothing to show.
         EXPECT_TRUE(reprojected(camera, 1, orbit(camera, {0.9, 0}), 1, 2).empty());
         EXPECT_TRUE(reprojected(camera, 1, orbit(camera, {0.5, 0}), 1, 2).empty());

@@ -132,8 +132,15 @@ template <VoxelField S>
 VKT_HD Float3 label_normal(S const& sampler, SceneView const& scene, Ray const& ray, LabelHit const& hit) {
     if (hit.axis < 0) return cut_gradient(scene, ray);
     Float3 const smooth = label_gradient(sampler, scene, ray.entry + ray.direction * hit.t);
+    float const length = std::sqrt(dot(smooth, smooth));
     constexpr float least = 1e-4F; // thin walls have as much before them as behind them
-    if (dot(smooth, smooth) > least * least) return smooth;
+    if (length > least) {
+        // What is seen faces the eye: where the smoothed surface does not, as it may beside an edge, it is seen from
+        // its edge.
+        Float3 const way = to_float(ray.direction);
+        float const along = dot(smooth, way), grazing = 1e-3F * length;
+        return along > grazing ? smooth : smooth + way * (grazing - along);
+    }
     return {hit.axis == 0 ? 1.0F : 0.0F, hit.axis == 1 ? 1.0F : 0.0F, hit.axis == 2 ? 1.0F : 0.0F};
 }
 
@@ -157,9 +164,14 @@ VKT_HD Radiance label_ray(S const& sampler, SceneView const& scene, Ray const& r
     LabelHit hit;
     if (!meet_label(sampler, scene, ray, hit, counters)) return {0, 0, 0, 1};
     Float3 const g = label_normal(sampler, scene, ray, hit);
+    // A voxel before the surface, so that its steps throw no shadows on one another.
+    double const length = std::sqrt(static_cast<double>(dot(g, g)));
+    Double3 lift{0, 0, 0};
+    if (length > 0 && hit.axis >= 0)
+        lift = Double3{g.x, g.y, g.z} * ((dot(g, to_float(ray.direction)) > 0 ? -1 : 1) / length);
     auto const light = [&](Double3 point, Double3 direction, double reach) __attribute__((always_inline)) {
         Ray to_light{};
-        if (!ray_within(scene, point, direction, reach, to_light)) return 1.0F;
+        if (!ray_within(scene, point + lift, direction, reach, to_light)) return 1.0F;
         LabelHit other;
         return meet_label(sampler, scene, to_light, other, counters) ? 0.0F : 1.0F;
     };
