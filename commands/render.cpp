@@ -29,7 +29,9 @@ public:
         list.option("depth", depth_, "BITS", "bits a channel: 8 or 16 of PNG, 16 or 32 of OpenEXR (default: 8, 32)")
             .not_in_history();
         list.flag("annotate", annotation_.key,
-                  "draw a colour bar with its values, a scale bar in world units and the axes into the picture");
+                  "draw a colour bar with its values, or a legend of labels or surfaces, a scale bar in world units "
+                  "and the axes "
+                  "into the picture");
         list.option("caption", annotation_.caption, "TEXT", "write this below the picture");
         list.option("font", annotation_.font, "FILE", "font for both (default: one that is found, sans serif)");
         list.option("tiles", tiles_, "I/N",

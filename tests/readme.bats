@@ -4,7 +4,7 @@ load helper
 @test "the pipelines of the README run" {
     cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
     sed -n '/^## Pipelines/,/^## Examples/p' "$VKT_ROOT/README.md" | grep '^vkt ' >lines
-    [ "$(wc -l <lines)" -eq 16 ]
+    [ "$(wc -l <lines)" -eq 17 ]
     [ "$(grep -c -e --window lines)" -eq 1 ] # which needs a display; viewer.bats has one
     sed -i '/--window/d' lines
     while IFS= read -r line; do

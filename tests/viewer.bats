@@ -332,6 +332,7 @@ clicks() {
     clicks 480 43 # and the integrator
     clicks 480 68 # opens the light
     clicks 338 168 # ambient occlusion
+    clicks 420 218 # its radius
     clicks 338 93 # a light from a direction
     clicks 338 168 # its shadows
     clicks 480 68 # closes the light
@@ -343,10 +344,28 @@ clicks() {
     sleep 0.5
     said=$(command_of)
     echo "$said"
-    [[ "$said" == *--light-direction*--shadows*--ambient-occlusion\ 16*--clip-plane* ]]
+    [[ "$said" == *--light-direction*--shadows*--ambient-occlusion\ 16*--occlusion-radius\ *--clip-plane* ]]
     eval "$said"
     shows_picture block_24x18x30_uint8.png 320 240
     run ! cmp -s <(pixels_of before.png) <(pixels_of block_24x18x30_uint8.png)
+    quits
+}
+
+@test "labels are shown as they are written, and other colours are a wish for these" {
+    python_with vtk numpy
+    with_display
+    opens --labels always
+    vkt render $volume --size 320x240 --labels always -o expected.png
+    shows_picture expected.png 320 240
+    presses c
+    titled ' [0-9]+ ms'
+    presses p
+    sleep 0.5
+    said=$(command_of)
+    echo "$said"
+    [[ "$said" == *--colormap* && "$said" != *--labels* ]]
+    eval "$said"
+    shows_picture block_24x18x30_uint8.png 320 240
     quits
 }
 

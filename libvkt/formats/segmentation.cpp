@@ -8,11 +8,10 @@
 #include "libvkt/engine/spool.h"
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/labels.h"
 #include "libvkt/io/output_file.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <optional>
@@ -29,20 +28,6 @@ constexpr std::string_view segment_prefix = "Segment", segmentation_prefix = "Se
 /// What the pairs SegmentN_… of one N say, by what follows N and the underscore.
 using Segment = std::map<std::string, std::string>;
 
-struct SegmentKey {
-    std::int64_t number;
-    std::string field;
-};
-
-std::optional<SegmentKey> segment_key(std::string const& key) {
-    if (!key.starts_with(segment_prefix)) return {};
-    std::size_t const underscore = key.find('_');
-    if (underscore == std::string::npos || underscore == segment_prefix.size()) return {};
-    std::string const digits = key.substr(segment_prefix.size(), underscore - segment_prefix.size());
-    if (!std::ranges::all_of(digits, [](char c) { return c >= '0' && c <= '9'; }) || digits.size() > 9) return {};
-    return SegmentKey{std::stoll(digits), key.substr(underscore + 1)};
-}
-
 std::int64_t label_of(Segment const& segment) {
     auto const value = segment.find("LabelValue");
     return value == segment.end() ? 0 : integer_in(trimmed(value->second)).value_or(0);
@@ -54,16 +39,10 @@ std::string extent_text(std::optional<Box> const& box) {
                 box->upper.z - 1);
 }
 
-/// Red, green and blue in 0…1 that differ from those of the labels before: steps of the golden ratio around the circle
-/// of hues.
+/// Red, green and blue in 0…1.
 std::string colour_text(std::int64_t label) {
-    double const hue = std::fmod(static_cast<double>(label % 100'000) * 0.6180339887498949, 1) * 6;
-    auto const channel = [&](double offset) {
-        double const k = std::fmod(offset + hue, 6);
-        double const value = 0.95 - 0.65 * std::clamp(std::min(k, 4 - k), 0.0, 1.0);
-        return to_text(std::round(value * 1000) / 1000);
-    };
-    return text(channel(5), " ", channel(3), " ", channel(1));
+    auto const [red, green, blue] = label_color(label);
+    return text(red, " ", green, " ", blue);
 }
 
 /// Finds the boxes of labels in voxels that come in the order in which they lie in memory.

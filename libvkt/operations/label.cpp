@@ -3,6 +3,7 @@
 #include "libvkt/operations/label.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/formats/labels.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/kernels/fill.h"
@@ -62,6 +63,7 @@ Plan Label::plan(std::span<Header const> inputs) {
     plan.output.values = {};
     plan.output.units.clear();
     plan.output.attributes.erase("background");
+    mark_as_labels(plan.output);
     plan.scans = true;
     plan.passing = ErrorPassing::jumps();
     plan.method = text("runs and union-find, ", connectivity, "-connected");

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/watershed.h"
 
+#include "libvkt/formats/labels.h"
 #include "libvkt/kernel/cpu_drivers.h"
 #include "libvkt/operations/connectivity.h"
 #include "libvkt/operations/distance.h"
@@ -109,6 +110,7 @@ Plan Watershed::plan(std::span<Header const> inputs) {
     plan.output.values = {};
     plan.output.units.clear();
     plan.output.attributes.erase("background");
+    mark_as_labels(plan.output);
     plan.whole = true;
     plan.passing = ErrorPassing::jumps();
     plan.cost = 100;

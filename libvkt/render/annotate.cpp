@@ -145,21 +145,65 @@ void draw_color_bar(Canvas& canvas, RenderReport const& report, std::string cons
     canvas.put(unit, std::min(x0, canvas.width() - size / 2 - unit.width), y0 - unit.height - size / 2, ink);
 }
 
-void draw_surfaces(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
+/// As much of the words as is no wider; what is left out leaves dots.
+std::string fitting(Canvas const& canvas, std::string words, int width) {
+    if (canvas.text(words).width <= width) return words;
+    while (!words.empty() && canvas.text(words + "...").width > width) {
+        do words.pop_back();
+        while (!words.empty() && (static_cast<unsigned char>(words.back()) & 0xC0U) == 0x80U); // rests of a character
+        if (!words.empty() && static_cast<unsigned char>(words.back()) >= 0xC0U) words.pop_back();
+    }
+    return words + "...";
+}
+
+/// A colour and what it stands for.
+struct LegendRow {
+    std::string words;
+    Color color;
+};
+
+/// As many rows as fit, from the top; the last then says how many more there are. `row` gives them by number.
+template <class Row> void draw_legend(Canvas& canvas, std::size_t count, Color const& ink, Row row) {
     auto const size = static_cast<int>(std::lround(canvas.size()));
-    std::vector<TextLine> labels;
+    int const top = canvas.height() / 5, pitch = 2 * size, room = (canvas.height() - size - top) / pitch;
+    std::size_t const rows = std::min(count, static_cast<std::size_t>(std::max(room, 1)));
+    std::size_t const shown = rows < count ? rows - 1 : rows;
+    std::vector<TextLine> lines;
+    std::vector<Color> colors;
     int widest = 0;
-    for (double const iso : report.isos) {
-        labels.push_back(canvas.text(units.empty() ? to_text(iso) : text(iso, " ", units)));
-        widest = std::max(widest, labels.back().width);
+    auto const add = [&](std::string const& words) {
+        lines.push_back(canvas.text(words));
+        widest = std::max(widest, lines.back().width);
+    };
+    for (std::size_t i = 0; i < shown; ++i) {
+        LegendRow const one = row(i);
+        colors.push_back(one.color);
+        add(fitting(canvas, one.words, canvas.width() / 3));
     }
+    if (shown < count) add(text(shown > 0 ? "and " : "", static_cast<std::int64_t>(count - shown), " more"));
     int const x1 = canvas.width() - size - widest - size / 2, x0 = x1 - size;
-    for (std::size_t i = 0; i < labels.size(); ++i) {
-        int const y = canvas.height() / 5 + static_cast<int>(i) * (2 * size);
-        canvas.box(x0, y, x1, y + size, report.iso_colors[i]);
-        canvas.frame(x0, y, x1, y + size, ink);
-        canvas.put(labels[i], x1 + size / 2, y + (size - labels[i].height) / 2, ink);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        int const y = top + static_cast<int>(i) * pitch;
+        if (i < shown) {
+            canvas.box(x0, y, x1, y + size, colors[i]);
+            canvas.frame(x0, y, x1, y + size, ink);
+        }
+        canvas.put(lines[i], x1 + size / 2, y + (size - lines[i].height) / 2, ink);
     }
+}
+
+void draw_surfaces(Canvas& canvas, RenderReport const& report, std::string const& units, Color const& ink) {
+    draw_legend(canvas, report.isos.size(), ink, [&](std::size_t i) {
+        double const iso = report.isos[i];
+        return LegendRow{units.empty() ? to_text(iso) : text(iso, " ", units), report.iso_colors[i]};
+    });
+}
+
+void draw_labels(Canvas& canvas, RenderReport const& report, Color const& ink) {
+    draw_legend(canvas, report.labels->size(), ink, [&](std::size_t i) {
+        ShownLabel const& label = (*report.labels)[i];
+        return LegendRow{label.name.empty() ? to_text(label.label) : printable(label.name), label.color};
+    });
 }
 
 Vec3 minus(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -237,7 +281,9 @@ void annotate(Image& image, RenderReport const& report, Header const& header, Ba
     double const size = std::max(9.0, image.height / 32.0);
     Canvas canvas(image, annotation.font.empty() ? default_font() : annotation.font, size);
     if (annotation.key) {
-        if (report.isos.empty())
+        if (report.labels)
+            draw_labels(canvas, report, ink);
+        else if (report.isos.empty())
             draw_color_bar(canvas, report, header.units, ink);
         else
             draw_surfaces(canvas, report, header.units, ink);

@@ -1,4 +1,4 @@
-// What a picture says of itself within it: colour bar, scale bar, axes, a caption.
+// What a picture says of itself within it: colour bar or legend, scale bar, axes, a caption.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -11,7 +11,7 @@
 namespace vkt::render {
 
 struct Annotation {
-    bool key = false;    ///< colour bar or values of surfaces, scale bar, axes
+    bool key = false;    ///< colour bar, values of surfaces or names of labels; scale bar, axes
     std::string caption; ///< below; empty: none
     std::string font;    ///< a file; empty: default_font()
 

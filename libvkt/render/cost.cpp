@@ -4,6 +4,7 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/render/categories.h"
 #include "libvkt/render/settings.h"
 
 #include <algorithm>
@@ -64,6 +65,9 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
                     " paths, each as long as the volume is dense");
     } else if (is_projection(settings.algorithm)) {
         method = text(enum_name(settings.algorithm), " of the values along each ray, cubic by cubic");
+        cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
+    } else if (draws_labels(settings, header)) {
+        method = "labels, the voxel nearest to each point, opaque";
         cost = text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ", rays, " rays");
     } else if (settings.algorithm == Algorithm::implicit_iso) {
         method = "implicit iso-surface, exact cubic per voxel";

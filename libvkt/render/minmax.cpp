@@ -160,6 +160,20 @@ CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& 
     return result;
 }
 
+CellVisibility classify_cells(CellGrid const& grid, float nothing) {
+    CellVisibility result;
+    std::size_t const n = grid.lowest.size();
+    result.majorant.assign(n, 0.0F);
+    result.distance.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        // What has no data ranges from +inf to -inf.
+        bool const some = grid.lowest[i] <= grid.highest[i] && (grid.lowest[i] < nothing || grid.highest[i] > nothing);
+        result.distance[i] = some ? 0 : 255;
+    }
+    measure(grid, result);
+    return result;
+}
+
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility) {
     return {grid.lowest.data(), visibility.majorant.data(), visibility.distance.data(), grid.nx, grid.ny, grid.nz};
 }

@@ -31,6 +31,8 @@ struct CellVisibility {
 };
 CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table);
 CellVisibility classify_cells(CellGrid const& grid, std::vector<IsoView> const& isos);
+/// Labels: all that is not this value can be seen.
+CellVisibility classify_cells(CellGrid const& grid, float nothing);
 
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility);
 

@@ -6,6 +6,7 @@
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/render/categories.h"
 #include "libvkt/render/device.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/passes.h"
@@ -173,11 +174,23 @@ struct PreparedFor {
     std::string colormap, opacity, domain, unit;
     double opacity_scale, shade;
     std::vector<double> isos, iso_colors, iso_opacities;
+    bool labels;
     friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
 };
-PreparedFor prepared_for(RenderSettings const& s) {
-    return {s.algorithm, s.transfer,      s.lut,   s.colormap, s.opacity,    s.domain,
-            s.unit,      s.opacity_scale, s.shade, s.isos,     s.iso_colors, s.iso_opacities};
+PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
+    return {s.algorithm,
+            s.transfer,
+            s.lut,
+            s.colormap,
+            s.opacity,
+            s.domain,
+            s.unit,
+            s.opacity_scale,
+            s.shade,
+            s.isos,
+            s.iso_colors,
+            s.iso_opacities,
+            draws_labels(s, header)};
 }
 
 } // namespace
@@ -194,6 +207,7 @@ struct Renderer::Prepared {
 struct Renderer::Cache {
     std::mutex mutex;
     std::shared_ptr<Prepared const> last;
+    std::shared_ptr<Categories const> labels;
     std::int64_t made = 0;
     std::mutex drawing; ///< of who draws with the copies
     std::unique_ptr<DeviceCopies> copies;
@@ -294,7 +308,7 @@ std::int64_t Renderer::preparations() const {
 
 std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings const& settings) const {
     std::lock_guard const lock(cache_->mutex);
-    PreparedFor wanted = prepared_for(settings);
+    PreparedFor wanted = prepared_for(settings, header_);
     if (cache_->last && cache_->last->made_for == wanted) return cache_->last;
     cache_->last.reset(); // its memory is needed for the next
     Appearance appearance = appearance_of(settings);
@@ -304,12 +318,24 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
     CellVisibility cells;
     Tree::Visibility bricks;
     if (tree_) bricks = tree_->classify(table);
-    cells = wanted.algorithm == Algorithm::implicit_iso ? classify_cells(macrocells(), appearance.isos)
-                                                        : classify_cells(macrocells(), table);
+    cells = appearance.labels                             ? classify_cells(macrocells(), appearance.labels->nothing)
+            : wanted.algorithm == Algorithm::implicit_iso ? classify_cells(macrocells(), appearance.isos)
+                                                          : classify_cells(macrocells(), table);
     cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
                                                              std::move(table), std::move(cells), std::move(bricks)});
     ++cache_->made;
     return cache_->last;
+}
+
+std::shared_ptr<Categories const> Renderer::labels_for(RenderSettings const& settings) const {
+    if (!draws_labels(settings, header_)) return nullptr;
+    bool const asked = settings.labels == LabelMode::always;
+    if (tree_) refuse("--labels always: hierarchical volumes are not drawn as labels", "vkt resample makes a grid");
+    auto& labels = cache_->labels;
+    if (!labels) labels = std::make_shared<Categories>(categories_of(lattice_, header_, execution_.threads));
+    if (labels->why_not.empty()) return labels;
+    if (asked) refuse(text("--labels always: the volume holds ", labels->why_not));
+    return nullptr;
 }
 
 double Renderer::value_at(Vec3 index) const {
@@ -362,8 +388,9 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
     appearance.domain.lower = appearance.transfer.points.front().value;
     appearance.domain.upper = appearance.transfer.points.back().value;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
-    appearance.shade = settings.shade >= 0 ? settings.shade : surfaces ? 1 : chosen ? 0.8 : 0;
-    if (!surfaces) return appearance;
+    appearance.labels = labels_for(settings);
+    appearance.shade = settings.shade >= 0 ? settings.shade : surfaces || appearance.labels ? 1 : chosen ? 0.8 : 0;
+    if (!surfaces || appearance.labels) return appearance;
 
     std::vector<double> isos = settings.isos;
     if (isos.empty()) isos.push_back(automatic.iso);
@@ -396,7 +423,7 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
 std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vector<Knot> const& knots,
                                           TransferTable const& table) const {
     std::vector<std::string> lines = appearance.lossy;
-    if (!appearance.isos.empty()) return lines;
+    if (!appearance.isos.empty() || appearance.labels) return lines;
     double const one = rescaling().of(header_.values.stored(histogram().least)),
                  other = rescaling().of(header_.values.stored(histogram().greatest));
     double const least = std::min(one, other), greatest = std::max(one, other);
@@ -416,7 +443,7 @@ std::vector<std::string> Renderer::unseen(Appearance const& appearance, std::vec
     return lines;
 }
 
-bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
+bool Renderer::on_gpu(RenderSettings const& settings, bool refines, bool labels) const {
     if (execution_.device == Device::automatic) {
         // Getting hold of a GPU takes as long as a picture, unless that takes many paths.
         constexpr double worth_it = 2e8;
@@ -425,7 +452,10 @@ bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
         return heavy && !tree_ && !refines && gpu_count() > 0;
     }
     if (execution_.device != Device::gpu) return false;
-    if (!tree_ && !refines) return true;
+    if (!tree_ && !refines && !labels) return true;
+    if (execution_.only_gpu && labels)
+        throw Error(ErrorKind::usage, "--device gpu: labels are not drawn on a GPU",
+                    "leave the choice to vkt: --device auto");
     if (execution_.only_gpu)
         throw Error(
             ErrorKind::usage,
@@ -495,6 +525,13 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     }
     scene.iso_count = static_cast<int>(appearance.isos.size());
     std::copy(appearance.isos.begin(), appearance.isos.end(), scene.isos);
+    if (appearance.labels) {
+        scene.labels = appearance.labels->views.data();
+        scene.label_count = static_cast<int>(appearance.labels->views.size());
+        scene.nothing = appearance.labels->nothing;
+        for (int axis = 0; axis < 3; ++axis)
+            scene.voxels[axis] = static_cast<int>(header_.dims[axis]) + 2 * lattice_padding;
+    }
     scene.step = static_cast<float>(settings.step);
     scene.skip = settings.skip;
     if (settings.goal.any()) // what rays leave out is to be a small part of the error
@@ -577,7 +614,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     TransferTable const& table = ready->table;
     CellVisibility const& cells = ready->cells;
     Tree::Visibility const& bricks = ready->bricks;
-    bool const surfaces = settings.algorithm == Algorithm::implicit_iso;
+    bool const labels = appearance.labels != nullptr;
+    bool const surfaces = settings.algorithm == Algorithm::implicit_iso || labels;
     Box content = tree_ ? tree_->region() : box_of(header_.dims);
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
@@ -648,7 +686,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
-    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()), labels);
     if (with_gpu) {
         device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
@@ -673,6 +711,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             report->iso_colors.push_back({linear_to_srgb(static_cast<double>(iso.red)),
                                           linear_to_srgb(static_cast<double>(iso.green)),
                                           linear_to_srgb(static_cast<double>(iso.blue))});
+        report->labels = labels ? appearance.labels->shown : nullptr;
         report->shade = appearance.shade;
         report->rays = counters.rays, report->segments = counters.segments, report->samples = counters.samples;
         report->capped = counters.capped;
@@ -689,7 +728,8 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         if (integrator == Integrator::scatter)
             report->paths = in_passes ? quality.rays : scene.before + settings.samples;
         report->method =
-            surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
+            labels     ? text("labels, ", scene.label_count, " of them, nearest voxel, shading ", appearance.shade)
+            : surfaces ? text("implicit iso-surface, exact cubic per voxel, ", scene.iso_count, " value(s)")
             : integrator == Integrator::scatter
                 ? text("delta tracking, ",
                        settings.anisotropy == 0 ? std::string("isotropic")

@@ -29,6 +29,16 @@ inline bool is_projection(Algorithm a) {
     return a == Algorithm::maximum || a == Algorithm::minimum || a == Algorithm::mean;
 }
 
+/// Whether a volume is drawn as labels: where its header says that it holds some.
+enum class LabelMode : std::uint8_t { automatic, always, never };
+
+/// A label that a volume holds: its name, if it has one, and the colour that it is drawn in, sRGB.
+struct ShownLabel {
+    std::int64_t label = 0;
+    std::string name;
+    Color color;
+};
+
 /// All that decides a picture besides the volume. One optical model for all algorithms: extinction is -ln(1-alpha) per
 /// unit distance, colour is emission (marching) or albedo (scattering).
 struct RenderSettings {
@@ -44,6 +54,9 @@ struct RenderSettings {
     std::string domain = "auto";  ///< see resolve_domain
     std::string unit; ///< world length, "auto" (diagonal / 256) or empty (the transfer's, else smallest spacing)
     double opacity_scale = 1; ///< multiplies extinctions
+
+    /// Each label opaque, in a colour of its own, without values between labels; see draws_labels() for when.
+    LabelMode labels = LabelMode::automatic;
 
     // Ray marching.
     double step = 0.5;  ///< in voxels along the ray, in [1/256, 4]
@@ -115,8 +128,10 @@ struct RenderReport {
     double unit = 0;    ///< world units
     Domain domain;
     TransferFunction transfer;
-    std::vector<double> isos;               ///< physical values of the surfaces that were looked for
-    std::vector<Color> iso_colors;          ///< sRGB, of each
+    std::vector<double> isos;      ///< physical values of the surfaces that were looked for
+    std::vector<Color> iso_colors; ///< sRGB, of each
+    /// Where the volume was drawn as labels: those that it holds, in ascending order.
+    std::shared_ptr<std::vector<ShownLabel> const> labels;
     double shade = 0;                       ///< strength of gradient shading
     std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
@@ -139,6 +154,7 @@ struct RenderReport {
 };
 
 struct Drawing;
+struct Categories;
 
 /// A volume made ready once, for many pictures.
 class Renderer {
@@ -171,9 +187,10 @@ private:
         Domain domain;
         double unit = 1;
         double shade = 0;
-        std::vector<IsoView> isos;      ///< in sampled values
-        std::vector<double> iso_values; ///< physical
-        std::vector<std::string> lossy; ///< surfaces that are not there
+        std::vector<IsoView> isos;                ///< in sampled values
+        std::vector<double> iso_values;           ///< physical
+        std::vector<std::string> lossy;           ///< surfaces that are not there
+        std::shared_ptr<Categories const> labels; ///< null: it is not drawn as labels
     };
     struct Prepared;
     CellGrid const& macrocells() const { return tree_ ? tree_->cells().grid : lattice_.cells; }
@@ -188,7 +205,10 @@ private:
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
     /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.
-    bool on_gpu(RenderSettings const& settings, bool refines) const;
+    bool on_gpu(RenderSettings const& settings, bool refines, bool labels) const;
+    /// The labels to draw; null where there is something else to draw. Throws Error{usage} where labels are asked for
+    /// and are none.
+    std::shared_ptr<Categories const> labels_for(RenderSettings const& settings) const;
     /// What does not change when only the camera moves: of the last picture, if it still holds.
     std::shared_ptr<Prepared const> prepared(RenderSettings const& settings) const;
 
@@ -224,6 +244,13 @@ template <> struct EnumNames<render::Algorithm> {
                 {render::Algorithm::maximum, "maximum"},
                 {render::Algorithm::minimum, "minimum"},
                 {render::Algorithm::mean, "mean"}};
+    }
+};
+template <> struct EnumNames<render::LabelMode> {
+    static std::vector<std::pair<render::LabelMode, char const*>> all() {
+        return {{render::LabelMode::automatic, "auto"},
+                {render::LabelMode::always, "always"},
+                {render::LabelMode::never, "never"}};
     }
 };
 template <> struct EnumNames<render::Fit> {

@@ -103,6 +103,8 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("unit-distance", s.unit, "DISTANCE",
                 "world length that opacities hold for (default: smallest spacing); auto is diagonal/256");
     list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
+    list.option("labels", s.labels, "WHEN",
+                "each label opaque, in a colour of its own: auto (where the header says labels), always, never");
     list.option("shade", shading_, "SHADING",
                 "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
         .choices = {"auto", "none", "gradient"};
@@ -225,6 +227,17 @@ void SettingsParameters::refuse_misfits() const {
     for (char const* other : {"view", "azimuth", "elevation", "fit"}) exclude("eye", other);
     exclude("orbit", "eye");
     if (orbit_ && (*orbit_ < 1 || *orbit_ > 100'000)) refuse(text("--orbit ", *orbit_, " is not 1 to 100000 pictures"));
+    if (settings_.labels == LabelMode::always) {
+        for (char const* other : {"rgba-lookup-table", "transfer", "colormap", "opacity", "domain", "iso", "iso-color",
+                                  "iso-opacity", "exact"})
+            if (list_->given(other)) refuse(text("--labels always has colours of its own, and no --", other));
+        if (is_projection(algorithm_))
+            refuse(text("--labels always: the ", enum_name(algorithm_), " of labels along a ray is no label"),
+                   "--render-algo ray-marching draws the nearest one");
+        if (algorithm_ == Algorithm::multi_scattering)
+            refuse("--labels always: labels are opaque, and nothing is scattered in them",
+                   "--render-algo ray-marching with --ambient-occlusion lights them softly");
+    }
     exclude("exact", "shade");
     for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion"})
         exclude("exact", other);
@@ -387,6 +400,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!s.transfer && s.domain != plain.domain) add("domain", {s.domain});
     if (!s.unit.empty()) add("unit-distance", {s.unit});
     if (s.opacity_scale != 1) add("opacity-scale", {to_text(s.opacity_scale)});
+    if (s.labels != plain.labels) add("labels", {enum_name(s.labels)});
 
     CameraRequest const& c = s.camera;
     if (c.eye) add("eye", {triple(*c.eye)});

@@ -144,6 +144,24 @@ std::optional<std::array<double, 2>> place_of(Camera const& camera, Vec3 point, 
     return std::array<double, 2>{(dot(to, right) / (half * aspect) + 1) / 2, (1 - dot(to, up) / half) / 2};
 }
 
+std::vector<std::array<double, 2>> reprojected(Camera const& from, double from_aspect, Camera const& to,
+                                               double to_aspect, int cells) {
+    constexpr double least_cosine = 0.2; // beyond, a picture is more edge than picture
+    Vec3 const normal = axes_of(from).forward;
+    if (dot(normal, axes_of(to).forward) < least_cosine) return {};
+    std::vector<std::array<double, 2>> places;
+    for (int j = 0; j <= cells; ++j)
+        for (int i = 0; i <= cells; ++i) {
+            Line const line =
+                line_under(from, i / static_cast<double>(cells), j / static_cast<double>(cells), from_aspect);
+            double const way = dot(from.target - line.origin, normal) / dot(line.direction, normal);
+            auto const place = place_of(to, line.origin + line.direction * way, to_aspect);
+            if (!place) return {};
+            places.push_back(*place);
+        }
+    return places;
+}
+
 std::optional<Vec3> point_met(Line const& line, render::Renderer const& volume,
                               render::TransferFunction const& transfer, double unit_distance,
                               std::vector<double> const& isos) {

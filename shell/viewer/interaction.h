@@ -43,6 +43,12 @@ struct Line {
 Line line_under(render::Camera const& camera, double x, double y, double aspect);
 /// Where a point of the world is in the picture; none behind the camera.
 std::optional<std::array<double, 2>> place_of(render::Camera const& camera, Vec3 point, double aspect);
+/// What a picture looks like from a camera that has moved, until that has a picture of its own: where it sees the
+/// corners of cells x cells equal parts of the picture, row by row from the upper left one, as if all of it lay in the
+/// plane through the target that faces the first camera. Exact at the target's depth; empty where the plane is seen
+/// from its edge or its back, or reaches behind the camera.
+std::vector<std::array<double, 2>> reprojected(render::Camera const& from, double from_aspect, render::Camera const& to,
+                                               double to_aspect, int cells);
 /// World length from the bottom to the top of the picture at the target.
 double span_of(render::Camera const& camera);
 using render::round_length; // of a scale bar

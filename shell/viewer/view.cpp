@@ -3,6 +3,7 @@
 #include "shell/viewer/view.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/render/categories.h"
 #include "libvkt/render/colormap.h"
 #include "libvkt/render/settings.h"
 
@@ -33,7 +34,7 @@ View initial_view(RenderSettings const& asked) {
     look.clip_planes = asked.clip_planes;
     look.light_direction = asked.light_direction, look.shadows = asked.shadows;
     look.ambient = asked.ambient, look.specular = asked.specular;
-    look.ambient_occlusion = asked.ambient_occlusion;
+    look.ambient_occlusion = asked.ambient_occlusion, look.occlusion_radius = asked.occlusion_radius;
     look.environment_rotation = asked.environment_rotation, look.environment_strength = asked.environment_strength;
     return view;
 }
@@ -54,6 +55,7 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     s.light_direction = look.light_direction, s.shadows = look.shadows && look.light_direction && !s.exact;
     s.ambient = look.ambient, s.specular = look.specular;
     s.ambient_occlusion = s.exact ? 0 : look.ambient_occlusion;
+    s.occlusion_radius = look.occlusion_radius;
     s.environment_rotation = look.environment_rotation, s.environment_strength = look.environment_strength;
     if (look.transfer) apply(*look.transfer, s);
     if (!look.surfaces.empty()) {
@@ -68,6 +70,8 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
             std::all_of(s.iso_opacities.begin(), s.iso_opacities.end(), [](double a) { return a == 1; });
         if (opaque) s.iso_opacities.clear();
     }
+    // Whoever edits colours or takes another algorithm wants to see these.
+    if (s.labels == render::LabelMode::always && !render::draws_labels(s, {})) s.labels = render::LabelMode::automatic;
     // What has no meaning for an algorithm is not to change its picture, as no option could say it.
     RenderSettings const plain;
     if (s.algorithm == Algorithm::implicit_iso) {
@@ -103,6 +107,7 @@ std::vector<std::vector<std::string_view>> const& groups() {
         {"transfer", "rgba-lookup-table", "colormap", "opacity", "domain"},
         {"unit-distance"},
         {"opacity-scale"},
+        {"labels"},
         {"eye", "view", "azimuth", "elevation", "target", "up", "fov", "zoom", "projection", "span", "fit"},
         {"exact", "shade", "step", "no-skip", "shadows", "light-direction", "ambient-occlusion", "occlusion-radius"},
         {"ambient"},
@@ -264,6 +269,17 @@ std::array<double, 2> plane_distances(Vec3 normal, Header const& header) {
         ends = {std::min(ends[0], at), std::max(ends[1], at)};
     }
     return ends;
+}
+
+double diagonal_of(Header const& header) {
+    auto const corners = render::corners_of(header.geometry, box_of(header.dims));
+    double longest = 0;
+    for (Vec3 const& a : corners)
+        for (Vec3 const& b : corners) {
+            Vec3 const d = a - b;
+            longest = std::max(longest, std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z));
+        }
+    return longest;
 }
 
 std::array<double, 4> plane_facing(render::Camera const& camera, Header const& header) {

@@ -39,7 +39,8 @@ struct Look {
     std::optional<Vec3> light_direction;
     double ambient = 0.25, specular = 0.12;
     bool shadows = false;
-    int ambient_occlusion = 0; ///< directions; 0: off
+    int ambient_occlusion = 0;   ///< directions; 0: off
+    double occlusion_radius = 0; ///< world length; 0: a tenth of the diagonal
     double environment_rotation = 0, environment_strength = 1;
     friend bool operator==(Look const&, Look const&) = default;
 };
@@ -82,6 +83,9 @@ struct Angles {
 };
 Angles angles_of(Vec3 direction);
 Vec3 direction_of(Angles const& angles);
+
+/// World length from one corner of a volume to the furthest other one.
+double diagonal_of(Header const& header);
 
 /// A plane through the middle of a volume that cuts off what lies before it, seen by a camera.
 std::array<double, 4> plane_facing(render::Camera const& camera, Header const& header);

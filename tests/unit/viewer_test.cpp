@@ -52,6 +52,42 @@ TEST(Orbit, keepsTargetDistanceAndRightAngles) {
     EXPECT_EQ(camera.target, front().target);
 }
 
+TEST(Reprojection, isThePictureItselfUntilTheCameraMoves) {
+    for (Camera const& camera : {front(), flat_front()}) {
+        auto const places = reprojected(camera, 1.5, camera, 1.5, 4);
+        ASSERT_EQ(places.size(), 25U);
+        for (std::size_t k = 0; k < 25; ++k) {
+            EXPECT_NEAR(places[k][0], static_cast<double>(k % 5) / 4, 1e-12);
+            EXPECT_NEAR(places[k][1], static_cast<double>(k / 5) / 4, 1e-12);
+        }
+    }
+}
+
+TEST(Reprojection, goesAlongWithTheHand) {
+    for (Camera const& camera : {front(), flat_front()}) {
+        // A tenth of the height to the right is a fifteenth of a width of 3/2.
+        auto const moved = reprojected(camera, 1.5, pan(camera, {0.1, 0.2}), 1.5, 2);
+        ASSERT_EQ(moved.size(), 9U);
+        EXPECT_NEAR(moved[4][0], 0.5 + 0.1 / 1.5, 1e-12);
+        EXPECT_NEAR(moved[4][1], 0.7, 1e-12);
+        EXPECT_NEAR(moved[8][0] - moved[0][0], 1, 1e-12);
+        // Two notches: 0.9 squared.
+        auto const larger = reprojected(camera, 1, zoom(camera, 2, camera), 1, 2);
+        EXPECT_NEAR(larger[8][0] - larger[0][0], 1 / 0.81, 1e-12);
+        EXPECT_NEAR(larger[4][0], 0.5, 1e-12);
+        // Turned by 36 degrees, the target stays, and what is beside it comes closer to it.
+        auto const turned = reprojected(camera, 1, orbit(camera, {0.2, 0}), 1, 2);
+        EXPECT_NEAR(turned[4][0], 0.5, 1e-12);
+        EXPECT_NEAR(turned[4][1], 0.5, 1e-12);
+        if (camera.projection == Projection::orthographic) {
+            EXPECT_NEAR(turned[5][0] - 0.5, 0.5 * std::cos(0.2 * 3.14159265358979), 1e-12);
+        }
+        // From behind and from the edge there is nothing to show.
+        EXPECT_TRUE(reprojected(camera, 1, orbit(camera, {0.9, 0}), 1, 2).empty());
+        EXPECT_TRUE(reprojected(camera, 1, orbit(camera, {0.5, 0}), 1, 2).empty());
+    }
+}
+
 TEST(Orbit, thingsFollowTheHand) {
     // A quarter turn to the right by hand shows what was on the left, -x.
     Camera const right = orbit(front(), {0.5, 0});

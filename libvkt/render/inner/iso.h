@@ -87,17 +87,23 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
     } while (outer.leap(distance));
 }
 
+/// The part of a line from a point of the lattice, along a direction of unit length, that is shown; false if none is.
+VKT_HD bool ray_within(SceneView const& scene, Double3 point, Double3 direction, double reach, Ray& ray) {
+    ray.direction = direction;
+    double near = 0, far = reach;
+    if (!clip(point, ray.direction, scene.shown, near, far)) return false;
+    ray.entry = point + ray.direction * near;
+    ray.length = far - near;
+    return true;
+}
+
 /// Share of the light from a direction (of unit length in the lattice) that reaches a point through the surfaces within
 /// a length.
 template <ScalarField S>
 VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, Double3 direction, double reach,
                       Counters& counters) {
     Ray ray{};
-    ray.direction = direction;
-    double near = 0, far = reach;
-    if (!clip(point, ray.direction, scene.shown, near, far)) return 1;
-    ray.entry = point + ray.direction * near;
-    ray.length = far - near;
+    if (!ray_within(scene, point, direction, reach, ray)) return 1;
     float light = 1;
     for (int i = 0; i < scene.iso_count && light > 0; ++i) {
         float const passes = 1.0F - scene.isos[i].alpha;
@@ -113,10 +119,10 @@ VKT_HD float light_at(S const& sampler, SceneView const& scene, Double3 point, D
 
 /// What arrives at a surface element with this gradient, `facing` its part along the ray: of the lamp's light, if that
 /// is asked for, and of the light from everywhere. Of the latter all directions on the eye's side count, by the cosine
-/// of their angle to the normal.
-template <ScalarField S>
-VKT_HD Arriving arriving_at(S const& sampler, SceneView const& scene, Double3 point, Float3 g, float facing, bool lamp,
-                            Counters& counters) {
+/// of their angle to the normal. `light_from` tells the share that reaches a point from a direction, within a length.
+template <class LightFrom>
+VKT_HD Arriving arriving_at(SceneView const& scene, Double3 point, Float3 g, float facing, bool lamp,
+                            LightFrom&& light_from) {
     Arriving light;
     float open = 0, all = 0;
     for (int i = lamp ? 0 : 1; i <= scene.around_count; ++i) {
@@ -125,7 +131,7 @@ VKT_HD Arriving arriving_at(S const& sampler, SceneView const& scene, Double3 po
         if (i > 0 && !(cosine > 0)) continue;
         Double3 const to_lamp = scene.lamp.lattice * (1 / std::sqrt(dot(scene.lamp.lattice, scene.lamp.lattice)));
         Double3 const direction = i == 0 ? to_lamp : Double3{way.direction.x, way.direction.y, way.direction.z};
-        float const share = light_at(sampler, scene, point, direction, static_cast<double>(way.reach), counters);
+        float const share = light_from(point, direction, static_cast<double>(way.reach));
         if (i == 0) {
             light.lamp = share;
             continue;
@@ -137,11 +143,10 @@ VKT_HD Arriving arriving_at(S const& sampler, SceneView const& scene, Double3 po
     return light;
 }
 
-/// A surface element as a light at the eye, or the lamp, shows it.
-template <ScalarField S>
-VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
-                            Counters& counters) {
-    Float3 g = sampler.gradient(S::place(ray.entry + ray.direction * t));
+/// A surface element with this gradient as a light at the eye, or the lamp, shows it.
+template <class LightFrom>
+VKT_HD Radiance lit_element(SceneView const& scene, Ray const& ray, double t, Float3 g, IsoView const& iso,
+                            LightFrom&& light_from) {
     // A surface is a surface, however faint the gradient: only its direction matters.
     float const x = std::abs(g.x), y = std::abs(g.y), z = std::abs(g.z), xy = x > y ? x : y;
     float const most = xy > z ? xy : z;
@@ -153,7 +158,7 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     if (asked || scene.around_count > 0) {
         constexpr double off = 0.02; // lattice units before the surface, so that it does not shade itself
         Double3 const point = ray.entry + ray.direction * (t - off);
-        light = arriving_at(sampler, scene, point, g, facing, asked, counters);
+        light = arriving_at(scene, point, g, facing, asked, light_from);
     }
     // What is no surface is lit by the lamp in any case.
     float const base = unshaded(scene.shade, {1, light.ambient});
@@ -161,6 +166,17 @@ VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const&
     Reflection const s = scene.lamp.on ? lamplight(scene.shade, g, parts, light, base, 0.0F)
                                        : headlight(scene.shade, g.x, g.y, g.z, along, light.ambient, base, 0.0F);
     return {iso.red * s.diffuse + s.glint, iso.green * s.diffuse + s.glint, iso.blue * s.diffuse + s.glint, 0};
+}
+
+/// The same of an iso-surface.
+template <ScalarField S>
+VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
+                            Counters& counters) {
+    Float3 const g = sampler.gradient(S::place(ray.entry + ray.direction * t));
+    return lit_element(
+        scene, ray, t, g, iso, [&](Double3 point, Double3 direction, double reach) __attribute__((always_inline)) {
+            return light_at(sampler, scene, point, direction, reach, counters);
+        });
 }
 
 /// Crossings of a ray with surfaces that light passes, nearest first.

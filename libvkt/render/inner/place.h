@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/render/inner/exact.h"
-#include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/labels.h"
 
 namespace vkt::render {
 
@@ -12,13 +12,9 @@ VKT_HD float distance_of(Ray const& ray, double t) {
     return static_cast<float>((ray.start + t) * ray.world_per_lattice);
 }
 
-/// The nearest surface: its normal in the world, of unit length, towards the eye, and its distance; zeros and infinity
-/// where there is none.
-template <class S>
-VKT_HD Radiance surface_place(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
-    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
-    if (hit.surface < 0) return {0, 0, 0, std::numeric_limits<float>::infinity()};
-    Float3 const g = sampler.gradient(S::place(ray.entry + ray.direction * hit.t));
+/// The distance of a point of a ray, and the normal there, of unit length in the world, towards the eye, from the
+/// derivative in the lattice.
+VKT_HD Radiance place_of(SceneView const& scene, Ray const& ray, double t, Float3 g) {
     Double3 const lattice{g.x, g.y, g.z};
     Matrix3 const& m = scene.to_lattice;
     Double3 normal{dot(m.x, lattice), dot(m.y, lattice), dot(m.z, lattice)}; // gradients map by the transpose
@@ -26,12 +22,37 @@ VKT_HD Radiance surface_place(S const& sampler, SceneView const& scene, Ray cons
     double const sign = dot(lattice, ray.direction) > 0 ? -1 : 1;
     normal = length > 0 ? normal * (sign / length) : Double3{0, 0, 0};
     Float3 const n = to_float(normal);
-    return {n.x, n.y, n.z, distance_of(ray, hit.t)};
+    return {n.x, n.y, n.z, distance_of(ray, t)};
+}
+
+/// The nearest surface: its normal in the world, of unit length, towards the eye, and its distance; zeros and infinity
+/// where there is none.
+template <class S>
+VKT_HD Radiance surface_place(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    constexpr float nowhere = std::numeric_limits<float>::infinity();
+    if constexpr (VoxelField<S>) {
+        if (scene.label_count > 0) {
+            LabelHit label;
+            if (!meet_label(sampler, scene, ray, label, counters)) return {0, 0, 0, nowhere};
+            return place_of(scene, ray, label.t, label_normal(sampler, scene, ray, label));
+        }
+    }
+    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
+    if (hit.surface < 0) return {0, 0, 0, nowhere};
+    return place_of(scene, ray, hit.t, sampler.gradient(S::place(ray.entry + ray.direction * hit.t)));
 }
 
 /// Its colour without light; zeros where there is none.
 template <class S>
 VKT_HD Radiance surface_albedo(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    if constexpr (VoxelField<S>) {
+        if (scene.label_count > 0) {
+            LabelHit label;
+            if (!meet_label(sampler, scene, ray, label, counters)) return {0, 0, 0, 1};
+            IsoView const& shown = shown_as(scene, label.value);
+            return {shown.red, shown.green, shown.blue, 0};
+        }
+    }
     Nearest const hit = nearest_surface(sampler, scene, ray, counters);
     if (hit.surface < 0) return {0, 0, 0, 1};
     IsoView const& iso = scene.isos[hit.surface];

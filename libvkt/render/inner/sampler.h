@@ -84,6 +84,8 @@ template <class T> struct LatticeSampler {
 
     VKT_HD static float mix(float a, float b, float f) { return a + (b - a) * f; }
 
+    /// The voxel at an index of the padded array.
+    VKT_HD float voxel(int x, int y, int z) const { return static_cast<float>(data[x + y * row + z * slice]); }
     VKT_HD float value(Float3 p) const {
         int const x = static_cast<int>(p.x), y = static_cast<int>(p.y), z = static_cast<int>(p.z);
         float const fx = p.x - static_cast<float>(x), fy = p.y - static_cast<float>(y),

@@ -83,6 +83,11 @@ struct SceneView {
     int around_count; ///< of the latter; 0: that light is everywhere the same
     IsoView isos[most_isos];
     int iso_count;
+    // Labels: sampled values in ascending order, and what is background; voxels of the padded lattice.
+    IsoView const* labels;
+    int label_count; ///< 0: the volume is not drawn as labels
+    float nothing;
+    int voxels[3];
     float step;         ///< lattice units
     bool skip;          ///< leave out what cannot be seen
     float patience = 1; ///< see is_settled()

@@ -25,7 +25,11 @@ VKT_HD void integrate(S const& sampler, SceneView const& scene, Integrator integ
         along_ray([&](Ray const& ray) { return exact_ray(sampler, scene, ray, counters); });
         break;
     case Integrator::iso:
-        along_ray([&](Ray const& ray) { return iso_ray(sampler, scene, ray, counters); });
+        along_ray([&](Ray const& ray) {
+            if constexpr (VoxelField<S>)
+                if (scene.label_count > 0) return label_ray(sampler, scene, ray, counters);
+            return iso_ray(sampler, scene, ray, counters);
+        });
         break;
     case Integrator::project:
         along_ray([&](Ray const& ray) { return project_ray(sampler, scene, ray, counters); });

@@ -44,8 +44,21 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
               text(shown.frame->arrival.slices, " of ", shown.frame->arrival.of, " slices are here"));
     if (overlays && p.width > 200 && p.height > 160) {
         render::Camera const& camera = shown.frame->camera;
-        // Colours, from below.
-        if (!shown.frame->report.transfer.points.empty()) {
+        if (auto const& labels = shown.frame->report.labels) {
+            float const x = p.x + 14, y = p.y + line + 16, pitch = line + 4;
+            auto const room = static_cast<std::size_t>(std::max(1.0F, (p.height - 3 * line - 32) / pitch));
+            std::size_t const fit = labels->size() > room ? room - 1 : labels->size();
+            for (std::size_t i = 0; i < fit; ++i) {
+                render::ShownLabel const& one = (*labels)[i];
+                float const top = y + static_cast<float>(i) * pitch;
+                list.AddRectFilled({x, top}, {x + 14, top + line}, color_of(one.color));
+                list.AddRect({x, top}, {x + 14, top + line}, IM_COL32(255, 255, 255, 160));
+                label(list, {x + 20, top}, one.name.empty() ? to_text(one.label) : printable(one.name));
+            }
+            if (fit < labels->size())
+                label(list, {x, y + static_cast<float>(fit) * pitch},
+                      text(fit > 0 ? "and " : "", static_cast<std::int64_t>(labels->size() - fit), " more"));
+        } else if (!shown.frame->report.transfer.points.empty()) { // colours, from below
             TransferEdit const edit = editable_transfer(shown.asked, view.look, shown.frame->report);
             ValueAxis const axis{edit.lower, edit.upper, edit.logarithmic};
             float const height = std::min(0.5F * p.height, 240.0F), x = p.x + 14, y = p.y + (p.height - height) / 2;

@@ -253,6 +253,13 @@ void Panels::light_panel(View& view, Shown const& shown) {
         auto ways = static_cast<double>(look.ambient_occlusion);
         if (slider("directions", ways, 6, render::most_ways, false, "%.0f"))
             look.ambient_occlusion = std::clamp(static_cast<int>(ways), 6, render::most_ways);
+        if (shown.volume) {
+            double const all = diagonal_of(shown.volume->header());
+            double radius = look.occlusion_radius > 0 ? look.occlusion_radius : all / 10;
+            if (slider("radius", radius, 1e-3 * all, all, true))
+                look.occlusion_radius = parse_double(short_number(radius)); // so that commands stay short
+            tip("what is further away holds back nothing");
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 #include "libvkt/io/module.h"
 #include "shell/viewer/painter.h"
 #include "shell/viewer/window/panels.h"
+#include "shell/viewer/window/widgets.h"
 
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
@@ -35,6 +36,12 @@ std::string glfw_error() {
     char const* message = nullptr;
     glfwGetError(&message);
     return message == nullptr ? "the display does not answer" : message;
+}
+
+bool same(std::optional<render::Camera> const& a, std::optional<render::Camera> const& b) {
+    if (!a || !b) return !a && !b;
+    return a->eye == b->eye && a->target == b->target && a->up == b->up && a->projection == b->projection &&
+           a->fov == b->fov && a->height == b->height;
 }
 
 /// The library between its start and its end.
@@ -96,6 +103,7 @@ private:
     void take_news();
     void upload();
     void draw();
+    void draw_picture(Area const& area);
     void set_title();
 
     bool panels_fit(float width) const { return panels_on_ && width >= panel_width() + least_picture_points; }
@@ -104,6 +112,7 @@ private:
     std::array<double, 2> in_picture(double x, double y) const;
 
     render::RenderSettings asked_;
+    render::Color background_;
     std::function<void(std::string const&)> note_;
     Session session_;
     GLFWwindow* window_ = nullptr;
@@ -126,7 +135,7 @@ private:
 
 Window::Window(Scene& scene, render::RenderSettings const& asked, render::Background const& background,
                std::function<void(std::string const&)> const& note)
-    : asked_(asked), note_(note), view_(initial_view(asked)), undo_(view_.look) {
+    : asked_(asked), background_(background.color), note_(note), view_(initial_view(asked)), undo_(view_.look) {
     open();
     listen();
     style();
@@ -568,6 +577,39 @@ void Window::upload() {
     frame.rgb = {};
 }
 
+/// The newest picture. It may be one of a camera that has moved meanwhile: then it is shown as that camera would see
+/// it.
+void Window::draw_picture(Area const& area) {
+    ImDrawList& list = *ImGui::GetBackgroundDrawList();
+    auto const texture = reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture_));
+    ImVec2 const corner{area.x, area.y}, far_corner{area.x + area.width, area.y + area.height};
+    constexpr int cells = 16;
+    std::vector<std::array<double, 2>> places;
+    if (frame_ && home_ && !same(frame_->view.camera, view_.camera))
+        places = reprojected(frame_->camera, static_cast<double>(frame_->width) / frame_->height,
+                             view_.camera.value_or(*home_), static_cast<double>(view_.width) / view_.height, cells);
+    if (places.empty()) {
+        list.AddImage(texture, corner, far_corner); // the first row of a picture is the top one
+        return;
+    }
+    list.PushClipRect(corner, far_corner, true);
+    list.AddRectFilled(corner, far_corner, color_of(background_));
+    for (int j = 0; j < cells; ++j)
+        for (int i = 0; i < cells; ++i) {
+            auto const place = [&](int x, int y) {
+                auto const [u, v] = places[static_cast<std::size_t>(y * (cells + 1) + x)];
+                return ImVec2{area.x + area.width * static_cast<float>(u),
+                              area.y + area.height * static_cast<float>(v)};
+            };
+            auto const in_texture = [&](int x, int y) {
+                return ImVec2{static_cast<float>(x) / cells, static_cast<float>(y) / cells};
+            };
+            list.AddImageQuad(texture, place(i, j), place(i + 1, j), place(i + 1, j + 1), place(i, j + 1),
+                              in_texture(i, j), in_texture(i + 1, j), in_texture(i + 1, j + 1), in_texture(i, j + 1));
+        }
+    list.PopClipRect();
+}
+
 void Window::draw() {
     int width = 0, height = 0;
     glfwGetFramebufferSize(window_, &width, &height);
@@ -576,9 +618,7 @@ void Window::draw() {
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
     Area const area = picture_area();
-    ImGui::GetBackgroundDrawList()->AddImage(
-        reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture_)), {area.x, area.y},
-        {area.x + area.width, area.y + area.height}); // the first row of a picture is the top one
+    draw_picture(area);
     auto const volume = frame_ ? frame_->volume.lock() : nullptr;
     double x = 0, y = 0;
     glfwGetCursorPos(window_, &x, &y);
@@ -599,11 +639,6 @@ void Window::draw() {
     Wish wish = Wish::none;
     if (panels_fit(all.x)) wish = panels_.draw(view_, shown, {area.width, 0, all.x - area.width, all.y});
     panels_.draw_over_picture(view_, shown);
-    auto const same = [](std::optional<render::Camera> const& a, std::optional<render::Camera> const& b) {
-        if (!a || !b) return !a && !b;
-        return a->eye == b->eye && a->target == b->target && a->up == b->up && a->projection == b->projection &&
-               a->fov == b->fov && a->height == b->height;
-    };
     bool const changed = view_.look != before || !same(camera, view_.camera);
     // One step to go back to for each gesture, not for each of its frames.
     if (!ImGui::IsAnyMouseDown()) undo_.record(view_.look);
