@@ -124,6 +124,51 @@ with h5py.File("two words.h5", "w") as f: f["Level 0/Data"] = numpy.zeros((2, 3,
     fails_with 2 "vkt read 'two words.h5' --variable '/Level 0/Data' | ..." vkt stats 'two words.h5'
 }
 
+@test "voxels in other files: those beside, but no others unless paths are trusted" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import os
+data = numpy.arange(60, dtype="i2").reshape(3, 4, 5)
+os.makedirs("far"); os.makedirs("near/sub")
+def virtual(name, *sources):
+    with h5py.File(name, "w", libver="latest") as f:
+        layout = h5py.VirtualLayout((len(sources), 3, 4, 5), "i2")
+        for i, (file, path) in enumerate(sources): layout[i] = h5py.VirtualSource(file, path, (3, 4, 5))
+        f.create_virtual_dataset("v", layout, fillvalue=-7)
+def external(name, file):
+    with h5py.File(name, "w") as f:
+        f.create_dataset("v", shape=data.shape, dtype="i2", external=[(file, 0, h5py.h5f.UNLIMITED)])
+for folder in ("far", "near", "near/sub"):
+    with h5py.File(folder + "/a.h5", "w") as f: f["a"] = data
+    open(folder + "/a.raw", "wb").write(data.tobytes())
+virtual("near/v.h5", ("a.h5", "/a"), ("sub/a.h5", "/a"))
+virtual("near/here.h5", (".", "/b"))
+with h5py.File("near/here.h5", "r+") as f: f["b"] = data
+virtual("near/absent.h5", ("a.h5", "/a"), ("absent-1.h5", "/a"))
+virtual("near/out.h5", ("../far/a.h5", "/a")); virtual("near/absolute.h5", (os.path.abspath("far/a.h5"), "/a"))
+external("near/raw.h5", "a.raw"); external("near/leak.h5", os.path.abspath("far/a.raw"))
+external("near/first.h5", os.path.abspath("far/a.raw"))
+virtual("near/second.h5", ("first.h5", "/v"))
+with h5py.File("near/link.h5", "w") as f: f["a"] = h5py.ExternalLink("../far/a.h5", "/a")
+virtual("near/third.h5", ("link.h5", "/a"))
+os.chdir("near")
+assert voxels("v.h5") == data.tobytes() * 2 and voxels("here.h5:/v") == data.tobytes() == voxels("raw.h5")
+os.chdir("sub")
+assert voxels("../v.h5") == data.tobytes() * 2 and voxels("../raw.h5") == data.tobytes() # beside it, wherever one is
+os.chdir("..")
+assert voxels("absent.h5") == data.tobytes() + numpy.full(60, -7, "i2").tobytes()
+for name in ("out", "absolute", "leak", "second"):
+    assert voxels(name + ".h5", "--trust-paths") == data.tobytes(), name
+END
+    cd near
+    vkt info absent.h5 | grep -q "not read *file 'absent-1.h5', which is not there"
+    fails_with 3 "names '../far/a.h5', which leads out of its directory" vkt info out.h5
+    for name in absolute leak second; do fails_with 3 "is an absolute path, not a file beside it" vkt stats $name.h5; done
+    gzip -k v.h5
+    fails_with 3 "it has no name beside which" vkt stats v.h5.gz
+    fails_with 3 "'link.h5:/a', of which its virtual dataset is made, is not there itself" vkt stats third.h5
+}
+
 @test "times of NetCDF-4 are those of the volumes; what stands for no value is said; version 3 is told by its name" {
     /usr/bin/python3 - <<'END'
 from common import *

@@ -151,7 +151,7 @@ public:
         folder_ = fs::is_directory(path_, error);
     }
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -446,7 +446,8 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
     for (auto& direction : g.direction) direction = direction + Vec3{}; // no negative zeros
 }
 
-ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
+ParsedGrids DicomFiles::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
     list_files(grids.not_read);
     std::vector<std::vector<Slice>> series = groups();
@@ -475,7 +476,7 @@ ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
     physical_ = std::any_of(series[chosen].begin(), series[chosen].end(),
                             [&](Slice const& s) { return s.slope != first.slope || s.intercept != first.intercept; });
     // Of several nobody chose yet, the first stands for all, whatever its slices are like.
-    arrange(series[chosen], force_uniform || !grids.choices.empty(), grids);
+    arrange(series[chosen], choice.force_uniform || !grids.choices.empty(), grids);
     Header& header = grids.header;
     if (first.bits != 1 && first.bits != 8 && first.bits != 12 && first.bits != 16 && first.bits != 32)
         fail(text("its values have ", first.bits, " bits, which vkt does not read"));

@@ -4,6 +4,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/hdf5_open.h"
+#include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
 
 #include <hdf5.h>
@@ -11,6 +12,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <utility>
 
 namespace vkt::hdf5 {
@@ -70,6 +73,18 @@ std::string other_elements(hid_t type) {
     }
 }
 
+/// To open objects with, but none that a link leads to in another file, whose name and path `other` becomes then.
+Handle within_file(std::string& other) {
+    Handle stay(H5Pcreate(H5P_LINK_ACCESS), H5Pclose);
+    auto const refuse = [](char const*, char const*, char const* file, char const* path, unsigned*, hid_t,
+                           void* where) -> herr_t {
+        *static_cast<std::string*>(where) = text(file, ":", path);
+        return -1;
+    };
+    H5Pset_elink_cb(stay, refuse, &other);
+    return stay;
+}
+
 /// The file's type in this machine's byte order.
 Handle memory_type(hid_t type) {
     if (H5Tget_class(type) == H5T_ENUM) {
@@ -90,11 +105,11 @@ struct Dataset {
 
 class File : public GridsParser {
 public:
-    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_)) {
+    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_)), home_(real_name(path_)) {
         if (!file_) fail("damaged: HDF5 cannot open it");
     }
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -103,12 +118,19 @@ private:
         H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
         return open_to_read(path);
     }
+    /// Where the file lies, which is handed over open; empty if it has no name.
+    static std::string real_name(std::string const& path) {
+        std::error_code error;
+        std::filesystem::path const place = std::filesystem::read_symlink(path, error);
+        return !error && std::filesystem::is_regular_file(place, error) ? place.string() : "";
+    }
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
     }
     void find_datasets(std::vector<std::string>& not_read);
     std::string look_at(hid_t set, std::string const& path);
     void find_linked(std::string const& path);
+    void check_elsewhere(hid_t data, std::string const& file, int depth, std::vector<std::string>& not_read) const;
     std::optional<double> number(hid_t object, char const* name) const;
     std::vector<double> numbers(hid_t object, char const* name) const;
     std::string words(hid_t object, char const* name) const;
@@ -120,6 +142,7 @@ private:
 
     std::string path_;
     Handle file_;
+    std::string home_;
     std::vector<Dataset> datasets_;
     std::optional<Handle> data_, type_, space_;
     std::vector<hsize_t> shape_;
@@ -147,14 +170,8 @@ std::string File::look_at(hid_t set, std::string const& path) {
 /// A dataset by another of its names, as by a link, if there is one. Links to other files are not followed, since what
 /// a file leads to may be none of its writer's.
 void File::find_linked(std::string const& path) {
-    Handle const stay(H5Pcreate(H5P_LINK_ACCESS), H5Pclose);
-    std::string other; // file and path that a link leads to
-    auto const refuse = [](char const*, char const*, char const* file, char const* in_file, unsigned*, hid_t,
-                           void* where) -> herr_t {
-        *static_cast<std::string*>(where) = text(file, ":", in_file);
-        return -1;
-    };
-    H5Pset_elink_cb(stay, refuse, &other);
+    std::string other;
+    Handle const stay = within_file(other);
     Handle const set(H5Oopen(file_, path.c_str(), stay), H5Oclose);
     if (!other.empty())
         fail(text("'", path, "' is a link to another file"), text("read it there: vkt read ", shell_quoted(other)));
@@ -162,6 +179,49 @@ void File::find_linked(std::string const& path) {
     if (H5Iget_type(set) != H5I_DATASET) fail(text("'", path, "' is no dataset"));
     if (std::string const refused = look_at(set, path); !refused.empty())
         fail(text("'", path, "' holds ", refused, "; a volume has one number in each voxel"));
+}
+
+/// Voxels in other files are read if those lie beside this one, as with detached headers, and so do the next ones to
+/// which they lead. HDF5 takes the fill value for a file of a virtual dataset that is not there.
+void File::check_elsewhere(hid_t data, std::string const& file, int depth, std::vector<std::string>& not_read) const {
+    if (depth > 8) fail("its virtual datasets are made of others without end");
+    Handle const creation(H5Dget_create_plist(data), H5Pclose);
+    bool const outside = H5Pget_external_count(creation) > 0 || H5Pget_layout(creation) == H5D_VIRTUAL;
+    if (outside && file.empty()) fail("its voxels lie in other files, and it has no name beside which they could be");
+    std::vector<char> name(4096);
+    for (int i = 0; i < H5Pget_external_count(creation); ++i) {
+        off_t offset = 0;
+        hsize_t size = 0;
+        if (H5Pget_external(creation, static_cast<unsigned>(i), name.size() - 1, name.data(), &offset, &size) >= 0)
+            beside(file, name.data(), false);
+    }
+    std::size_t sources = 0;
+    if (H5Pget_layout(creation) != H5D_VIRTUAL || H5Pget_virtual_count(creation, &sources) < 0) return;
+    std::set<std::pair<std::string, std::string>> seen;
+    for (std::size_t i = 0; i < sources; ++i) {
+        std::vector<char> path(4096);
+        if (H5Pget_virtual_filename(creation, i, name.data(), name.size()) < 0 ||
+            H5Pget_virtual_dsetname(creation, i, path.data(), path.size()) < 0)
+            fail("damaged: what its virtual dataset is made of cannot be read");
+        std::string const other = name.data();
+        if (!seen.insert({other, path.data()}).second) continue;
+        std::string const place = other == "." ? file : beside(file, other, false);
+        std::error_code error;
+        if (!std::filesystem::exists(place, error)) {
+            if (not_read.size() < 32)
+                not_read.push_back(
+                    text("file '", other, "', which is not there: the fill value stands for its voxels"));
+            continue;
+        }
+        std::string led_to;
+        Handle const opened = open_to_read(place), stay = within_file(led_to);
+        Handle const source(opened ? H5Oopen(opened, path.data(), stay) : -1, H5Oclose);
+        if (source && H5Iget_type(source) == H5I_DATASET)
+            check_elsewhere(source, place, depth + 1, not_read);
+        else
+            fail(text("'", other, ":", path.data(), "', of which its virtual dataset is made, is not there itself"),
+                 "if you know what it is and trust the file: --trust-paths");
+    }
 }
 
 void File::find_datasets(std::vector<std::string>& not_read) {
@@ -267,6 +327,11 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     Dataset const& d = datasets_[index[chosen]];
     Handle const access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     H5Pset_chunk_cache(access, 12421, chunk_cache, 1);
+    if (!home_.empty()) { // relative names of other files begin there, not where the command runs
+        std::string const folder = std::filesystem::path(home_).parent_path().string();
+        H5Pset_virtual_prefix(access, folder.c_str());
+        H5Pset_efile_prefix(access, folder.c_str());
+    }
     data_.emplace(H5Dopen2(file_, d.path.c_str(), access), H5Dclose);
     if (!*data_) fail(text("damaged: dataset '", d.path, "' cannot be opened"));
     type_.emplace(H5Dget_type(*data_), H5Tclose);
@@ -414,13 +479,15 @@ void File::find_places(ParsedGrids& grids) const {
                                                                    shape_[static_cast<std::size_t>(axis_[2])]));
 }
 
-ParsedGrids File::open(std::string const& variable, bool /*force_uniform*/) {
+ParsedGrids File::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
     if (H5Lexists(file_, "refine level", H5P_DEFAULT) > 0 && H5Lexists(file_, "node type", H5P_DEFAULT) > 0 &&
         variable.empty())
         throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
     find_datasets(grids.not_read);
     choose(variable, grids);
+    if (!choice.trust_paths) check_elsewhere(*data_, home_, 0, grids.not_read);
     read_about(grids);
     find_places(grids);
     return grids;

@@ -82,7 +82,7 @@ public:
     TiffFile(TiffFile const&) = delete;
     TiffFile& operator=(TiffFile const&) = delete;
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -381,7 +381,8 @@ void TiffFile::find_places(ParsedGrids& grids, TiffDescription const& about) {
     grids.big_endian = TIFFIsBigEndian(tiff_) != 0;
 }
 
-ParsedGrids TiffFile::open(std::string const& variable, bool /*force_uniform*/) {
+ParsedGrids TiffFile::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
     read_pages(grids.not_read);
     Page const& first = pages_.front();
