@@ -126,6 +126,8 @@ typedef struct {
 
 /** A grid of voxels that changes in place. */
 typedef struct vktStructuredVolume_impl* vktStructuredVolume;
+/** Bricks of cells of several widths that change in place. */
+typedef struct vktHierarchicalVolume_impl* vktHierarchicalVolume;
 /** Counts of values. */
 typedef struct vktHistogram_impl* vktHistogram;
 /** Colours. */
@@ -202,6 +204,41 @@ VKTAPI size_t vktStructuredVolumeGetSizeInBytes(vktStructuredVolume volume);
 /** Does nothing: voxels are on the host between calls, and calls move what a GPU works on. */
 VKTAPI void vktStructuredVolumeMigrate(vktStructuredVolume volume);
 
+/** A brick of cells. */
+typedef struct {
+    vktVec3i_t lower;     /**< where it begins, counted in finest cells */
+    vktVec3i_t dims;      /**< cells along each axis */
+    size_t offsetInBytes; /**< of its first cell: the bytes of all bricks before it, without gaps */
+    unsigned level;       /**< its cells are 1 << level finest cells wide */
+} vktBrick_t;
+/** 4. */
+VKTAPI uint8_t vktHierarchicalVolumeGetMaxBytesPerVoxel(void);
+/** A volume of stored zeros in copies of these bricks. */
+VKTAPI void vktHierarchicalVolumeCreate(vktHierarchicalVolume* volume, vktBrick_t* bricks, size_t numBricks,
+                                        vktDataFormat dataFormat, float mappingLo, float mappingHi);
+/** Takes null, too. */
+VKTAPI void vktHierarchicalVolumeDestroy(vktHierarchicalVolume volume);
+/** Finest cells along each axis, from the lowest brick to the end of the highest. */
+VKTAPI vktVec3i_t vktHierarchicalVolumeGetDims3iv(vktHierarchicalVolume volume);
+/** vktHierarchicalVolumeGetDims3iv(). */
+VKTAPI void vktHierarchicalVolumeGetDims3i(vktHierarchicalVolume volume, int32_t* dimX, int32_t* dimY, int32_t* dimZ);
+/** How many bricks there are. */
+VKTAPI size_t vktHierarchicalVolumeGetNumBricks(vktHierarchicalVolume volume);
+/** The bricks in the order of the program, to read, as long as the volume. */
+VKTAPI vktBrick_t* vktHierarchicalVolumeGetBricks(vktHierarchicalVolume volume);
+/** The type of the cells. */
+VKTAPI vktDataFormat vktHierarchicalVolumeGetDataFormat(vktHierarchicalVolume volume);
+/** Changes what stored integers stand for, and not the integers. */
+VKTAPI void vktHierarchicalVolumeSetVoxelMapping2f(vktHierarchicalVolume volume, float lo, float hi);
+/** What the smallest and the largest integer stand for. */
+VKTAPI void vktHierarchicalVolumeGetVoxelMapping2f(vktHierarchicalVolume volume, float* lo, float* hi);
+/** vktHierarchicalVolumeSetVoxelMapping2f(). */
+VKTAPI void vktHierarchicalVolumeSetVoxelMapping2fv(vktHierarchicalVolume volume, vktVec2f_t mapping);
+/** What the smallest and the largest integer stand for. */
+VKTAPI vktVec2f_t vktHierarchicalVolumeGetVoxelMapping2fv(vktHierarchicalVolume volume);
+/** The stored cells, brick after brick, x fastest, to read and write until the next call that changes the volume. */
+VKTAPI uint8_t* vktHierarchicalVolumeGetData(vktHierarchicalVolume volume);
+
 /** A voxel that a function looks at and changes. */
 typedef struct {
     uint8_t* bytes;           /**< as stored */
@@ -224,6 +261,11 @@ VKTAPI vktError vktFillRangeSV(vktStructuredVolume volume, int32_t firstX, int32
    from i to i + 1. */
 VKTAPI vktError vktFillSubVoxelRangeSV(vktStructuredVolume volume, float firstX, float firstY, float firstZ,
                                        float lastX, float lastY, float lastZ, float value);
+/** Sets all cells. */
+VKTAPI vktError vktFillHV(vktHierarchicalVolume volume, float value);
+/** Sets the cells whose centres lie in a region, which counts finest cells as the bricks do. */
+VKTAPI vktError vktFillRangeHV(vktHierarchicalVolume volume, int32_t firstX, int32_t firstY, int32_t firstZ,
+                               int32_t lastX, int32_t lastY, int32_t lastZ, float value);
 /** Makes all voxels background: 0. */
 VKTAPI vktError vktDeleteSV(vktStructuredVolume volume);
 /** Makes a region background: 0. */
