@@ -134,6 +134,8 @@ typedef struct vktHistogram_impl* vktHistogram;
 typedef struct vktLookupTable_impl* vktLookupTable;
 /** A file of any format that vkt knows. */
 typedef struct vktVolumeFile_impl* vktVolumeFile;
+/** A file of bare voxels, whose name tells what they are, as in volume_4x4x4_uint8.raw, or of any other format. */
+typedef struct vktVolumeFile_impl* vktRawFile;
 /** What streams read and write: vktVolumeFileGetBase(). */
 typedef struct vktVolumeFile_impl* vktDataSource;
 /** Reads volumes from a file. */
@@ -486,8 +488,16 @@ VKTAPI vktExecutionPolicy_t vktGetThreadExecutionPolicy(void);
 VKTAPI void vktLookupTableCreate(vktLookupTable* lut, int32_t dimX, int32_t dimY, int32_t dimZ, vktColorFormat format);
 /** Takes null, too. */
 VKTAPI void vktLookupTableDestroy(vktLookupTable lut);
+/** Makes it a table of zeros of other extents. */
+VKTAPI void vktLookupTableSetDims3i(vktLookupTable lut, int32_t dimX, int32_t dimY, int32_t dimZ);
+/** Entries along each axis. */
+VKTAPI void vktLookupTableGetDims3i(vktLookupTable lut, int32_t* dimX, int32_t* dimY, int32_t* dimZ);
+/** vktLookupTableSetDims3i(). */
+VKTAPI void vktLookupTableSetDims3iv(vktLookupTable lut, vktVec3i_t dims);
 /** Entries along each axis. */
 VKTAPI vktVec3i_t vktLookupTableGetDims3iv(vktLookupTable lut);
+/** Makes it a table of zeros of another type. */
+VKTAPI void vktLookupTableSetColorFormat(vktLookupTable lut, vktColorFormat format);
 /** Type of the entries. */
 VKTAPI vktColorFormat vktLookupTableGetColorFormat(vktLookupTable lut);
 /** Copies the entries, x fastest. */
@@ -554,6 +564,11 @@ typedef struct {
     vktDataFormat dataFormat; /**< of voxels */
     vktBool_t isHierarchical; /**< bricks, which these functions do not read */
 } vktVolumeFileHeader_t;
+/** Makes it all zeros. */
+static inline void vktVolumeFileHeaderDefaultInit(vktVolumeFileHeader_t* header) {
+    vktVolumeFileHeader_t const nothing = {0, {0, 0, 0}, vktDataFormatUnspecified, 0};
+    *header = nothing;
+}
 /** A file of a format that its content or its name tells. */
 VKTAPI void vktVolumeFileCreateS(vktVolumeFile* file, char const* fileName, vktOpenMode om);
 /** For streams. */
@@ -564,6 +579,18 @@ VKTAPI void vktVolumeFileDestroy(vktVolumeFile file);
 VKTAPI vktVolumeFileHeader_t vktVolumeFileGetHeader(vktVolumeFile file);
 /** VKT_TRUE if there is something to read. */
 VKTAPI vktBool_t vktVolumeFileGood(vktVolumeFile file);
+/** vktVolumeFileCreateS() with a mode of fopen(): "r", or one that writes. */
+VKTAPI void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const* mode);
+/** For streams. */
+VKTAPI vktDataSource vktRawFileGetBase(vktRawFile file);
+/** Takes null, too. */
+VKTAPI void vktRawFileDestroy(vktRawFile file);
+/** VKT_TRUE if there is something to read. */
+VKTAPI vktBool_t vktRawFileGood(vktRawFile file);
+/** Of the voxels; zeros if there is nothing to read. */
+VKTAPI vktVec3i_t vktRawFileGetDims3iv(vktRawFile file);
+/** Of the voxels. */
+VKTAPI vktDataFormat vktRawFileGetDataFormat(vktRawFile file);
 /** Begins to read. */
 VKTAPI void vktInputStreamCreate(vktInputStream* stream, vktDataSource source);
 /** Takes null, too. */

@@ -377,6 +377,21 @@ static void files(char const* name) {
     MUST(vktOutputStreamWriteSV(to, volume) == vktInvalidDataSource);
     vktOutputStreamDestroy(to);
     vktVolumeFileDestroy(in), vktVolumeFileDestroy(out), vktVolumeFileDestroy(none);
+    vktRawFile raw = NULL, written = NULL;
+    vktRawFileCreateS(&raw, name, "r");
+    MUST(vktRawFileGood(raw) && vktRawFileGetDims3iv(raw).z == header.dims.z);
+    MUST(vktRawFileGetDataFormat(raw) == header.dataFormat);
+    vktRawFileCreateS(&written, "again.nrrd", "w");
+    vktOutputStreamCreate(&to, vktRawFileGetBase(written));
+    MUST(!vktRawFileGood(written) && vktOutputStreamWriteSV(to, volume) == vktNoError);
+    vktOutputStreamDestroy(to);
+    vktOutputStreamCreate(&to, vktRawFileGetBase(raw));
+    MUST(vktOutputStreamWriteSV(to, volume) == vktInvalidDataSource);
+    vktOutputStreamDestroy(to);
+    vktRawFileDestroy(raw), vktRawFileDestroy(written);
+    vktVolumeFileHeader_t nothing = header;
+    vktVolumeFileHeaderDefaultInit(&nothing);
+    MUST(!nothing.isStructured && nothing.dims.x == 0);
     vktStructuredVolumeDestroy(volume);
 }
 
@@ -388,6 +403,13 @@ static void pictures(void) {
     MUST(vktFillRangeSV(a, 3, 3, 2, 9, 7, 6, 1) == vktNoError);
     vktLookupTableCreate(&table, 2, 1, 1, vktColorFormatRGBA32F);
     MUST(table != NULL && vktLookupTableGetSizeInBytes(table) == sizeof rgba);
+    int32_t x = 0, y = 0, z = 0;
+    vktLookupTableSetDims3i(table, 3, 2, 1);
+    vktLookupTableGetDims3i(table, &x, &y, &z);
+    vktLookupTableSetColorFormat(table, vktColorFormatRGB8);
+    MUST(x == 3 && y == 2 && z == 1 && vktLookupTableGetSizeInBytes(table) == 18);
+    vktLookupTableSetColorFormat(table, vktColorFormatRGBA32F);
+    vktLookupTableSetDims3iv(table, (vktVec3i_t){2, 1, 1});
     vktLookupTableSetData(table, (uint8_t*)rgba);
     vktRenderStateDefaultInit(&state);
     MUST(vktRenderSV(a, state, NULL) == vktInvalidValue && strstr(vkt_error_hint(), "snapshotTool") != NULL);
