@@ -130,6 +130,7 @@ END
 }
 
 @test "volkit's volumes, fills and copies" { volkit volumes; volkit fills; volkit copies; }
+@test "volkit's trees of bricks" { volkit trees; }
 @test "volkit's turns, scaling and resampling" { volkit moves; }
 @test "volkit's filters and prefix sums" { volkit filters; }
 @test "volkit's functions of the program" { volkit transforms; }

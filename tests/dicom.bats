@@ -114,7 +114,8 @@ END
     fails_with 3 "unequal distances: 2 mm from" vkt stats gap
     vkt read gap --force-uniform | vkt info --json >info
     grep -q '1.25' info
-    fails_with 3 "slant" vkt stats slant
+    fails_with 3 "0.2 mm aside of the one before it, 1 mm further" vkt stats slant
+    fails_with 3 "vkt read slant --force-uniform | ..." vkt info slant # info itself has no such option
     vkt read slant --force-uniform | vkt info --json | /usr/bin/python3 -c '
 import json, sys, numpy
 i = json.load(sys.stdin)
@@ -195,6 +196,38 @@ END
     fails_with 3 "Bits Stored is 12, High Bit 15" vkt info high.dcm
     fails_with 3 "Float Pixel Data" vkt info float.dcm
     fails_with 3 "unequal distances" vkt info uneven.dcm
+}
+
+@test "single bits, black that is the largest value, palettes, and files that begin without a preamble" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(8)
+bits = (rng.random((3, 7, 9)) > 0.5).astype("u1") # frames do not end with a byte
+d = base("bits.dcm", bits, bits=1, modality="SEG"); d.BitsAllocated = 1; d.NumberOfFrames = 3
+packed = numpy.packbits(bits.ravel(), bitorder="little").tobytes()
+d.PixelData = packed + bytes(len(packed) % 2); d.save_as("bits.dcm")
+assert voxels("bits.dcm").tobytes() == bits.tobytes() == pydicom.dcmread("bits.dcm").pixel_array.astype("u1").tobytes()
+d.PixelData = packed[:-4]; d.save_as("few.dcm")
+data = rng.integers(0, 4000, (3, 8, 9)).astype("u2")
+for name, said in (("MONOCHROME1", "min is white"), ("PALETTE COLOR", "palette")):
+    d = base("kind.dcm", data[0]); d.PhotometricInterpretation = name
+    for colour in ("Red", "Green", "Blue"):
+        setattr(d, colour + "PaletteColorLookupTableDescriptor", [4096, 0, 16])
+        setattr(d, colour + "PaletteColorLookupTableData", bytes(8192))
+    d.save_as("kind.dcm")
+    assert voxels("kind.dcm").tobytes() == data[0].tobytes()
+    assert infos("kind.dcm")[0]["attributes"]["photometric"] == said
+for syntax in (ImplicitVRLittleEndian, ExplicitVRLittleEndian):
+    slices("bare", data, [0, 1, 2], syntax=syntax)
+    for i in range(3):
+        d = pydicom.dcmread(f"bare/{i}"); d.preamble = None; del d.file_meta
+        d.is_little_endian, d.is_implicit_VR = True, syntax == ImplicitVRLittleEndian
+        pydicom.dcmwrite(f"bare/{i}", d, write_like_original=True)
+    assert open("bare/0", "rb").read(2) == b"\x08\0"
+    assert voxels("bare").tobytes() == data.tobytes()
+    assert voxels("bare/0").size == 72
+END
+    fails_with 3 "fewer pixels than it says" vkt stats few.dcm
 }
 
 @test "damaged files end in an error and never in a crash" {

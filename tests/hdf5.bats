@@ -92,6 +92,105 @@ END
     fails_with 4 "cannot open 'absent.h5:/a'" vkt stats absent.h5:/a
 }
 
+@test "links within a file are other names, those to other files are not followed; what holds no numbers is named" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.arange(60, dtype="i2").reshape(3, 4, 5)
+with h5py.File("other.h5", "w") as f: f["a"] = data + 1
+with h5py.File("l.h5", "w") as f:
+    f["entry/data"] = data
+    f["soft"] = h5py.SoftLink("/entry/data"); f["hard"] = f["entry/data"]; f["group"] = h5py.SoftLink("/entry")
+    f["lost"] = h5py.SoftLink("/nowhere"); f["out"] = h5py.ExternalLink("other.h5", "/a")
+    f["out group"] = h5py.ExternalLink("other.h5", "/")
+    f["complex"] = data.astype("c8"); f["text"] = ["a", "b"]; f["one"] = 3.5
+    f["records"] = numpy.zeros((2, 2), [("a", "f4"), ("b", "i2")])
+for path in ("soft", "hard", "group/data", "entry/data"):
+    assert voxels("l.h5:/" + path) == voxels("l.h5", "--variable", path) == data.tobytes(), path
+END
+    fails_with 3 "'/out' is a link to another file" vkt info l.h5:/out
+    fails_with 3 "vkt read other.h5:/a" vkt info l.h5:/out
+    fails_with 3 "is a link to another file" vkt info 'l.h5:/out group/a'
+    fails_with 2 "has no variable '/lost'" vkt info l.h5:/lost
+    fails_with 3 "'/entry' is no dataset" vkt info l.h5:/entry
+    fails_with 3 "holds complex numbers" vkt info l.h5:/complex
+    fails_with 3 "holds structures" vkt info l.h5:/records
+    fails_with 3 "holds texts" vkt info l.h5:/text
+    fails_with 3 "holds no array" vkt info l.h5:/one
+    vkt info l.h5 | grep -q "not read *dataset '/complex', which holds complex numbers"
+    # The command that a refusal names works as it stands.
+    /usr/bin/python3 -c '
+from common import *
+with h5py.File("two words.h5", "w") as f: f["Level 0/Data"] = numpy.zeros((2, 3, 4)); f["Level 1/Data"] = numpy.zeros((1, 2, 2))'
+    fails_with 2 "vkt read 'two words.h5' --variable '/Level 0/Data' | ..." vkt stats 'two words.h5'
+}
+
+@test "voxels in other files: those beside, but no others unless paths are trusted" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import os
+data = numpy.arange(60, dtype="i2").reshape(3, 4, 5)
+os.makedirs("far"); os.makedirs("near/sub")
+def virtual(name, *sources):
+    with h5py.File(name, "w", libver="latest") as f:
+        layout = h5py.VirtualLayout((len(sources), 3, 4, 5), "i2")
+        for i, (file, path) in enumerate(sources): layout[i] = h5py.VirtualSource(file, path, (3, 4, 5))
+        f.create_virtual_dataset("v", layout, fillvalue=-7)
+def external(name, file):
+    with h5py.File(name, "w") as f:
+        f.create_dataset("v", shape=data.shape, dtype="i2", external=[(file, 0, h5py.h5f.UNLIMITED)])
+for folder in ("far", "near", "near/sub"):
+    with h5py.File(folder + "/a.h5", "w") as f: f["a"] = data
+    open(folder + "/a.raw", "wb").write(data.tobytes())
+virtual("near/v.h5", ("a.h5", "/a"), ("sub/a.h5", "/a"))
+virtual("near/here.h5", (".", "/b"))
+with h5py.File("near/here.h5", "r+") as f: f["b"] = data
+virtual("near/absent.h5", ("a.h5", "/a"), ("absent-1.h5", "/a"))
+virtual("near/out.h5", ("../far/a.h5", "/a")); virtual("near/absolute.h5", (os.path.abspath("far/a.h5"), "/a"))
+external("near/raw.h5", "a.raw"); external("near/leak.h5", os.path.abspath("far/a.raw"))
+external("near/first.h5", os.path.abspath("far/a.raw"))
+virtual("near/second.h5", ("first.h5", "/v"))
+with h5py.File("near/link.h5", "w") as f: f["a"] = h5py.ExternalLink("../far/a.h5", "/a")
+virtual("near/third.h5", ("link.h5", "/a"))
+os.chdir("near")
+assert voxels("v.h5") == data.tobytes() * 2 and voxels("here.h5:/v") == data.tobytes() == voxels("raw.h5")
+os.chdir("sub")
+assert voxels("../v.h5") == data.tobytes() * 2 and voxels("../raw.h5") == data.tobytes() # beside it, wherever one is
+os.chdir("..")
+assert voxels("absent.h5") == data.tobytes() + numpy.full(60, -7, "i2").tobytes()
+for name in ("out", "absolute", "leak", "second"):
+    assert voxels(name + ".h5", "--trust-paths") == data.tobytes(), name
+END
+    cd near
+    vkt info absent.h5 | grep -q "not read *file 'absent-1.h5', which is not there"
+    fails_with 3 "names '../far/a.h5', which leads out of its directory" vkt info out.h5
+    for name in absolute leak second; do fails_with 3 "is an absolute path, not a file beside it" vkt stats $name.h5; done
+    gzip -k v.h5
+    fails_with 3 "it has no name beside which" vkt stats v.h5.gz
+    fails_with 3 "'link.h5:/a', of which its virtual dataset is made, is not there itself" vkt stats third.h5
+}
+
+@test "times of NetCDF-4 are those of the volumes; what stands for no value is said; version 3 is told by its name" {
+    /usr/bin/python3 - <<'END'
+from common import *
+def write(name, times, units):
+    with h5py.File(name, "w") as f:
+        f["v"] = numpy.zeros((3, 2, 3, 4), "f4")
+        f["time"] = numpy.array(times, "f8"); f["time"].make_scale("time"); f["time"].attrs["units"] = units
+        f["v"].dims[0].attach_scale(f["time"]); f["v"].attrs["missing_value"] = numpy.float32(-999)
+write("even.nc", [6, 18, 30], "hours since 2000-01-01")
+write("uneven.nc", [0, 1, 5], "s")
+def said(name): return [{k[9:]: v for k, v in i["attributes"].items() if k.startswith("sequence")} for i in infos(name)]
+unit = '"hours since 2000-01-01"'
+assert said("even.nc") == [{"position": t, "step": "12", "units": unit} for t in ("6", "18", "30")], said("even.nc")
+assert said("uneven.nc") == [{"position": t} for t in ("0", "1", "5")], said("uneven.nc")
+assert infos("even.nc")[0]["attributes"]["missing_value"] == "-999"
+open("old.nc", "wb").write(b"CDF\1" + bytes(100))
+open("old.mat", "wb").write(b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(200))
+END
+    fails_with 3 "is a NetCDF file of version 3, which is not read" vkt info old.nc
+    fails_with 3 "is a MATLAB file before 7.3, which is not read" vkt info old.mat
+}
+
 @test "what vkt writes is what h5py reads: types, groups, chunks, compression; all of the header comes back" {
     for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
         vkt make noise --dims 70 80 21 --dtype $type --seed 1 | vkt set --spacing 0.5,1,3 --origin 4,5,6 -o $type.h5:/group/volume

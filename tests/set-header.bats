@@ -12,6 +12,13 @@ setup_more() { vkt make ramp --dims 9 7 5 --dtype uint16 -o ramp.nrrd; }
     grep -q '"slope": 2' b.json
 }
 
+@test "edit is set, too" {
+    vkt edit ramp.nrrd --spacing 2 --units K -o a.nrrd
+    vkt set ramp.nrrd --spacing 2 --units K -o b.nrrd
+    diff <(vkt info a.nrrd --json | grep -v '"vkt \|history') <(vkt info b.nrrd --json | grep -v '"vkt \|history')
+    vkt diff a.nrrd b.nrrd
+}
+
 @test "the voxels stay" {
     vkt read ramp.nrrd | vkt write - --format raw >a.raw
     vkt set-header ramp.nrrd --dist 1 2 3 --voxel-mapping 0 1 | vkt write - --format raw | cmp - a.raw

@@ -186,6 +186,53 @@ END
     fails_with 3 "holds 16 slices in one (ImageDepth)" vkt info deep.tif
 }
 
+@test "levels of pyramids, thumbnails, pages of another size and images of OME are read by their names" {
+    cat >named.py <<'END'
+import json, subprocess, sys, tifffile, numpy
+def check(name, variable, want, affine=None):
+    read = ["vkt", "read", name, "--variable", variable]
+    stream = subprocess.check_output(read)
+    raw = subprocess.run(["vkt", "write", "-", "-", "--format", "raw"], input=stream, stdout=subprocess.PIPE, check=True).stdout
+    info = json.loads(subprocess.run(["vkt", "info", "--json"], input=stream, stdout=subprocess.PIPE, check=True).stdout)
+    want = want.reshape((-1,) + want.shape[-2:])
+    assert info["dims"] == list(want.shape[::-1]) and raw == want.tobytes(), (name, variable, info)
+    if affine is not None:
+        spacing, origin = affine
+        assert numpy.allclose(info["spacing"], spacing) and numpy.allclose(info["origin"], origin), (name, variable, info)
+page = numpy.arange(64 * 96, dtype="u2").reshape(64, 96)
+stack = numpy.stack([page, page + 1, page + 2])
+options = dict(photometric="minisblack")
+with tifffile.TiffWriter("pyramid.tif") as t:
+    t.write(page, subifds=2, tile=(16, 16), resolution=(10, 5, "CENTIMETER"), **options)
+    for level in (2, 4): t.write(page[::level, ::level].copy(), subfiletype=1, tile=(16, 16), **options)
+check("pyramid.tif", "level 1", page[::2, ::2], ((2, 4, 1), (0.5, 1, 0)))
+check("pyramid.tif", "level 2", page[::4, ::4], ((4, 8, 1), (1.5, 3, 0)))
+with tifffile.TiffWriter("pyramid.ome.tif", ome=True) as t:
+    t.write(stack, subifds=1, metadata={"axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeY": 0.25, "PhysicalSizeZ": 3}, **options)
+    t.write(stack[:, ::2, ::2].copy(), subfiletype=1, metadata=None, **options)
+check("pyramid.ome.tif", "level 1", stack[:, ::2, ::2], ((1, 0.5, 3), (0.25, 0.125, 0)))
+with tifffile.TiffWriter("pages.tif") as t:
+    t.write(page, metadata=None, **options)
+    t.write(page[::2, ::2].copy(), subfiletype=1, metadata=None, **options)
+    t.write(page[:7, :5].copy(), metadata=None, **options)
+check("pages.tif", "page 1", page[::2, ::2], ((2, 2, 1), (0.5, 0.5, 0)))
+check("pages.tif", "page 2", page[:7, :5], ((1, 1, 1), (0, 0, 0)))
+with tifffile.TiffWriter("images.ome.tif", ome=True) as t:
+    t.write(page[:8, :9].copy(), metadata={"axes": "YX", "Name": "label"}, **options)
+    t.write(stack, metadata={"axes": "ZYX", "Name": "body", "PhysicalSizeX": 0.5}, **options)
+    t.write(stack + 9, metadata={"axes": "ZYX", "Name": "again"}, **options)
+check("images.ome.tif", "label", page[:8, :9])
+check("images.ome.tif", "body", stack, ((0.5, 1, 1), (0, 0, 0)))
+check("images.ome.tif", "again", stack + 9)
+END
+    /usr/bin/python3 named.py
+    vkt info pyramid.tif | grep -q 'not read *level 2 of 24 by 16 pixels'
+    vkt info images.ome.tif | grep -q "not read *image 'body'"
+    fails_with 2 "has no level 3; its last is level 2" vkt read pyramid.tif --variable 'level 3'
+    fails_with 2 "has no page 3; its last is page 2" vkt read pages.tif --variable 'page 3'
+    fails_with 2 "has no channel 'head'" vkt read images.ome.tif --variable head
+}
+
 @test "what vkt wrote is what tifffile reads, with ImageJ's description; all of the header comes back" {
     vkt make noise --dims 30 20 6 --dtype uint16 | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 --slope 0.5 --intercept -7 --units HU -o a.nrrd
     vkt write a.nrrd a.tif

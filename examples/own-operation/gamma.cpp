@@ -15,22 +15,19 @@ struct Curve { // what happens to a voxel; a driver runs it over rows, on all th
 
 class Gamma : public vkt::Operation {
 public:
-    double exponent = 1;
+    double exponent = 1, top = 1;
     std::string_view name() const override { return "gamma"; }
     vkt::Shape shape() const override { return vkt::Shape::pointwise; }
     vkt::Plan plan(std::span<vkt::Header const> inputs) override {
         vkt::Plan plan;
         plan.output = inputs.front(); // same grid, type and place; the engine adds the history
-        top_ = vkt::is_integer(plan.output.dtype) ? vkt::highest_of(plan.output.dtype) : 1;
+        top = vkt::is_integer(plan.output.dtype) ? vkt::highest_of(plan.output.dtype) : 1;
         return plan;
     }
     void run(std::span<vkt::ConstView const> inputs, vkt::AnyView out, vkt::Execution const& execution) override {
-        vkt::baseline::map<double>(execution, out, losses, Curve{top_, exponent}, inputs.front());
+        vkt::baseline::map<double>(execution, out, losses, Curve{top, exponent}, inputs.front());
     }
     vkt::Losses losses; // what was clipped
-
-private:
-    double top_ = 1;
 };
 
 int main(int argc, char** argv) try {

@@ -126,12 +126,16 @@ typedef struct {
 
 /** A grid of voxels that changes in place. */
 typedef struct vktStructuredVolume_impl* vktStructuredVolume;
+/** Bricks of cells of several widths that change in place. */
+typedef struct vktHierarchicalVolume_impl* vktHierarchicalVolume;
 /** Counts of values. */
 typedef struct vktHistogram_impl* vktHistogram;
 /** Colours. */
 typedef struct vktLookupTable_impl* vktLookupTable;
 /** A file of any format that vkt knows. */
 typedef struct vktVolumeFile_impl* vktVolumeFile;
+/** A file of bare voxels, whose name tells what they are, as in volume_4x4x4_uint8.raw, or of any other format. */
+typedef struct vktVolumeFile_impl* vktRawFile;
 /** What streams read and write: vktVolumeFileGetBase(). */
 typedef struct vktVolumeFile_impl* vktDataSource;
 /** Reads volumes from a file. */
@@ -202,6 +206,41 @@ VKTAPI size_t vktStructuredVolumeGetSizeInBytes(vktStructuredVolume volume);
 /** Does nothing: voxels are on the host between calls, and calls move what a GPU works on. */
 VKTAPI void vktStructuredVolumeMigrate(vktStructuredVolume volume);
 
+/** A brick of cells. */
+typedef struct {
+    vktVec3i_t lower;     /**< where it begins, counted in finest cells */
+    vktVec3i_t dims;      /**< cells along each axis */
+    size_t offsetInBytes; /**< of its first cell: the bytes of all bricks before it, without gaps */
+    unsigned level;       /**< its cells are 1 << level finest cells wide */
+} vktBrick_t;
+/** 4. */
+VKTAPI uint8_t vktHierarchicalVolumeGetMaxBytesPerVoxel(void);
+/** A volume of stored zeros in copies of these bricks. */
+VKTAPI void vktHierarchicalVolumeCreate(vktHierarchicalVolume* volume, vktBrick_t* bricks, size_t numBricks,
+                                        vktDataFormat dataFormat, float mappingLo, float mappingHi);
+/** Takes null, too. */
+VKTAPI void vktHierarchicalVolumeDestroy(vktHierarchicalVolume volume);
+/** Finest cells along each axis, from the lowest brick to the end of the highest. */
+VKTAPI vktVec3i_t vktHierarchicalVolumeGetDims3iv(vktHierarchicalVolume volume);
+/** vktHierarchicalVolumeGetDims3iv(). */
+VKTAPI void vktHierarchicalVolumeGetDims3i(vktHierarchicalVolume volume, int32_t* dimX, int32_t* dimY, int32_t* dimZ);
+/** How many bricks there are. */
+VKTAPI size_t vktHierarchicalVolumeGetNumBricks(vktHierarchicalVolume volume);
+/** The bricks in the order of the program, to read, as long as the volume. */
+VKTAPI vktBrick_t* vktHierarchicalVolumeGetBricks(vktHierarchicalVolume volume);
+/** The type of the cells. */
+VKTAPI vktDataFormat vktHierarchicalVolumeGetDataFormat(vktHierarchicalVolume volume);
+/** Changes what stored integers stand for, and not the integers. */
+VKTAPI void vktHierarchicalVolumeSetVoxelMapping2f(vktHierarchicalVolume volume, float lo, float hi);
+/** What the smallest and the largest integer stand for. */
+VKTAPI void vktHierarchicalVolumeGetVoxelMapping2f(vktHierarchicalVolume volume, float* lo, float* hi);
+/** vktHierarchicalVolumeSetVoxelMapping2f(). */
+VKTAPI void vktHierarchicalVolumeSetVoxelMapping2fv(vktHierarchicalVolume volume, vktVec2f_t mapping);
+/** What the smallest and the largest integer stand for. */
+VKTAPI vktVec2f_t vktHierarchicalVolumeGetVoxelMapping2fv(vktHierarchicalVolume volume);
+/** The stored cells, brick after brick, x fastest, to read and write until the next call that changes the volume. */
+VKTAPI uint8_t* vktHierarchicalVolumeGetData(vktHierarchicalVolume volume);
+
 /** A voxel that a function looks at and changes. */
 typedef struct {
     uint8_t* bytes;           /**< as stored */
@@ -224,6 +263,11 @@ VKTAPI vktError vktFillRangeSV(vktStructuredVolume volume, int32_t firstX, int32
    from i to i + 1. */
 VKTAPI vktError vktFillSubVoxelRangeSV(vktStructuredVolume volume, float firstX, float firstY, float firstZ,
                                        float lastX, float lastY, float lastZ, float value);
+/** Sets all cells. */
+VKTAPI vktError vktFillHV(vktHierarchicalVolume volume, float value);
+/** Sets the cells whose centres lie in a region, which counts finest cells as the bricks do. */
+VKTAPI vktError vktFillRangeHV(vktHierarchicalVolume volume, int32_t firstX, int32_t firstY, int32_t firstZ,
+                               int32_t lastX, int32_t lastY, int32_t lastZ, float value);
 /** Makes all voxels background: 0. */
 VKTAPI vktError vktDeleteSV(vktStructuredVolume volume);
 /** Makes a region background: 0. */
@@ -444,8 +488,16 @@ VKTAPI vktExecutionPolicy_t vktGetThreadExecutionPolicy(void);
 VKTAPI void vktLookupTableCreate(vktLookupTable* lut, int32_t dimX, int32_t dimY, int32_t dimZ, vktColorFormat format);
 /** Takes null, too. */
 VKTAPI void vktLookupTableDestroy(vktLookupTable lut);
+/** Makes it a table of zeros of other extents. */
+VKTAPI void vktLookupTableSetDims3i(vktLookupTable lut, int32_t dimX, int32_t dimY, int32_t dimZ);
+/** Entries along each axis. */
+VKTAPI void vktLookupTableGetDims3i(vktLookupTable lut, int32_t* dimX, int32_t* dimY, int32_t* dimZ);
+/** vktLookupTableSetDims3i(). */
+VKTAPI void vktLookupTableSetDims3iv(vktLookupTable lut, vktVec3i_t dims);
 /** Entries along each axis. */
 VKTAPI vktVec3i_t vktLookupTableGetDims3iv(vktLookupTable lut);
+/** Makes it a table of zeros of another type. */
+VKTAPI void vktLookupTableSetColorFormat(vktLookupTable lut, vktColorFormat format);
 /** Type of the entries. */
 VKTAPI vktColorFormat vktLookupTableGetColorFormat(vktLookupTable lut);
 /** Copies the entries, x fastest. */
@@ -512,6 +564,11 @@ typedef struct {
     vktDataFormat dataFormat; /**< of voxels */
     vktBool_t isHierarchical; /**< bricks, which these functions do not read */
 } vktVolumeFileHeader_t;
+/** Makes it all zeros. */
+static inline void vktVolumeFileHeaderDefaultInit(vktVolumeFileHeader_t* header) {
+    vktVolumeFileHeader_t const nothing = {0, {0, 0, 0}, vktDataFormatUnspecified, 0};
+    *header = nothing;
+}
 /** A file of a format that its content or its name tells. */
 VKTAPI void vktVolumeFileCreateS(vktVolumeFile* file, char const* fileName, vktOpenMode om);
 /** For streams. */
@@ -522,6 +579,18 @@ VKTAPI void vktVolumeFileDestroy(vktVolumeFile file);
 VKTAPI vktVolumeFileHeader_t vktVolumeFileGetHeader(vktVolumeFile file);
 /** VKT_TRUE if there is something to read. */
 VKTAPI vktBool_t vktVolumeFileGood(vktVolumeFile file);
+/** vktVolumeFileCreateS() with a mode of fopen(): "r", or one that writes. */
+VKTAPI void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const* mode);
+/** For streams. */
+VKTAPI vktDataSource vktRawFileGetBase(vktRawFile file);
+/** Takes null, too. */
+VKTAPI void vktRawFileDestroy(vktRawFile file);
+/** VKT_TRUE if there is something to read. */
+VKTAPI vktBool_t vktRawFileGood(vktRawFile file);
+/** Of the voxels; zeros if there is nothing to read. */
+VKTAPI vktVec3i_t vktRawFileGetDims3iv(vktRawFile file);
+/** Of the voxels. */
+VKTAPI vktDataFormat vktRawFileGetDataFormat(vktRawFile file);
 /** Begins to read. */
 VKTAPI void vktInputStreamCreate(vktInputStream* stream, vktDataSource source);
 /** Takes null, too. */

@@ -67,6 +67,17 @@ vktVolumeFileHeader_t vktVolumeFileGetHeader(vktVolumeFile file) {
 }
 vktBool_t vktVolumeFileGood(vktVolumeFile file) { return file != nullptr && file->volume ? VKT_TRUE : VKT_FALSE; }
 
+void vktRawFileCreateS(vktRawFile* file, char const* fileName, char const* mode) {
+    bool const reads = mode != nullptr && *mode == 'r';
+    bool const both = mode != nullptr && std::strchr(mode, '+') != nullptr;
+    vktVolumeFileCreateS(file, fileName, both ? vktOpenModeReadWrite : reads ? vktOpenModeRead : vktOpenModeWrite);
+}
+vktDataSource vktRawFileGetBase(vktRawFile file) { return vktVolumeFileGetBase(file); }
+void vktRawFileDestroy(vktRawFile file) { vktVolumeFileDestroy(file); }
+vktBool_t vktRawFileGood(vktRawFile file) { return vktVolumeFileGood(file); }
+vktVec3i_t vktRawFileGetDims3iv(vktRawFile file) { return vktVolumeFileGetHeader(file).dims; }
+vktDataFormat vktRawFileGetDataFormat(vktRawFile file) { return vktVolumeFileGetHeader(file).dataFormat; }
+
 void vktInputStreamCreate(vktInputStream* stream, vktDataSource source) {
     if (stream != nullptr) *stream = nullptr;
     volkit::attempt([&] {

@@ -107,6 +107,17 @@ std::vector<std::string> words_of(vktStructuredVolume volume, vktRenderState_t c
     return words;
 }
 
+void reshape(vktLookupTable table, vktVec3i_t dims, vktColorFormat format) {
+    std::size_t const each = bytes_of(format);
+    if (dims.x < 1 || dims.y < 1 || dims.z < 1 || std::int64_t{dims.x} * dims.y > (std::int64_t{1} << 30) / dims.z)
+        throw Error(ErrorKind::usage, text("a lookup table of ", dims.x, " ", dims.y, " ", dims.z, " entries"));
+    table->data.assign(each * static_cast<std::size_t>(dims.x) * static_cast<std::size_t>(dims.y) *
+                           static_cast<std::size_t>(dims.z),
+                       0);
+    table->dims = dims;
+    table->format = format;
+}
+
 /// What a thread asked for that vkt_policy does not say.
 vktExecutionPolicy_t& asked_policy() {
     thread_local vktExecutionPolicy_t policy{vktExecutionPolicyDeviceCPU, vktExecutionPolicyAPIAuto,
@@ -120,15 +131,8 @@ void vktLookupTableCreate(vktLookupTable* lut, int32_t dimX, int32_t dimY, int32
     if (lut != nullptr) *lut = nullptr;
     volkit::attempt([&] {
         c::need(lut, "lut");
-        std::size_t const each = bytes_of(format);
-        if (dimX < 1 || dimY < 1 || dimZ < 1 || std::int64_t{dimX} * dimY > (std::int64_t{1} << 30) / dimZ)
-            throw Error(ErrorKind::usage, text("a lookup table of ", dimX, " ", dimY, " ", dimZ, " entries"));
-        std::size_t const count =
-            static_cast<std::size_t>(dimX) * static_cast<std::size_t>(dimY) * static_cast<std::size_t>(dimZ);
         auto table = std::make_unique<vktLookupTable_impl>();
-        table->dims = {dimX, dimY, dimZ};
-        table->format = format;
-        table->data.resize(each * count);
+        reshape(table.get(), {dimX, dimY, dimZ}, format);
         Tables::all().add(table.get());
         *lut = table.release();
     });
@@ -137,6 +141,27 @@ void vktLookupTableDestroy(vktLookupTable lut) {
     if (lut == nullptr) return;
     Tables::all().remove(lut);
     delete lut;
+}
+void vktLookupTableSetDims3i(vktLookupTable lut, int32_t dimX, int32_t dimY, int32_t dimZ) {
+    vktLookupTableSetDims3iv(lut, {dimX, dimY, dimZ});
+}
+void vktLookupTableSetDims3iv(vktLookupTable lut, vktVec3i_t dims) {
+    volkit::attempt([&] {
+        c::need(lut, "lut");
+        reshape(lut, dims, lut->format);
+    });
+}
+void vktLookupTableSetColorFormat(vktLookupTable lut, vktColorFormat format) {
+    volkit::attempt([&] {
+        c::need(lut, "lut");
+        reshape(lut, lut->dims, format);
+    });
+}
+void vktLookupTableGetDims3i(vktLookupTable lut, int32_t* dimX, int32_t* dimY, int32_t* dimZ) {
+    vktVec3i_t const dims = vktLookupTableGetDims3iv(lut);
+    if (dimX != nullptr) *dimX = dims.x;
+    if (dimY != nullptr) *dimY = dims.y;
+    if (dimZ != nullptr) *dimZ = dims.z;
 }
 vktVec3i_t vktLookupTableGetDims3iv(vktLookupTable lut) { return lut == nullptr ? vktVec3i_t{0, 0, 0} : lut->dims; }
 vktColorFormat vktLookupTableGetColorFormat(vktLookupTable lut) {

@@ -14,10 +14,6 @@
 namespace vkt {
 namespace {
 
-bool begins_as_dicom(std::span<std::byte const> head) {
-    return head.size() >= 132 && std::memcmp(head.data() + 128, "DICM", 4) == 0;
-}
-
 std::unique_ptr<Source> open_dicom(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     std::string const what = text(bytes->name(), ": reading DICOM");
     std::int64_t size = 0;
@@ -34,15 +30,36 @@ std::unique_ptr<Source> open_dicom(std::unique_ptr<ByteSource> bytes, ReadOption
 
 } // namespace
 
+bool begins_as_dicom(std::span<std::byte const> head) {
+    if (head.size() >= 132 && std::memcmp(head.data() + 128, "DICM", 4) == 0) return true;
+    auto const byte = [&](std::size_t i) { return std::to_integer<std::uint32_t>(head[i]); };
+    auto const capital = [&](std::size_t i) { return byte(i) >= 'A' && byte(i) <= 'Z'; };
+    std::uint32_t before = 0;
+    std::size_t at = 0;
+    for (int element = 0; element < 4; ++element) {
+        if (at + 8 > head.size()) return false;
+        std::uint32_t const tag = (byte(at) | byte(at + 1) << 8) << 16 | byte(at + 2) | byte(at + 3) << 8;
+        bool const typed = capital(at + 4) && capital(at + 5);
+        std::uint32_t const length = typed ? byte(at + 6) | byte(at + 7) << 8
+                                           : byte(at + 4) | byte(at + 5) << 8 | byte(at + 6) << 16 | byte(at + 7) << 24;
+        if (tag < 0x00080000 || tag > 0x0010ffff || tag <= before || length % 2 != 0 || length > dicom_head_bytes)
+            return false;
+        before = tag;
+        at += 8 + length;
+    }
+    return true;
+}
+
 bool is_dicom_folder(std::string const& path) {
     namespace fs = std::filesystem;
     std::error_code error;
     for (auto const& entry : fs::directory_iterator(path, error)) {
         if (!entry.is_regular_file(error)) continue;
-        std::array<char, 132> head{};
+        std::array<char, dicom_head_bytes> head{};
         std::ifstream file(entry.path(), std::ios::binary);
         file.read(head.data(), head.size());
-        if (file.gcount() == 132 && std::memcmp(head.data() + 128, "DICM", 4) == 0) return true;
+        auto const got = static_cast<std::size_t>(file.gcount());
+        if (begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return true;
     }
     return false;
 }

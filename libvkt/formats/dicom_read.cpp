@@ -3,6 +3,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/dicom.h"
 #include "libvkt/formats/dicom_module.h"
 #include "libvkt/formats/header_text.h"
 
@@ -23,6 +24,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 
 namespace vkt::dicom {
 namespace {
@@ -38,12 +40,14 @@ gdcm::Tag const pixel_data(0x7fe0, 0x0010);
 double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 double length(Vec3 a) { return std::sqrt(dot(a, a)); }
+/// As text for messages, to a tenth of a micrometre.
+std::string millimetres(double distance) { return text(std::round(distance * 1e4) / 1e4, " mm"); }
 
 /// One plane of voxels.
 struct Slice {
     std::string file; ///< its name in the folder, or empty for the file itself
     std::int64_t frame = 0, frames = 1;
-    std::string series, series_number, modality, rescale_type, units;
+    std::string series, series_number, modality, photometric, rescale_type, units;
     std::int64_t columns = 0, rows = 0, bits = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
     Vec3 position, across{1, 0, 0}, down{0, 1, 0};
@@ -147,7 +151,7 @@ public:
         folder_ = fs::is_directory(path_, error);
     }
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -158,6 +162,8 @@ private:
     std::string shown(Slice const& s) const {
         return text(s.file.empty() ? path_ : s.file, s.frames > 1 ? text(" frame ", s.frame) : "");
     }
+    /// How to have what is refused.
+    std::string forced() const { return text("vkt read ", shell_quoted(path_), " --force-uniform | ..."); }
     bool read_file(std::string const& file);
     void check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const;
     void list_files(std::vector<std::string>& not_read);
@@ -165,6 +171,7 @@ private:
     void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
     void place(bool force_uniform, Header& header) const;
     std::vector<char> const& pixels(Slice const& slice);
+    bool single_bits(gdcm::DataSet const& set, Slice const& slice);
     template <class T>
     void copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample, std::byte* to) const;
 
@@ -230,9 +237,10 @@ bool DicomFiles::read_file(std::string const& file) {
     {
         // GDCM takes much for DICOM that is not: other files of a folder are left alone.
         std::ifstream in(full(file), std::ios::binary);
-        std::array<char, 132> head{};
+        std::array<char, dicom_head_bytes> head{};
         in.read(head.data(), head.size());
-        if (folder_ && (in.gcount() < 132 || std::memcmp(head.data() + 128, "DICM", 4) != 0)) return false;
+        auto const got = static_cast<std::size_t>(in.gcount());
+        if (folder_ && !begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return false;
     }
     std::ifstream stream(full(file), std::ios::binary);
     gdcm::Reader reader;
@@ -263,6 +271,7 @@ bool DicomFiles::read_file(std::string const& file) {
     s.series = element_text(set, 0x0020, 0x000e);
     s.series_number = std::string(trimmed(element_text(set, 0x0020, 0x0011)));
     s.modality = element_text(set, 0x0008, 0x0060);
+    s.photometric = element_text(set, 0x0028, 0x0004);
     s.units = element_text(set, 0x0054, 0x1001);
     auto const whole = [&](std::uint16_t group, std::uint16_t element) {
         auto const v = element_numbers(set, group, element);
@@ -349,7 +358,7 @@ void DicomFiles::arrange(std::vector<Slice> slices, bool force_uniform, ParsedGr
     bool const placed = std::all_of(slices.begin(), slices.end(), [](Slice const& s) { return s.placed; });
     if (!placed && slices.size() > 1 && !force_uniform)
         fail("its images do not say where they lie (Image Position (Patient))",
-             "in the order of their numbers all the same: --force-uniform");
+             text("in the order of their numbers all the same: ", forced()));
     for (Slice& s : slices) s.along = placed ? dot(s.position, normal) : static_cast<double>(s.instance);
     std::stable_sort(slices.begin(), slices.end(), [](Slice const& a, Slice const& b) {
         if (std::abs(a.along - b.along) > 1e-4) return a.along < b.along;
@@ -409,9 +418,9 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
         Vec3 const aside = step - normal * mean;
         if (length(aside) > slant_tolerance * mean) {
             if (!force_uniform)
-                fail(text("its slices lie on a slant: each is ", length(aside), " mm aside of the one before it, ",
-                          mean, " mm further (a tilted gantry)"),
-                     "as a sheared lattice, with every voxel in its place: --force-uniform");
+                fail(text("its slices lie on a slant: each is ", millimetres(length(aside)),
+                          " aside of the one before it, ", millimetres(mean), " further (a tilted gantry)"),
+                     text("as a sheared lattice, with every voxel in its place: ", forced()));
             set_axis(g, 2, step, "the distance of slices");
         }
         for (std::int64_t z = 1; z < dims_.z; ++z) {
@@ -428,16 +437,17 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
             for (std::int64_t i = 1; i < dims_.z; ++i) {
                 Slice const &c = slices_[static_cast<std::size_t>(i - 1)], &d = slices_[static_cast<std::size_t>(i)];
                 if (std::abs(d.along - c.along - usual) > gap_tolerance * usual)
-                    fail(text("its slices lie at unequal distances: ", d.along - c.along, " mm from ", shown(c), " to ",
-                              shown(d), ", ", usual, " mm elsewhere"),
-                         "as if all were equal, at their mean: --force-uniform");
+                    fail(text("its slices lie at unequal distances: ", millimetres(d.along - c.along), " from ",
+                              shown(c), " to ", shown(d), ", ", millimetres(usual), " elsewhere"),
+                         text("as if all were equal, at their mean: ", forced()));
             }
         }
     }
     for (auto& direction : g.direction) direction = direction + Vec3{}; // no negative zeros
 }
 
-ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
+ParsedGrids DicomFiles::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
     list_files(grids.not_read);
     std::vector<std::vector<Slice>> series = groups();
@@ -466,7 +476,7 @@ ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
     physical_ = std::any_of(series[chosen].begin(), series[chosen].end(),
                             [&](Slice const& s) { return s.slope != first.slope || s.intercept != first.intercept; });
     // Of several nobody chose yet, the first stands for all, whatever its slices are like.
-    arrange(series[chosen], force_uniform || !grids.choices.empty(), grids);
+    arrange(series[chosen], choice.force_uniform || !grids.choices.empty(), grids);
     Header& header = grids.header;
     if (first.bits != 1 && first.bits != 8 && first.bits != 12 && first.bits != 16 && first.bits != 32)
         fail(text("its values have ", first.bits, " bits, which vkt does not read"));
@@ -478,11 +488,26 @@ ParsedGrids DicomFiles::open(std::string const& variable, bool force_uniform) {
     else
         header.values = {first.slope, first.intercept};
     if (!first.modality.empty()) header.attributes["modality"] = first.modality;
+    if (first.photometric == "MONOCHROME1") header.attributes["photometric"] = "min is white";
+    if (first.photometric == "PALETTE COLOR") header.attributes["photometric"] = "palette";
     header.units = !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
                    : first.modality == "CT"    ? "HU"
                                                : first.units;
     header = in_utf8(std::move(header));
     return grids;
+}
+
+/// Bits of all frames, one after another from the lowest of the first byte on (PS3.5, 8.1.1), as a byte each.
+bool DicomFiles::single_bits(gdcm::DataSet const& set, Slice const& slice) {
+    gdcm::ByteValue const* const value =
+        set.FindDataElement(pixel_data) ? set.GetDataElement(pixel_data).GetByteValue() : nullptr;
+    auto const count = static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * slice.frames);
+    if (value == nullptr || value->GetPointer() == nullptr || value->GetLength() < (count + 7) / 8) return false;
+    pixels_.resize(count);
+    for (std::size_t i = 0; i < count; ++i)
+        pixels_[i] = static_cast<char>(static_cast<unsigned char>(value->GetPointer()[i / 8]) >> (i % 8) & 1);
+    planar_ = false;
+    return true;
 }
 
 /// All frames of the file, decoded; the last one is kept.
@@ -495,6 +520,15 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     auto const refuse = [&](std::string const& what) {
         throw Error(ErrorKind::data, text("'", name, "': damaged: ", what));
     };
+    if (slice.bits == 1) { // GDCM ends the process
+        gdcm::Reader bits;
+        bits.SetFileName(full(slice.file).c_str());
+        if (!bits.Read() || !single_bits(bits.GetFile().GetDataSet(), slice))
+            refuse("its single bits cannot be read, or are encoded, which is not read");
+        held_file_ = slice.file;
+        held_ = true;
+        return pixels_;
+    }
     if (!reader.Read()) refuse("its pixels cannot be read by GDCM, or are encoded in a way that it does not know");
     gdcm::Image const& image = reader.GetImage();
     std::int64_t const frames = image.GetNumberOfDimensions() > 2 ? image.GetDimension(2) : 1;

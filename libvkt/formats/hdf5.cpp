@@ -6,6 +6,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
 #include "libvkt/formats/flash_module.h"
+#include "libvkt/formats/foreign.h"
 #include "libvkt/formats/parsed_grids.h"
 
 #include <algorithm>
@@ -30,6 +31,11 @@ std::unique_ptr<Source> open_hdf5(std::unique_ptr<ByteSource> bytes, ReadOptions
             throw Error(ErrorKind::usage, text("'", bytes->name(), "' names a dataset, and --variable another one"));
         own.variable = dataset;
     }
+    // What the endings .nc and .mat also stand for.
+    if (std::string const other = foreign_format(bytes->peek(64));
+        other.find("before 7.3") != std::string::npos || other.find("version 3") != std::string::npos)
+        throw Error(ErrorKind::data, text("'", bytes->name(), "' is ", other, ", which is not read"),
+                    "make HDF5 of it: nccopy -k nc4 in.nc out.nc, or in MATLAB: save -v7.3");
     std::shared_ptr<ByteSource const> const file = seekable_bytes(std::move(bytes));
     return parsed_grids("hdf5", what, file, file->size(), own);
 }

@@ -4,6 +4,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/hdf5_open.h"
+#include "libvkt/formats/raw_source.h"
 #include "libvkt/formats/tree_file.h"
 
 #include <hdf5.h>
@@ -11,6 +12,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <utility>
 
 namespace vkt::hdf5 {
@@ -53,6 +56,35 @@ std::optional<DataType> type_of(hid_t type) {
     }
 }
 
+/// What elements of a type are that no voxel can be.
+std::string other_elements(hid_t type) {
+    switch (H5Tget_class(type)) {
+    case H5T_COMPOUND:
+        return H5Tget_member_index(type, "r") >= 0 && H5Tget_member_index(type, "i") >= 0 ? "complex numbers"
+                                                                                          : "structures";
+    case H5T_STRING:
+        return "texts";
+    case H5T_INTEGER:
+    case H5T_FLOAT:
+        return text("numbers of ", static_cast<std::int64_t>(H5Tget_precision(type)), " bits in ",
+                    static_cast<std::int64_t>(H5Tget_size(type)), " bytes");
+    default:
+        return "no plain numbers";
+    }
+}
+
+/// To open objects with, but none that a link leads to in another file, whose name and path `other` becomes then.
+Handle within_file(std::string& other) {
+    Handle stay(H5Pcreate(H5P_LINK_ACCESS), H5Pclose);
+    auto const refuse = [](char const*, char const*, char const* file, char const* path, unsigned*, hid_t,
+                           void* where) -> herr_t {
+        *static_cast<std::string*>(where) = text(file, ":", path);
+        return -1;
+    };
+    H5Pset_elink_cb(stay, refuse, &other);
+    return stay;
+}
+
 /// The file's type in this machine's byte order.
 Handle memory_type(hid_t type) {
     if (H5Tget_class(type) == H5T_ENUM) {
@@ -73,11 +105,11 @@ struct Dataset {
 
 class File : public GridsParser {
 public:
-    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_)) {
+    explicit File(std::string path) : path_(std::move(path)), file_(open_file(path_)), home_(real_name(path_)) {
         if (!file_) fail("damaged: HDF5 cannot open it");
     }
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -86,27 +118,111 @@ private:
         H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
         return open_to_read(path);
     }
+    /// Where the file lies, which is handed over open; empty if it has no name.
+    static std::string real_name(std::string const& path) {
+        std::error_code error;
+        std::filesystem::path const place = std::filesystem::read_symlink(path, error);
+        return !error && std::filesystem::is_regular_file(place, error) ? place.string() : "";
+    }
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
     }
     void find_datasets(std::vector<std::string>& not_read);
+    std::string look_at(hid_t set, std::string const& path);
+    void find_linked(std::string const& path);
+    void check_elsewhere(hid_t data, std::string const& file, int depth, std::vector<std::string>& not_read) const;
     std::optional<double> number(hid_t object, char const* name) const;
     std::vector<double> numbers(hid_t object, char const* name) const;
     std::string words(hid_t object, char const* name) const;
     void choose(std::string const& variable, ParsedGrids& grids);
-    void read_scales(Header& header) const;
+    void read_scales(ParsedGrids& grids) const;
     void read_about(ParsedGrids& grids);
     void use_ours(Header& header, std::string const& json) const;
     void find_places(ParsedGrids& grids) const;
 
     std::string path_;
     Handle file_;
+    std::string home_;
     std::vector<Dataset> datasets_;
     std::optional<Handle> data_, type_, space_;
     std::vector<hsize_t> shape_;
     std::array<int, 4> axis_{-1, -1, -1, -1}; ///< of the dataset: of x, y, z and of the sequence
     std::size_t element_ = 1;
 };
+
+/// Adds the dataset to those that can be read, or says what it holds instead.
+std::string File::look_at(hid_t set, std::string const& path) {
+    Handle const type(H5Dget_type(set), H5Tclose), space(H5Dget_space(set), H5Sclose);
+    int const rank = H5Sget_simple_extent_ndims(space);
+    if (rank < 1 || H5Sget_simple_extent_type(space) != H5S_SIMPLE) return "no array";
+    auto const kind = type_of(type);
+    if (!kind) return other_elements(type);
+    Dataset one;
+    one.path = path;
+    one.type = *kind;
+    one.shape.resize(static_cast<std::size_t>(rank));
+    H5Sget_simple_extent_dims(space, one.shape.data(), nullptr);
+    one.scale = words(set, "CLASS") == "DIMENSION_SCALE";
+    datasets_.push_back(std::move(one));
+    return {};
+}
+
+/// A dataset by another of its names, as by a link, if there is one. Links to other files are not followed, since what
+/// a file leads to may be none of its writer's.
+void File::find_linked(std::string const& path) {
+    std::string other;
+    Handle const stay = within_file(other);
+    Handle const set(H5Oopen(file_, path.c_str(), stay), H5Oclose);
+    if (!other.empty())
+        fail(text("'", path, "' is a link to another file"), text("read it there: vkt read ", shell_quoted(other)));
+    if (!set) return;
+    if (H5Iget_type(set) != H5I_DATASET) fail(text("'", path, "' is no dataset"));
+    if (std::string const refused = look_at(set, path); !refused.empty())
+        fail(text("'", path, "' holds ", refused, "; a volume has one number in each voxel"));
+}
+
+/// Voxels in other files are read if those lie beside this one, as with detached headers, and so do the next ones to
+/// which they lead. HDF5 takes the fill value for a file of a virtual dataset that is not there.
+void File::check_elsewhere(hid_t data, std::string const& file, int depth, std::vector<std::string>& not_read) const {
+    if (depth > 8) fail("its virtual datasets are made of others without end");
+    Handle const creation(H5Dget_create_plist(data), H5Pclose);
+    bool const outside = H5Pget_external_count(creation) > 0 || H5Pget_layout(creation) == H5D_VIRTUAL;
+    if (outside && file.empty()) fail("its voxels lie in other files, and it has no name beside which they could be");
+    std::vector<char> name(4096);
+    for (int i = 0; i < H5Pget_external_count(creation); ++i) {
+        off_t offset = 0;
+        hsize_t size = 0;
+        if (H5Pget_external(creation, static_cast<unsigned>(i), name.size() - 1, name.data(), &offset, &size) >= 0)
+            beside(file, name.data(), false);
+    }
+    std::size_t sources = 0;
+    if (H5Pget_layout(creation) != H5D_VIRTUAL || H5Pget_virtual_count(creation, &sources) < 0) return;
+    std::set<std::pair<std::string, std::string>> seen;
+    for (std::size_t i = 0; i < sources; ++i) {
+        std::vector<char> path(4096);
+        if (H5Pget_virtual_filename(creation, i, name.data(), name.size()) < 0 ||
+            H5Pget_virtual_dsetname(creation, i, path.data(), path.size()) < 0)
+            fail("damaged: what its virtual dataset is made of cannot be read");
+        std::string const other = name.data();
+        if (!seen.insert({other, path.data()}).second) continue;
+        std::string const place = other == "." ? file : beside(file, other, false);
+        std::error_code error;
+        if (!std::filesystem::exists(place, error)) {
+            if (not_read.size() < 32)
+                not_read.push_back(
+                    text("file '", other, "', which is not there: the fill value stands for its voxels"));
+            continue;
+        }
+        std::string led_to;
+        Handle const opened = open_to_read(place), stay = within_file(led_to);
+        Handle const source(opened ? H5Oopen(opened, path.data(), stay) : -1, H5Oclose);
+        if (source && H5Iget_type(source) == H5I_DATASET)
+            check_elsewhere(source, place, depth + 1, not_read);
+        else
+            fail(text("'", other, ":", path.data(), "', of which its virtual dataset is made, is not there itself"),
+                 "if you know what it is and trust the file: --trust-paths");
+    }
+}
 
 void File::find_datasets(std::vector<std::string>& not_read) {
     struct Walk {
@@ -119,22 +235,10 @@ void File::find_datasets(std::vector<std::string>& not_read) {
         try {
             Handle const set(H5Dopen2(root, name, H5P_DEFAULT), H5Dclose);
             if (!set) return 0;
-            Handle const type(H5Dget_type(set), H5Tclose), space(H5Dget_space(set), H5Sclose);
-            int const rank = H5Sget_simple_extent_ndims(space);
-            if (rank < 1 || H5Sget_simple_extent_type(space) != H5S_SIMPLE) return 0;
-            Dataset one;
-            one.path = text("/", name);
-            one.shape.resize(static_cast<std::size_t>(rank));
-            H5Sget_simple_extent_dims(space, one.shape.data(), nullptr);
-            auto const kind = type_of(type);
-            if (!kind) {
-                if (w.not_read->size() < 32)
-                    w.not_read->push_back(text("dataset '", one.path, "', which holds no plain numbers"));
-                return 0;
-            }
-            one.type = *kind;
-            one.scale = w.file->words(set, "CLASS") == "DIMENSION_SCALE";
-            w.file->datasets_.push_back(std::move(one));
+            std::string const path = text("/", name);
+            std::string const refused = w.file->look_at(set, path);
+            if (!refused.empty() && w.not_read->size() < 32)
+                w.not_read->push_back(text("dataset '", path, "', which holds ", refused));
         } catch (...) {
             return -1; // C code lies between
         }
@@ -196,6 +300,10 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     auto const image = [](Dataset const& d) {
         return !d.scale && std::count_if(d.shape.begin(), d.shape.end(), [](hsize_t n) { return n > 1; }) >= 2;
     };
+    std::string const wanted = variable.empty() || variable.starts_with('/') ? variable : text("/", variable);
+    if (!wanted.empty() &&
+        std::none_of(datasets_.begin(), datasets_.end(), [&](Dataset const& d) { return d.path == wanted; }))
+        find_linked(wanted);
     bool const any = variable.empty() && std::any_of(datasets_.begin(), datasets_.end(), image);
     for (std::size_t i = 0; i < datasets_.size(); ++i) {
         if (any && !image(datasets_[i])) continue;
@@ -205,7 +313,6 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
         index.push_back(i);
     }
     if (all.empty()) fail("holds no dataset of numbers");
-    std::string const wanted = variable.empty() || variable.starts_with('/') ? variable : text("/", variable);
     std::size_t chosen = 0;
     if (wanted.empty() && all.size() > 1)
         for (std::size_t i : index) {
@@ -220,6 +327,11 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     Dataset const& d = datasets_[index[chosen]];
     Handle const access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     H5Pset_chunk_cache(access, 12421, chunk_cache, 1);
+    if (!home_.empty()) { // relative names of other files begin there, not where the command runs
+        std::string const folder = std::filesystem::path(home_).parent_path().string();
+        H5Pset_virtual_prefix(access, folder.c_str());
+        H5Pset_efile_prefix(access, folder.c_str());
+    }
     data_.emplace(H5Dopen2(file_, d.path.c_str(), access), H5Dclose);
     if (!*data_) fail(text("damaged: dataset '", d.path, "' cannot be opened"));
     type_.emplace(H5Dget_type(*data_), H5Tclose);
@@ -246,7 +358,8 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
 }
 
 /// Coordinates of the samples along each dimension, where they have even steps.
-void File::read_scales(Header& header) const {
+void File::read_scales(ParsedGrids& grids) const {
+    Header& header = grids.header;
     if (H5Aexists(*data_, "DIMENSION_LIST") <= 0) return;
     Handle const attribute(H5Aopen(*data_, "DIMENSION_LIST", H5P_DEFAULT), H5Aclose);
     if (!attribute) return;
@@ -255,8 +368,8 @@ void File::read_scales(Header& header) const {
         return;
     std::vector<hvl_t> lists(shape_.size());
     if (H5Aread(attribute, type, lists.data()) < 0) return;
-    std::array<std::string, 3> units;
-    for (int a = 0; a < 3; ++a) {
+    std::array<std::string, 4> units;
+    for (int a = 0; a < 4; ++a) {
         int const k = axis_[static_cast<std::size_t>(a)];
         if (k < 0 || lists[static_cast<std::size_t>(k)].len < 1) continue;
         Handle const scale(H5Rdereference2(*data_, H5P_DEFAULT, H5R_OBJECT, lists[static_cast<std::size_t>(k)].p),
@@ -275,6 +388,15 @@ void File::read_scales(Header& header) const {
         bool even = std::isfinite(step) && step != 0;
         for (hsize_t i = 0; even && i < n; ++i)
             even = std::abs(at[i] - (at.front() + step * static_cast<double>(i))) <= 1e-3 * std::abs(step);
+        if (a == 3) { // of the volumes
+            for (double const position : at) {
+                std::map<std::string, std::string> said{{"sequence position", to_text(position)}};
+                if (even && step > 0) said["sequence step"] = to_text(step);
+                if (even && step > 0 && !units[3].empty()) said["sequence units"] = text("\"", units[3], "\"");
+                grids.attributes.push_back(std::move(said));
+            }
+            continue;
+        }
         if (!even) {
             header.attributes[text("coordinates ", std::string(1, "xyz"[a]))] = "uneven: not kept";
             continue;
@@ -291,7 +413,7 @@ void File::read_scales(Header& header) const {
 void File::read_about(ParsedGrids& grids) {
     Header& header = grids.header;
     hid_t const data = *data_;
-    read_scales(header);
+    read_scales(grids);
     if (auto const size = numbers(data, "element_size_um"); size.size() == 3 && axis_[2] >= 0) { // z, y, x
         for (int a = 0; a < 3; ++a)
             if (double const s = size[static_cast<std::size_t>(2 - a)]; s > 0 && std::isfinite(s))
@@ -309,7 +431,8 @@ void File::read_about(ParsedGrids& grids) {
     if (slope != 0) header.values = {slope, offset};
     header.units = words(data, "units");
     if (std::string const name = words(data, "long_name"); !name.empty()) header.attributes["long_name"] = name;
-    if (auto const fill = number(data, "_FillValue")) header.attributes["_FillValue"] = to_text(*fill);
+    for (char const* const name : {"_FillValue", "missing_value"})
+        if (auto const fill = number(data, name)) header.attributes[name] = to_text(*fill);
     header = in_utf8(std::move(header));
     use_ours(header, words(data, header_attribute));
 }
@@ -356,13 +479,15 @@ void File::find_places(ParsedGrids& grids) const {
                                                                    shape_[static_cast<std::size_t>(axis_[2])]));
 }
 
-ParsedGrids File::open(std::string const& variable, bool /*force_uniform*/) {
+ParsedGrids File::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
     if (H5Lexists(file_, "refine level", H5P_DEFAULT) > 0 && H5Lexists(file_, "node type", H5P_DEFAULT) > 0 &&
         variable.empty())
         throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
     find_datasets(grids.not_read);
     choose(variable, grids);
+    if (!choice.trust_paths) check_elsewhere(*data_, home_, 0, grids.not_read);
     read_about(grids);
     find_places(grids);
     return grids;

@@ -116,6 +116,7 @@ void GridsSource::open() {
     request.put(open_grids_request);
     request.put(options_.variable);
     request.put(std::int64_t{options_.force_uniform});
+    request.put(std::int64_t{options_.trust_paths});
     Message answer = child_->ask(request);
     grids_ = grids_in(answer);
     check_answer();
@@ -269,8 +270,11 @@ ParserHandler answer_about_grids(std::function<std::unique_ptr<GridsParser>()> m
     return [make = std::move(make), file](Message& request, std::span<std::byte> window, Message& answer) mutable {
         if (!file) file = make();
         if (request.number() == open_grids_request) {
-            std::string const variable = request.text();
-            put(answer, file->open(variable, request.number() != 0));
+            GridsChoice choice;
+            choice.variable = request.text();
+            choice.force_uniform = request.number() != 0;
+            choice.trust_paths = request.number() != 0;
+            put(answer, file->open(choice));
             return;
         }
         std::int64_t const volume = request.number();

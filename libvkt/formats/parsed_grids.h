@@ -33,12 +33,19 @@ struct ParsedGrids {
     std::int64_t slab = 1;
 };
 
+/// What of a file is wanted, and how.
+struct GridsChoice {
+    std::string variable;       ///< may be empty
+    bool force_uniform = false; ///< as of ReadOptions
+    bool trust_paths = false;   ///< as of ReadOptions
+};
+
 /// The reader of an open file; runs in a child and may crash.
 class GridsParser {
 public:
     virtual ~GridsParser() = default;
-    /// `variable` may be empty. Throws Error.
-    virtual ParsedGrids open(std::string const& variable, bool force_uniform) = 0;
+    /// Throws Error.
+    virtual ParsedGrids open(GridsChoice const& choice) = 0;
     /// Copies the voxels of the box of one volume, dense, x fastest, in this machine's byte order.
     virtual void read(std::int64_t volume, Box const& box, std::byte* to) = 0;
 };

@@ -134,11 +134,12 @@ bool read_shaped(std::string const& description, std::int64_t pages, std::int64_
 }
 
 #ifdef VKT_HAVE_EXPAT
-/// The first Image of an OME document.
+/// An Image of an OME document.
 class OmeReader {
 public:
-    OmeReader(std::string const& file, std::int64_t pages, std::int64_t samples, TiffDescription& result)
-        : file_(file), file_pages_(pages), samples_(samples), result_(result) {}
+    OmeReader(TiffDescribed const& about, bool first, TiffDescription& result)
+        : file_(about.file), file_pages_(about.all_pages), samples_(about.samples), wanted_(about.image),
+          take_first_(first), result_(result) {}
 
     bool read(std::string const& text) {
         XML_Parser const parser = XML_ParserCreate(nullptr);
@@ -191,8 +192,13 @@ private:
         Attributes a;
         for (; list[0] != nullptr; list += 2) a.emplace(list[0], list[1]);
         std::string const name = local(full);
-        if (name == "Image" && ++image_ > 1) result_.not_read.push_back(text("image '", a["Name"], "'"));
-        if (image_ != 1) return;
+        if (name == "Image") {
+            std::string const called = a["Name"].empty() ? text("image ", images_) : a["Name"];
+            in_wanted_ = !seen_ && (take_first_ || called == wanted_);
+            if (!in_wanted_) result_.not_read.push_back(text("image '", called, "'"));
+            ++images_;
+        }
+        if (!in_wanted_) return;
         if (name == "Pixels") pixels(a);
         if (name == "Channel" && channel_names_.size() < 4096) {
             channel_names_.push_back(a["Name"]);
@@ -310,9 +316,11 @@ private:
 
     std::string const& file_;
     std::int64_t file_pages_, samples_;
+    std::string const& wanted_;
+    bool take_first_;
     TiffDescription& result_;
-    bool ok_ = true, seen_ = false, sized_ = false;
-    std::int64_t image_ = 0, z_ = 1, c_ = 1, t_ = 1;
+    bool ok_ = true, seen_ = false, sized_ = false, in_wanted_ = false;
+    std::int64_t images_ = 0, z_ = 1, c_ = 1, t_ = 1;
     std::string order_;
     std::vector<Data> data_;
     std::vector<std::string> data_file_;
@@ -324,21 +332,23 @@ private:
 
 } // namespace
 
-TiffDescription tiff_description(std::string const& description, std::int64_t pages, std::int64_t samples,
-                                 std::string const& file) {
+TiffDescription tiff_description(std::string const& description, TiffDescribed const& about) {
     TiffDescription result;
     if (description.starts_with("ImageJ=")) {
         read_imagej(description, result);
     } else if (description.find("<OME") != std::string::npos || description.find(":OME") != std::string::npos) {
 #ifdef VKT_HAVE_EXPAT
-        if (!OmeReader(file, pages, samples, result).read(description)) result = {};
+        if (!about.image.empty()) result.image_found = OmeReader(about, false, result).read(description);
+        if (!result.image_found) {
+            result = {};
+            if (!OmeReader(about, true, result).read(description)) result = {};
+        }
 #else
-        static_cast<void>(file);
-        throw Error(ErrorKind::data, text("'", file, "' is OME-TIFF, for which this build lacks expat"),
+        throw Error(ErrorKind::data, text("'", about.file, "' is OME-TIFF, for which this build lacks expat"),
                     "build vkt with libexpat1-dev");
 #endif
     } else if (description.starts_with("{")) {
-        read_shaped(description, pages, samples, result);
+        read_shaped(description, about.pages, about.samples, result);
     }
     return result;
 }

@@ -19,8 +19,10 @@ struct TiffDescription {
     std::int64_t slices = 0, channels = 1, frames = 1; ///< slices 0: nobody says, all pages are slices
     /// ImageJ, tifffile: pages that there should be; if the file has one, the voxels of the others follow its own.
     std::int64_t images = 0;
-    /// OME, tifffile: the page of each plane, [frame][channel][slice], -1 for planes that are not there.
+    /// OME, tifffile: the page of each plane, [frame][channel][slice]. OME counts all pages of the file, tifffile those
+    /// of one size.
     std::vector<std::int64_t> pages;
+    bool image_found = false; ///< OME: the image that was asked for is there
     std::optional<double> spacing_x, spacing_y, spacing_z, interval;
     std::string unit; ///< of the spacing, "mm"; empty: nobody says
     std::vector<std::string> channel_names;
@@ -30,9 +32,17 @@ struct TiffDescription {
     std::optional<Header> ours; ///< what vkt wrote
 };
 
-/// `samples` is the number of values in each pixel, which OME counts among the channels. Throws Error{data} where a
-/// description that is OME's contradicts itself or names planes in other files; what is no description at all is plain.
-TiffDescription tiff_description(std::string const& text, std::int64_t pages, std::int64_t samples,
-                                 std::string const& file);
+/// What a description is about.
+struct TiffDescribed {
+    std::string file;           ///< its name, for messages
+    std::int64_t pages = 1;     ///< of one size
+    std::int64_t all_pages = 1; ///< of any size
+    std::int64_t samples = 1;   ///< values in each pixel, which OME counts among the channels
+    std::string image;          ///< OME: the one that is asked for; empty, or one that is not there: the first
+};
+
+/// Throws Error{data} where a description that is OME's contradicts itself or names planes in other files; what is no
+/// description at all is plain.
+TiffDescription tiff_description(std::string const& text, TiffDescribed const& about);
 
 } // namespace vkt

@@ -36,9 +36,12 @@ struct Page {
     std::uint16_t bits = 1, format = SAMPLEFORMAT_UINT, samples = 1, planar = PLANARCONFIG_CONTIG, photometric = 0,
                   compression = COMPRESSION_NONE, orientation = ORIENTATION_TOPLEFT;
     bool tiled = false;
+    bool reduced = false;    ///< of another page, or a mask
+    std::int64_t levels = 0; ///< sub-images, smaller ones of the same
 
     bool alike(Page const& o) const {
-        return width == o.width && height == o.height && bits == o.bits && format == o.format && samples == o.samples;
+        return reduced == o.reduced && width == o.width && height == o.height && bits == o.bits && format == o.format &&
+               samples == o.samples;
     }
 };
 
@@ -82,7 +85,7 @@ public:
     TiffFile(TiffFile const&) = delete;
     TiffFile& operator=(TiffFile const&) = delete;
 
-    ParsedGrids open(std::string const& variable, bool force_uniform) override;
+    ParsedGrids open(GridsChoice const& choice) override;
     void read(std::int64_t volume, Box const& box, std::byte* to) override;
 
 private:
@@ -96,7 +99,14 @@ private:
     }
     Page page_here();
     bool next_page(std::int64_t number);
-    void read_pages(std::vector<std::string>& not_read);
+    void read_pages();
+    void take_like(std::size_t first);
+    void take_level(std::int64_t level);
+    void read_words();
+    bool asked_by_number(std::string const& variable);
+    TiffDescription describe(std::string const& image);
+    void say_not_read(std::vector<std::string>& not_read);
+    Vec3 lie_over_the_full_image(Geometry& geometry) const;
     DataType type_of(Page const& page) const;
     void check_size(Page const& page, std::int64_t planes) const;
     void read_geometry(Header& header, TiffDescription const& about);
@@ -110,8 +120,11 @@ private:
 
     std::string path_;
     TIFF* tiff_ = nullptr;
-    std::vector<Page> pages_;
-    std::vector<Plane> planes_; ///< slices of all volumes
+    std::vector<Page> every_;          ///< in the order of the file
+    std::vector<std::size_t> numbers_; ///< of pages_ among them
+    std::vector<Page> pages_;          ///< those that are read, of one size
+    std::optional<Page> full_;         ///< of which the pages are reduced ones
+    std::vector<Plane> planes_;        ///< slices of all volumes
     std::string description_;
     double resolution_x_ = 0, resolution_y_ = 0;
     std::uint16_t resolution_unit_ = RESUNIT_INCH;
@@ -136,6 +149,12 @@ Page TiffFile::page_here() {
     TIFFGetFieldDefaulted(tiff_, TIFFTAG_COMPRESSION, &p.compression);
     TIFFGetFieldDefaulted(tiff_, TIFFTAG_ORIENTATION, &p.orientation);
     p.tiled = TIFFIsTiled(tiff_) != 0;
+    std::uint32_t kind = 0;
+    TIFFGetField(tiff_, TIFFTAG_SUBFILETYPE, &kind);
+    p.reduced = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
+    std::uint16_t levels = 0;
+    std::uint64_t const* offsets = nullptr;
+    if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) != 0) p.levels = levels;
     std::uint32_t depth = 1;
     if (TIFFGetField(tiff_, TIFFTAG_IMAGEDEPTH, &depth) != 0 && depth > 1)
         fail(text("a page holds ", static_cast<std::int64_t>(depth), " slices in one (ImageDepth), which is not read"),
@@ -153,47 +172,134 @@ bool TiffFile::next_page(std::int64_t number) {
     return true;
 }
 
-void TiffFile::read_pages(std::vector<std::string>& not_read) {
+void TiffFile::read_pages() {
     std::int64_t number = 0;
-    std::int64_t others = 0;
-    bool of_reduced = false; // all that there is so far are reduced images
-    auto const leave = [&](Page const& page, std::int64_t n, bool reduced) {
-        if (++others <= 8)
-            not_read.push_back(text("page ", n, reduced ? " (reduced or a mask)" : "", " of ",
-                                    static_cast<std::int64_t>(page.width), " by ",
-                                    static_cast<std::int64_t>(page.height), " pixels"));
-    };
     do {
         if (++number > most_pages) fail(text("it has more than ", most_pages, " pages"));
-        std::uint32_t kind = 0;
-        TIFFGetField(tiff_, TIFFTAG_SUBFILETYPE, &kind);
-        Page const page = page_here();
-        if (page.width == 0 || page.height == 0) fail(text("page ", number - 1, " has no extent"));
-        bool const reduced = (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
-        if (!pages_.empty() && of_reduced && !reduced) { // thumbnails came first
-            for (std::size_t i = 0; i < pages_.size(); ++i) leave(pages_[i], static_cast<std::int64_t>(i), true);
-            pages_.clear();
-        }
-        if (pages_.empty()) of_reduced = reduced;
-        if (!pages_.empty() && (reduced != of_reduced || !page.alike(pages_.front()))) {
-            leave(page, number - 1, reduced);
-            continue;
-        }
-        if (pages_.empty()) {
-            char const* words = nullptr;
-            if (TIFFGetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, &words) != 0 && words != nullptr) description_ = words;
-            float x = 0, y = 0;
-            if (TIFFGetField(tiff_, TIFFTAG_XRESOLUTION, &x) != 0 &&
-                TIFFGetField(tiff_, TIFFTAG_YRESOLUTION, &y) != 0) {
-                resolution_x_ = as_written(x);
-                resolution_y_ = as_written(y);
-            }
-            TIFFGetFieldDefaulted(tiff_, TIFFTAG_RESOLUTIONUNIT, &resolution_unit_);
-        }
-        pages_.push_back(page);
+        every_.push_back(page_here());
+        if (every_.back().width == 0 || every_.back().height == 0) fail(text("page ", number - 1, " has no extent"));
     } while (next_page(number));
-    if (others > 8) not_read.push_back(text(others - 8, " more pages of other sizes"));
+}
+
+/// Reads the pages that are like this one, from it on.
+void TiffFile::take_like(std::size_t first) {
+    pages_.clear();
+    numbers_.clear();
+    for (std::size_t i = 0; i < every_.size(); ++i)
+        if (i >= first && every_[i].alike(every_[first])) {
+            pages_.push_back(every_[i]);
+            numbers_.push_back(i);
+        }
     here_ = static_cast<std::size_t>(-1);
+}
+
+/// What the first page says of itself.
+void TiffFile::read_words() {
+    go_to(0);
+    char const* words = nullptr;
+    description_.clear();
+    if (TIFFGetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, &words) != 0 && words != nullptr) description_ = words;
+    float x = 0, y = 0;
+    resolution_x_ = resolution_y_ = 0;
+    if (TIFFGetField(tiff_, TIFFTAG_XRESOLUTION, &x) != 0 && TIFFGetField(tiff_, TIFFTAG_YRESOLUTION, &y) != 0) {
+        resolution_x_ = as_written(x);
+        resolution_y_ = as_written(y);
+    }
+    TIFFGetFieldDefaulted(tiff_, TIFFTAG_RESOLUTIONUNIT, &resolution_unit_);
+}
+
+/// Reads a sub-image of each page instead, 1 being the first.
+void TiffFile::take_level(std::int64_t level) {
+    full_ = pages_.front();
+    for (std::size_t i = 0; i < pages_.size(); ++i) {
+        go_to(i);
+        std::uint16_t levels = 0;
+        std::uint64_t const* offsets = nullptr;
+        if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) == 0 || level > levels)
+            throw Error(ErrorKind::usage, text("'", path_, "': page ", static_cast<std::int64_t>(numbers_[i]),
+                                               " has no level ", level, "; its last is level ", std::int64_t{levels}));
+        std::uint64_t const offset = offsets[level - 1];
+        here_ = static_cast<std::size_t>(-1);
+        if (TIFFSetSubDirectory(tiff_, offset) == 0)
+            fail(text("level ", level, " of page ", static_cast<std::int64_t>(numbers_[i]), " cannot be read"));
+        pages_[i] = page_here();
+        if (pages_[i].width == 0 || pages_[i].height == 0 || !pages_[i].alike(pages_.front()))
+            fail(text("level ", level, " is of different sizes in different pages"));
+    }
+}
+
+/// "page 3" and "level 1", the names that say_not_read() gives.
+bool TiffFile::asked_by_number(std::string const& variable) {
+    auto const number = [&](std::string_view word) -> std::optional<std::int64_t> {
+        if (!variable.starts_with(word)) return std::nullopt;
+        return integer_in(std::string_view(variable).substr(word.size()));
+    };
+    if (auto const page = number("page "); page && *page >= 0) {
+        if (*page >= std::ssize(every_))
+            throw Error(ErrorKind::usage,
+                        text("'", path_, "' has no page ", *page, "; its last is page ", std::ssize(every_) - 1));
+        bool const reduced = every_[static_cast<std::size_t>(*page)].reduced;
+        if (reduced) full_ = pages_.front(); // whose words count
+        take_like(static_cast<std::size_t>(*page));
+        if (!reduced) read_words();
+        return true;
+    }
+    if (auto const level = number("level "); level && *level >= 1) {
+        take_level(*level);
+        return true;
+    }
+    return false;
+}
+
+/// What the description of the pages says. OME's is in one of them for all, and may speak of pages of another size.
+TiffDescription TiffFile::describe(std::string const& image) {
+    TiffDescribed of{path_, std::ssize(pages_), std::ssize(every_), pages_.front().samples, image};
+    TiffDescription about = tiff_description(description_, of);
+    if (full_ && every_[numbers_.front()].reduced) { // of the pages that were reduced nobody says which are there
+        about.pages.clear();
+        about.slices = about.images = 0;
+        about.channels = about.frames = 1;
+        about.ours.reset();
+    }
+    if (about.kind != TiffDescription::Kind::ome || about.pages.empty()) return about;
+    auto const first = static_cast<std::size_t>(about.pages.front());
+    if (!every_[first].alike(pages_.front()) && !full_) {
+        std::string const words = description_;
+        take_like(first);
+        of.samples = pages_.front().samples;
+        about = tiff_description(words, of);
+    }
+    if (numbers_.front() > first) take_like(first); // planes need not begin on the first page
+    for (std::int64_t& page : about.pages) {
+        auto const found = std::lower_bound(numbers_.begin(), numbers_.end(), static_cast<std::size_t>(page));
+        if (found == numbers_.end() || *found != static_cast<std::size_t>(page))
+            fail(text("its OME description places planes of one image on pages of different sizes, such as page ",
+                      page));
+        page = found - numbers_.begin();
+    }
+    return about;
+}
+
+void TiffFile::say_not_read(std::vector<std::string>& not_read) {
+    auto const size = [](Page const& page) {
+        return text(" of ", static_cast<std::int64_t>(page.width), " by ", static_cast<std::int64_t>(page.height),
+                    " pixels");
+    };
+    std::int64_t others = 0;
+    for (std::size_t i = 0; i < every_.size(); ++i)
+        if (!std::binary_search(numbers_.begin(), numbers_.end(), i) && ++others <= 8)
+            not_read.push_back(text("page ", static_cast<std::int64_t>(i),
+                                    every_[i].reduced ? " (reduced or a mask)" : "", size(every_[i])));
+    if (others > 8) not_read.push_back(text(others - 8, " more pages of other sizes"));
+    for (std::int64_t level = 1; level <= pages_.front().levels && level <= 32; ++level) {
+        go_to(0);
+        std::uint16_t levels = 0;
+        std::uint64_t const* offsets = nullptr;
+        if (TIFFGetField(tiff_, TIFFTAG_SUBIFD, &levels, &offsets) == 0 || level > levels) break;
+        std::uint64_t const offset = offsets[level - 1];
+        here_ = static_cast<std::size_t>(-1);
+        if (TIFFSetSubDirectory(tiff_, offset) != 0) not_read.push_back(text("level ", level, size(page_here())));
+    }
 }
 
 DataType TiffFile::type_of(Page const& page) const {
@@ -262,6 +368,25 @@ void orient(Geometry& geometry, Index3 dims, std::uint16_t orientation) {
     }
 }
 
+/// Reduced pages show the same as full ones, if their sides are in the same proportion: their pixels are larger, and
+/// the middle of the first lies further in, by what is returned along x and y.
+Vec3 TiffFile::lie_over_the_full_image(Geometry& geometry) const {
+    Vec3 further_in{0, 0, 0};
+    if (!full_) return further_in;
+    double const x = static_cast<double>(full_->width) / static_cast<double>(dims_.x),
+                 y = static_cast<double>(full_->height) / static_cast<double>(dims_.y);
+    // Sides are rounded to whole pixels.
+    if (std::abs(static_cast<double>(full_->width) / y - static_cast<double>(dims_.x)) > 1 &&
+        std::abs(static_cast<double>(full_->height) / x - static_cast<double>(dims_.y)) > 1)
+        return further_in; // a picture of something else
+    for (int axis = 0; axis < 2; ++axis) {
+        double const factor = axis == 0 ? x : y, step = geometry.spacing[axis];
+        geometry.spacing[axis] = step * factor;
+        further_in[axis] = step * (factor - 1) / 2;
+    }
+    return further_in;
+}
+
 void TiffFile::read_geometry(Header& header, TiffDescription const& about) {
     auto const spacing = [](double resolution, double unit) {
         double const s = unit / resolution;
@@ -286,7 +411,12 @@ void TiffFile::read_geometry(Header& header, TiffDescription const& about) {
         header.attributes["space units"] = text("\"", unit, "\" \"", unit, "\" \"", unit, "\"");
     if (about.values) header.values = *about.values;
     header.units = about.value_unit;
-    orient(header.geometry, dims_, pages_.front().orientation);
+    Geometry& geometry = header.geometry;
+    Vec3 const further_in = lie_over_the_full_image(geometry);
+    orient(geometry, dims_, pages_.front().orientation);
+    for (int seen = 0; seen < 2; ++seen)
+        geometry.origin[seen] +=
+            std::abs(geometry.direction[0][seen]) * further_in.x + std::abs(geometry.direction[1][seen]) * further_in.y;
 }
 
 /// Which page and sample each slice of each volume is.
@@ -381,13 +511,19 @@ void TiffFile::find_places(ParsedGrids& grids, TiffDescription const& about) {
     grids.big_endian = TIFFIsBigEndian(tiff_) != 0;
 }
 
-ParsedGrids TiffFile::open(std::string const& variable, bool /*force_uniform*/) {
+ParsedGrids TiffFile::open(GridsChoice const& choice) {
+    std::string const& variable = choice.variable;
     ParsedGrids grids;
-    read_pages(grids.not_read);
+    read_pages();
+    std::size_t full = 0; // thumbnails may come first
+    while (full < every_.size() && every_[full].reduced) ++full;
+    take_like(full < every_.size() ? full : 0);
+    read_words();
+    bool const by_number = asked_by_number(variable);
+    TiffDescription const about = describe(by_number ? "" : variable);
     Page const& first = pages_.front();
     type_ = type_of(first);
-    TiffDescription const about =
-        tiff_description(description_, static_cast<std::int64_t>(pages_.size()), first.samples, path_);
+    say_not_read(grids.not_read);
     grids.not_read.insert(grids.not_read.end(), about.not_read.begin(), about.not_read.end());
     arrange(about, grids);
     Header& header = grids.header;
@@ -413,7 +549,7 @@ ParsedGrids TiffFile::open(std::string const& variable, bool /*force_uniform*/) 
     find_places(grids, about);
     if (grids.places.empty() && about.images > 1 && pages_.size() == 1)
         fail(text("its description speaks of ", about.images, " pages, the file holds one"));
-    if (!variable.empty()) { // one of the channels
+    if (!variable.empty() && !by_number && !about.image_found) { // one of the channels
         auto const named = [&](std::size_t v) {
             if (v >= grids.attributes.size()) return false;
             auto const found = grids.attributes[v].find("channel");
@@ -440,8 +576,10 @@ ParsedGrids TiffFile::open(std::string const& variable, bool /*force_uniform*/) 
                 if (auto const found = said.find("channel");
                     found != said.end() && std::find(names.begin(), names.end(), found->second) == names.end())
                     names.push_back(found->second);
-            throw Error(ErrorKind::usage, text("'", path_, "' has no channel '", variable, "'",
-                                               names.empty() ? "" : text("; it holds ", join(names, ", "))));
+            throw Error(ErrorKind::usage,
+                        text("'", path_, "' has no channel '", variable, "'",
+                             names.empty() ? "" : text("; it holds ", join(names, ", "))),
+                        "what else may be named, vkt info says to be not read");
         }
         planes_ = std::move(planes);
         return chosen;

@@ -33,8 +33,9 @@ std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::stri
     if (names.empty()) throw Error(ErrorKind::data, text(file, ": holds no cell variables"));
     if (wanted.empty()) {
         if (names.size() == 1) return 0;
-        throw Error(ErrorKind::usage, text(file, ": holds several variables: ", join(names, ", ")),
-                    text("choose one: vkt read ", file, " --variable ", names.front(), " | ..."));
+        throw Error(
+            ErrorKind::usage, text(file, ": holds several variables: ", join(names, ", ")),
+            text("choose one: vkt read ", shell_quoted(file), " --variable ", shell_quoted(names.front()), " | ..."));
     }
     for (std::size_t i = 0; i < names.size(); ++i)
         if (names[i] == wanted) return i;

@@ -377,6 +377,21 @@ static void files(char const* name) {
     MUST(vktOutputStreamWriteSV(to, volume) == vktInvalidDataSource);
     vktOutputStreamDestroy(to);
     vktVolumeFileDestroy(in), vktVolumeFileDestroy(out), vktVolumeFileDestroy(none);
+    vktRawFile raw = NULL, written = NULL;
+    vktRawFileCreateS(&raw, name, "r");
+    MUST(vktRawFileGood(raw) && vktRawFileGetDims3iv(raw).z == header.dims.z);
+    MUST(vktRawFileGetDataFormat(raw) == header.dataFormat);
+    vktRawFileCreateS(&written, "again.nrrd", "w");
+    vktOutputStreamCreate(&to, vktRawFileGetBase(written));
+    MUST(!vktRawFileGood(written) && vktOutputStreamWriteSV(to, volume) == vktNoError);
+    vktOutputStreamDestroy(to);
+    vktOutputStreamCreate(&to, vktRawFileGetBase(raw));
+    MUST(vktOutputStreamWriteSV(to, volume) == vktInvalidDataSource);
+    vktOutputStreamDestroy(to);
+    vktRawFileDestroy(raw), vktRawFileDestroy(written);
+    vktVolumeFileHeader_t nothing = header;
+    vktVolumeFileHeaderDefaultInit(&nothing);
+    MUST(!nothing.isStructured && nothing.dims.x == 0);
     vktStructuredVolumeDestroy(volume);
 }
 
@@ -388,6 +403,13 @@ static void pictures(void) {
     MUST(vktFillRangeSV(a, 3, 3, 2, 9, 7, 6, 1) == vktNoError);
     vktLookupTableCreate(&table, 2, 1, 1, vktColorFormatRGBA32F);
     MUST(table != NULL && vktLookupTableGetSizeInBytes(table) == sizeof rgba);
+    int32_t x = 0, y = 0, z = 0;
+    vktLookupTableSetDims3i(table, 3, 2, 1);
+    vktLookupTableGetDims3i(table, &x, &y, &z);
+    vktLookupTableSetColorFormat(table, vktColorFormatRGB8);
+    MUST(x == 3 && y == 2 && z == 1 && vktLookupTableGetSizeInBytes(table) == 18);
+    vktLookupTableSetColorFormat(table, vktColorFormatRGBA32F);
+    vktLookupTableSetDims3iv(table, (vktVec3i_t){2, 1, 1});
     vktLookupTableSetData(table, (uint8_t*)rgba);
     vktRenderStateDefaultInit(&state);
     MUST(vktRenderSV(a, state, NULL) == vktInvalidValue && strstr(vkt_error_hint(), "snapshotTool") != NULL);
@@ -410,6 +432,43 @@ static void pictures(void) {
     vktStructuredVolumeDestroy(a);
 }
 
+static void trees(void) {
+    /* A coarse brick of 2 x 2 x 2 cells, each 2 wide, and a fine one beside it, whose cells come first in memory. */
+    vktBrick_t const bricks[2] = {{{-2, 0, 0}, {2, 2, 2}, 64, 1}, {{2, 0, 0}, {4, 4, 4}, 0, 0}};
+    vktBrick_t both[2];
+    vktHierarchicalVolume tree = NULL;
+    memcpy(both, bricks, sizeof both);
+    vktHierarchicalVolumeCreate(&tree, both, 2, vktDataFormatUInt8, 0, 1);
+    MUST(tree != NULL && vktHierarchicalVolumeGetNumBricks(tree) == 2);
+    MUST(memcmp(vktHierarchicalVolumeGetBricks(tree), bricks, sizeof bricks) == 0);
+    vktVec3i_t const dims = vktHierarchicalVolumeGetDims3iv(tree);
+    MUST(dims.x == 8 && dims.y == 4 && dims.z == 4);
+    MUST(vktHierarchicalVolumeGetDataFormat(tree) == vktDataFormatUInt8);
+    MUST(vktHierarchicalVolumeGetMaxBytesPerVoxel() == 4);
+    uint8_t* data = vktHierarchicalVolumeGetData(tree);
+    for (int i = 0; i < 72; ++i) MUST(data[i] == 0);
+    MUST(vktFillHV(tree, 0.2F) == vktNoError);
+    /* From the middle of the coarse brick to the middle of the fine one, two cells high. */
+    MUST(vktFillRangeHV(tree, 0, 0, 0, 4, 2, 100, 1) == vktNoError);
+    data = vktHierarchicalVolumeGetData(tree);
+    for (int z = 0; z < 4; ++z)
+        for (int y = 0; y < 4; ++y)
+            for (int x = 0; x < 4; ++x) MUST(data[x + 4 * (y + 4 * z)] == (x < 2 && y < 2 ? 255 : 51));
+    for (int i = 0; i < 8; ++i) MUST(data[64 + i] == (i % 2 == 1 && i / 2 % 2 == 0 ? 255 : 51));
+    data[64] = 7;
+    MUST(vktHierarchicalVolumeGetData(tree)[64] == 7);
+    vktHierarchicalVolumeSetVoxelMapping2f(tree, -1, 1);
+    MUST(vktHierarchicalVolumeGetVoxelMapping2fv(tree).x == -1 && vktHierarchicalVolumeGetData(tree)[64] == 7);
+    MUST(vktFillRangeHV(tree, 2, 0, 0, 3, 1, 1, -1) == vktNoError && vktHierarchicalVolumeGetData(tree)[0] == 0);
+    MUST(vktFillRangeHV(tree, 3, 0, 0, 2, 1, 1, 0) == vktInvalidValue);
+    vktHierarchicalVolumeDestroy(tree);
+    both[0].offsetInBytes = 65; /* a gap */
+    vktHierarchicalVolumeCreate(&tree, both, 2, vktDataFormatUInt8, 0, 1);
+    MUST(tree == NULL && strstr(vkt_error(), "begin at byte 65") != NULL);
+    MUST(vktFillHV(NULL, 0) == vktInvalidValue);
+    vktHierarchicalVolumeDestroy(NULL);
+}
+
 int main(int argc, char** argv) {
     struct {
         char const* name;
@@ -417,7 +476,7 @@ int main(int argc, char** argv) {
     } const tests[] = {{"volumes", volumes},       {"fills", fills},       {"copies", copies},
                        {"moves", moves},           {"filters", filters},   {"transforms", transforms},
                        {"arithmetic", arithmetic}, {"measures", measures}, {"bricks", bricks},
-                       {"policies", policies},     {"pictures", pictures}};
+                       {"policies", policies},     {"pictures", pictures}, {"trees", trees}};
     if (argc == 3 && strcmp(argv[1], "files") == 0) return files(argv[2]), 0;
     for (size_t i = 0; argc == 2 && i < sizeof tests / sizeof *tests; ++i)
         if (strcmp(argv[1], tests[i].name) == 0) return tests[i].test(), 0;
