@@ -163,7 +163,8 @@ double start_seconds() {
         int const error = ::posix_spawn(&process, "/proc/self/exe", &actions, nullptr, words, environ);
         posix_spawn_file_actions_destroy(&actions);
         int status = 0;
-        while (error == 0 && ::waitpid(process, &status, 0) < 0 && errno == EINTR) {}
+        while (error == 0 && ::waitpid(process, &status, 0) < 0 && errno == EINTR) {
+        }
         if (error != 0 || status != 0)
             throw Error(ErrorKind::resources, text("this program cannot be started: ", std::strerror(error)));
     });
@@ -313,10 +314,9 @@ void save(Calibration const& c) {
     if (!only_ours(folder))
         throw Error(ErrorKind::io, text("'", folder.string(), "' belongs to somebody else, or others may write to it"),
                     "remove it, or name another place: XDG_CACHE_HOME");
-    std::string content =
-        text(first_line, "\n", machine_and_build(), "\nthreads ", c.threads, "\ncopy ", c.copy[0], " ", c.copy[1],
-             "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ", c.file_write,
-             "\nstart ", c.start, "\n");
+    std::string content = text(first_line, "\n", machine_and_build(), "\nthreads ", c.threads, "\ncopy ", c.copy[0],
+                               " ", c.copy[1], "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ",
+                               c.file_write, "\nstart ", c.start, "\n");
     for (auto const& r : c.rates)
         content += text("rate ", r.bytes, " ", r.fixed[0], " ", r.fixed[1], " ", r.per_cost[0], " ", r.per_cost[1], " ",
                         r.operation, "\n");
