@@ -3,6 +3,7 @@
 # SPDX-License-Identifier: MIT
 #
 #   charts.py [--build DIR] [--out DIR] [--only WORD …] [--size N] [--runs N]      see run.sh
+#   charts.py [--out DIR] --draw NAME …      draws charts anew from their tables
 #
 # Referees are not vkt: convolutions in float64 by SciPy with kernels cut at 8 sigma, values of smooth fields at the new
 # positions, sums in exact integers, vtk's and SciPy's labels. Peers that are not installed are left out, and said.
@@ -13,6 +14,8 @@ import importlib
 import math
 import os
 import platform
+import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -50,12 +53,18 @@ def array_of(result):
     return result.array if hasattr(result, "array") else np.asarray(result)
 
 
+def processor():
+    names = (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name"))
+    return next(names, platform.processor())
+
+
 class Chart:
     """Points of one figure: tool, variant, seconds, error."""
 
     def __init__(self, name, title, error, options, x="seconds"):
         self.name, self.title, self.error, self.options, self.x = name, title, error, options, x
         self.rows = []
+        self.machine = f"{datetime.date.today()}, {processor()}, {len(os.sched_getaffinity(0))} threads"
 
     def add(self, tool, variant, function, error_of):
         with warnings.catch_warnings():
@@ -75,19 +84,35 @@ class Chart:
         folder.mkdir(parents=True, exist_ok=True)
         with open(folder / f"{self.name}.csv", "w", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
+            file.write(f"# {self.title}; {self.error}; {self.machine}\n")
             table.writerow(["tool", "variant", self.x, "error"])
             for tool, variant, seconds, error in self.rows:
                 table.writerow([tool, variant, f"{seconds:.6g}", f"{error:.6g}"])
-        self.draw(folder)
+        if shutil.which("gnuplot"):
+            self.draw(folder)
+        else:
+            missing.add("gnuplot")
+
+    @classmethod
+    def read(cls, folder, name):
+        """A chart as write() left it."""
+        with open(folder / f"{name}.csv", newline="") as file:
+            title, error, machine = file.readline()[2:].rstrip("\n").rsplit("; ", 2)
+            columns, *rows = csv.reader(file)
+        chart = cls(name, title, error, None, columns[2])
+        chart.rows = [(tool, variant, float(x), float(y)) for tool, variant, x, y in rows]
+        chart.machine = machine
+        return chart
 
     def draw(self, folder):
         tools = list(dict.fromkeys(row[0] for row in self.rows))
         floor = 1e-9
+        newline = r"\n"
         quoted = lambda text: '"' + text.replace('"', "'") + '"'
         script = [
             f'set terminal svg size 760,480 font "sans,13" background "white"',
             f"set output {quoted(str(folder / (self.name + '.svg')))}",
-            f"set title {quoted(self.title)}",
+            f"set title {quoted(self.title.replace('^3', '³') + newline + self.machine)}",
             f"set xlabel {quoted('seconds' if self.x == 'seconds' else 'million voxels')}",
             f"set ylabel {quoted(self.error)}",
             "set logscale xy", 'set format xy "%g"', "set grid back lc rgb '#dddddd'", "set key outside right top",
@@ -140,7 +165,7 @@ def gaussians(options):
     ndimage, cv2, itk = module("scipy.ndimage"), module("cv2"), module("SimpleITK")
     n = options.size
     v = field(n)
-    volume = vkt.Volume(v)
+    volume, command = vkt.Volume(v), gmic(v)
     charts = []
     for sigma in (1, 2, 4, 8, 16, 32):
         chart = Chart(f"gaussian-{sigma}", f"Gaussian, sigma {sigma}, {n}^3 float32", "largest error, of the range", options)
@@ -162,8 +187,43 @@ def gaussians(options):
                     return itk.GetArrayFromImage(itk.DiscreteGaussian(image, sigma**2, 16 * sigma, most, False))
                 chart.add("ITK", f"discrete {most:g}", discrete, error)
             chart.add("ITK recursive", "", lambda: itk.GetArrayFromImage(itk.SmoothingRecursiveGaussian(image, sigma)), error)
+        if command:
+            for kind, name in enumerate(("recursive, Deriche", "recursive, Vliet")):
+                command.add(chart, name, f"blur {sigma},1,{kind}", error)
         charts.append(chart)
     return charts
+
+
+class Gmic:
+    """G'MIC's command, which times itself: calls as seconds_of() wants them, without reading and writing of files."""
+
+    def __init__(self, v):
+        self.folder = tempfile.TemporaryDirectory()
+        self.shape = v.shape
+        with open(f"{self.folder.name}/in.cimg", "wb") as file:
+            file.write(b"1 float little_endian\n%d %d %d 1\n" % v.shape[::-1])
+            file.write(v.astype("<f4").tobytes())
+
+    def add(self, chart, variant, words, error_of):
+        """A point of the chart: the best of its runs."""
+        best = math.inf
+        for _ in range(chart.options.runs + 1):
+            said = subprocess.run(["gmic", f"{self.folder.name}/in.cimg", "tic", *words.split(), "toc", "output",
+                                   f"{self.folder.name}/out.cimg,float"], capture_output=True, text=True, check=True).stderr
+            best = min(best, float(re.search(r"Elapsed time: ([0-9.]+) s", said).group(1)))
+        with open(f"{self.folder.name}/out.cimg", "rb") as file:
+            file.readline()
+            file.readline()
+            result = np.frombuffer(file.read(), "<f4").reshape(self.shape)
+        chart.point("G'MIC", variant, best, error_of(result))
+
+
+def gmic(v):
+    """None, and noted as missing, where it is not installed."""
+    if shutil.which("gmic"):
+        return Gmic(v)
+    missing.add("gmic")
+    return None
 
 
 def opencv_gaussian(cv2, v, sigma, cut):
@@ -213,7 +273,7 @@ def rotations(options):
     n = options.size
     at = grid(n)
     v = waves(at).astype(np.float32)
-    volume = vkt.Volume(v)
+    volume, command = vkt.Volume(v), gmic(v)
     ball = at[0] ** 2 + at[1] ** 2 + at[2] ** 2 < 0.8
     charts = []
     for turns, angle in ((1, 30), (12, 30)):
@@ -260,6 +320,10 @@ def rotations(options):
                         image = itk.Resample(image, image, rotation, kind, 0.0)
                     return itk.GetArrayFromImage(image)
                 chart.add("ITK", label, itk_turns, error)
+        if command:
+            centre = ",".join([str((n - 1) / 2)] * 3)
+            for kind, label in ((0, "nearest"), (1, "linear"), (2, "cubic")):
+                command.add(chart, label, " ".join([f"rotate 0,0,1,{angle},{kind},0,{centre}"] * turns), error)
         charts.append(chart)
     return charts
 
@@ -355,19 +419,47 @@ def pictures(options):
     return charts
 
 
+def fog(n):
+    """A smooth field of bytes with a rim of nothing: tools continue the volume differently."""
+    v = (255 * waves(grid(n))).clip(0, 255).astype(np.uint8)
+    within = np.zeros_like(v)
+    within[3:-3, 3:-3, 3:-3] = 1
+    return v * within
+
+
+def table(thickness, colour):
+    """Words for one colour and the opacities of an extinction in proportion to the value."""
+    return ["--lut", *[colour] * 3, "0", *[colour] * 3, str(-math.expm1(-thickness))]
+
+
+def fog_words(other):
+    return ["--background", "0,0,0", "--shade", "none", *table(other.thin, "1")]
+
+
+def frame(program, folder, n, *more, runs=3):
+    """The best seconds of some frames of FOLDER/v.nrrd by the camera of renderers.py, and the linear grey picture."""
+    other, middle, best = importlib.import_module("renderers"), (n - 1) / 2, math.inf
+    words = ["--eye", ",".join(map(str, other.eye * n + middle)), "--target", f"{middle},{middle},{middle}", "--up", "0,0,1",
+             "--fov", "30", "--domain", "0:255", "--unit-distance", "1", "--threads", str(len(os.sched_getaffinity(0)))]
+    for _ in range(runs):
+        said = subprocess.run([program, "render", f"{folder}/v.nrrd", *words, *more, "-v", "--force",
+                               "-o", f"{folder}/a.pfm"], capture_output=True, text=True, check=True).stderr
+        best = min(best, float(said.split("rendered in ")[1].split(" ms")[0]))
+    with open(f"{folder}/a.pfm", "rb") as file:
+        file.readline()
+        width, height = map(int, file.readline().split())
+        scale = abs(float(file.readline()))
+        picture = np.frombuffer(file.read(), "<f4").reshape(height, width, 3)[::-1].mean(axis=2) * scale
+    return best / 1000, picture
+
+
 def renderers(options):
     """Fog without surfaces, beside VTK and Mitsuba: frames with the data loaded, without what is prepared once."""
     n, size = options.size // 2, 192
-    v = (255 * waves(grid(n))).clip(0, 255).astype(np.uint8)
-    rim = np.ones_like(v)
-    rim[3:-3, 3:-3, 3:-3] = 0
-    v[rim == 1] = 0  # tools continue the volume differently
+    v = fog(n)
     other = importlib.import_module("renderers")
     reference = other.march(v, size)
-    eye, middle = other.eye * n + (n - 1) / 2, (n - 1) / 2
-    words = ["--eye", ",".join(map(str, eye)), "--target", f"{middle},{middle},{middle}", "--up", "0,0,1", "--fov", "30",
-             "--domain", "0:255", "--unit-distance", "1", "--threads", str(len(os.sched_getaffinity(0)))]
-    fog = Chart("march-fog", f"Ray marching of fog, {size}x{size}, {n}^3 uint8", "largest error, levels of 255", options)
+    marched = Chart("march-fog", f"Ray marching of fog, {size}x{size}, {n}^3 uint8", "largest error, levels of 255", options)
     paths = Chart("paths-fog", f"Multiple scattering, 64x64, {n}^3 uint8", "RMS error, of the mean", options)
 
     def rows_of_peer(chart, tool, command, *files):
@@ -383,40 +475,23 @@ def renderers(options):
         vkt.Volume(v).write(f"{folder}/v.nrrd")
         np.save(f"{folder}/v.npy", v)
         np.save(f"{folder}/reference.npy", reference)
-
-        def frame(*more, runs=3):
-            """The best seconds of some runs, and the linear grey picture."""
-            best = math.inf
-            for _ in range(runs):
-                said = subprocess.run([options.vkt, "render", f"{folder}/v.nrrd", *words, *more, "-v", "--force",
-                                       "-o", f"{folder}/a.pfm"], capture_output=True, text=True, check=True).stderr
-                best = min(best, float(said.split("rendered in ")[1].split(" ms")[0]))
-            with open(f"{folder}/a.pfm", "rb") as file:
-                file.readline()
-                width, height = map(int, file.readline().split())
-                scale = abs(float(file.readline()))
-                picture = np.frombuffer(file.read(), "<f4").reshape(height, width, 3)[::-1].mean(axis=2) * scale
-            return best / 1000, picture
-
-        def white(thickness, colour):
-            return ["--lut", *[colour] * 3, "0", *[colour] * 3, str(-math.expm1(-thickness))]
+        drawn = lambda *words, **keys: frame(options.vkt, folder, n, *words, **keys)
 
         for step in (4, 2, 1, 0.5, 0.25):
-            seconds, picture = frame("--size", f"{size}x{size}", "--background", "0,0,0", "--shade", "none", "--step", str(step),
-                                     *white(other.thin, "1"))
-            fog.point("vkt", f"step {step:g}", seconds, 255 * np.max(np.abs(picture - reference)))
-        rows_of_peer(fog, "VTK", ["xvfb-run", "-a", sys.executable], "vtk-march", f"{folder}/v.npy",
+            seconds, picture = drawn("--size", f"{size}x{size}", *fog_words(other), "--step", str(step))
+            marched.point("vkt", f"step {step:g}", seconds, 255 * np.max(np.abs(picture - reference)))
+        rows_of_peer(marched, "VTK", ["xvfb-run", "-a", sys.executable], "vtk-march", f"{folder}/v.npy",
                      f"{folder}/reference.npy")
 
         scene = ["--render-algo", "multi-scattering", "--size", "64x64", "--background", "1,1,1",
-                 *white(other.thick, "0.9")]  # sRGB, 0.787 in linear light
-        _, limit = frame(*scene, "--spp", "1024", "--seed", "7", runs=1)
+                 *table(other.thick, "0.9")]  # sRGB, 0.787 in linear light
+        _, limit = drawn(*scene, "--spp", "1024", "--seed", "7", runs=1)
         for count in (4, 16, 64, 256):
-            seconds, picture = frame(*scene, "--spp", str(count))
+            seconds, picture = drawn(*scene, "--spp", str(count))
             noise = np.mean((picture - limit) ** 2) / (1 + count / 1024)
             paths.point("vkt", f"spp {count}", seconds, math.sqrt(noise) / limit.mean())
         rows_of_peer(paths, "Mitsuba 3", [sys.executable], "mitsuba", f"{folder}/v.npy", "64")
-    return [fog, paths]
+    return [marched, paths]
 
 
 def reconstructions(options):
@@ -434,31 +509,36 @@ def reconstructions(options):
     return [chart]
 
 
-def main():
+def arguments():
+    """The options, with the package imported from the build."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--build", default=str(here.parent.parent / "build"))
-    parser.add_argument("--out", default=str(here / "results"))
+    parser.add_argument("--out", default=here / "results", type=Path)
     parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--size", type=int, default=192)
+    parser.add_argument("--draw", nargs="*", default=[])
+    parser.add_argument("--size", type=int)
     parser.add_argument("--runs", type=int, default=2)
     options = parser.parse_args()
     options.vkt = str(Path(options.build) / "vkt")
-    sys.path.insert(0, str(Path(options.build) / "python"))
-    global vkt
-    vkt = importlib.import_module("vkt")
-    out = Path(options.out)
-    made = []
+    if not options.draw:
+        sys.path.insert(0, str(Path(options.build) / "python"))
+        global vkt
+        vkt = importlib.import_module("vkt")
+    return options
+
+
+def main():
+    options = arguments()
+    for name in options.draw:
+        Chart.read(options.out, name).draw(options.out)
+    if options.draw:
+        return
+    options.size = options.size or 192
     for make in (gaussians, resampling, rotations, equalization, sums, scaling, pictures, renderers, reconstructions):
         if options.only and not any(word in make.__name__ for word in options.only):
             continue
         for chart in make(options):
-            chart.write(out)
-            made.append(chart)
-    processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
-                     platform.processor())
-    with open(out / "machine.txt", "w") as file:
-        print(f"{datetime.date.today()}, {processor}, {len(os.sched_getaffinity(0))} threads", file=file)
-        print(f"not installed: {', '.join(sorted(missing)) or 'none'}", file=file)
+            chart.write(options.out)
     if missing:
         print("left out, not installed: " + ", ".join(sorted(missing)), file=sys.stderr)
 
