@@ -123,7 +123,7 @@ std::vector<Line> speed(Calibration const& c) {
     lines.push_back({"copy", both(c.copy)});
     lines.push_back({"scan", both(c.scan)});
     lines.push_back({"file", text(rate_text(c.file_read), " read from the page cache, ", rate_text(c.file_write),
-                                  " written to it")});
+                                  " written to it, with checksums")});
     lines.push_back({"start", text(short_number(1e3 * c.start), " ms until the program has begun and ended")});
     for (auto const& rate : c.rates) {
         auto const part = [&](std::size_t many) {

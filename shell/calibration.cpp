@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/calibration.h"
 
+#include "ipc/frame.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -21,6 +22,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <span>
 #include <spawn.h>
 #include <sstream>
 #include <sys/mman.h>
@@ -62,24 +64,41 @@ std::vector<Case> cases() {
     return {{"arith", {{"arith", "mul", "-", "2"}}},
             {"convert", {{"convert", "--dtype", "float32"}, {"convert", "--dtype", "uint8"}}},
             {"filter gaussian", {{"filter", "gaussian", "--sigma", "0.7"}, {"filter", "gaussian", "--sigma", "2.5"}}},
-            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 64},
+            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 160},
             {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "1.25"}}},
             {"rotate", {{"rotate", "--angle", "30"}}, false, 96},
             {"flip", {{"flip", "x"}}},
-            {"stats", {{"stats"}}, true}};
+            {"stats", {{"stats"}}, true, 192}};
 }
 
-/// The operation's name in the registry, and what it is planned to do with such a volume.
-Plan planned(std::string const& name, std::vector<std::string> const& words, Header const& header) {
-    auto const operation = make_operation(name);
+/// The operation of this name in the registry, its options read.
+std::unique_ptr<Operation> made(std::string const& name, std::vector<std::string> const& words) {
+    auto operation = make_operation(name);
     Parameters parameters;
     operation->parameters(parameters);
     auto const count = static_cast<std::size_t>(std::count(name.begin(), name.end(), ' ')) + 1;
     read_words({words.begin() + static_cast<std::ptrdiff_t>(std::min(count, words.size())), words.end()},
                {&parameters});
     operation->check();
-    return operation->plan({&header, 1});
+    return operation;
 }
+
+/// Takes slabs into the same memory again and again, as the buffers of pipes and files do.
+class Discard final : public Sink {
+public:
+    void begin(Header const& header) override { header_ = header; }
+    AnyView acquire(Box const& slab) override {
+        bytes_.resize(static_cast<std::size_t>(slab.voxels()) * size_of(header_.dtype));
+        return dense_view(bytes_.data(), header_.dtype, slab);
+    }
+    void commit() override {}
+    void end() override {}
+    void close() override {}
+
+private:
+    Header header_;
+    std::vector<std::byte> bytes_;
+};
 
 Volume noise(std::int64_t side, char const* type) {
     std::string const n = to_text(side);
@@ -121,15 +140,17 @@ double scan_rate(int threads) {
     return sums.front() == 0 ? 0 : rate; // the sums are needed, so nobody leaves them out
 }
 
-/// Of a file that has no name and lies in memory, as one in the page cache does.
+/// Of a file that has no name and lies in memory, as one in the page cache does, with the checksums of streams.
 void file_rates(Calibration& to) {
-    constexpr std::size_t bytes = std::size_t{32} << 20;
+    constexpr std::size_t bytes = std::size_t{32} << 20, piece = std::size_t{1} << 20;
     int const file = ::memfd_create("vkt-calibration", MFD_CLOEXEC);
     std::vector<char> buffer(bytes, 1);
     auto const all = [&](auto const& move) {
+        ipc::StreamHash hash(0);
         for (std::size_t done = 0; done < bytes;) {
-            auto const n = move(buffer.data() + done, bytes - done, static_cast<off_t>(done));
+            auto const n = move(buffer.data() + done, std::min(piece, bytes - done), static_cast<off_t>(done));
             if (n <= 0) throw Error(ErrorKind::resources, text("no file in memory can be had: ", std::strerror(errno)));
+            hash.add(std::as_bytes(std::span(buffer.data() + done, static_cast<std::size_t>(n))));
             done += static_cast<std::size_t>(n);
         }
     };
@@ -170,24 +191,34 @@ double start_seconds() {
     });
 }
 
+/// A volume through one operation slab by slab, as a pipeline does it.
+void slabs_through(Case const& one, std::vector<std::string> const& words, Volume const& volume, int threads) {
+    Execution execution = default_execution();
+    execution.threads = threads;
+    auto const operation = made(one.operation, words);
+    auto source = volume_source({volume});
+    if (one.reduction) {
+        source->next_volume();
+        reduce(*source, *operation, execution, {});
+    } else {
+        std::vector<std::unique_ptr<Source>> inputs;
+        inputs.push_back(std::move(source));
+        Discard nowhere;
+        drain(*attach(std::move(inputs), *operation, execution, {}), nowhere, execution);
+    }
+}
+
 OperationRate rate_of(Case const& one, char const* type, Calibration const& so_far) {
     Volume const volume = noise(one.side, type);
     OperationRate rate;
     rate.operation = one.operation;
     rate.bytes = static_cast<int>(size_of(volume.header().dtype));
     for (std::size_t many = 0; many < 2; ++many) {
-        std::string const threads = to_text(many == 0 ? 1 : so_far.threads);
         std::vector<std::array<double, 2>> points; // cost and seconds, a voxel
         for (auto const& setting : one.settings) {
-            Plan const plan = planned(one.operation, setting, volume.header());
-            auto words = setting;
-            words.insert(words.end(), {"--threads", threads});
-            double const seconds = usual_seconds([&] {
-                if (one.reduction)
-                    vkt::measure(words, {volume});
-                else
-                    vkt::apply(words, {volume});
-            });
+            Plan const plan = made(one.operation, setting)->plan({&volume.header(), 1});
+            int const threads = many == 0 ? 1 : so_far.threads;
+            double const seconds = usual_seconds([&] { slabs_through(one, setting, volume, threads); });
             Header const& counted = one.reduction ? volume.header() : plan.output;
             points.push_back({plan.cost, seconds / static_cast<double>(counted.voxels())});
         }
