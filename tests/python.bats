@@ -26,6 +26,16 @@ python() {
     grep -qF "$site/vkt/__init__.py $(vkt --version | sed -n '1s/vkt //p')" out
 }
 
+@test "threads wait for each other asleep, unless the environment says otherwise" {
+    ldd "$site/vkt/_vkt.so" | grep -q 'libgomp' || skip "this build has another OpenMP than GCC's"
+    script='import os, vkt; assert "GOMP_SPINCOUNT" not in os.environ'
+    PYTHONPATH="$site" OMP_DISPLAY_ENV=verbose env -u OMP_WAIT_POLICY /usr/bin/python3 -c "$script" 2>told
+    grep -q "GOMP_SPINCOUNT = '1000'" told
+    PYTHONPATH="$site" OMP_DISPLAY_ENV=verbose OMP_WAIT_POLICY=active /usr/bin/python3 -c "$script" 2>told
+    grep "GOMP_SPINCOUNT = " told
+    run ! grep -q "GOMP_SPINCOUNT = '1000'" told
+}
+
 @test "the example of the README runs" {
     sed -n '/^```python/,/^```$/p' "$VKT_ROOT/README.md" | sed '/^```/d' >example.py
     [ -s example.py ]

@@ -5,7 +5,23 @@ import os
 
 import numpy as np
 
-library = ctypes.CDLL(os.path.join(os.path.dirname(os.path.abspath(__file__)), "_vkt.so"))
+
+
+def _loaded():
+    """The library. Its threads wait awake for no longer than waking them takes, unless the environment says otherwise:
+    for milliseconds, as is usual, they would wait for threads whose processors do other work, a hundred times as long
+    as the work takes. The run time reads such settings once, when it is loaded."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "_vkt.so")
+    if "OMP_WAIT_POLICY" in os.environ or "GOMP_SPINCOUNT" in os.environ:
+        return ctypes.CDLL(path)
+    os.environ["GOMP_SPINCOUNT"] = "1000"
+    try:
+        return ctypes.CDLL(path)
+    finally:
+        del os.environ["GOMP_SPINCOUNT"]
+
+
+library = _loaded()
 
 
 class Policy(ctypes.Structure):
