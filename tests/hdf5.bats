@@ -66,6 +66,43 @@ assert infos("e.h5")[0]["spacing"] == [0.25, 0.5, 2] and voxels("e.h5") == data.
 END
 }
 
+@test "images of ITK: place, spacing and direction, two to four dimensions; vectors are refused" {
+    python_with SimpleITK
+    /usr/bin/python3 - <<'EOF'
+import math, numpy as np, SimpleITK as sitk
+a = np.arange(4 * 5 * 6, dtype=np.int16).reshape(4, 5, 6)
+c, s = math.cos(0.3), math.sin(0.3)
+image = sitk.GetImageFromArray(a)
+image.SetSpacing((0.5, 2, 3))
+image.SetOrigin((10, -20, 30))
+image.SetDirection((c, 0, -s, s, 0, c, 0, -1, 0))
+sitk.WriteImage(image, "a.hdf5")
+sitk.WriteImage(image, "a.nrrd")
+flat = sitk.GetImageFromArray(a[0])
+flat.SetSpacing((2, 3))
+flat.SetOrigin((-1, 7))
+sitk.WriteImage(flat, "flat.h5")
+sitk.WriteImage(sitk.JoinSeries([image, image + 1, image + 2], 100, 2.5), "times.h5")
+sitk.WriteImage(sitk.Compose(image, image), "vectors.h5")
+EOF
+    vkt diff a.hdf5 a.nrrd >told
+    grep -q '^same_geometry *yes$' told
+    vkt info a.hdf5 >told
+    grep -q '^attribute *space: left-posterior-superior$' told
+    grep -q '^spacing *0.5 2 3$' told
+    grep -q '^origin *10 -20 30$' told
+    vkt info flat.h5 >told
+    grep -q '^dims *6 5 1$' told
+    grep -q '^spacing *2 3 1$' told
+    grep -q '^origin *-1 7 0$' told
+    vkt info times.h5 >told
+    [ "$(grep -c '^dims *6 5 4$' told)" -eq 3 ]
+    [ "$(sed -n 's/^attribute *sequence position: //p' told | tr '\n' ' ')" = "100 102.5 105 " ]
+    vkt read times.h5 | vkt info --json | grep -q '"sequence step": *"2.5"'
+    run ! vkt info vectors.h5
+    [[ "$output" == *"'/ITKImage/0/VoxelData' has 2 numbers in each voxel"* ]]
+}
+
 @test "several datasets, none, damage" {
     /usr/bin/python3 - <<'END'
 from common import *

@@ -68,7 +68,7 @@ bool is_flash(ByteSource const& bytes) {
 
 Format hdf5_format() {
     return {"hdf5",
-            "HDF5 datasets, also of MATLAB 7.3 and NetCDF-4: FILE:/DATASET",
+            "HDF5 datasets, also of MATLAB 7.3, NetCDF-4 and ITK: FILE:/DATASET",
             {".h5", ".hdf5", ".mat", ".nc"},
             begins_as_hdf5,
             open_hdf5,

@@ -22,6 +22,7 @@ namespace {
 constexpr std::size_t most_datasets = 4096, chunk_cache = std::size_t{64} << 20;
 constexpr hsize_t longest_scale = hsize_t{1} << 24;
 constexpr std::size_t longest_text = std::size_t{16} << 20;
+constexpr std::string_view itk_voxels = "/VoxelData"; ///< the dataset of an image, in its group
 
 std::optional<DataType> type_of(hid_t type) {
     std::size_t const size = H5Tget_size(type);
@@ -135,6 +136,9 @@ private:
     std::vector<double> numbers(hid_t object, char const* name) const;
     std::string words(hid_t object, char const* name) const;
     void choose(std::string const& variable, ParsedGrids& grids);
+    void mark_places();
+    std::vector<double> values(std::string const& path) const;
+    bool read_itk(ParsedGrids& grids) const;
     void read_scales(ParsedGrids& grids) const;
     void read_about(ParsedGrids& grids);
     void use_ours(Header& header, std::string const& json) const;
@@ -248,6 +252,65 @@ void File::find_datasets(std::vector<std::string>& not_read) {
         fail(text("its groups cannot be listed: damaged, or written for a newer HDF5 than ", H5_VERS_MAJOR, ".",
                   H5_VERS_MINOR),
              "if a newer HDF5 reads it: h5repack --high=V110 in.h5 out.h5");
+}
+
+/// Of ITK's images: datasets beside the voxels that say where these lie.
+void File::mark_places() {
+    for (Dataset const& voxels : std::vector(datasets_)) {
+        if (!voxels.path.ends_with(itk_voxels)) continue;
+        std::string const group = voxels.path.substr(0, voxels.path.size() - itk_voxels.size());
+        for (Dataset& other : datasets_)
+            for (char const* const name : {"/Dimension", "/Directions", "/Origin", "/Spacing"})
+                if (other.path == group + name) other.scale = true;
+    }
+}
+
+/// A small dataset of numbers; empty if it is none.
+std::vector<double> File::values(std::string const& path) const {
+    auto const found =
+        std::find_if(datasets_.begin(), datasets_.end(), [&](Dataset const& d) { return d.path == path; });
+    if (found == datasets_.end()) return {};
+    hsize_t n = 1;
+    for (hsize_t const extent : found->shape) {
+        if (extent < 1 || extent > 16) return {};
+        n *= extent;
+    }
+    if (n > 64) return {};
+    Handle const set(H5Dopen2(file_, path.c_str(), H5P_DEFAULT), H5Dclose);
+    std::vector<double> result(static_cast<std::size_t>(n));
+    if (!set || H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, result.data()) < 0) return {};
+    return result;
+}
+
+/// An image of ITK's: x first in its lists, a row of Directions for each axis of the voxels, and ITK's world.
+bool File::read_itk(ParsedGrids& grids) const {
+    Header& header = grids.header;
+    std::string const& path = header.attributes["variable"];
+    if (!path.ends_with(itk_voxels)) return false;
+    std::string const group = path.substr(0, path.size() - itk_voxels.size());
+    auto const dims = values(group + "/Dimension"), spacing = values(group + "/Spacing"),
+               origin = values(group + "/Origin"), directions = values(group + "/Directions");
+    std::size_t const rank = dims.size();
+    if (rank < 1 || spacing.size() != rank || origin.size() != rank || directions.size() != rank * rank) return false;
+    if (shape_.size() == rank + 1)
+        fail(text("'", path, "' has ", static_cast<std::int64_t>(shape_.back()),
+                  " numbers in each voxel; a volume has one"),
+             "take one of them apart with ITK");
+    if (shape_.size() != rank) return false;
+    // One voxel across counts as an axis here, which choose() may have left out of larger datasets only.
+    for (std::size_t a = 0; a < std::min<std::size_t>(rank, 3); ++a) {
+        auto const axis = static_cast<int>(a);
+        if (spacing[a] > 0 && std::isfinite(spacing[a])) header.geometry.spacing[axis] = spacing[a];
+        if (std::isfinite(origin[a])) header.geometry.origin[axis] = origin[a];
+        for (std::size_t b = 0; b < std::min<std::size_t>(rank, 3); ++b)
+            header.geometry.direction[a][static_cast<int>(b)] = directions[a * rank + b];
+    }
+    check(header.geometry);
+    header.attributes["space"] = "left-posterior-superior";
+    for (std::int64_t i = 0; rank == 4 && i < grids.volumes; ++i)
+        grids.attributes.push_back({{"sequence position", to_text(origin[3] + spacing[3] * static_cast<double>(i))},
+                                    {"sequence step", to_text(spacing[3])}});
+    return true;
 }
 
 std::vector<double> File::numbers(hid_t object, char const* name) const {
@@ -413,7 +476,7 @@ void File::read_scales(ParsedGrids& grids) const {
 void File::read_about(ParsedGrids& grids) {
     Header& header = grids.header;
     hid_t const data = *data_;
-    read_scales(grids);
+    if (!read_itk(grids)) read_scales(grids);
     if (auto const size = numbers(data, "element_size_um"); size.size() == 3 && axis_[2] >= 0) { // z, y, x
         for (int a = 0; a < 3; ++a)
             if (double const s = size[static_cast<std::size_t>(2 - a)]; s > 0 && std::isfinite(s))
@@ -486,6 +549,7 @@ ParsedGrids File::open(GridsChoice const& choice) {
         variable.empty())
         throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
     find_datasets(grids.not_read);
+    mark_places();
     choose(variable, grids);
     if (!choice.trust_paths) check_elsewhere(*data_, home_, 0, grids.not_read);
     read_about(grids);
