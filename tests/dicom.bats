@@ -98,6 +98,32 @@ slices("f", numpy.zeros((3, 4, 4), "u2"), [0, 1, 2])'
     done
 }
 
+@test "what is personal is kept where it is asked for" {
+    /usr/bin/python3 -c '
+from common import *
+slices("f", numpy.zeros((3, 4, 4), "u2"), [0, 1, 2])
+for i in range(3):
+    d = pydicom.dcmread(f"f/{i}")
+    d.SpecificCharacterSet, d.PatientName, d.InstitutionName = "ISO_IR 100", "J\xe4ger^Anna", "two\nlines"
+    d.save_as(f"f/{i}")'
+    vkt read f --personal | vkt write - a.nrrd
+    vkt info a.nrrd >told
+    grep -q '^attribute *patient name: Jäger^Anna$' told
+    grep -q '^attribute *patient id: S-4711$' told
+    grep -q '^attribute *patient birth date: 19700101$' told
+    vkt read f --personal --roi ::2,:,: | vkt info --json | grep -q '"patient id": *"S-4711"'
+    /usr/bin/python3 -c '
+from common import *
+for i in range(3):
+    d = pydicom.dcmread(f"f/{i}")
+    d.SpecificCharacterSet = "ISO_IR 126"
+    d.PatientName = "\u0391\u03bd\u03bd\u03b1"
+    d.save_as(f"f/{i}")'
+    vkt read f --personal | vkt info >told
+    run ! grep -q 'attribute *patient name' told
+    grep -q '4711' told
+}
+
 @test "gaps, slants, missing places, several series, doubles" {
     /usr/bin/python3 - <<'END'
 from common import *

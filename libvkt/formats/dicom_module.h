@@ -14,7 +14,7 @@ namespace vkt::dicom {
 /// are sorted by their position along the normal of their planes; slices that lie in the same places again are further
 /// volumes. Several series, or images of several orientations or sizes, are variables. Refuses gaps and slants unless
 /// it is told to force_uniform. Of what a file says besides, only modality, units and kind of values are kept, since
-/// anything else may tell who the patient is.
+/// anything else may tell who the patient is, unless that is asked for.
 std::unique_ptr<GridsParser> open(std::string const& path);
 
 } // namespace vkt::dicom

@@ -170,6 +170,7 @@ private:
     std::vector<std::vector<Slice>> groups() const;
     void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
     void place(bool force_uniform, Header& header) const;
+    void tell_personal(std::string const& file, ParsedGrids& grids) const;
     std::vector<char> const& pixels(Slice const& slice);
     bool single_bits(gdcm::DataSet const& set, Slice const& slice);
     template <class T>
@@ -493,8 +494,48 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
     header.units = !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
                    : first.modality == "CT"    ? "HU"
                                                : first.units;
+    if (choice.personal) tell_personal(first.file, grids);
     header = in_utf8(std::move(header));
     return grids;
+}
+
+/// What the first image says of the patient and the examination.
+void DicomFiles::tell_personal(std::string const& file, ParsedGrids& grids) const {
+    std::ifstream stream(full(file), std::ios::binary);
+    gdcm::Reader reader;
+    reader.SetStream(stream);
+    if (!reader.ReadUpToTag(pixel_data, {pixel_data})) fail("changed while it was read");
+    gdcm::DataSet const& set = reader.GetFile().GetDataSet();
+    std::string const characters = element_text(set, 0x0008, 0x0005);
+    bool const known =
+        characters.empty() || characters == "ISO_IR 6" || characters == "ISO_IR 100" || characters == "ISO_IR 192";
+    struct Element {
+        std::uint16_t group, element;
+        char const* name;
+    };
+    static constexpr Element elements[] = {
+        {0x0010, 0x0010, "patient name"},       {0x0010, 0x0020, "patient id"},
+        {0x0010, 0x0030, "patient birth date"}, {0x0010, 0x0040, "patient sex"},
+        {0x0010, 0x1010, "patient age"},        {0x0010, 0x1030, "patient weight"},
+        {0x0008, 0x0020, "study date"},         {0x0008, 0x0030, "study time"},
+        {0x0008, 0x1030, "study description"},  {0x0008, 0x103e, "series description"},
+        {0x0018, 0x0015, "body part"},          {0x0018, 0x1030, "protocol"},
+        {0x0008, 0x0070, "manufacturer"},       {0x0008, 0x1090, "model"},
+        {0x0008, 0x0080, "institution"},        {0x0008, 0x0090, "referring physician"},
+        {0x0008, 0x0050, "accession number"},   {0x0020, 0x000d, "study uid"},
+        {0x0020, 0x000e, "series uid"},         {0x0020, 0x0052, "frame of reference uid"},
+    };
+    for (auto const& [group, element, name] : elements) {
+        std::string words = element_text(set, group, element);
+        std::replace_if(
+            words.begin(), words.end(), [](unsigned char c) { return c < ' ' || c == 127; }, ' ');
+        bool const plain = std::all_of(words.begin(), words.end(), [](unsigned char c) { return c < 128; });
+        if (words.empty()) continue;
+        if (known || plain)
+            grids.header.attributes[name] = words;
+        else
+            grids.not_read.push_back(text(name, ", which is written in ", printable(characters)));
+    }
 }
 
 /// Bits of all frames, one after another from the lowest of the first byte on (PS3.5, 8.1.1), as a byte each.

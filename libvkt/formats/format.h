@@ -27,6 +27,7 @@ struct ReadOptions {
     /// Budget of foreign libraries that hold a file's tables or grids (libvkt/io/parser.h); none: default_memory().
     std::optional<std::size_t> memory;
     bool force_uniform = false; ///< DICOM: slices with gaps or on a slant as if they lay at equal distances
+    bool personal = false;      ///< DICOM: who was examined, when and where, too
     bool trust_paths = false;   ///< follow headers out of their directory, and to pipes and devices
 
     /// True if anything is said about what the file holds.

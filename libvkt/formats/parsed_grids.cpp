@@ -116,6 +116,7 @@ void GridsSource::open() {
     request.put(open_grids_request);
     request.put(options_.variable);
     request.put(std::int64_t{options_.force_uniform});
+    request.put(std::int64_t{options_.personal});
     request.put(std::int64_t{options_.trust_paths});
     Message answer = child_->ask(request);
     grids_ = grids_in(answer);
@@ -273,6 +274,7 @@ ParserHandler answer_about_grids(std::function<std::unique_ptr<GridsParser>()> m
             GridsChoice choice;
             choice.variable = request.text();
             choice.force_uniform = request.number() != 0;
+            choice.personal = request.number() != 0;
             choice.trust_paths = request.number() != 0;
             put(answer, file->open(choice));
             return;

@@ -37,6 +37,7 @@ struct ParsedGrids {
 struct GridsChoice {
     std::string variable;       ///< may be empty
     bool force_uniform = false; ///< as of ReadOptions
+    bool personal = false;      ///< as of ReadOptions
     bool trust_paths = false;   ///< as of ReadOptions
 };
 

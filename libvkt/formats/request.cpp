@@ -34,6 +34,7 @@ void ReadRequest::declare(Parameters& p) {
     p.option("format", options_.format, "F", "input format, if content and name do not tell it");
     p.option("variable", options_.variable, "NAME", "the variable or grid of a file that holds several");
     p.flag("force-uniform", options_.force_uniform, "DICOM: slices with gaps or on a slant all the same");
+    p.flag("personal", options_.personal, "DICOM: keep who was examined, when and where, as attributes");
     p.option("roi", roi_, "R", "read only this region, X0:X1,Y0:Y1,Z0:Z1 in voxels; X0:X1:S is every S-th");
     p.option("roi-world", world_roi_, "R", "read only this region, in world units");
 }
