@@ -11,15 +11,6 @@ namespace vkt::VKT_BACKEND {
 
 namespace {
 
-/// A nested average of rows for begin <= i < end, or a copy of the only one.
-template <class C>
-void average_or_copy(C const* const* rows, TapView<C> taps, C* to, std::int64_t begin, std::int64_t end) {
-    if (taps.radius == 0)
-        std::memcpy(to + begin, *rows + begin, static_cast<std::size_t>(end - begin) * sizeof(C));
-    else
-        average(rows, taps, C(0.5), to, begin, end);
-}
-
 /// One thread's hands. Going up the rows of a tile, it filters each row of the input along z, for all slices of the
 /// tile, into rings of rows, and out of these each slice along y and x.
 template <class C> class Worker {
@@ -33,12 +24,18 @@ public:
         std::fill(border_, border_ + layout.pitch, C(gaussian_scale) * static_cast<C>(passes.border_value));
         slices_.resize(static_cast<std::size_t>(2 * taps_[2].radius + layout.tile.z));
         rows_.resize(static_cast<std::size_t>(2 * taps_[1].radius + GaussianLayout::group));
-        shifted_.resize(static_cast<std::size_t>(2 * taps_[0].radius + 1));
+        for (std::int64_t i = 0; i < GaussianLayout::group; ++i)
+            for (std::int64_t k = 0; k <= 2 * taps_[0].radius; ++k) shifted_.push_back(along_y_ + i * layout.pitch + k);
     }
 
     void run(Box const& tile, bool stream) {
         tile_ = tile;
         columns_ = {tile.lower.x - taps_[0].radius, tile.upper.x + taps_[0].radius};
+        loaded_columns_ = {std::clamp(in_.box.lower.x, columns_.lower, columns_.upper),
+                           std::clamp(in_.box.upper.x, columns_.lower, columns_.upper)};
+        outside_.clear();
+        for (std::int64_t x = columns_.lower; x < columns_.upper; ++x)
+            if (!loaded_columns_.contains(x)) outside_.push_back({x, fold(x, passes_.dims.x, passes_.boundary)});
         Span const rows = held(1);
         std::int64_t next = rows.lower;
         for (std::int64_t z = held(2).lower; z < held(2).upper; ++z) load(next, z);
@@ -60,6 +57,11 @@ private:
         std::int64_t lower = 0, upper = 0;
         std::int64_t size() const { return upper - lower; }
         bool contains(std::int64_t i) const { return i >= lower && i < upper; }
+    };
+
+    /// A column beside the input, and the one that stands there; -1 for the border.
+    struct Outside {
+        std::int64_t x, from;
     };
 
     /// What the passes read along an axis for the tile; of what lies outside of the volume only what wraps around,
@@ -87,31 +89,24 @@ private:
     }
     /// Row y of the input in slice z, with what lies beside the volume.
     void load(std::int64_t y, std::int64_t z) const {
-        std::int64_t const first = columns_.lower, end = columns_.upper, from_y = source(1, y), from_z = source(2, z);
-        std::int64_t const inner = std::clamp(in_.box.lower.x, first, end),
-                           outer = std::clamp(in_.box.upper.x, inner, end);
-        C* const to = loaded_row(y, z);
-        load_scaled(in_.type, in_.at(inner, from_y, from_z), to + (inner - first), outer - inner);
-        auto const outside = [&](std::int64_t column) {
-            std::int64_t const from = fold(column, passes_.dims.x, passes_.boundary);
-            C& voxel = to[column - first];
-            if (from < 0)
-                voxel = border_[0];
-            else if (from >= inner && from < outer)
-                voxel = to[from - first];
+        std::int64_t const from_y = source(1, y), from_z = source(2, z);
+        C* const to = loaded_row(y, z) - columns_.lower;
+        load_scaled(in_.type, in_.at(loaded_columns_.lower, from_y, from_z), to + loaded_columns_.lower,
+                    loaded_columns_.size());
+        for (Outside const& column : outside_)
+            if (column.from < 0)
+                to[column.x] = border_[0];
+            else if (loaded_columns_.contains(column.from))
+                to[column.x] = to[column.from];
             else
-                load_scaled(in_.type, in_.at(from, from_y, from_z), &voxel, 1);
-        };
-        for (std::int64_t column = first; column < inner; ++column) outside(column);
-        for (std::int64_t column = outer; column < end; ++column) outside(column);
+                load_scaled(in_.type, in_.at(column.from, from_y, from_z), to + column.x, 1);
     }
     /// Asks for it ahead of time. Inlined, because compilers leave out calls of what does nothing else.
     VKT_HD void expect(std::int64_t y, std::int64_t z) const {
-        std::int64_t const x = std::clamp(columns_.lower, in_.box.lower.x, in_.box.upper.x - 1);
-        std::byte const* const from = in_.at(x, source(1, y), source(2, z));
-        auto const bytes =
-            static_cast<std::int64_t>(size_of(in_.type)) * (std::min(columns_.upper, in_.box.upper.x) - x);
+        std::byte const* const from = in_.at(loaded_columns_.lower, source(1, y), source(2, z));
+        std::int64_t const bytes = static_cast<std::int64_t>(size_of(in_.type)) * loaded_columns_.size();
         for (std::int64_t i = 0; i < bytes; i += 64) __builtin_prefetch(from + i, 0, 2);
+        __builtin_prefetch(from + bytes - 1, 0, 2);
     }
 
     /// Row y of the rings, of rows up to `end`. Meanwhile the next row is loaded, slice by slice: so memory works while
@@ -124,16 +119,18 @@ private:
             slices_[static_cast<std::size_t>(z - first)] = slices.contains(at) ? loaded_row(y, at) : border_;
         }
         std::int64_t next = y + 1 < end ? slices.lower : slices.upper, expected = next;
-        std::int64_t const width = columns_.size(), pieces = (width + layout_.strip_z - 1) / layout_.strip_z,
-                           steps = pieces * tile_.dims().z;
-        for (std::int64_t step = 0; step < steps; ++step) {
-            std::int64_t const until = slices.lower + slices.size() * (step + 1) / steps;
-            for (; expected < std::min(until + ahead, slices.upper); ++expected) expect(y + 1, expected);
-            std::int64_t const x = step / tile_.dims().z * layout_.strip_z, s = step % tile_.dims().z;
-            average_or_copy(slices_.data() + s, taps_[2], ring_row(y, tile_.lower.z + s), x,
-                            std::min(x + layout_.strip_z, width));
-            for (; next < until; ++next) load(y + 1, next);
-        }
+        std::int64_t const width = columns_.size(), deep = tile_.dims().z,
+                           steps = (width + layout_.strip_z - 1) / layout_.strip_z * deep;
+        C* const to = ring_row(y, tile_.lower.z);
+        for (std::int64_t x = 0, done = 0; x < width; x += layout_.strip_z)
+            for (std::int64_t s = 0; s < deep; s += 2) {
+                std::int64_t const count = std::min<std::int64_t>(2, deep - s);
+                std::int64_t const until = slices.lower + slices.size() * (done += count) / steps;
+                for (; expected < std::min(until + ahead, slices.upper); ++expected) expect(y + 1, expected);
+                average_each(slices_.data() + s, count, taps_[2], C(0.5), to + s * layout_.slice, layout_.slice, x,
+                             std::min(x + layout_.strip_z, width));
+                for (; next < until; ++next) load(y + 1, next);
+            }
     }
 
     /// Some rows of an output slice: pieces of them along y, and along x as far as there is what that reads. All are
@@ -149,24 +146,23 @@ private:
         std::int64_t done = 0; // columns of the output
         for (std::int64_t x = 0; x < width; x += layout_.strip_y) {
             std::int64_t const end = std::min(x + layout_.strip_y, width);
-            for (std::int64_t i = 0; i < count; ++i)
-                average_or_copy(rows_.data() + i, taps_[1], along_y_ + i * layout_.pitch, x, end);
+            average_each(rows_.data(), count, taps_[1], C(0.5), along_y_, layout_.pitch, x, end);
             std::int64_t const last = end == width ? n : std::max(done, (end - 2 * rx) / block<C> * block<C>);
-            for (std::int64_t i = 0; i < count; ++i) finish(along_y_ + i * layout_.pitch, y + i, z, done, last, stream);
+            for (std::int64_t i = 0; i < count; ++i) finish(i, y, z, done, last, stream);
             done = last;
         }
     }
 
-    /// Columns begin…end of an output row, along x.
-    void finish(C const* row, std::int64_t y, std::int64_t z, std::int64_t begin, std::int64_t end, bool stream) {
+    /// Columns begin…end of the i-th of the output rows from y on, along x.
+    void finish(std::int64_t i, std::int64_t y, std::int64_t z, std::int64_t begin, std::int64_t end, bool stream) {
         if (begin == end) return;
-        std::int64_t const r = taps_[0].radius, n = end - begin;
-        for (std::int64_t k = 0; k <= 2 * r; ++k) shifted_[static_cast<std::size_t>(k)] = row + begin + k;
-        if (r == 0)
-            for (std::int64_t i = 0; i < n; ++i) result_[i] = C(4) * row[begin + i];
+        C const* const* const around = shifted_.data() + i * (2 * taps_[0].radius + 1);
+        if (taps_[0].radius == 0)
+            for (std::int64_t x = begin; x < end; ++x) result_[x] = C(4) * (*around)[x];
         else
-            average<C>(shifted_.data(), taps_[0], C(2), result_, 0, n);
-        tally_ += store_values(static_cast<C const*>(result_), out_, out_.at(tile_.lower.x + begin, y, z), n, stream);
+            average(around, taps_[0], C(2), result_, begin, end);
+        tally_ += store_values(static_cast<C const*>(result_ + begin), out_, out_.at(tile_.lower.x + begin, y + i, z),
+                               end - begin, stream);
     }
 
     GaussianPasses const& passes_;
@@ -177,7 +173,8 @@ private:
     TapView<C> taps_[3];
     std::vector<C const*> slices_, rows_, shifted_;
     Box tile_;
-    Span columns_; ///< of the tile, with those around that the pass along x reads
+    Span columns_, loaded_columns_; ///< of the tile, with those around that the pass along x reads; of the input
+    std::vector<Outside> outside_;
     Losses tally_;
 };
 
