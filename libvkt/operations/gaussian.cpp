@@ -296,10 +296,11 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
     char const* const precision = passes_.wide ? ", float64" : ", float32";
     plan.method = cascade_ ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
                            : text("direct FIR, radius ", radii, precision, why);
-    // Slabs that are low beside the kernel load much for little; higher ones would only take memory.
+    // Slabs that are low beside the kernel load much for little, and threads meet after each; of higher ones the
+    // cascade would only hold more.
     std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype)),
-                       most = cascade_ ? 16 : 32;
-    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::clamp<std::int64_t>((most << 20) / slice, 4, most);
+                       fitting = ((cascade_ ? 16LL : 32LL) << 20) / slice;
+    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::clamp<std::int64_t>(fitting, 4, cascade_ ? 16 : 64);
     together_ = passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
     return plan;
 }

@@ -189,7 +189,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
     // Rows are divided so that every thread has some, but not further than what tiles filter twice is worth.
     std::int64_t const others = parts(n.x, tile.x) * parts(n.z, tile.z);
     std::int64_t const bands = std::clamp<std::int64_t>(
-        parts(4 * threads, others), 1, parts(n.y, std::max<std::int64_t>(8 * passes.taps[1].radius, 16)));
+        parts(2 * threads, others), 1, parts(n.y, std::max<std::int64_t>(8 * passes.taps[1].radius, 16)));
     tile.y = parts(n.y, bands);
     planes.scratch.reserve(static_cast<std::size_t>(threads * layout.values) * sizeof(C));
     C* const scratch = reinterpret_cast<C*>(planes.scratch.update(Space::host));
