@@ -74,9 +74,8 @@ template <class A> VKT_HD void transpose(Block<A>& a) {
 }
 
 /// Sums along x of the first columns of as many rows as a register has lanes, `step` from one another, in whole blocks:
-/// each lane adds up its row, voxel by voxel. Row by row through memory it took five times as long, the more so as rows
-/// of a power of two of voxels fall on one another in the cache. Returns the columns done; `sums` are those of the
-/// rows.
+/// each lane adds up its row, voxel by voxel. Through memory the whole scan took more than three
+/// times as long. Returns the columns done; `sums` are those of the rows.
 template <class A>
 std::int64_t add_blocks(std::int64_t n, bool exclusive, A const* from, A* to, std::int64_t step, Lanes<A>& sums) {
     constexpr std::int64_t lanes = lane_count<A>;
