@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/cells.h"
 #include "libvkt/core/error.h"
+#include "libvkt/render/inner/sampler.h"
 #include "libvkt/render/survey.h"
 
 #include <algorithm>
@@ -62,8 +63,8 @@ void fill(View<T const> v, Index3 dims, Lattice& lattice, int threads, Convert c
     lattice.view.data = out;
     lattice.view.row = padded.x;
     lattice.view.slice = padded.x * padded.y;
-    // Sixteen samples no more than four voxels apart, and their neighbours.
-    lattice.view.compact = static_cast<double>(lattice.view.slice) * sizeof(U) * (16 * 4 + 4) < 2147483647.0;
+    // A chunk of samples no more than four voxels apart, and their neighbours.
+    lattice.view.compact = static_cast<double>(lattice.view.slice) * sizeof(U) * (chunk * 4 + 4) < 2147483647.0;
 }
 
 template <class T> void convert(ConstView voxels, Range const& range, Lattice& lattice, int threads) {
