@@ -139,13 +139,14 @@ template <class S, class Comb, ScalarField P> struct March {
             Real const begin = k > 0 ? t[k - 1] : comb.point(from);
             length[k] = is ? static_cast<float>(t[k] - begin) * world : 0.0F;
         }
-        Quad means[chunk + 1];
-        alignas(64) float extinctions[chunk + 1], depths[chunk + 1], through[chunk], weight[chunk];
+        constexpr int room = chunk > 1 ? chunk + 1 : 1; // of one segment none is left if it is none
+        Quad means[room];
+        alignas(64) float extinctions[room], depths[room], through[chunk], weight[chunk];
         bool const seen = look_up_segments<chunk>(scene.table, value, length, last, means, extinctions, depths);
         known = from + segments;
         if (!seen) return known;
-        means[chunk] = Quad{}, depths[chunk] = 0;
-        int const skipped = chunk > 1 ? none : 0; // of one segment none is left, and it is in a register
+        if constexpr (chunk > 1) means[chunk] = Quad{}, depths[chunk] = 0;
+        int const skipped = chunk > 1 ? none : 0;
         float const *const depth = depths + skipped, *const extinction = extinctions + skipped;
         Quad const* const mean = means + skipped;
         for (int j = 0; j < chunk; ++j) {

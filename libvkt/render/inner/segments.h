@@ -19,9 +19,9 @@ struct TablePoint {
     bool missing = false; ///< it has no data
 };
 
-/// What is seen of n segments, whose ends have these values, and of which the first begins at `last`: means, their
-/// first numbers by themselves, and optical depths; 0 of those that are no longer than 0, which are those that count
-/// for nothing. False if all are. Then the last end is `last`.
+/// What is seen of n segments in a row, by the values at their ends; the first begins at `last`, which becomes the last
+/// end. Means, their first numbers by themselves, and optical depths: 0 of what has no data, no extinction or no
+/// length. False if all depths are 0.
 template <int n>
 VKT_HD bool look_up_segments(TableView const& table, float const* value, float const* length, TablePoint& last,
                              Quad* mean, float* extinction, float* depth) {
