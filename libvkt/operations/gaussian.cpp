@@ -217,7 +217,7 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
 
     // The cascade in the same precision, if it is cheaper.
     cascade_.reset();
-    nodes_.held = on_gpu_ = false;
+    nodes_.held = false;
     GaussianRounding cascade_rounding;
     if (method_ != GaussianMethod::fir && direct > cascade_overhead) {
         double const unit = passes_.wide ? 0x1p-53 : 0x1p-24;
@@ -269,9 +269,8 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
         plan.error.range = truncation + rounding.range;
     }
     if (cascade_) {
-        // A GPU convolves directly.
-        plan.error.range = std::max(reduced + cascade_rounding.range, runs_on_gpu() ? plan.error.range : 0);
-        rounding.magnitude = std::max(cascade_rounding.magnitude, runs_on_gpu() ? rounding.magnitude : 0);
+        plan.error.range = reduced + cascade_rounding.range;
+        rounding.magnitude = cascade_rounding.magnitude;
     }
     if (!copies_) {
         // What goes in is rounded if the compute type does not hold it, and what comes out if the output is narrower.
@@ -310,8 +309,7 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     if (copies_) return 0;
     planes_.forget();
     passes_.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
-    on_gpu_ = execution.device == Device::gpu;
-    if (on_nodes()) {
+    if (cascade_) {
         nodes_.held = false;
         CascadeLayout const layout(cascade(), largest);
         std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
@@ -355,11 +353,11 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
 }
 
 Box Gaussian::footprint(Box const& output, int) const {
-    Box box = on_nodes() ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
+    Box box = cascade_ ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
     if (!region_.empty()) return box;
     // What the ring holds need not come again.
-    bool const held = on_nodes() ? nodes_.continues(output) : planes_.continues(output);
-    if (held) box.lower.z = std::clamp(on_nodes() ? nodes_.thin_end : planes_.input_end, box.lower.z, box.upper.z);
+    bool const held = cascade_ ? nodes_.continues(output) : planes_.continues(output);
+    if (held) box.lower.z = std::clamp(cascade_ ? nodes_.thin_end : planes_.input_end, box.lower.z, box.upper.z);
     return box;
 }
 
@@ -368,7 +366,7 @@ void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
     if (inside.empty()) return;
     Losses losses;
-    if (on_nodes())
+    if (cascade_)
         gaussian_cascade_run(cascade(), nodes_, inputs[0], out.part(inside), losses, execution);
     else
         gaussian_run(passes_, planes_, inputs[0], out.part(inside), losses, execution);

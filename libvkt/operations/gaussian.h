@@ -84,8 +84,7 @@ public:
     /// The ring of input slices, and the slices that are filtered along z together; or the rings of the cascade.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    /// There it is always direct: the plan's bound is that of the method which is off by more.
-    bool runs_on_gpu() const override { return !passes_.clips && method_ != GaussianMethod::cascade; }
+    bool runs_on_gpu() const override { return !passes_.clips; }
     std::vector<Remark> remarks() const override;
 
     void set_tolerance(double share) { tolerance_ = ShareOfRange{100 * share}; }
@@ -93,7 +92,6 @@ public:
 
 private:
     Plan plan_for(Header const& in, Vec3 const& sigma);
-    bool on_nodes() const { return cascade_ && !on_gpu_; }
     CascadePasses cascade() const { return {&passes_, &*cascade_}; }
 
     Vec3 sigma_{1, 1, 1};
@@ -109,9 +107,8 @@ private:
     bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
-    std::optional<GaussianCascade> cascade_; ///< how a CPU computes it, if that is cheaper
+    std::optional<GaussianCascade> cascade_; ///< how it is computed, if that is cheaper
     CascadePlanes nodes_;
-    bool on_gpu_ = false;
     Box box_; ///< the region
     Losses counts_;
     Header planned_; ///< output
