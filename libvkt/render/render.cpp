@@ -686,6 +686,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
+    double gpu_seconds = 0;
     bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()), labels);
     if (with_gpu) {
         device_select(execution_.gpu);
@@ -693,7 +694,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         auto& copies = cache_->copies;
         if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
         quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), copies->lattice(), integrator,
-                              image, counters);
+                              in_passes, image, counters, gpu_seconds);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
@@ -744,6 +745,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         if (with_gpu) report->method += ", on a GPU";
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
+        report->gpu_seconds = gpu_seconds;
     }
     if (settings.parts > 1) {
         auto const cut = [&](std::vector<float>& pixels, std::size_t channels) {

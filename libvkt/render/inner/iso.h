@@ -258,4 +258,16 @@ VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray
     return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface], counters);
 }
 
+/// The same of surfaces that let nothing pass and that nothing holds light back from.
+template <ScalarField S>
+VKT_HD Radiance open_iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ++counters.rays;
+    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
+    if (hit.surface < 0) return {0, 0, 0, 1};
+    Float3 const g = sampler.gradient(S::place(ray.entry + ray.direction * hit.t));
+    return lit_element(
+        scene, ray, hit.t, g, scene.isos[hit.surface],
+        [](Double3, Double3, double) __attribute__((always_inline)) { return 1.0F; });
+}
+
 } // namespace vkt::render

@@ -136,14 +136,19 @@ template <class Real> struct CellWalk {
         Real const all = xy < next[2] ? xy : next[2];
         return all < exit ? all : exit;
     }
-    /// Moves to the next cell; false behind the last one.
+    /// Moves to the next cell; false behind the last one. Without an index that varies, so that a GPU keeps all of it in
+    /// registers.
     VKT_HD bool advance() {
         int const axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
-        t = next[axis];
+        t = axis == 0 ? next[0] : axis == 1 ? next[1] : next[2];
         if (!(t < exit)) return false;
-        cell[axis] += step[axis];
-        next[axis] += width[axis];
-        return cell[axis] != end[axis];
+        cell[0] += axis == 0 ? step[0] : 0;
+        cell[1] += axis == 1 ? step[1] : 0;
+        cell[2] += axis == 2 ? step[2] : 0;
+        next[0] = axis == 0 ? next[0] + width[0] : next[0];
+        next[1] = axis == 1 ? next[1] + width[1] : next[1];
+        next[2] = axis == 2 ? next[2] + width[2] : next[2];
+        return axis == 0 ? cell[0] != end[0] : axis == 1 ? cell[1] != end[1] : cell[2] != end[2];
     }
     /// Leaves the cube of cells less than `distance` away from the present one at once; false behind the last cell.
     VKT_HD bool leap(int distance) {
