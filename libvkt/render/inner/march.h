@@ -104,13 +104,12 @@ struct EvenComb {
 enum class Lighting : std::uint8_t { any, flat, open };
 
 /// One ray on its way along a comb. Real is what positions along the ray are counted in; `points` answers what rays to
-/// the light ask. `table` is the scene's, wherever it lies.
+/// the light ask.
 template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any> struct March {
     using Real = typename Comb::Real;
     S const& sampler;
     P const& points;
     SceneView const& scene;
-    TableView table;
     Comb comb;
     typename Comb::Vector origin, direction;
     float world; ///< world length of one lattice unit
@@ -129,9 +128,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
     VKT_HD bool shaded() const {
         return lighting == Lighting::open || (lighting == Lighting::any && scene.shade.strength > 0);
     }
-    VKT_HD bool occluded() const {
-        return lighting == Lighting::any && (scene.lamp.shadows || scene.around_count > 0);
-    }
+    VKT_HD bool occluded() const { return lighting == Lighting::any && (scene.lamp.shadows || scene.around_count > 0); }
 
     /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
     VKT_HD int advance(int from, int to) {
@@ -143,7 +140,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         alignas(64) float value[chunk], position[chunk];
         for (int k = 0; k < chunk; ++k) t[k] = comb.point(first + (k < n ? k : n - 1));
         sampler.values(origin, direction, t, value);
-        for (int k = 0; k < chunk; ++k) position[k] = table_position(table, value[k]);
+        for (int k = 0; k < chunk; ++k) position[k] = table_position(scene.table, value[k]);
         samples += n;
 
         // Means of the segments; segment j ends at point from + j + 1.
@@ -152,7 +149,7 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         int segments = 0;
         bool seen = false;
         for (int k = 0; k < n; ++k) {
-            Classified const here = classify(table, position[k]);
+            Classified const here = classify(scene.table, position[k]);
             bool const missing = !(value[k] == value[k]);
             if (carried || k > 0) {
                 Quad const m = segment_mean(last, here, position[k] - last_position);
@@ -283,16 +280,14 @@ VKT_HD void walk(March<S, EvenComb, S, lighting>& march, SceneView const& scene)
     }
 }
 
-/// march_ray() with what is known of the light, and the scene's table wherever it lies.
+/// march_ray() with what is known of the light.
 template <Lighting lighting, Sampler S>
-VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, TableView const& table, Ray const& ray,
-                          Counters& counters) {
+VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
     March<S, EvenComb, S, lighting> march{sampler,
                                           sampler,
                                           scene,
-                                          table,
                                           {scene.step, length, count < 1 ? 1 : count},
                                           to_float(ray.entry),
                                           to_float(ray.direction),
@@ -309,7 +304,7 @@ VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, TableView co
 
 template <Sampler S>
 VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
-    return march_lit<Lighting::any>(sampler, scene, scene.table, ray, counters);
+    return march_lit<Lighting::any>(sampler, scene, ray, counters);
 }
 
 } // namespace vkt::render

@@ -102,6 +102,18 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, ShownPart const&
     return true;
 }
 
+/// Whether a loop goes on, as a value of which a GPU's compiler knows nothing: so the loop has one exit, behind which
+/// the threads of a warp go on together. Taken out of it by several, each would go its own way.
+VKT_HD bool goes_on(bool on) {
+#ifdef __CUDA_ARCH__
+    int value = on ? 1 : 0;
+    asm volatile("" : "+r"(value));
+    return value != 0;
+#else
+    return on;
+#endif
+}
+
 /// Steps of a ray through a grid of cubic cells with edges at multiples of `size` from `lower`. The cell index is
 /// authoritative: it changes by one along one axis per step, whatever rounding does to positions.
 template <class Real> struct CellWalk {
@@ -136,8 +148,8 @@ template <class Real> struct CellWalk {
         Real const all = xy < next[2] ? xy : next[2];
         return all < exit ? all : exit;
     }
-    /// Moves to the next cell; false behind the last one. Without an index that varies, so that a GPU keeps all of it in
-    /// registers.
+    /// Moves to the next cell; false behind the last one. Without an index that varies, so that a GPU keeps all of it
+    /// in registers.
     VKT_HD bool advance() {
         int const axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
         t = axis == 0 ? next[0] : axis == 1 ? next[1] : next[2];
