@@ -35,39 +35,28 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
     cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
     float left = -std::log(1.0F - random.next());
-    Flight<Real> flight{false, length, {}};
-    bool on = true;
     // On to the next cell in which something may be, and then through it: so paths that are traced together, on a GPU,
     // look values up together.
     do {
         Real majorant = 0;
-        bool empty = false;
-        do {
+        for (;;) {
             std::int64_t const index = scene.cells.index(cells.cell);
             majorant = scene.cells.majorant[index] * world;
-            empty = !(majorant > 0);
-            if (empty) on = cells.leap(scene.cells.distance[index]);
-        } while (goes_on(empty && on));
-        if (!on) continue;
+            if (majorant > 0) break;
+            if (!cells.leap(scene.cells.distance[index])) return {false, length, {}};
+        }
         Real t = cells.t;
         Real const leave = cells.leave();
-        bool within = left < majorant * (leave - t);
-        while (goes_on(within)) {
+        while (left < majorant * (leave - t)) {
             t += left / majorant;
             Medium const m = medium_at(sampler, scene, origin + direction * t);
             ++counters.samples;
-            if (random.next() * majorant < m.extinction * world) {
-                flight = {true, t, m};
-                within = false;
-            } else {
-                left = -std::log(1.0F - random.next());
-                within = left < majorant * (leave - t);
-            }
+            if (random.next() * majorant < m.extinction * world) return {true, t, m};
+            left = -std::log(1.0F - random.next());
         }
         left -= static_cast<float>(majorant * (leave - t));
-        on = !flight.collided && cells.advance();
-    } while (goes_on(on));
-    return flight;
+    } while (cells.advance());
+    return {false, length, {}};
 }
 
 /// Cosine between the directions before and after, for a uniform number in [0, 1): its mean is g, in (-1, 1) (Henyey
