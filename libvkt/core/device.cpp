@@ -6,7 +6,13 @@
 #include "libvkt/core/text.h"
 
 #ifdef VKT_CUDA
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstring>
 #include <cuda_runtime_api.h>
+#include <mutex>
+#include <omp.h>
 #endif
 
 namespace vkt {
@@ -103,10 +109,101 @@ void device_free(std::byte* data, int device) noexcept {
     if (current != device) (void)cudaSetDevice(current);
 }
 
+namespace {
+
+/// Pinned memory through which large copies go between a GPU and pages that are not: several threads fill a part or
+/// empty it while the bus carries others. The driver does that with one thread, which reaches a fifth of what the bus
+/// does. Copies stay in the order of the default stream.
+class Relay {
+public:
+    static constexpr std::size_t least = std::size_t{2} << 20; ///< that is worth the threads
+    /// False if it cannot be used now, and nothing was done. The memory is had when there is much to copy.
+    bool copy(std::byte* device, std::byte* host, std::size_t bytes, bool to_device) {
+        std::unique_lock const lock(mutex_, std::try_to_lock);
+        if (!lock || (memory_ == nullptr && (bytes < worth_it || !prepare()))) return false;
+        std::size_t const count = (bytes + part - 1) / part;
+        auto const size = [&](std::size_t i) { return std::min(part, bytes - i * part); };
+        auto const place = [&](std::size_t i) { return memory_ + i % parts * part; };
+        auto const wait = [&](std::size_t i) { must(cudaEventSynchronize(done_[i % parts]), "a copy failed"); };
+        auto const send = [&](std::size_t i) {
+            void* const there = device + i * part;
+            must(to_device ? cudaMemcpyAsync(there, place(i), size(i), cudaMemcpyHostToDevice, nullptr)
+                           : cudaMemcpyAsync(place(i), there, size(i), cudaMemcpyDeviceToHost, nullptr),
+                 "a copy failed");
+            must(cudaEventRecord(done_[i % parts], nullptr), "a copy failed");
+        };
+        for (std::size_t i = 0, sent = 0; i < count; ++i) {
+            if (to_device) {
+                wait(i); // for what lay there before, maybe since the last copy
+                move(place(i), host + i * part, size(i));
+                send(i);
+                continue;
+            }
+            for (; sent < std::min(count, i + parts); ++sent) send(sent);
+            wait(i);
+            move(host + i * part, place(i), size(i));
+        }
+        return true;
+    }
+
+private:
+    static constexpr std::size_t part = std::size_t{8} << 20, parts = 4;
+    static constexpr std::size_t worth_it = std::size_t{64} << 20; ///< that is worth the memory
+
+    bool prepare() {
+        if (refused_) return false;
+        refused_ = true;
+        for (cudaEvent_t& event : done_)
+            if (event == nullptr && cudaEventCreateWithFlags(&event, cudaEventDisableTiming) != cudaSuccess) {
+                (void)cudaGetLastError();
+                return false;
+            }
+        void* memory = nullptr;
+        if (cudaHostAlloc(&memory, part * parts, cudaHostAllocPortable) != cudaSuccess) {
+            (void)cudaGetLastError();
+            return false;
+        }
+        memory_ = static_cast<std::byte*>(memory);
+        refused_ = false;
+        return true;
+    }
+    static void move(std::byte* to, std::byte const* from, std::size_t bytes) {
+        constexpr std::size_t piece = std::size_t{512} << 10;
+        auto const pieces = static_cast<std::int64_t>((bytes + piece - 1) / piece);
+        int const threads = std::min(omp_get_max_threads(), 8);
+#pragma omp parallel for num_threads(threads) schedule(static)
+        for (std::int64_t i = 0; i < pieces; ++i) {
+            std::size_t const at = static_cast<std::size_t>(i) * piece;
+            std::memcpy(to + at, from + at, std::min(piece, bytes - at));
+        }
+    }
+
+    std::mutex mutex_;
+    std::byte* memory_ = nullptr; ///< as long as the process lives
+    std::array<cudaEvent_t, parts> done_{};
+    bool refused_ = false; ///< there was none
+};
+
+/// Whether the current device's relay did it.
+bool relayed(void* device, void const* host, std::size_t bytes, bool to_device) {
+    static std::array<Relay, 16> relays;
+    if (bytes < Relay::least) return false;
+    auto const index = static_cast<std::size_t>(device_current());
+    cudaPointerAttributes attributes{};
+    must(cudaPointerGetAttributes(&attributes, host), "whose memory this is is not known");
+    return index < relays.size() && attributes.type == cudaMemoryTypeUnregistered &&
+           relays[index].copy(static_cast<std::byte*>(device), static_cast<std::byte*>(const_cast<void*>(host)), bytes,
+                              to_device);
+}
+
+} // namespace
+
 void copy_to_device(void* device, void const* host, std::size_t bytes) {
+    if (relayed(device, host, bytes, true)) return;
     must(cudaMemcpy(device, host, bytes, cudaMemcpyHostToDevice), "copy to the device failed");
 }
 void copy_to_host(void* host, void const* device, std::size_t bytes) {
+    if (relayed(const_cast<void*>(device), host, bytes, false)) return;
     must(cudaMemcpy(host, device, bytes, cudaMemcpyDeviceToHost), "copy from the device failed");
 }
 void copy_on_device(void* to, void const* from, std::size_t bytes) {

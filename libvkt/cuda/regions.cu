@@ -1,5 +1,6 @@
 // Border fill and region copies where device memory takes part.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/kernel/border.h"
 #include "libvkt/kernel/kernel.h"
@@ -69,7 +70,9 @@ void copy_region_on_device(ConstView from, AnyView to) {
     if (from.space == Space::device && to.space == Space::device) return cuda::copy_box(Execution{}, from, to);
     auto const kind = to.space == Space::device ? cudaMemcpyHostToDevice : cudaMemcpyDeviceToHost;
     std::size_t const size = size_of(to.type);
-    if (from.contiguous() && to.contiguous()) return must(cudaMemcpy(to.data, from.data, to.bytes(), kind));
+    if (from.contiguous() && to.contiguous())
+        return to.space == Space::device ? copy_to_device(to.data, from.data, to.bytes())
+                                         : copy_to_host(to.data, from.data, to.bytes());
     Index3 const n = to.dims();
     auto bytes = [size](std::int64_t voxels) { return static_cast<std::size_t>(voxels) * size; };
     for (std::int64_t z = 0; z < n.z; ++z) {

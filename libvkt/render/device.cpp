@@ -5,6 +5,8 @@
 #include "libvkt/core/device.h"
 
 #include <algorithm>
+#include <chrono>
+#include <optional>
 
 namespace vkt::render {
 namespace {
@@ -35,9 +37,9 @@ public:
     std::vector<double> values() {
         std::vector<double> result(count_);
         copy_to_host(result.data(), memory_.read(Space::device), count_ * sizeof(double));
-        if (host_ != nullptr) std::copy(result.begin(), result.end(), host_);
         return result;
     }
+    void store() { copy_to_host(host_, memory_.read(Space::device), count_ * sizeof(double)); }
 
 private:
     double* host_;
@@ -95,7 +97,7 @@ void launch_drawing(SceneView const&, LatticeView const&, Integrator, Tile, floa
 #endif
 
 Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
-                    Image& image, Counters& total) {
+                    bool estimates, Image& image, Counters& total, double& seconds) {
     Watch const& watch = drawing.watch;
     Tile const part_drawn{0, drawing.first_row, image.width, drawing.last_row};
     std::size_t const count = image.pixels.size();
@@ -104,18 +106,26 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView 
     device_clear(totals.write(Space::device), 4 * sizeof(std::uint64_t));
     auto* const counts = reinterpret_cast<std::uint64_t*>(totals.update(Space::device));
     Quality quality;
+    auto const launch = [&](SceneView const& some) {
+        auto const start = std::chrono::steady_clock::now();
+        launch_drawing(some, lattice, integrator, part_drawn, to, counts);
+        device_synchronize();
+        seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
     if (integrator == Integrator::scatter) {
-        DeviceSums light(scene.sums.light, count, scene.before > 0), odd(scene.sums.odd, count, scene.before > 0);
+        DeviceSums light(scene.sums.light, count, scene.before > 0);
+        std::optional<DeviceSums> odd;
+        estimates = estimates && scene.before == 0;
+        if (estimates) odd.emplace(nullptr, count, false);
         SceneView part = scene;
-        part.sums = {light.get(), odd.get(), nullptr, {}};
+        part.sums = {light.get(), odd ? odd->get() : nullptr, nullptr, {}};
         int done = 0;
         std::uint64_t met = 0;
         while (done < scene.samples) {
             part.samples = std::min(paths_at_once, scene.samples - done);
             part.first_sample = scene.first_sample + done;
             part.before = scene.before + done;
-            launch_drawing(part, lattice, integrator, part_drawn, to, counts);
-            device_synchronize();
+            launch(part);
             // Rays are pixels that meet the volume, however many passes there are.
             if (done == 0)
                 copy_to_host(&met, counts, sizeof met);
@@ -128,13 +138,13 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView 
                 break;
             }
         }
-        std::vector<double> const all = light.values(), some = odd.values();
         bool const stopped = quality.stopped;
-        if (scene.before == 0) quality = quality_of_paths(drawing, image.width, done, all, some);
+        if (estimates) quality = quality_of_paths(drawing, image.width, done, light.values(), odd->values());
+        if (scene.sums.light != nullptr) light.store();
         quality.stopped = stopped;
         quality.rays = scene.before + done;
     } else {
-        launch_drawing(scene, lattice, integrator, part_drawn, to, counts);
+        launch(scene);
     }
     std::size_t const row = 4 * static_cast<std::size_t>(image.width);
     std::size_t const first = static_cast<std::size_t>(drawing.first_row) * row,

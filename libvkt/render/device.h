@@ -34,9 +34,9 @@ private:
 
 /// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU, as the lattice is. Paths are drawn
 /// some at a time, until the watch says stop; sums that the scene names are of the host, and are brought up to date.
-/// Adds to the counters.
+/// `estimates`: of paths, the error is wanted. Adds to the counters, and to the seconds that the GPU was busy.
 Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
-                    Image& image, Counters& total);
+                    bool estimates, Image& image, Counters& total, double& seconds);
 
 /// One launch, for the pixels of a part: everything that scene and lattice point to, and `pixels`, four floats each, is
 /// memory of the current GPU, and so are the four totals to which rays, segments, samples and capped paths are added.

@@ -677,7 +677,10 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     PartRows const rows = rows_of_part(settings);
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
-    for (std::size_t i = 3; i < image.pixels.size(); i += 4) image.pixels[i] = 1; // until something is drawn there
+    bool const layers = settings.layers && report != nullptr && !projected;
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()), labels);
+    // Until something is drawn there: a GPU draws all of a picture at once.
+    for (std::size_t i = 3; i < image.pixels.size() && !(with_gpu && settings.parts == 1); i += 4) image.pixels[i] = 1;
     Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
                      of_tree = tree_tile_function(execution_.instructions)](SceneView const& view, Tile tile,
                                                                             float* pixels, Counters& counters) {
@@ -695,19 +698,18 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
                     execution_.threads,
                     nullptr,
                     start};
-    bool const layers = settings.layers && report != nullptr && !projected;
     std::vector<float> variance;
     if (layers && integrator == Integrator::scatter && in_passes) drawing.variance = &variance;
     Counters counters;
     Quality quality;
-    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()), labels);
+    double gpu_seconds = 0;
     if (with_gpu) {
         device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
         auto& copies = cache_->copies;
         if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
         quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), copies->lattice(), integrator,
-                              image, counters);
+                              in_passes, image, counters, gpu_seconds);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
@@ -758,6 +760,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         if (with_gpu) report->method += ", on a GPU";
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
+        report->gpu_seconds = gpu_seconds;
     }
     if (settings.parts > 1) {
         auto const cut = [&](std::vector<float>& pixels, std::size_t channels) {

@@ -143,6 +143,7 @@ struct RenderReport {
     std::int64_t missing = 0, infinite = 0; ///< voxels that are NaN, infinite
     std::vector<std::string> lossy;         ///< one line each: what was asked for and cannot be seen, and why
     double prepare_seconds = 0, render_seconds = 0;
+    double gpu_seconds = 0; ///< of the latter: that a GPU was drawing
     Quality quality;
     /// Of one ray through the middle of each pixel, where asked for: "Z", the world distance from the eye
     /// (orthographic: from the plane through it) to the nearest surface, or else to where half of the light is held

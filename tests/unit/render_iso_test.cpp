@@ -163,8 +163,8 @@ TEST(RenderIso, AllRootsOfRandomCellsAreFound) {
         }
         int found = 0;
         Side side = Side::unknown;
-        cross_cell(f, 0.5, side, [&](double s, Side) {
-            EXPECT_NEAR(f(s), 0.5, 1e-7);
+        cross_cell(f, 0.5, 0, 1, side, [&](Crossed const& crossed, Side) {
+            EXPECT_NEAR(f(crossed.place()), 0.5, 1e-7);
             ++found;
             return true;
         });

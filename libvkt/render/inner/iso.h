@@ -11,16 +11,27 @@ namespace vkt::render {
 enum class Side : std::uint8_t { unknown, below, above };
 VKT_HD Side side_of(double difference) { return difference >= 0 ? Side::above : Side::below; }
 
-/// Finds all crossings within one cell, beginning on the carried side; calls hit(s, new side) until it returns false.
-/// Returns false if it was told to stop. The side after the cell is left in `side`.
-template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit&& hit) {
+/// Where a ray crosses a surface, yet to be worked out: at t + s * width, s between s0 and s1 a zero of the cubic,
+/// which is f0 and f1 there.
+struct Crossed {
+    double t, width;
+    Cubic cubic;
+    double s0, s1, f0, f1;
+    VKT_HD double place() const { return t + crossing(cubic, s0, s1, f0, f1) * width; }
+};
+/// The same where that is known.
+VKT_HD Crossed crossed_at(double t) { return {t, 0, {0, 0, 0, 0}, 0, 0, 0, 0}; }
+
+/// Finds all crossings within one cell, [t, t + width] of the ray, beginning on the carried side; calls hit(crossed,
+/// new side) until it returns false. Returns false if it was told to stop. The side after the cell is left in `side`.
+template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, double t, double width, Side& side, Hit&& hit) {
     f.d -= iso;
     double const begin = f.d, end = f(1.0);
     if (side == Side::unknown) side = side_of(begin);
     // Rounding may put the entry on the other side than the exit of the cell before: then it is crossed right here.
     if (side_of(begin) != side) {
         side = side_of(begin);
-        if (!hit(0.0, side)) return false;
+        if (!hit(crossed_at(t), side)) return false;
     }
     // Between extrema the cubic is monotone and crosses at most once.
     double cuts[3];
@@ -31,40 +42,40 @@ template <class Hit> VKT_HD bool cross_cell(Cubic f, double iso, Side& side, Hit
         double const f1 = i == n - 1 ? end : f(cuts[i]);
         if (side_of(f1) != side) {
             side = side_of(f1);
-            if (!hit(crossing(f, s0, cuts[i], f0, f1), side)) return false;
+            if (!hit(Crossed{t, width, f, s0, cuts[i], f0, f1}, side)) return false;
         }
         s0 = cuts[i], f0 = f1;
     }
     return true;
 }
 
-/// All crossings of one iso-value along a ray in ascending order: hit(t, side behind) until it returns false.
+/// All crossings of one iso-value along a ray in the order of the cells: hit(crossed, side behind) until it returns
+/// false.
 template <ScalarField S, class Hit>
-VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters,
-                      Hit&& hit) {
+VKT_HD void cross_cells(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters,
+                        Hit&& hit) {
     CellWalk<double> outer;
     typename S::Vector const origin = sampler.cell_origin();
     outer.start(ray.entry - Double3{origin.x, origin.y, origin.z}, ray.direction, ray.length, 0.0,
                 static_cast<double>(sampler.cell_size()), scene.cells.nx, scene.cells.ny, scene.cells.nz);
     Side side = Side::unknown;
-    int distance = 0;
-    double last = 0; // rounding must not turn the order of crossings around
-    auto const met = [&](double t, Side behind) __attribute__((always_inline)) {
-        last = t > last ? t : last;
-        return hit(last, behind);
+    bool on = true;
+    auto const distance_here = [&]() __attribute__((always_inline)) {
+        return scene.skip && on ? static_cast<int>(scene.cells.distance[scene.cells.index(outer.cell)]) : 0;
     };
+    // On to the next macrocell that may hold a crossing, and then through it: so rays that are drawn together, on a
+    // GPU, look into cells together.
     do {
-        std::int64_t const index = scene.cells.index(outer.cell);
-        double const lowest = scene.cells.lowest[index];
-        distance = scene.skip ? scene.cells.distance[index] : 0;
-        if (distance > 0) {
+        for (int distance = distance_here(); goes_on(distance > 0); distance = distance_here()) {
             // All cells within that distance lie on one side, as they share faces.
+            double const lowest = scene.cells.lowest[scene.cells.index(outer.cell)];
             Side const here = lowest >= iso ? Side::above : Side::below;
-            if (side != Side::unknown && side != here && !met(outer.t, here)) return;
+            bool const changes = side != Side::unknown && side != here;
             side = here;
-            continue;
+            on = (!changes || hit(crossed_at(outer.t), here)) && outer.leap(distance);
         }
-        bool const on = each_piece_of(
+        if (!on) continue;
+        on = each_piece_of(
             sampler, scene, outer, ray, [&](auto const& piece) __attribute__((always_inline)) {
                 counters.samples += 1;
                 if (piece.missing) {
@@ -74,17 +85,27 @@ VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, 
                 bool const above = static_cast<double>(piece.least) >= iso;
                 if (above || static_cast<double>(piece.greatest) < iso) {
                     Side const here = above ? Side::above : Side::below;
-                    if (side != Side::unknown && side != here && !met(piece.t, here)) return false;
+                    bool const changes = side != Side::unknown && side != here;
                     side = here;
-                    return true;
+                    return !changes || hit(crossed_at(piece.t), here);
                 }
-                return cross_cell(
-                    piece.difference(iso), 0.0, side, [&](double s, Side behind) __attribute__((always_inline)) {
-                        return met(piece.t + s * piece.width, behind);
-                    });
+                return cross_cell(piece.difference(iso), 0.0, piece.t, piece.width, side, hit);
             });
-        if (!on) return;
-    } while (outer.leap(distance));
+        on = on && outer.advance();
+    } while (goes_on(on));
+}
+
+/// The same in ascending order: hit(t, side behind).
+template <ScalarField S, class Hit>
+VKT_HD void cross_ray(S const& sampler, SceneView const& scene, Ray const& ray, double iso, Counters& counters,
+                      Hit&& hit) {
+    double last = 0; // rounding must not turn the order around
+    cross_cells(
+        sampler, scene, ray, iso, counters, [&](Crossed const& crossed, Side behind) __attribute__((always_inline)) {
+            double const t = crossed.place();
+            last = t > last ? t : last;
+            return hit(last, behind);
+        });
 }
 
 /// The part of a line from a point of the lattice, along a direction of unit length, that is shown; false if none is.
@@ -169,14 +190,11 @@ VKT_HD Radiance lit_element(SceneView const& scene, Ray const& ray, double t, Fl
 }
 
 /// The same of an iso-surface.
-template <ScalarField S>
+template <ScalarField S, class LightFrom>
 VKT_HD Radiance lit_surface(S const& sampler, SceneView const& scene, Ray const& ray, double t, IsoView const& iso,
-                            Counters& counters) {
+                            LightFrom&& light_from) {
     Float3 const g = sampler.gradient(S::place(ray.entry + ray.direction * t));
-    return lit_element(
-        scene, ray, t, g, iso, [&](Double3 point, Double3 direction, double reach) __attribute__((always_inline)) {
-            return light_at(sampler, scene, point, direction, reach, counters);
-        });
+    return lit_element(scene, ray, t, g, iso, light_from);
 }
 
 /// Crossings of a ray with surfaces that light passes, nearest first.
@@ -196,8 +214,9 @@ struct Layers {
 };
 
 /// Surfaces of which some let light pass, from the nearest one on.
-template <ScalarField S>
-VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+template <ScalarField S, class LightFrom>
+VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters,
+                           LightFrom&& light_from) {
     Layers layers;
     double furthest = ray.length; // where a surface that lets nothing pass lies, or so many that none is seen behind
     for (int i = 0; i < scene.iso_count; ++i) {
@@ -216,7 +235,7 @@ VKT_HD Radiance layers_ray(S const& sampler, SceneView const& scene, Ray const& 
     Radiance sum{0, 0, 0, 1};
     for (int k = 0; k < layers.count; ++k) {
         IsoView const& iso = scene.isos[layers.surface[k]];
-        Radiance const one = lit_surface(sampler, scene, ray, layers.t[k], iso, counters);
+        Radiance const one = lit_surface(sampler, scene, ray, layers.t[k], iso, light_from);
         float const share = sum.transmittance * iso.alpha;
         sum.red += share * one.red, sum.green += share * one.green, sum.blue += share * one.blue;
         sum.transmittance *= 1.0F - iso.alpha;
@@ -238,24 +257,58 @@ VKT_HD Nearest nearest_surface(S const& sampler, SceneView const& scene, Ray con
         // A nearer surface found before shortens the ray for the ones that follow.
         Ray shorter = ray;
         shorter.length = nearest.t;
-        cross_ray(
-            sampler, scene, shorter, scene.isos[i].value, counters, [&](double t, Side) __attribute__((always_inline)) {
-                if (nearest.surface < 0 || t < nearest.t) nearest = {t, i};
+        // It is worked out when the walk is over: rays that are drawn together do that together.
+        Crossed first = crossed_at(0);
+        bool met = false;
+        cross_cells(
+            sampler, scene, shorter, scene.isos[i].value,
+            counters, [&](Crossed const& crossed, Side) __attribute__((always_inline)) {
+                first = crossed;
+                met = true;
                 return false;
             });
+        if (!met) continue;
+        double const place = first.place(), t = place > 0 ? place : 0;
+        if (nearest.surface < 0 || t < nearest.t) nearest = {t, i};
     }
     return nearest;
 }
 
-/// The nearest surface of all iso-values, shaded by a light at the eye.
+template <ScalarField S, class LightFrom>
+VKT_HD Radiance nearest_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters,
+                            LightFrom&& light_from) {
+    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
+    if (hit.surface < 0) return {0, 0, 0, 1};
+    return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface], light_from);
+}
+
+/// Whether some surface lets light pass.
+VKT_HD bool has_layers(SceneView const& scene) {
+    for (int i = 0; i < scene.iso_count; ++i)
+        if (scene.isos[i].alpha < 1) return true;
+    return false;
+}
+
+/// The nearest surface of all iso-values, or the layers of them, shaded by a light at the eye.
 template <ScalarField S>
 VKT_HD Radiance iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     ++counters.rays;
-    for (int i = 0; i < scene.iso_count; ++i)
-        if (scene.isos[i].alpha < 1) return layers_ray(sampler, scene, ray, counters);
-    Nearest const hit = nearest_surface(sampler, scene, ray, counters);
-    if (hit.surface < 0) return {0, 0, 0, 1};
-    return lit_surface(sampler, scene, ray, hit.t, scene.isos[hit.surface], counters);
+    auto const light = [&](Double3 point, Double3 direction, double reach) __attribute__((always_inline)) {
+        return light_at(sampler, scene, point, direction, reach, counters);
+    };
+    return has_layers(scene) ? layers_ray(sampler, scene, ray, counters, light)
+                             : nearest_ray(sampler, scene, ray, counters, light);
+}
+
+/// The same where nothing holds the lamp's light back, nor that from everywhere.
+template <bool layers, ScalarField S>
+VKT_HD Radiance open_iso_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    ++counters.rays;
+    auto const light = [](Double3, Double3, double) __attribute__((always_inline)) { return 1.0F; };
+    if constexpr (layers)
+        return layers_ray(sampler, scene, ray, counters, light);
+    else
+        return nearest_ray(sampler, scene, ray, counters, light);
 }
 
 } // namespace vkt::render

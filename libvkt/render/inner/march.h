@@ -9,17 +9,17 @@
 namespace vkt::render {
 
 /// False if so little light is left that is_settled() may be true.
-VKT_HD bool is_bright(double transmittance, float patience) {
+VKT_HD bool is_bright(float transmittance, float patience) {
     constexpr float most = 9.8e-4F;
-    return static_cast<float>(transmittance) / patience > most;
+    return transmittance > most || transmittance / patience > most; // what is divided is no less
 }
 /// True if what lies behind changes no pixel by more than a quarter of an sRGB level of 255, whatever it is, nor its
 /// alpha. Levels are narrow in the dark: one is 1/3300 of the light there, and 1/260 where there is 0.24 of it. What
 /// may be left is below the curve, which is concave: two chords of it, from 0.003 over 0.03 to 0.24. With `patience`
 /// below 1 that share of it may be left.
-VKT_HD bool is_settled(double transmittance, Quad const& light, float patience) {
+VKT_HD bool is_settled(float transmittance, Quad const& light, float patience) {
     if (is_bright(transmittance, patience)) return false;
-    auto const left = static_cast<float>(transmittance) / patience;
+    float const left = transmittance / patience;
     float const rg = light[1] < light[2] ? light[1] : light[2], least = rg < light[3] ? rg : light[3];
     return left < 5.1e-5F + 7.9e-3F * least && left < 1.9e-4F + 3.22e-3F * least;
 }
@@ -103,9 +103,13 @@ struct EvenComb {
     VKT_HD bool shows(int) const { return true; }
 };
 
+/// What is known of the light on a volume when the loops are compiled: nothing, that there is no shading, or that there
+/// is and nothing holds the light back. On GPUs what could be asked for takes registers from what is.
+enum class Lighting : std::uint8_t { any, flat, open };
+
 /// One ray on its way along a comb. Real is what positions along the ray are counted in; `points` answers what rays to
 /// the light ask.
-template <class S, class Comb, ScalarField P> struct March {
+template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any> struct March {
     using Real = typename Comb::Real;
     S const& sampler;
     P const& points;
@@ -115,10 +119,18 @@ template <class S, class Comb, ScalarField P> struct March {
     float world; ///< world length of one lattice unit
     Quad light{};
     double transmittance = 1; ///< in double, because the errors of many thin segments would add up
+    float passing = 1;        ///< the same, rounded
     int known = -1;           ///< the point that `last` belongs to
     TablePoint last{};
     std::int64_t samples = 0;
-    Occlusion occlusion{};
+    struct Nothing {};
+    std::conditional_t<lighting == Lighting::any, Occlusion, Nothing> occlusion{};
+
+    VKT_HD bool settled() const { return is_settled(passing, light, scene.patience); }
+    VKT_HD bool shaded() const {
+        return lighting == Lighting::open || (lighting == Lighting::any && scene.shade.strength > 0);
+    }
+    VKT_HD bool occluded() const { return lighting == Lighting::any && (scene.lamp.shadows || scene.around_count > 0); }
 
     /// Adds segments [from, to), at most as many as one chunk of samples allows; returns where it stopped.
     VKT_HD int advance(int from, int to) {
@@ -176,8 +188,10 @@ template <class S, class Comb, ScalarField P> struct March {
             left *= factor[j];
         }
         // It only ever becomes less.
-        if (!is_bright(left, scene.patience)) return false;
+        auto const rounded = static_cast<float>(left);
+        if (!is_bright(rounded, scene.patience)) return false;
         transmittance = left;
+        passing = rounded;
         for (int j = 0; j < chunk; ++j) share[j] = before[j] * weight[j];
         for (int j = 0; j < chunk; ++j) {
             float const seen = diffuse != nullptr ? share[j] * diffuse[j] : share[j];
@@ -203,8 +217,7 @@ template <class S, class Comb, ScalarField P> struct March {
     VKT_HD void composite(int from, int segments, Quad const* mean, float const* extinction, float const* depth,
                           float const* through, float const* weight) {
         alignas(64) float diffuse[chunk], glint[chunk], gx[chunk], gy[chunk], gz[chunk];
-        bool const shaded = scene.shade.strength > 0;
-        bool const occluded = scene.lamp.shadows || scene.around_count > 0;
+        bool const shaded = this->shaded(), occluded = this->occluded();
         if (shaded) {
             alignas(64) Real t[chunk];
             for (int j = 0; j < chunk; ++j) {
@@ -240,25 +253,29 @@ template <class S, class Comb, ScalarField P> struct March {
 #endif
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
-            if (occluded) {
-                int const k = from + j;
-                Arriving const arriving =
-                    occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
-                                         origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
-                float const base = unshaded(scene.shade, arriving);
-                diffuse[j] = base, glint[j] = 0;
-                if (shaded) reflect(j, scene.lamp.on, arriving, base);
-            }
-            float const share = static_cast<float>(transmittance) * weight[j];
+            if constexpr (lighting == Lighting::any)
+                if (occluded) {
+                    int const k = from + j;
+                    Arriving const arriving =
+                        occlusion.on_segment(points, scene, k, origin + direction * comb.point(k),
+                                             origin + direction * comb.point(k + 1), depth[j], weight[j], samples);
+                    float const base = unshaded(scene.shade, arriving);
+                    diffuse[j] = base, glint[j] = 0;
+                    if (shaded) reflect(j, scene.lamp.on, arriving, base);
+                }
+            float const share = passing * weight[j];
             if (shaded || occluded) {
                 float const g = share * glint[j];
                 light = light + mean[j] * (share * diffuse[j] / mean[j][0]) + Quad{0, g, g, g};
             } else {
                 light = light + mean[j] * (share / mean[j][0]);
             }
-            double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
-            transmittance *= absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
-            if (is_settled(transmittance, light, scene.patience)) return;
+            // Whichever was rounded less. Conversions are slow on GPUs: one.
+            bool const thin = weight[j] < 0.5F;
+            double const part = static_cast<double>(thin ? weight[j] : through[j]);
+            transmittance *= thin ? 1 - part : part;
+            passing = static_cast<float>(transmittance);
+            if (settled()) return;
         }
     }
 
@@ -266,14 +283,16 @@ template <class S, class Comb, ScalarField P> struct March {
     VKT_HD bool add(int from, int to) {
         while (from < to) {
             from = advance(from, to);
-            if (is_settled(transmittance, light, scene.patience)) return false;
+            if (settled()) return false;
         }
         return true;
     }
 };
 
-/// Walks the macrocells and adds the segments that touch a visible one.
-template <Sampler S> VKT_HD void walk(March<S, EvenComb, S>& march, SceneView const& scene) {
+/// Walks the macrocells and adds the segments that touch a visible one. One loop over chunks, in which a few cells are
+/// walked where it needs them: so rays that are drawn together, on a GPU, integrate together.
+template <Sampler S, Lighting lighting>
+VKT_HD void walk(March<S, EvenComb, S, lighting>& march, SceneView const& scene) {
     CellWalk<float> cells;
     cells.start(march.origin, march.direction, march.comb.length, macrocell_origin, static_cast<float>(macrocell_size),
                 scene.cells.nx, scene.cells.ny, scene.cells.nz);
@@ -281,38 +300,41 @@ template <Sampler S> VKT_HD void walk(March<S, EvenComb, S>& march, SceneView co
     constexpr float slack = 4e-3F;
     float const per_step = 1.0F / scene.step;
     int from = 0, to = 0;
-    int distance = 0;
-    do {
-        distance = scene.cells.distance[scene.cells.index(cells.cell)];
-        if (distance > 0) continue;
-        int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
-        int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
-        int const last_segment = b < march.comb.count ? b : march.comb.count;
-        if (a > to) {
-            if (!march.add(from, to)) return;
-            from = a;
-        }
-        to = last_segment > to ? last_segment : to;
+    bool more = true;
+    for (;;) {
         // Whole chunks are done at once, so that an opaque ray stops walking.
-        while (to - from >= chunk + 1) {
-            from = march.advance(from, to);
-            if (is_settled(march.transmittance, march.light, scene.patience)) return;
+        while (more && to - from <= chunk) {
+            int const distance = scene.cells.distance[scene.cells.index(cells.cell)];
+            if (distance == 0) {
+                int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
+                int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
+                int const last_segment = b < march.comb.count ? b : march.comb.count;
+                if (a > to) {
+                    if (from < to) break; // what lies before the gap comes first, and then this cell again
+                    from = a;
+                }
+                to = last_segment > to ? last_segment : to;
+            }
+            more = cells.leap(distance);
         }
-    } while (cells.leap(distance));
-    march.add(from, to);
+        if (from >= to) return; // there are no more cells
+        from = march.advance(from, to);
+        if (march.settled()) return;
+    }
 }
 
-template <Sampler S>
-VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+/// march_ray() with what is known of the light.
+template <Lighting lighting, Sampler S>
+VKT_HD Radiance march_lit(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
     float const length = static_cast<float>(ray.length);
     int const count = static_cast<int>(std::ceil(length / scene.step));
-    March<S, EvenComb, S> march{sampler,
-                                sampler,
-                                scene,
-                                {scene.step, length, count < 1 ? 1 : count},
-                                to_float(ray.entry),
-                                to_float(ray.direction),
-                                static_cast<float>(ray.world_per_lattice)};
+    March<S, EvenComb, S, lighting> march{sampler,
+                                          sampler,
+                                          scene,
+                                          {scene.step, length, count < 1 ? 1 : count},
+                                          to_float(ray.entry),
+                                          to_float(ray.direction),
+                                          static_cast<float>(ray.world_per_lattice)};
     if (scene.skip)
         walk(march, scene);
     else
@@ -320,7 +342,12 @@ VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& r
     ++counters.rays;
     counters.segments += march.comb.count;
     counters.samples += march.samples;
-    return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
+    return {march.light[1], march.light[2], march.light[3], march.passing};
+}
+
+template <Sampler S>
+VKT_HD Radiance march_ray(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+    return march_lit<Lighting::any>(sampler, scene, ray, counters);
 }
 
 } // namespace vkt::render

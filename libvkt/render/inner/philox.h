@@ -34,7 +34,11 @@ struct Random {
     /// Uniform in [0, 1): multiples of 2^-24, so that 1 - x is never 0.
     VKT_HD float next() {
         if (drawn % 4 == 0) block = philox({{drawn / 4, sample, pixel, 0}}, key0, key1);
-        return static_cast<float>(block.word[drawn++ % 4] >> 8) * 0x1p-24F;
+        std::uint32_t const at = drawn++ % 4;
+        // Chosen, not indexed: that is how a GPU keeps them in registers.
+        std::uint32_t const low = at == 0 ? block.word[0] : block.word[1],
+                            high = at == 2 ? block.word[2] : block.word[3];
+        return static_cast<float>((at < 2 ? low : high) >> 8) * 0x1p-24F;
     }
 };
 

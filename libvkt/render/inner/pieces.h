@@ -78,6 +78,7 @@ VKT_HD bool each_piece_of(S const& sampler, SceneView const&, CellWalk<double> c
     CellWalk<double> inner;
     inner.start(start - corner, ray.direction, outer.leave() - outer.t, 0.0, 1.0, macrocell_size, macrocell_size,
                 macrocell_size);
+    bool on = true, further = true;
     do {
         CellPiece piece;
         Double3 const cell{corner.x + inner.cell[0], corner.y + inner.cell[1], corner.z + inner.cell[2]};
@@ -87,9 +88,10 @@ VKT_HD bool each_piece_of(S const& sampler, SceneView const&, CellWalk<double> c
         piece.width = inner.leave() - inner.t;
         piece.entry = ray.entry + ray.direction * piece.t - cell;
         piece.way = ray.direction * piece.width;
-        if (!visit(piece)) return false;
-    } while (inner.advance());
-    return true;
+        on = goes_on(visit(piece));
+        further = inner.advance();
+    } while (goes_on(on && further));
+    return on;
 }
 
 } // namespace vkt::render

@@ -102,6 +102,18 @@ VKT_HD bool make_ray(RayFrame const& frame, double x, double y, ShownPart const&
     return true;
 }
 
+/// Whether a loop goes on, as a value of which a GPU's compiler knows nothing: so the loop has one exit, behind which
+/// the threads of a warp go on together. Taken out of it by several, each would go its own way.
+VKT_HD bool goes_on(bool on) {
+#ifdef __CUDA_ARCH__
+    int value = on ? 1 : 0;
+    asm volatile("" : "+r"(value));
+    return value != 0;
+#else
+    return on;
+#endif
+}
+
 /// Steps of a ray through a grid of cubic cells with edges at multiples of `size` from `lower`. The cell index is
 /// authoritative: it changes by one along one axis per step, whatever rounding does to positions.
 template <class Real> struct CellWalk {
@@ -136,14 +148,19 @@ template <class Real> struct CellWalk {
         Real const all = xy < next[2] ? xy : next[2];
         return all < exit ? all : exit;
     }
-    /// Moves to the next cell; false behind the last one.
+    /// Moves to the next cell; false behind the last one. Without an index that varies, so that a GPU keeps all of it
+    /// in registers.
     VKT_HD bool advance() {
         int const axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
-        t = next[axis];
+        t = axis == 0 ? next[0] : axis == 1 ? next[1] : next[2];
         if (!(t < exit)) return false;
-        cell[axis] += step[axis];
-        next[axis] += width[axis];
-        return cell[axis] != end[axis];
+        cell[0] += axis == 0 ? step[0] : 0;
+        cell[1] += axis == 1 ? step[1] : 0;
+        cell[2] += axis == 2 ? step[2] : 0;
+        next[0] = axis == 0 ? next[0] + width[0] : next[0];
+        next[1] = axis == 1 ? next[1] + width[1] : next[1];
+        next[2] = axis == 2 ? next[2] + width[2] : next[2];
+        return axis == 0 ? cell[0] != end[0] : axis == 1 ? cell[1] != end[1] : cell[2] != end[2];
     }
     /// Leaves the cube of cells less than `distance` away from the present one at once; false behind the last cell.
     VKT_HD bool leap(int distance) {

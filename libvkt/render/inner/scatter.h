@@ -35,11 +35,16 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
     cells.start(origin - sampler.cell_origin(), direction, length, Real(0), sampler.cell_size(), scene.cells.nx,
                 scene.cells.ny, scene.cells.nz);
     float left = -std::log(1.0F - random.next());
-    int distance = 0;
+    // On to the next cell in which something may be, and then through it: so paths that are traced together, on a GPU,
+    // look values up together.
     do {
-        distance = scene.cells.distance[scene.cells.index(cells.cell)];
-        Real const majorant = scene.cells.majorant[scene.cells.index(cells.cell)] * world;
-        if (!(majorant > 0)) continue;
+        Real majorant = 0;
+        for (;;) {
+            std::int64_t const index = scene.cells.index(cells.cell);
+            majorant = scene.cells.majorant[index] * world;
+            if (majorant > 0) break;
+            if (!cells.leap(scene.cells.distance[index])) return {false, length, {}};
+        }
         Real t = cells.t;
         Real const leave = cells.leave();
         while (left < majorant * (leave - t)) {
@@ -50,7 +55,7 @@ VKT_HD Flight<Real> fly(S const& sampler, SceneView const& scene, typename S::Ve
             left = -std::log(1.0F - random.next());
         }
         left -= static_cast<float>(majorant * (leave - t));
-    } while (cells.leap(distance));
+    } while (cells.advance());
     return {false, length, {}};
 }
 

@@ -145,7 +145,7 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
         size = 0;
     };
     int stretch = 0;
-    while (k < comb.last && !is_settled(march.transmittance, march.light, scene.patience)) {
+    while (k < comb.last && !march.settled()) {
         while (comb.stretches[stretch].end <= comb.at(k)) ++stretch;
         Stretch const& here = comb.stretches[stretch];
         if (scene.skip && !here.visible) {
@@ -192,7 +192,7 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
     }
     flush();
     counters.samples += march.samples;
-    return {march.light[1], march.light[2], march.light[3], static_cast<float>(march.transmittance)};
+    return {march.light[1], march.light[2], march.light[3], march.passing};
 }
 
 /// Among the integrators, which ask for rays through a sampler.
