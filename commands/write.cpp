@@ -74,8 +74,10 @@ private:
         if (out() == "-" && output_is_terminal())
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
-            auto const create = [this, execution = context.execution()](std::string const& path) {
+            auto const create = [this, &context](std::string const& path) {
+                Execution const& execution = context.execution();
                 WriteOptions options = request_.options();
+                options.notice = [&context](std::string const& message) { context.lossy(message); };
                 options.memory = execution.memory;
                 options.threads = execution.threads;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);

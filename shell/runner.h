@@ -90,6 +90,7 @@ private:
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
     void tell_prediction() const;
+    void lose(std::string const& message); ///< of what the output's format does not hold
     void refuse_lossy();
     void tell_transport() const;
     ipc::StageReport own_report() const;

@@ -101,6 +101,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.compress = c.compress;
     options.memory = execution_of(last_).memory;
     options.threads = execution_of(last_).threads;
+    options.notice = [this](std::string const& message) { lose(message); };
     bool const stream = ipc::is_stream_file(c.output, c.format);
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
@@ -124,6 +125,11 @@ std::vector<ipc::StageReport> Runner::reports() const {
     if (stream_in_ != nullptr) rows = stream_in_->stages;
     rows.push_back(own_report());
     return rows;
+}
+
+void Runner::lose(std::string const& message) {
+    log_.note(last_.stage(), message);
+    if (last_.common().strict) lossy_ = message;
 }
 
 void Runner::refuse_lossy() {

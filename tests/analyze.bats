@@ -72,3 +72,31 @@ open('alone.hdr', 'wb').write(h)"
     fails_with 4 'alone.img' vkt stats alone.hdr
     fails_with 3 'a pair' eval 'cat a.hdr | vkt stats -'
 }
+
+@test "pairs that vkt writes are what nibabel reads; what is lost is said" {
+    for type in uint8 int16 int32 float32 float64; do
+        vkt make noise --dims 9 8 6 --dtype $type --seed 2 | vkt set --spacing 2,3,4 --origin 4,-3,-8 \
+            --direction -1,0,0,0,1,0,0,0,1 --attribute space=right-anterior-superior --slope 0.5 --intercept -3 -o $type.vkt
+        vkt write $type.vkt $type.hdr --format analyze 2>err
+        [ ! -s err ]
+        vkt write $type.vkt $type.raw
+    done
+    /usr/bin/python3 - <<'END'
+import warnings, numpy as np, nibabel as nib
+warnings.simplefilter("ignore")
+for name in "uint8 int16 int32 float32 float64".split():
+    judge = nib.Spm99AnalyzeImage.load(name + ".img")
+    assert judge.get_data_dtype() == np.dtype(name)
+    want = np.fromfile(name + ".raw", name).reshape((9, 8, 6), order="F")
+    assert np.allclose(judge.dataobj.get_unscaled(), want), name
+    assert judge.dataobj.slope == 0.5
+    affine = np.diag((-2.0, 3, 4, 1)); affine[:3, 3] = 4, -3, -8
+    assert np.allclose(judge.affine, affine), judge.affine
+END
+    vkt diff int16.vkt int16.hdr
+    vkt set int16.vkt --origin 4.5,-3,-8 --direction 1,0,0,0,1,0,0,0,1 --units HU -o t.vkt
+    vkt write t.vkt t.hdr --format analyze 2>err
+    grep -q 'do not hold the place, the directions, units' err
+    fails_with 2 'cannot hold uint64' eval 'vkt make noise --dims 4 4 4 --dtype uint64 | vkt write u.hdr --format analyze'
+    fails_with 4 'exists' vkt write int16.vkt int16.hdr --format analyze
+}

@@ -295,3 +295,36 @@ END
     fails_with 3 "leads out of its directory" vkt info d/q.hdr
     vkt diff a.nii d/q.hdr --trust-paths
 }
+
+@test "the JSON file beside an image travels to the one beside the next, and is said to be lost elsewhere" {
+    vkt make noise --dims 9 8 7 --dtype int16 -o scan.nii.gz
+    printf '{"RepetitionTime": 2.0, "SliceTiming": [0, 0.5,\n 1e-3], "Note": "\303\274\\n\\"q\\""}\n' >scan.json
+    vkt convert scan.nii.gz -o out.nii.gz
+    vkt crop scan.nii.gz --roi 0:4,0:4,0:4 | vkt write way.nrrd
+    vkt write way.nrrd later.nii
+    vkt write way.nrrd pair.hdr
+    /usr/bin/python3 - <<'END'
+import json
+want = json.load(open("scan.json"))
+for name in ("out", "later", "pair"): assert json.load(open(name + ".json")) == want, name
+END
+    # The image itself does not say it, or two files would.
+    ! zcat out.nii.gz | grep -qa RepetitionTime
+    vkt info out.nii.gz --json | grep -q 'RepetitionTime'
+    fails_with 4 'exists' vkt convert scan.nii.gz -o out.nii.gz
+    rm out.nii.gz
+    fails_with 4 'out.json' vkt convert scan.nii.gz -o out.nii.gz
+    [ ! -e out.nii.gz ]
+    vkt convert scan.nii.gz -o out.nii.gz --force
+    vkt write scan.nii.gz t.vtk 2>err
+    grep -q 'do not hold what stood in the JSON file beside: not kept' err
+    vkt write scan.nii.gz t.npy 2>err
+    grep -q 'do not hold what stood in the JSON file beside: not kept' err
+    fails_with 3 'JSON file' vkt read scan.nii.gz -o s.npy --strict
+    # What is no object stays where it is, and nothing is written beside the next image.
+    for words in '[1, 2]' '{"a": ' ''; do
+        printf '%s' "$words" >scan.json
+        vkt convert scan.nii.gz -o plain.nii --force
+        [ ! -e plain.json ]
+    done
+}

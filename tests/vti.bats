@@ -194,6 +194,53 @@ END
     fails_with 3 "holds POLYDATA, not STRUCTURED_POINTS" vkt stats poly.vtk
 }
 
+@test "legacy files and images in parts that vkt wrote are what VTK reads; what is lost is said" {
+    for type in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float32 float64; do
+        vkt make noise --dims 31 20 12 --dtype $type --seed 3 | vkt set --spacing 0.5,0.25,2 --origin=-3,4,5 -o $type.nrrd
+        vkt write $type.nrrd $type.vtk 2>err
+        [ ! -s err ]
+        vkt write $type.nrrd $type.pvti
+        vkt write $type.nrrd c_$type.pvti --compress
+        vkt diff $type.nrrd $type.vtk && vkt diff $type.nrrd $type.pvti && vkt diff $type.nrrd c_$type.pvti
+        vkt write $type.nrrd $type.raw
+    done
+    /usr/bin/python3 - <<'END'
+from common import *
+from vtkmodules.vtkIOXML import vtkXMLPImageDataReader
+for name in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float32 float64".split():
+    for kind, file in ((vtkStructuredPointsReader, name + ".vtk"), (vtkXMLPImageDataReader, name + ".pvti"),
+                       (vtkXMLPImageDataReader, "c_" + name + ".pvti"), (vtkXMLImageDataReader, f"{name}/{name}_3.vti")):
+        r = kind(); r.SetFileName(file); r.Update()
+        out = r.GetOutput()
+        got = numpy_support.vtk_to_numpy(out.GetPointData().GetScalars())
+        want = numpy.fromfile(name + ".raw", name)
+        if file.endswith("vti") and "/" in file:
+            e = out.GetExtent()
+            assert e[:4] == (0, 30, 0, 19) and e[5] > e[4] > 0, e
+            want = want.reshape(12, 20, 31)[e[4]:e[5] + 1].ravel()
+        else:
+            assert out.GetDimensions() == (31, 20, 12), file
+        assert out.GetSpacing() == (0.5, 0.25, 2) and out.GetOrigin() == (-3, 4, 5), file
+        assert got.dtype == numpy.dtype(name) and (got == want).all(), file
+END
+    [ "$(find uint8 -name '*.vti' | wc -l)" = 8 ]
+    vkt set int16.nrrd --slope 0.5 --units HU --attribute 'variable=a b%' -o t.vkt
+    vkt write t.vkt t.vtk 2>err
+    grep -q 'do not hold the map of values, units' err
+    fails_with 3 'do not hold' vkt read t.vkt -o s.vtk --strict
+    vkt info t.vtk | grep -q 'variable: a b%'
+    # Parts keep all of the header, and come and go as a whole.
+    vkt write t.vkt t.pvti
+    vkt info t.pvti --json | grep -q '"units": "HU"'
+    fails_with 4 'exists' vkt write t.vkt t.pvti
+    vkt write int16.nrrd t.pvti --force
+    vkt diff t.pvti int16.nrrd
+    touch t/other
+    fails_with 4 'no pieces' vkt write t.vkt t.pvti --force
+    vkt make noise --dims 9 8 1 -o one.pvti && vkt make noise --dims 9 8 1 | vkt diff - one.pvti
+    [ -z "$(find . -name '.*vkt-*')" ]
+}
+
 @test "damaged files end in an error and never in a crash" {
     vkt make noise --dims 30 20 6 --dtype uint16 -o a.vti
     vkt write a.vti c.vti --compress

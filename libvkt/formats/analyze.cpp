@@ -3,15 +3,20 @@
 #include "libvkt/formats/analyze.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/header_and_voxels.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nifti_header.h"
+#include "libvkt/formats/refusals.h"
+#include "libvkt/formats/slab_sink.h"
 
 #include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace vkt {
 namespace {
@@ -107,6 +112,100 @@ std::unique_ptr<Source> open_analyze(std::unique_ptr<ByteSource> bytes, ReadOpti
     return raw_source(std::move(bytes), std::move(layout));
 }
 
+std::string analyze_type_name(DataType type) {
+    bool const known =
+        std::any_of(std::begin(type_codes), std::end(type_codes), [&](TypeCode const& t) { return t.type == type; });
+    return known ? std::string(name_of(type)) : std::string();
+}
+
+/// Which voxel lies at the world's origin, if x runs to the left, y to anterior and z to superior.
+Vec3 voxel_at_origin(Geometry const& g) {
+    return {g.origin.x / g.spacing.x, -g.origin.y / g.spacing.y, -g.origin.z / g.spacing.z};
+}
+
+std::string analyze_bytes(HeaderText const& h) {
+    std::string bytes(analyze_size, '\0');
+    auto const bits = [&](std::size_t at, std::uint64_t value, std::size_t n) {
+        for (std::size_t i = 0; i < n; ++i) bytes[at + i] = static_cast<char>(value >> (8 * i));
+    };
+    auto const integer = [&](std::size_t at, std::int64_t value) {
+        if (value > 32767)
+            throw Error(ErrorKind::usage, text("Analyze cannot hold an extent of ", value), "write NIfTI: out.nii");
+        bits(at, static_cast<std::uint64_t>(value), 2);
+    };
+    auto const real = [&](std::size_t at, double value) {
+        bits(at, std::bit_cast<std::uint32_t>(static_cast<float>(value)), 4);
+    };
+    bits(0, analyze_size, 4);
+    bits(32, 16384, 4);
+    bytes[38] = 'r';
+    integer(40, h.volumes > 1 ? 4 : 3);
+    Geometry const g = geometry_in("right-anterior-superior", h.first);
+    Vec3 const at = voxel_at_origin(g);
+    bool near = true, middle = true;
+    for (int a = 0; a < 3; ++a) {
+        auto const i = static_cast<std::size_t>(a);
+        std::int64_t const n = h.first.dims[a];
+        integer(42 + 2 * i, n);
+        real(80 + 4 * i, g.spacing[a]);
+        near = near && at[a] > static_cast<double>(-n) && at[a] < static_cast<double>(2 * n - 1);
+        middle = middle && at[a] == static_cast<double>(n - 1) / 2;
+    }
+    for (int a = 0; a < 3 && near && !middle; ++a)
+        bits(253 + 2 * static_cast<std::size_t>(a), static_cast<std::uint64_t>(std::llround(at[a]) + 1), 2);
+    integer(48, h.volumes);
+    bytes.replace(56, 2, "mm");
+    for (TypeCode const& t : type_codes)
+        if (t.type == h.first.dtype) integer(70, t.code), integer(72, t.bits);
+    real(112, h.first.values.slope);
+    real(116, h.first.values.intercept);
+    auto const found = h.first.attributes.find("descrip");
+    std::string const words = found == h.first.attributes.end() ? "" : found->second.substr(0, 79);
+    std::copy(words.begin(), words.end(), bytes.begin() + 148);
+    return bytes;
+}
+
+class AnalyzeWriter : public HeaderAndVoxelsWriter {
+public:
+    AnalyzeWriter(std::string const& path, WriteOptions const& options)
+        : HeaderAndVoxelsWriter({"Analyze", ".hdr", ".hdr", ".img", "", DeflateWriter::Wrapper::gzip, false,
+                                 analyze_type_name, analyze_bytes},
+                                path, options),
+          options_(options) {}
+
+    void begin(Header const& header) override {
+        HeaderAndVoxelsWriter::begin(header);
+        if (std::exchange(begun_, true)) return;
+        Header shown = header;
+        Geometry& g = shown.geometry = geometry_in("right-anterior-superior", header);
+        // As the format has it: directions are given, and the origin is a voxel, or the middle of the volume.
+        g.direction[0] = {-g.direction[0].x, -g.direction[0].y, -g.direction[0].z};
+        Vec3 const at = voxel_at_origin(g);
+        bool whole = true, middle = true;
+        for (int a = 0; a < 3; ++a) {
+            auto const n = static_cast<double>(header.dims[a]);
+            whole = whole && std::abs(at[a] - std::round(at[a])) < 1e-4 && at[a] > -n && at[a] < 2 * n - 1;
+            middle = middle && at[a] == (n - 1) / 2;
+        }
+        if (whole || middle) {
+            g.spacing = {1, 1, 1};
+            g.origin = {};
+        }
+        shown.values = {};
+        tell_losses(options_, shown, "Analyze files", {.spacing = false, .directions = false, .values = false});
+    }
+
+private:
+    WriteOptions options_;
+    bool begun_ = false;
+};
+
+std::unique_ptr<Sink> create_analyze(std::string const& path, WriteOptions const& options) {
+    if (!lower_case(path).ends_with(".hdr"))
+        throw Error(ErrorKind::usage, "an Analyze pair is written by the name of its header", "write NAME.hdr");
+    return slab_sink(std::make_unique<AnalyzeWriter>(path, options));
+}
+
 } // namespace
 
 bool is_analyze(std::span<std::byte const> head) { return fields_of(head).has_value(); }
@@ -150,7 +249,7 @@ RawLayout read_analyze(ByteSource& bytes, bool trust_paths) {
 }
 
 Format analyze_format() {
-    return {"analyze", "Analyze 7.5, a pair", {".hdr", ".img"}, is_analyze, open_analyze, nullptr};
+    return {"analyze", "Analyze 7.5, a pair", {".hdr", ".img"}, is_analyze, open_analyze, create_analyze};
 }
 
 } // namespace vkt

@@ -14,11 +14,13 @@
 #include "libvkt/formats/nifti_header.h"
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/parsed_grids.h"
+#include "libvkt/formats/refusals.h"
 #include "libvkt/formats/wrapper.h"
 #include "libvkt/formats/zarr_array.h"
 #include "libvkt/io/shared_memory.h"
 
 #include <filesystem>
+#include <utility>
 
 namespace vkt {
 
@@ -60,6 +62,37 @@ Format const* by_name(std::string const& name) {
         if (Format const* const inner = by_name(without_wrapper(name)); inner != nullptr && is_one_file(*inner))
             return inner;
     return best;
+}
+
+/// Says of a format without attributes that the JSON file beside an image is lost.
+class WithoutSidecar : public Sink {
+public:
+    WithoutSidecar(std::unique_ptr<Sink> sink, WriteOptions options, std::string what)
+        : sink_(std::move(sink)), options_(std::move(options)), what_(std::move(what)) {}
+
+    void begin(Header const& header) override {
+        sink_->begin(header);
+        if (!std::exchange(told_, true)) tell_losses(options_, header, what_, {});
+    }
+    AnyView acquire(Box const& slab) override { return sink_->acquire(slab); }
+    void commit() override { sink_->commit(); }
+    bool pass_on(Box const& slab, std::shared_ptr<Lease> const& lease) override { return sink_->pass_on(slab, lease); }
+    void end() override { sink_->end(); }
+    void close() override { sink_->close(); }
+    void put_bricks(BrickSequence bricks) override { sink_->put_bricks(std::move(bricks)); }
+    std::int64_t natural_slab() const override { return sink_->natural_slab(); }
+    Space space() const override { return sink_->space(); }
+    void fail(std::string const& stage, std::string const& message) override { sink_->fail(stage, message); }
+
+private:
+    std::unique_ptr<Sink> sink_;
+    WriteOptions options_;
+    std::string what_;
+    bool told_ = false;
+};
+
+bool keeps_no_attributes(Format const& format) {
+    return format.slices || format.name == "raw" || format.name == "numpy" || format.name == "npz";
 }
 
 bool is_detached_name(std::string const& name) {
@@ -212,6 +245,11 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
 
 std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const& options) {
     Format const* const format = options.format.empty() ? by_name(path) : &by_format_name(options.format);
+    if (format != nullptr && keeps_no_attributes(*format) && options.notice) {
+        WriteOptions own = options;
+        own.notice = nullptr;
+        return std::make_unique<WithoutSidecar>(create_volume(path, own), options, format->name + " files");
+    }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),
                     text("say --format, or use one of ", writable_extensions()));
@@ -220,6 +258,9 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
                     text("a file of that name is ./", path));
     if (!format->create) throw Error(ErrorKind::usage, text("format ", format->name, " can only be read"));
     Wrapper const wrapper = path == "-" || !is_one_file(*format) ? Wrapper::none : wrapper_of_name(path);
+    if (wrapper != Wrapper::none && lower_case(without_wrapper(path)).ends_with(".pvti"))
+        throw Error(ErrorKind::usage, text("'", path, "': an image in parts is several files"),
+                    "write .vti, or --compress");
     // Those that are written in order see to gzip themselves, without a temporary file.
     if (wrapper == Wrapper::none || (wrapper == Wrapper::gzip && (format->in_gzip || format->name == "raw")))
         return format->create(path, options);

@@ -6,6 +6,7 @@
 #include "libvkt/io/byte_source.h"
 #include "libvkt/io/output_file.h"
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -56,6 +57,8 @@ struct WriteOptions {
     std::optional<int> threads{}; ///< that compress; none: default_threads()
     bool pyramid = false;         ///< Zarr: coarser levels besides
     ZarrLayout zarr{};
+    /// Told once a file what of a volume its format does not hold, in one line.
+    std::function<void(std::string const&)> notice{};
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 

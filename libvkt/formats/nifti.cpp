@@ -10,12 +10,17 @@
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/wrapper.h"
 
+#include <nlohmann/json.hpp>
+
 #include <filesystem>
+#include <fstream>
 #include <utility>
 
 namespace vkt {
 
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 /// Who names the voxels of a pair means both.
 std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
@@ -28,11 +33,64 @@ std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
     return unwrapped(open_bytes(packed), Wrapper::gzip);
 }
 
+/// Where BIDS has what an image's header has no place for: scan.json beside scan.nii.gz, scan.nii or scan.hdr.
+std::string sidecar_of(std::string const& image) {
+    std::string stem = image;
+    for (char const* const end : {".gz", ".bz2", ".xz", ".zst"})
+        if (lower_case(stem).ends_with(end)) stem.resize(stem.rfind('.'));
+    for (char const* const end : {".nii", ".hdr", ".img"})
+        if (lower_case(stem).ends_with(end)) return stem.substr(0, stem.rfind('.')) + ".json";
+    return {};
+}
+
+/// What stands in it, on one line; empty if there is none, or it holds no JSON object.
+std::string sidecar_text(std::string const& path) {
+    constexpr std::int64_t most = std::int64_t{1} << 20;
+    std::error_code error;
+    if (path.empty() || !std::filesystem::is_regular_file(path, error)) return {};
+    if (std::filesystem::file_size(path, error) > most || error) return {};
+    std::ifstream file(path);
+    Json const json = Json::parse(file, nullptr, false);
+    return json.is_object() ? json.dump() : std::string();
+}
+
+/// The pair or file, and a sidecar for what an input's sidecar said. It appears before the image does.
+class NiftiWriter : public HeaderAndVoxelsWriter {
+public:
+    NiftiWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
+        : HeaderAndVoxelsWriter(std::move(format), path, options), options_(options), sidecar_(sidecar_of(path)) {}
+
+    void begin(Header const& header) override {
+        Header own = header;
+        auto const found = own.attributes.find("sidecar");
+        if (found == own.attributes.end() || sidecar_.empty()) return HeaderAndVoxelsWriter::begin(own);
+        Json const json = Json::parse(found->second, nullptr, false);
+        own.attributes.erase(found);
+        HeaderAndVoxelsWriter::begin(own);
+        if (file_ || !json.is_object()) return;
+        file_.emplace(sidecar_, options_.force);
+        std::string const lines = json.dump(2) + "\n";
+        file_->write(lines.data(), lines.size());
+    }
+
+    void close() override {
+        if (file_) file_->commit();
+        HeaderAndVoxelsWriter::close();
+    }
+
+private:
+    WriteOptions options_;
+    std::string sidecar_; ///< empty: there is no name for one
+    std::optional<OutputFile> file_;
+};
+
 std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     bytes = header_beside(std::move(bytes));
     RawLayout layout = is_analyze(bytes->peek(analyze_size))
                            ? read_analyze(*bytes, options.trust_paths)
                            : nifti_layout(read_nifti_header(*bytes), options.trust_paths);
+    if (std::string sidecar = sidecar_text(sidecar_of(bytes->name())); !sidecar.empty())
+        layout.header.attributes["sidecar"] = std::move(sidecar);
     return raw_source(std::move(bytes), std::move(layout));
 }
 
@@ -42,7 +100,7 @@ std::unique_ptr<Sink> create_nifti(std::string const& path, WriteOptions const& 
                     text("write ", path.substr(0, path.size() - 4), ".hdr"));
     HeaderFormat format{"NIfTI", ".nii",          ".hdr",     ".img", "", DeflateWriter::Wrapper::gzip,
                         false,   nifti_type_name, nifti_bytes};
-    return slab_sink(std::make_unique<HeaderAndVoxelsWriter>(std::move(format), path, options));
+    return slab_sink(std::make_unique<NiftiWriter>(std::move(format), path, options));
 }
 
 } // namespace

@@ -26,4 +26,15 @@ void refuse_bricks_and_series(Header const& header, bool& begun, std::string_vie
     refuse_series(begun, file, extension);
 }
 
+void tell_losses(WriteOptions const& options, Header const& header, std::string_view what, Kept const& kept) {
+    Geometry const plain, &g = header.geometry;
+    std::vector<std::string> lost;
+    if (!kept.spacing && !(g.spacing == plain.spacing && g.origin == plain.origin)) lost.emplace_back("the place");
+    if (!kept.directions && g.direction != plain.direction) lost.emplace_back("the directions");
+    if (!kept.values && header.values != ValueMap{}) lost.emplace_back("the map of values");
+    if (!kept.values && !header.units.empty()) lost.emplace_back("units");
+    if (!kept.sidecar && header.attributes.contains("sidecar")) lost.emplace_back("what stood in the JSON file beside");
+    if (!lost.empty() && options.notice) options.notice(text(what, " do not hold ", join(lost, ", "), ": not kept"));
+}
+
 } // namespace vkt

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/core/header.h"
+#include "libvkt/formats/format.h"
 
 #include <string_view>
 
@@ -18,5 +19,15 @@ void refuse_series(bool& begun, std::string_view file, std::string_view extensio
 /// Both.
 void refuse_bricks_and_series(Header const& header, bool& begun, std::string_view what, std::string_view file,
                               std::string_view extension);
+
+/// What a format has places for.
+struct Kept {
+    bool spacing = true, directions = true; ///< spacing: and the origin
+    bool values = true;                     ///< the map of values, and its units
+    bool sidecar = false;                   ///< the attribute of that name, which NIfTI keeps beside it
+};
+
+/// Tells the user in one line what of this header files of `what` do not hold, if anything.
+void tell_losses(WriteOptions const& options, Header const& header, std::string_view what, Kept const& kept);
 
 } // namespace vkt

@@ -10,6 +10,7 @@
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/tree_file.h"
 #include "libvkt/formats/vti_file.h"
+#include "libvkt/io/output_directory.h"
 
 #include <zlib.h>
 
@@ -17,6 +18,7 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <optional>
 
@@ -318,11 +320,40 @@ std::string xml_escaped(std::string const& words) {
     return result;
 }
 
+std::string extent_text(Index3 dims, std::int64_t lower) {
+    return text("0 ", dims.x - 1, " 0 ", dims.y - 1, " ", lower, " ", lower + dims.z - 1);
+}
+
+std::string place_text(Geometry const& g, Vec3 origin) {
+    auto const vector = [](Vec3 v) { return text(to_text(v.x), " ", to_text(v.y), " ", to_text(v.z)); };
+    auto const& d = g.direction;
+    return text("Origin=\"", vector(origin), "\" Spacing=\"", vector(g.spacing), "\" Direction=\"",
+                vector({d[0].x, d[1].x, d[2].x}), " ", vector({d[0].y, d[1].y, d[2].y}), " ",
+                vector({d[0].z, d[1].z, d[2].z}), "\"");
+}
+
+std::string array_name(Header const& h) {
+    auto const found = h.attributes.find("variable");
+    return xml_escaped(found == h.attributes.end() || found->second.empty() ? "values" : found->second);
+}
+
+/// All of the header, as VTK writes strings: the codes of their letters.
+std::string kept_text(Header kept) {
+    kept.timing = kept.dry_run = false;
+    std::string letters;
+    for (char const c : one_line(to_json(kept))) letters += text(static_cast<int>(static_cast<unsigned char>(c)), " ");
+    return text("    <FieldData>\n      <Array type=\"String\" Name=\"vkt_header\" NumberOfTuples=\"1\" "
+                "format=\"ascii\">\n        ",
+                letters, "0\n      </Array>\n    </FieldData>\n");
+}
+
 /// Appended raw data, in blocks of zlib if compressed, behind a header whose length is known before.
 class VtiWriter : public VolumeWriter {
 public:
-    VtiWriter(std::string const& path, WriteOptions const& options)
-        : file_(path, options.force), compress_(options.compress),
+    /// `lower`: the extent's first slice, of a piece whose whole begins at `origin`.
+    VtiWriter(std::string const& path, WriteOptions const& options, std::int64_t lower = 0,
+              std::optional<Vec3> origin = std::nullopt)
+        : lower_(lower), origin_(origin), file_(path, options.force), compress_(options.compress),
           threads_(options.threads.value_or(default_threads())) {
         if (compress_ && file_.in_place())
             throw Error(ErrorKind::usage, "a compressed .vti cannot go to a pipe, since its sizes come first",
@@ -377,30 +408,14 @@ private:
     }
 
     std::string head(Header const& h) const {
-        auto const number = [](double v) { return to_text(v); };
-        auto const vector = [&](Vec3 v) { return text(number(v.x), " ", number(v.y), " ", number(v.z)); };
-        auto const& d = h.geometry.direction;
-        std::string const extent = text("0 ", h.dims.x - 1, " 0 ", h.dims.y - 1, " 0 ", h.dims.z - 1);
-        auto const found = h.attributes.find("variable");
-        std::string const name =
-            xml_escaped(found == h.attributes.end() || found->second.empty() ? "values" : found->second);
-        Header kept = h;
-        kept.timing = kept.dry_run = false;
-        std::string const json = one_line(to_json(kept));
-        std::string letters;
-        for (char const c : json) letters += text(static_cast<int>(static_cast<unsigned char>(c)), " ");
+        std::string const extent = extent_text(h.dims, lower_), name = array_name(h);
         bool const little = std::endian::native == std::endian::little;
         return text("<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"",
                     little ? "LittleEndian" : "BigEndian", "\" header_type=\"UInt64\"",
                     compress_ ? " compressor=\"vtkZLibDataCompressor\"" : "", ">\n  <ImageData WholeExtent=\"", extent,
-                    "\" Origin=\"", vector(h.geometry.origin), "\" Spacing=\"", vector(h.geometry.spacing),
-                    "\" Direction=\"", vector({d[0].x, d[1].x, d[2].x}), " ", vector({d[0].y, d[1].y, d[2].y}), " ",
-                    vector({d[0].z, d[1].z, d[2].z}),
-                    "\">\n    <FieldData>\n      <Array type=\"String\" Name=\"vkt_header\" NumberOfTuples=\"1\" "
-                    "format=\"ascii\">\n        ",
-                    letters, "0\n      </Array>\n    </FieldData>\n    <Piece Extent=\"", extent,
-                    "\">\n      <PointData Scalars=\"", name, "\">\n        <DataArray type=\"", vtk_type(h.dtype),
-                    "\" Name=\"", name,
+                    "\" ", place_text(h.geometry, origin_.value_or(h.geometry.origin)), ">\n", kept_text(h),
+                    "    <Piece Extent=\"", extent, "\">\n      <PointData Scalars=\"", name,
+                    "\">\n        <DataArray type=\"", vtk_type(h.dtype), "\" Name=\"", name,
                     "\" format=\"appended\" offset=\"0\"/>\n      </PointData>\n    </Piece>\n  </ImageData>\n  "
                     "<AppendedData encoding=\"raw\">\n   _");
     }
@@ -428,6 +443,8 @@ private:
         held_.erase(held_.begin(), held_.begin() + std::min(blocks * block, std::ssize(held_)));
     }
 
+    std::int64_t lower_;
+    std::optional<Vec3> origin_;
     OutputFile file_;
     bool compress_;
     int threads_;
@@ -438,10 +455,106 @@ private:
     std::vector<std::byte> held_;
 };
 
+/// Pieces of some slices each, which share a slice with the next as VTK's do, in a folder NAME beside NAME.pvti.
+class PvtiWriter : public VolumeWriter {
+public:
+    PvtiWriter(std::string const& path, WriteOptions const& options)
+        : options_(options), file_(path, options.force), folder_(stem_of(file_)) {
+        if (file_.in_place())
+            throw Error(ErrorKind::usage, text("'", path, "': images in parts cannot go to a pipe"), "write .vti");
+        directory_.emplace(folder_, options.force, holds_pieces, "pieces of VTK images");
+        options_.force = false;
+    }
+
+    void begin(Header const& header) override {
+        refuse_bricks_and_series(header, begun_, ".pvti files", "a .pvti file", ".pvti");
+        header_ = in_utf8(header);
+        slice_ = static_cast<std::int64_t>(header_.bytes()) / header_.dims.z;
+        std::int64_t const n = std::clamp<std::int64_t>(header_.dims.z - 1, 1, most);
+        for (std::int64_t i = 0; i < n; ++i) {
+            Piece piece;
+            piece.first = (header_.dims.z - 1) * i / n;
+            piece.end = (header_.dims.z - 1) * (i + 1) / n + 1;
+            pieces_.push_back(std::move(piece));
+        }
+    }
+
+    void write(std::byte const* voxels, std::size_t n) override {
+        std::int64_t const begin = written_, end = written_ += static_cast<std::int64_t>(n);
+        for (std::int64_t i = 0; i < std::ssize(pieces_); ++i) {
+            Piece& piece = pieces_[static_cast<std::size_t>(i)];
+            std::int64_t const from = std::max(begin, piece.first * slice_), to = std::min(end, piece.end * slice_);
+            if (from >= to) continue;
+            if (!piece.writer) open(piece, i);
+            piece.writer->write(voxels + (from - begin), static_cast<std::size_t>(to - from));
+            if (to < piece.end * slice_) continue;
+            piece.writer->end();
+            piece.writer->close();
+            piece.writer.reset();
+        }
+    }
+
+    void close() override {
+        if (!begun_) throw Error(ErrorKind::data, "there is no volume to write");
+        std::string const name = array_name(header_), folder = xml_escaped(name_of(folder_));
+        std::string words = text(
+            "<?xml version=\"1.0\"?>\n<VTKFile type=\"PImageData\" version=\"1.0\">\n  <PImageData WholeExtent=\"",
+            extent_text(header_.dims, 0), "\" GhostLevel=\"0\" ", place_text(header_.geometry, header_.geometry.origin),
+            ">\n", kept_text(header_), "    <PPointData Scalars=\"", name, "\">\n      <PDataArray type=\"",
+            vtk_type(header_.dtype), "\" Name=\"", name, "\"/>\n    </PPointData>\n");
+        for (std::int64_t i = 0; i < std::ssize(pieces_); ++i) {
+            Piece const& p = pieces_[static_cast<std::size_t>(i)];
+            Index3 const dims{header_.dims.x, header_.dims.y, p.end - p.first};
+            words += text("    <Piece Extent=\"", extent_text(dims, p.first), "\" Source=\"", folder, "/", folder, "_",
+                          i, ".vti\"/>\n");
+        }
+        words += "  </PImageData>\n</VTKFile>\n";
+        file_.write(words.data(), words.size());
+        // What names the pieces appears after them.
+        directory_->commit();
+        file_.commit();
+    }
+
+private:
+    static constexpr std::int64_t most = 8;
+    struct Piece {
+        std::int64_t first = 0, end = 0; ///< slices
+        std::unique_ptr<VtiWriter> writer;
+    };
+
+    static std::string stem_of(OutputFile const& file) {
+        std::string const& name = file.target();
+        return lower_case(name).ends_with(".pvti") ? name.substr(0, name.size() - 5) : name + ".pieces";
+    }
+    static std::string name_of(std::string const& path) { return std::filesystem::path(path).filename().string(); }
+    static bool holds_pieces(std::string const& path) {
+        std::error_code error;
+        for (auto const& entry : std::filesystem::directory_iterator(path, error))
+            if (!entry.is_regular_file(error) || entry.path().extension() != ".vti") return false;
+        return !error;
+    }
+
+    void open(Piece& piece, std::int64_t i) {
+        Header part = header_;
+        part.dims.z = piece.end - piece.first;
+        part.geometry.origin = index_to_world(header_.geometry, {0, 0, static_cast<double>(piece.first)});
+        piece.writer = std::make_unique<VtiWriter>(directory_->file(text(name_of(folder_), "_", i, ".vti")), options_,
+                                                   piece.first, header_.geometry.origin);
+        piece.writer->begin(part);
+    }
+
+    WriteOptions options_;
+    OutputFile file_;
+    std::string folder_;
+    std::optional<OutputDirectory> directory_;
+    Header header_;
+    bool begun_ = false;
+    std::int64_t slice_ = 0, written_ = 0; ///< bytes
+    std::vector<Piece> pieces_;
+};
+
 std::unique_ptr<Sink> create_vti(std::string const& path, WriteOptions const& options) {
-    if (lower_case(path).ends_with(".pvti"))
-        throw Error(ErrorKind::usage, ".pvti files name parts in other files, and are only read",
-                    text("write one file: ", path.substr(0, path.size() - 5), ".vti"));
+    if (lower_case(path).ends_with(".pvti")) return slab_sink(std::make_unique<PvtiWriter>(path, options));
     return slab_sink(std::make_unique<VtiWriter>(path, options));
 }
 

@@ -79,6 +79,7 @@ private:
         zarr::Scratch scratch;
     };
     void read_chunk(Index3 at, AnyView const& out, Held& held);
+    void drop(std::array<std::int64_t, 3> const& key);
     void place(std::byte const* chunk, Box const& box, Index3 first, AnyView const& out) const;
 
     std::string name_;
@@ -96,8 +97,9 @@ private:
     std::size_t most_kept_;
     std::mutex mutex_;
     std::vector<Held> held_; ///< one a thread
-    std::map<std::array<std::int64_t, 3>, std::shared_ptr<LargeVector<std::byte> const>> kept_;
+    std::map<std::array<std::int64_t, 3>, std::shared_ptr<LargeVector<std::byte>>> kept_;
     std::deque<std::array<std::int64_t, 3>> kept_order_;
+    std::vector<LargeVector<std::byte>> spare_; ///< memory of chunks that are not kept any more
 };
 
 ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, std::string name,
@@ -253,12 +255,19 @@ void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
     Box const whole = intersect({first, first + extent}, box_of(header_.dims));
     Box const box = intersect(whole, out.box);
     std::array<std::int64_t, 3> const key{at.x, at.y, at.z};
-    std::shared_ptr<LargeVector<std::byte> const> known;
+    std::shared_ptr<LargeVector<std::byte>> known;
     {
         std::lock_guard const lock(mutex_);
         if (auto const found = kept_.find(key); found != kept_.end()) known = found->second;
     }
-    if (known) return place(known->empty() ? nullptr : known->data(), box, first, out);
+    if (known) {
+        place(known->empty() ? nullptr : known->data(), box, first, out);
+        // Who reads in order does not come back to it.
+        bool const last = box.upper == whole.upper && box.lower.x == whole.lower.x && box.lower.y == whole.lower.y;
+        known.reset();
+        if (last) drop(key);
+        return;
+    }
     Position position = outer_;
     for (int a = 0; a < 3; ++a)
         if (int const k = axes_[static_cast<std::size_t>(a)]; k >= 0) position[static_cast<std::size_t>(k)] = at[a];
@@ -268,13 +277,32 @@ void ZarrSource::read_chunk(Index3 at, AnyView const& out, Held& held) {
     if (box == whole || most_kept_ == 0) return;
     // The rest of it is going to be asked for next.
     auto kept = std::make_shared<LargeVector<std::byte>>();
-    if (there) kept->swap(held.chunk);
-    std::lock_guard const lock(mutex_);
-    if (!kept_.emplace(key, std::move(kept)).second) return;
+    std::unique_lock lock(mutex_);
+    if (kept_.contains(key)) return;
+    if (there) {
+        kept->swap(held.chunk);
+        if (!spare_.empty()) {
+            held.chunk.swap(spare_.back());
+            spare_.pop_back();
+        }
+    }
+    kept_.emplace(key, std::move(kept));
     kept_order_.push_back(key);
     if (kept_order_.size() <= most_kept_) return;
-    kept_.erase(kept_order_.front());
-    kept_order_.pop_front();
+    std::array<std::int64_t, 3> const oldest = kept_order_.front();
+    lock.unlock();
+    drop(oldest);
+}
+
+/// Memory that was just written costs less than new memory: it goes to the next chunk.
+void ZarrSource::drop(std::array<std::int64_t, 3> const& key) {
+    std::lock_guard const lock(mutex_);
+    auto const found = kept_.find(key);
+    if (found == kept_.end()) return;
+    bool const in_use = found->second.use_count() > 1;
+    if (!in_use && !found->second->empty()) spare_.push_back(std::move(*found->second));
+    kept_.erase(found);
+    std::erase(kept_order_, key);
 }
 
 void ZarrSource::read(AnyView out) {

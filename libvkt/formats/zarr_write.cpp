@@ -12,6 +12,7 @@
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/zarr_level.h"
+#include "libvkt/formats/zip_archive.h"
 #include "libvkt/io/output_directory.h"
 #include "libvkt/kernel/numeric.h"
 
@@ -20,6 +21,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <type_traits>
 #include <utility>
 
@@ -66,10 +68,16 @@ template <class T> void add_means(std::byte const* a, std::byte const* b, Index3
         }
 }
 
+bool in_zip(std::string const& path) { return lower_case(path).ends_with(".zip"); }
+
+/// A store in a ZIP file is made in a directory beside it first, since chunks come from several threads.
 class ZarrWriter : public VolumeWriter {
 public:
     ZarrWriter(std::string const& path, WriteOptions const& options)
-        : options_(options), directory_(path, options.force, zarr::is_zarr, "Zarr stores") {}
+        : options_(options), directory_(in_zip(path) ? path + ".parts" : path, options.force && !in_zip(path),
+                                        zarr::is_zarr, "Zarr stores") {
+        if (in_zip(path)) zip_.emplace(path, options.force);
+    }
 
     void begin(Header const& header) override;
     void write(std::byte const* voxels, std::size_t n) override;
@@ -88,9 +96,11 @@ private:
     Json image() const;
     Json about() const;
     Json dimensions() const;
+    void pack();
 
     WriteOptions options_;
     OutputDirectory directory_;
+    std::optional<OutputFile> zip_;
     Header header_;
     std::vector<Level> levels_;
     bool begun_ = false;
@@ -222,7 +232,31 @@ void ZarrWriter::close() {
     } else if (options_.pyramid) {
         write_json(directory_.file("zarr.json"), {{"zarr_format", 3}, {"node_type", "group"}, {"attributes", image()}});
     }
+    if (zip_) return pack();
     directory_.commit();
+}
+
+/// Metadata come first, by which readers know what the file is; then all in the order of names.
+void ZarrWriter::pack() {
+    namespace fs = std::filesystem;
+    std::string const root = directory_.file("");
+    std::vector<std::string> names;
+    for (auto const& entry : fs::recursive_directory_iterator(root))
+        if (entry.is_regular_file()) names.push_back(entry.path().string().substr(root.size()));
+    auto const rank = [](std::string const& name) {
+        std::string const file = name.substr(name.rfind('/') + 1);
+        bool const about = file == "zarr.json" || file.starts_with('.');
+        return std::pair(!about, name);
+    };
+    std::sort(names.begin(), names.end(), [&](auto const& a, auto const& b) { return rank(a) < rank(b); });
+    ZipWriter zip(*zip_);
+    for (std::string const& name : names) {
+        zip.add(name, *open_bytes(root + name));
+        fs::remove(root + name); // so that not all of it lies there twice
+    }
+    zip.finish();
+    for (auto const& entry : fs::directory_iterator(root)) fs::remove_all(entry.path());
+    zip_->commit();
 }
 
 } // namespace
@@ -230,9 +264,6 @@ void ZarrWriter::close() {
 std::unique_ptr<Sink> create_zarr(std::string const& path, WriteOptions const& options) {
     if (path == "-" || !file_part(path).part.empty())
         throw Error(ErrorKind::usage, text("'", path, "': a Zarr store is a directory"), "name it: -o out.zarr");
-    if (path.ends_with(".zip"))
-        throw Error(ErrorKind::usage, text("'", path, "': Zarr stores in ZIP files are read and not written"),
-                    "write out.zarr, then: cd out.zarr && zip -r0 ../out.zarr.zip .");
     return slab_sink(std::make_unique<ZarrWriter>(path, options));
 }
 

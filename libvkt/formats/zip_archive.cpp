@@ -138,6 +138,103 @@ std::string zip_first_name(std::span<std::byte const> head) {
     return head.size() < local_size + length ? std::string() : std::string(text + local_size, length);
 }
 
+namespace {
+
+void put_number(std::string& bytes, std::uint64_t value, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) bytes += static_cast<char>(value >> (8 * i));
+}
+
+/// From "version needed" to the length of the name: what both kinds of header say alike.
+std::string said_twice(ZipMember const& m) {
+    std::string bytes;
+    put_number(bytes, 45, 2);     // numbers of 64 bits
+    put_number(bytes, 0x0800, 2); // names are UTF-8
+    put_number(bytes, stored, 2);
+    put_number(bytes, 0x00210000, 4); // 1980: equal stores give equal files
+    put_number(bytes, m.checksum, 4);
+    put_number(bytes, in_extra, 4);
+    put_number(bytes, in_extra, 4);
+    put_number(bytes, m.name.size(), 2);
+    return bytes;
+}
+
+std::string local_header(ZipMember const& m) {
+    std::string bytes = std::string(local_mark) + said_twice(m);
+    put_number(bytes, 20, 2);
+    bytes += m.name;
+    put_number(bytes, numbers64, 2);
+    put_number(bytes, 16, 2);
+    put_number(bytes, m.bytes, 8);
+    put_number(bytes, m.packed, 8);
+    return bytes;
+}
+
+} // namespace
+
+void ZipWriter::put(std::string const& bytes) {
+    file_.write(bytes.data(), bytes.size());
+    at_ += bytes.size();
+}
+
+void ZipWriter::add(std::string const& name, ByteSource& bytes) {
+    ZipMember m;
+    m.name = name;
+    m.at = at_;
+    put(local_header(m)); // completed below
+    std::vector<std::byte> part(std::size_t{1} << 20);
+    while (std::size_t const n = bytes.read(part.data(), part.size())) {
+        m.checksum = crc32_z(m.checksum, reinterpret_cast<Bytef const*>(part.data()), n);
+        m.bytes = m.packed = m.bytes + n;
+        file_.write(part.data(), n);
+    }
+    at_ += m.bytes;
+    std::string const head = local_header(m);
+    file_.write_at(static_cast<std::int64_t>(m.at), head.data(), head.size());
+    members_.push_back(std::move(m));
+}
+
+void ZipWriter::finish() {
+    std::uint64_t const at = at_;
+    for (ZipMember const& m : members_) {
+        std::string bytes(central_mark);
+        put_number(bytes, 45, 2);
+        bytes += said_twice(m);
+        put_number(bytes, 28, 2);
+        put_number(bytes, 0, 2 + 2 + 2); // comment, disk, text
+        put_number(bytes, std::uint64_t{0600} << 16, 4);
+        put_number(bytes, in_extra, 4);
+        bytes += m.name;
+        put_number(bytes, numbers64, 2);
+        put_number(bytes, 24, 2);
+        put_number(bytes, m.bytes, 8);
+        put_number(bytes, m.packed, 8);
+        put_number(bytes, m.at, 8);
+        put(bytes);
+    }
+    std::uint64_t const length = at_ - at, count = members_.size();
+    std::string bytes(end64_mark);
+    put_number(bytes, end64_size - 12, 8);
+    put_number(bytes, 45, 2);
+    put_number(bytes, 45, 2);
+    put_number(bytes, 0, 8); // disks
+    put_number(bytes, count, 8);
+    put_number(bytes, count, 8);
+    put_number(bytes, length, 8);
+    put_number(bytes, at, 8);
+    bytes += locator_mark;
+    put_number(bytes, 0, 4);
+    put_number(bytes, at + length, 8);
+    put_number(bytes, 1, 4);
+    bytes += end_mark;
+    put_number(bytes, 0, 4);
+    put_number(bytes, std::min<std::uint64_t>(count, 0xffff), 2);
+    put_number(bytes, std::min<std::uint64_t>(count, 0xffff), 2);
+    put_number(bytes, std::min(length, in_extra), 4);
+    put_number(bytes, std::min(at, in_extra), 4);
+    put_number(bytes, 0, 2);
+    put(bytes);
+}
+
 Inflated::Inflated(std::shared_ptr<ByteSource const> bytes, std::int64_t at, ZipMember member)
     : bytes_(std::move(bytes)), member_(std::move(member)), at_(at), left_(member_.packed), input_(block) {
     if (inflateInit2(&state_, -MAX_WBITS) != Z_OK) throw Error(ErrorKind::resources, "no memory for inflate");

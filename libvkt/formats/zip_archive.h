@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/io/byte_source.h"
+#include "libvkt/io/output_file.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -39,6 +40,24 @@ std::vector<ZipMember> zip_members(ByteSource const& bytes);
 std::int64_t zip_begin(ByteSource const& bytes, ZipMember const& member);
 /// Name of the first member of a file that begins like this; empty if it is no ZIP file or the name is cut off.
 std::string zip_first_name(std::span<std::byte const> head);
+
+/// Members stored as they are, with numbers of 64 bits and no times, so that equal stores are equal files.
+class ZipWriter {
+public:
+    /// `file` can be written to again.
+    explicit ZipWriter(OutputFile& file) : file_(file) {}
+    /// The whole of a file, under this name.
+    void add(std::string const& name, ByteSource& bytes);
+    /// The directory. Nothing is added afterwards.
+    void finish();
+
+private:
+    void put(std::string const& bytes);
+
+    OutputFile& file_;
+    std::uint64_t at_ = 0;
+    std::vector<ZipMember> members_;
+};
 
 /// The bytes of a deflated member, in order. Throws Error{data} where they are not what was stored.
 class Inflated {
