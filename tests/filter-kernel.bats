@@ -116,6 +116,50 @@ assert (correlate(v, k, mode='reflect') == np.fromfile('exact.raw', 'f4').reshap
     vkt filter kernel zero.txt v_13x11x7_float32.raw --method separable | vkt stats - | grep -q .
 }
 
+@test "Fourier transforms: SciPy's results to the bound, however run, and NaN and infinities no further than directly" {
+    vkt --version | grep -q 'KISS FFT' && ! vkt --version | grep -q 'KISS FFT.*off' || skip 'built without KISS FFT'
+    for type in uint8 int16 float32 float64 int64; do kernel large.txt $type reflect --method fft; done
+    kernel dense.txt int16 reflect --method fft --convolve
+    kernel dense.txt float32 constant:-2 --boundary border:-2 --method fft
+    kernel two.txt float32 wrap --boundary wrap --method fft
+    are_correlations
+    # 96 voxels are several squares; the kernel is large enough to be chosen.
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(3)
+print(17, 15, 13, *r.normal(size=17 * 15 * 13), file=open('huge.txt', 'w'))
+v = r.normal(size=(21, 70, 131)).astype('f4')
+v.tofile('w_131x70x21_float32.raw')
+v[3, 8, 100], v[18, 60, 20] = np.nan, np.inf
+v.tofile('s_131x70x21_float32.raw')"
+    vkt filter kernel huge.txt w_131x70x21_float32.raw -n --explain -o x.vkt 2>&1 | grep -q 'Fourier transforms, kernel 17x15x13, squares of 64'
+    for name in w s; do
+        for method in auto direct; do
+            vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --method $method --format raw -o $name$method.raw
+        done
+        for options in '--slab 1 --threads 2' '--slab 5 --threads 3'; do
+            vkt filter kernel huge.txt ${name}_131x70x21_float32.raw $options --format raw -o b.raw --force
+            cmp ${name}auto.raw b.raw
+        done
+        vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --roi 40:99,13:60,2:9 | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw >b.raw
+        vkt filter kernel huge.txt ${name}_131x70x21_float32.raw | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw | cmp - b.raw
+    done
+    /usr/bin/python3 -c "
+import numpy as np
+for name in 'ws':
+    a, b = (np.fromfile(f'{name}{m}.raw', 'f4') for m in ('auto', 'direct'))
+    assert (np.isnan(a) == np.isnan(b)).all() and (np.isinf(a) == np.isinf(b)).all()
+    ok = np.isfinite(b)
+    assert ok.any() and (name == 'w') == ok.all() and abs(a - b)[ok].max() < 2e-3  # direct sums are in float32
+from scipy.signal import fftconvolve
+k = np.array(open('huge.txt').read().split()[3:], float).reshape(13, 15, 17)
+v = np.fromfile('w_131x70x21_float32.raw', 'f4').reshape(21, 70, 131).astype('f8')
+want = fftconvolve(np.pad(v, [(6, 6), (7, 7), (8, 8)], mode='symmetric'), k[::-1, ::-1, ::-1], 'valid')
+got = np.fromfile('wauto.raw', 'f4').reshape(want.shape)
+assert (abs(got - want) <= 2**-24 * abs(want) + 1e-9).all()"
+    same_however_run dtype=float32 vkt filter kernel two.txt --method fft
+}
+
 @test "a kernel may be a volume, of any type and with a value map" {
     /usr/bin/python3 -c "
 import numpy as np

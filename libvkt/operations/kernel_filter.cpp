@@ -4,6 +4,8 @@
 
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/io/module.h"
+#include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/row_values.h"
 
 #include <algorithm>
@@ -191,8 +193,10 @@ Texts KernelFilter::texts() const {
 void KernelFilter::parameters(Parameters& parameters) {
     parameters.positional("file", file_, "the kernel: text (NX NY NZ and the weights) or a volume");
     parameters.flag("convolve", convolve_, "convolve: mirror the kernel in its middle");
-    parameters.option("method", method_, "M",
-                      "direct: weight by weight; separable: along one axis after the other; auto: the cheaper one");
+    parameters.option(
+        "method", method_, "M",
+        "direct: weight by weight; separable: along one axis after the other; fft: by Fourier transforms; auto: the "
+        "cheapest one");
     LinearFilter::parameters(parameters);
 }
 
@@ -209,6 +213,9 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
     Kernel kernel = *kernel_;
     if (convolve_) std::reverse(kernel.weights.begin(), kernel.weights.end());
     Index3 const n = kernel.dims, r{n.x / 2, n.y / 2, n.z / 2};
+    by_fft_ = false;
+    fft_.reset();
+    dims_ = in.dims;
     auto const size = text(n.x, "x", n.y, "x", n.z);
     for (std::int64_t z = 0; z < n.z; ++z)
         for (std::int64_t y = 0; y < n.y; ++y)
@@ -221,7 +228,7 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
     auto const weights = static_cast<double>(dense_.taps.size());
     bool const exact = is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic;
     std::optional<SeparableSum> products;
-    if (method_ != KernelMethod::direct)
+    if (method_ == KernelMethod::automatic || method_ == KernelMethod::separable)
         products = products_of(kernel, wide ? 0x1p-50 : 0x1p-24,
                                method_ == KernelMethod::separable
                                    ? 1e4
@@ -235,9 +242,48 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
         sum_ = *products;
         plan.method =
             one ? text("separable kernel, ", size) : text("sum of ", sum_.terms.size(), " separable kernels, ", size);
+    } else if (weights > 0 &&
+               (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && !wide && !exact &&
+                                                 weights > FftCorrelation::cost(r) && module_installed("kissfft")))) {
+        if (!module_installed("kissfft")) module_functions("kissfft", "filter kernel --method fft");
+        by_fft_ = true;
+        more_error_ = FftCorrelation::error(r);
+        cost_ = FftCorrelation::cost(r);
+        plan.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
+                           "; directly on a GPU and around what is not finite");
     } else {
         plan.method = text("direct, kernel ", size, ", ", dense_.taps.size(), " weights");
     }
+}
+
+Box KernelFilter::footprint(Box const& output, int input) const {
+    Box box = LinearFilter::footprint(output, input);
+    if (!by_fft_) return box;
+    // Squares are whole wherever the output begins.
+    box.lower.x = -reach_.x;
+    box.lower.y = -reach_.y;
+    box.upper.x = dims_.x + reach_.x;
+    box.upper.y = dims_.y + reach_.y;
+    return box;
+}
+
+std::size_t KernelFilter::fit(Index3 largest, Execution const& execution) {
+    if (!by_fft_ || execution.device == Device::gpu) return LinearFilter::fit(largest, execution);
+    return FftCorrelation::bytes(reach_) * static_cast<std::size_t>(std::max(1, execution.threads) + 1) +
+           static_cast<std::size_t>(largest.x * largest.y * largest.z) * sizeof(double);
+}
+
+void KernelFilter::filter(ConstView in, AnyView out, Execution const& execution) {
+    if (!by_fft_ || execution.device == Device::gpu) {
+        LinearFilter::filter(in, out, execution);
+        return;
+    }
+    if (!fft_) fft_.emplace(dense_, dims_);
+    Index3 const n = out.box.dims();
+    std::vector<double> sums(static_cast<std::size_t>(n.x * n.y * n.z));
+    AnyView const wide = dense_view(reinterpret_cast<std::byte*>(sums.data()), DataType::float64, out.box);
+    fft_->run(in, wide, execution);
+    convert_values(wide, out, losses_, execution);
 }
 
 } // namespace vkt

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/operations/fft_correlation.h"
 #include "libvkt/operations/linear_filter.h"
 
 namespace vkt {
@@ -22,13 +23,14 @@ Kernel read_kernel(std::string const& path);
 /// if the products cancel, so that their rounding would be more than four times that of the weights.
 std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, double most);
 
-enum class KernelMethod : std::uint8_t { automatic, direct, separable };
+enum class KernelMethod : std::uint8_t { automatic, direct, separable, fft };
 
 template <> struct EnumNames<KernelMethod> {
     static std::vector<std::pair<KernelMethod, char const*>> all() {
         return {{KernelMethod::automatic, "auto"},
                 {KernelMethod::direct, "direct"},
-                {KernelMethod::separable, "separable"}};
+                {KernelMethod::separable, "separable"},
+                {KernelMethod::fft, "fft"}};
     }
 };
 
@@ -41,15 +43,21 @@ public:
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
     void check() const override;
+    Box footprint(Box const& output, int input) const override;
+    std::size_t fit(Index3 largest, Execution const& execution) override;
 
 protected:
     void describe(Header const& in, Plan& plan) override;
+    void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
     std::string file_;
     bool convolve_ = false;
     KernelMethod method_ = KernelMethod::automatic;
-    std::optional<Kernel> kernel_; ///< read once: the file may be a pipe
+    bool by_fft_ = false;
+    Index3 dims_;
+    std::optional<FftCorrelation> fft_; ///< made when it is needed first
+    std::optional<Kernel> kernel_;      ///< read once: the file may be a pipe
 };
 
 } // namespace vkt
