@@ -1,28 +1,24 @@
 // vkt render: a picture of a volume.
 // SPDX-License-Identifier: MIT
-#include "libvkt/engine/tunable.h"
+#include "libvkt/core/text.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/render/annotate.h"
 #include "libvkt/render/font.h"
 #include "libvkt/render/settings.h"
 #include "shell/command.h"
 #include "shell/pictures.h"
-#include "shell/picturing.h"
+#include "shell/tunable_picture.h"
 #include "shell/viewer/scene_of_input.h"
 #include "shell/watching.h"
 
 #include "libvkt/core/text.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
 
 namespace vkt::shell {
 
 namespace {
 
 /// One picture per volume, or a window. The options are those of render::SettingsParameters.
-class Render : public Consumer, public Tunable, public Picturing {
+class Render : public Consumer, public TunablePicture {
 public:
     void parameters(Parameters& list) override {
         options_.declare(list);
@@ -114,63 +110,6 @@ public:
         return 0;
     }
 
-    std::vector<Knob> knobs() const override {
-        render::RenderSettings const settings = options_.settings();
-        if (settings.algorithm == render::Algorithm::multi_scattering)
-            return {{"spp", {"4", "16", "64", "256"}, "256"}};
-        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return {};
-        return {{"step", {"4", "2", "1", "0.5", "0.25", "0.125"}, "0.125"}};
-    }
-    DrawnPicture picture(Volume const& volume, PictureRequest const& request,
-                         Execution const& execution) const override {
-        render::RenderSettings settings = options_.settings();
-        auto const part = [&](int pixels) {
-            return std::max(1, static_cast<int>(std::lround(request.share * static_cast<double>(pixels))));
-        };
-        settings.width = part(settings.width);
-        settings.height = part(settings.height);
-        if (request.reference) make_reference(settings);
-        render::RenderReport report;
-        render::Image const image = render::render(volume, settings, execution, &report);
-        render::Background const background = options_.background();
-        Header header;
-        header.dims = {settings.width, settings.height, 3};
-        header.dtype = DataType::float32;
-        DrawnPicture drawn{Volume(header), report.render_seconds};
-        auto* const levels = reinterpret_cast<float*>(drawn.levels.mutable_view().data);
-        auto const pixels = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
-        std::array<double, 3> const behind{background.color.red, background.color.green, background.color.blue};
-        for (std::size_t i = 0; i < pixels; ++i)
-            for (std::size_t c = 0; c < 3; ++c) {
-                float const* const p = image.pixels.data() + 4 * i;
-                double const light =
-                    static_cast<double>(p[c]) + static_cast<double>(p[3]) * render::srgb_to_linear(behind[c]);
-                levels[c * pixels + i] = static_cast<float>(255 * render::linear_to_srgb(std::clamp(light, 0.0, 1.0)));
-            }
-        return drawn;
-    }
-    Index3 picture_dims() const override {
-        render::RenderSettings const settings = options_.settings();
-        return {settings.width, settings.height, 3};
-    }
-    double picture_cost(Header const& header) const override {
-        render::RenderSettings const settings = options_.settings();
-        double const rays = static_cast<double>(settings.width) * settings.height;
-        auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
-        if (settings.algorithm == render::Algorithm::multi_scattering) return rays * settings.samples;
-        if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return 0;
-        return rays * std::hypot(length(0), length(1), length(2)) / settings.step;
-    }
-    std::string reference_method() const override {
-        render::RenderSettings settings = options_.settings();
-        make_reference(settings);
-        return settings.algorithm == render::Algorithm::multi_scattering
-                   ? text(settings.samples, " other paths a pixel")
-               : settings.algorithm != render::Algorithm::ray_marching ? "exact cubic per voxel"
-               : settings.exact                                        ? "--exact"
-                                                                       : text("--step ", settings.step);
-    }
-
 private:
     render::RenderSettings settings() const {
         render::RenderSettings settings = options_.settings();
@@ -191,21 +130,6 @@ private:
     render::PictureOptions picture_options(std::string const& path) const {
         return {render::picture_format(path), depth_.value_or(0), {}};
     }
-    /// Shading has no exact form: there the steps are short.
-    static void make_reference(render::RenderSettings& settings) {
-        if (settings.algorithm == render::Algorithm::multi_scattering) {
-            settings.first_sample += 1 << 20;
-            settings.samples = std::max(1024, 4 * settings.samples);
-        } else if (settings.algorithm == render::Algorithm::ray_marching && !settings.exact) {
-            settings.exact = settings.shade == 0;
-            if (settings.exact)
-                settings.skip = true;
-            else
-                settings.step = 1.0 / 32;
-        }
-    }
-
-    render::SettingsParameters options_;
     render::Annotation annotation_;
     std::optional<int> depth_;
     std::string tiles_;

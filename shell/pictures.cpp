@@ -3,6 +3,7 @@
 #include "shell/pictures.h"
 
 #include "libvkt/core/text.h"
+#include "libvkt/engine/cut.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/render/settings.h"
@@ -76,8 +77,31 @@ bool Volumes::next() {
     if (!open()) return false;
     renderer_.reset();
     header_ = source_.header();
-    renderer_ = std::make_unique<render::Renderer>(load(source_, context_.execution()), context_.execution());
+    Execution const& execution = context_.execution();
+    if (header_.kind == Kind::hierarchical) {
+        renderer_ = std::make_unique<render::Renderer>(load(source_, execution), execution);
+    } else if (std::optional<Volume> const whole = source_.take_whole()) {
+        renderer_ = std::make_unique<render::Renderer>(*whole, execution);
+    } else {
+        renderer_ = std::make_unique<render::Renderer>(
+            header_, [&](AnyView const& to) { read_all(to); }, execution);
+    }
     return true;
+}
+
+void Volumes::read_all(AnyView const& to) {
+    Execution const& execution = context_.execution();
+    source_.expect(to.box);
+    if (execution.monitor == nullptr) {
+        source_.read(to);
+    } else {
+        Cut const cut = cut_of(header_, source_.natural_slab(), execution);
+        for_each_piece(to.box, cut, [&](Box const& box) {
+            ProgressPart const share = part_of(execution.monitor, to.box, box);
+            source_.read(to.part(box));
+        });
+    }
+    source_.finish();
 }
 
 render::PictureTexts with_history(render::PictureTexts const& texts, std::vector<render::PictureContents> const& others,

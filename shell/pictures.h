@@ -30,6 +30,8 @@ public:
     Header const& header() const { return header_; }
 
 private:
+    void read_all(AnyView const& to);
+
     Source& source_;
     Context& context_;
     std::optional<bool> another_; ///< once it is known

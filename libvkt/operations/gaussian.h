@@ -77,15 +77,14 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     Plan plan_level(Header const& level, Index3 cell_width) override;
-    /// Grown by what the kernel sees and cut to the volume, because the kernel knows the boundary rule; of a region
-    /// that follows the last one only the slices that run() has not seen yet, unless what lies outside of --roi is
-    /// copied.
+    /// Grown by what the kernel sees and cut to the volume, because the kernel knows the boundary rule; by the cascade,
+    /// of a region that follows the last one, only the slices that run() has not seen yet, unless what lies outside of
+    /// --roi is copied.
     Box footprint(Box const& output, int input) const override;
-    /// The ring of input slices, and the slices that are filtered along z together; or the rings of the cascade.
+    /// What threads hold of the tiles they work on; or the rings of the cascade.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    /// There it is always direct: the plan's bound is that of the method which is off by more.
-    bool runs_on_gpu() const override { return !passes_.clips && method_ != GaussianMethod::cascade; }
+    bool runs_on_gpu() const override { return !passes_.clips; }
     std::vector<Remark> remarks() const override;
 
     void set_tolerance(double share) { tolerance_ = ShareOfRange{100 * share}; }
@@ -93,7 +92,6 @@ public:
 
 private:
     Plan plan_for(Header const& in, Vec3 const& sigma);
-    bool on_nodes() const { return cascade_ && !on_gpu_; }
     CascadePasses cascade() const { return {&passes_, &*cascade_}; }
 
     Vec3 sigma_{1, 1, 1};
@@ -103,15 +101,13 @@ private:
     GaussianMethod method_ = GaussianMethod::automatic;
     Roi region_;
 
-    DataType type_ = DataType::uint8;
     Vec3 planned_sigma_;        ///< in voxels
     std::int64_t together_ = 4; ///< slices of the output at once, where there is memory for it
     bool copies_ = false;       ///< no taps beside the middle ones
     GaussianPasses passes_;
     GaussianPlanes planes_;
-    std::optional<GaussianCascade> cascade_; ///< how a CPU computes it, if that is cheaper
+    std::optional<GaussianCascade> cascade_; ///< how it is computed, if that is cheaper
     CascadePlanes nodes_;
-    bool on_gpu_ = false;
     Box box_; ///< the region
     Losses counts_;
     Header planned_; ///< output

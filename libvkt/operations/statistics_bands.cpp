@@ -81,13 +81,12 @@ void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, M
     });
 }
 
-void finish_products(LaneProduct const* lanes, std::int64_t count, BandStatistics* out, int threads) {
+void finish_products(BandProduct const* products, std::int64_t count, BandStatistics* out, int threads) {
 #pragma omp parallel for num_threads(threads) if (threads > 1)
     for (std::int64_t b = 0; b < count; ++b) {
-        LaneProduct const* const lane = lanes + b * statistics_lanes;
-        Product all;
-        for (int j = 0; j < statistics_lanes; ++j) all.multiply({lane[j].mantissa, lane[j].exponent});
-        out[b].product = lane[0].mantissa == 0 ? Product{0, 0} : all;
+        BandProduct const& p = products[b];
+        long double const size = static_cast<long double>(p.mantissa) * 0x1p-63L;
+        out[b].product = {p.negative != 0 ? -size : size, p.exponent};
     }
 }
 

@@ -9,6 +9,8 @@
 #include "libvkt/render/tiles.h"
 #include "libvkt/render/transfer.h"
 
+#include <functional>
+
 namespace vkt::render {
 
 /// Voxels with two voxels of clamped padding on every side. uint8, uint16 and int16 are kept; other types become float
@@ -29,5 +31,12 @@ struct Lattice {
 
 /// Throws Error{data} for volumes without any finite voxel, Error{resources} beyond memory.
 Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution);
+
+/// Stores all voxels of a structured volume in the window that it is given.
+using VoxelReader = std::function<void(AnyView const&)>;
+
+/// The same of a volume with this header that is read now. Types that are kept are read to where they stay, so that the
+/// volume is in memory once. Throws what the reader throws, too.
+Lattice make_lattice(Header const& header, VoxelReader const& read, Execution const& execution);
 
 } // namespace vkt::render

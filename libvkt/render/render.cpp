@@ -301,6 +301,20 @@ Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
     prepare_seconds_ = seconds_since(start);
 }
 
+Renderer::Renderer(Header header, VoxelReader const& read, Execution const& execution)
+    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    execution_.threads = std::max(1, execution.threads);
+    auto const start = Clock::now();
+    double reading = 0; // is no part of what prepares a picture
+    auto const timed = [&](AnyView const& to) {
+        auto const begin = Clock::now();
+        read(to);
+        reading = seconds_since(begin);
+    };
+    lattice_ = make_lattice(header_, timed, execution_);
+    prepare_seconds_ = seconds_since(start) - reading;
+}
+
 std::int64_t Renderer::preparations() const {
     std::lock_guard const lock(cache_->mutex);
     return cache_->made;

@@ -163,6 +163,8 @@ public:
     Renderer(Volume const& volume, Execution const& execution);
     /// The same for voxels that lie elsewhere: those of a structured volume with this header.
     Renderer(Header header, ConstView voxels, Execution const& execution);
+    /// The same for a structured volume that is read now, once; small integers are not copied.
+    Renderer(Header header, VoxelReader const& read, Execution const& execution);
 
     /// Throws Error{usage} for settings out of range. Asked to stop, it returns soon and the picture is incomplete.
     /// With an accumulation, multi-scattering adds settings.samples paths to those that are in it and shows all of

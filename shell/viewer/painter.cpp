@@ -171,7 +171,17 @@ void Painter::draw_frame(Request const& request, double effort) {
     }
     render::RenderSettings const full = settings_of(asked_, request.view);
     effort = std::max(effort, least_effort(full)); // which differs from algorithm to algorithm
-    Picture picture = draw(reduced(full, effort), stop);
+    Picture picture;
+    try {
+        picture = draw(reduced(full, effort), stop);
+    } catch (Error const& error) {
+        // What this volume cannot be drawn with, such as labels where there are none, leaves the picture as it was.
+        if (shown_ == 0 || error.kind() != ErrorKind::usage) throw;
+        tell(error.what());
+        full_.reset();
+        shown_ = request.number, shown_effort_ = 1;
+        return;
+    }
     if (stop.stop_requested()) return;
     if (fresh) {
         effort_ = next_effort(effort, picture.seconds, target_, least_effort(full));

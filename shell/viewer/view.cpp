@@ -27,6 +27,7 @@ View initial_view(RenderSettings const& asked) {
     Look& look = view.look;
     look.algorithm = asked.algorithm;
     look.colormap = asked.colormap;
+    look.labels = asked.labels;
     look.step = asked.step, look.exact = asked.exact, look.shade = asked.exact ? -1 : asked.shade;
     look.samples = asked.samples, look.albedo = asked.albedo, look.emission = asked.emission;
     look.unit = asked.unit, look.opacity_scale = asked.opacity_scale;
@@ -45,6 +46,7 @@ RenderSettings settings_of(RenderSettings const& asked, View const& view) {
     s.width = view.width, s.height = view.height;
     s.algorithm = look.algorithm;
     s.colormap = look.colormap;
+    s.labels = look.labels;
     s.exact = look.exact && look.algorithm == Algorithm::ray_marching;
     s.step = look.step;
     s.shade = s.exact ? 0 : look.shade;
@@ -187,6 +189,21 @@ std::vector<std::string> words_of(std::vector<std::string> const& asked_words, R
     words.insert(words.end(), with.begin(), with.end());
     words.insert(words.end(), kept.begin(), kept.end());
     return words;
+}
+
+void draw_labels(Look& look, render::LabelMode when) {
+    look.labels = when;
+    if (when != render::LabelMode::always) return;
+    look.transfer.reset();
+    look.colormap.clear();
+    look.surfaces.clear();
+}
+
+bool may_draw_labels(RenderSettings const& asked, Look const& look) {
+    View view;
+    view.width = asked.width, view.height = asked.height, view.look = look;
+    draw_labels(view.look, render::LabelMode::always);
+    return render::draws_labels(settings_of(asked, view), {});
 }
 
 bool has_colormap(RenderSettings const& asked) { return !asked.transfer && asked.lut.empty(); }

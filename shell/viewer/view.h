@@ -26,6 +26,7 @@ struct Look {
     std::string colormap;                 ///< of the automatic transfer function; empty: chosen by the renderer
     std::optional<TransferEdit> transfer; ///< none: the one of the command line
     std::vector<Surface> surfaces;        ///< none: those of the command line
+    render::LabelMode labels = render::LabelMode::automatic;
     double step = 0.5;
     bool exact = false;
     double shade = -1; ///< below 0: chosen by the renderer
@@ -58,6 +59,11 @@ render::RenderSettings settings_of(render::RenderSettings const& asked, View con
 /// as they still hold.
 std::vector<std::string> words_of(std::vector<std::string> const& asked_words, render::RenderSettings const& asked,
                                   View const& view);
+
+/// Draws the volume as labels, or not: colours and surfaces that were edited are in the way of that.
+void draw_labels(Look& look, render::LabelMode when);
+/// Whether the command line and the algorithm leave a choice whether labels are drawn.
+bool may_draw_labels(render::RenderSettings const& asked, Look const& look);
 
 /// True if the colours come from a map and not from a transfer function of the user's own.
 bool has_colormap(render::RenderSettings const& asked);

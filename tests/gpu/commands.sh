@@ -228,7 +228,7 @@ done
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do
         same 1e-5 "$vkt filter gaussian large.nrrd --sigma $sigma --method fir --boundary $rule --memory 24M -q"
-        # CPUs may take the cascade, which keeps within --tolerance, 1e-4.
+        # The cascade keeps within --tolerance, 1e-4.
         same 1e-4 "$vkt filter gaussian large.nrrd --sigma $sigma --boundary $rule --memory 24M -q"
     done
     same 1e-6 "$vkt resample large.nrrd --dims 1100 140 9 --method linear --boundary $rule --memory 4M"

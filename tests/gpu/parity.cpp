@@ -1,4 +1,5 @@
-// Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them.
+// Compares every operation that runs on the GPU with the CPU, on awkward shapes and poisoned outputs, then times them:
+// parity [all|--no-comparing|--no-timing [WORD...]], only what has one of the words in its name.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/device.h"
@@ -28,7 +29,14 @@ namespace {
 using namespace vkt;
 
 int failures = 0, checks = 0, cpu_only = 0;
-constexpr int skipped = 77; ///< exit code by which CTest knows
+constexpr int skipped = 77;         ///< exit code by which CTest knows
+std::vector<std::string> only_with; ///< what is compared and timed has one of these words in its name; empty: all
+
+bool is_wanted(std::string const& what) {
+    return only_with.empty() || std::any_of(only_with.begin(), only_with.end(), [&](std::string const& word) {
+               return what.find(word) != std::string::npos;
+           });
+}
 
 void report(bool ok, std::string const& what) {
     ++checks;
@@ -162,6 +170,7 @@ void scan(Operation& operation, ConstView in, std::int64_t slab, Execution const
 /// for equal bits.
 void compare(Operation& operation, Twin& in, std::string const& what, double bound, std::int64_t slab = 0,
              Geometry const& geometry = {}) {
+    if (!is_wanted(what)) return;
     Header header;
     header.geometry = geometry;
     header.dims = in.box.dims();
@@ -420,6 +429,7 @@ double best_ms(std::function<void()> const& run) {
 template <class Line> void time_words(std::vector<std::string> words, DataType type, std::int64_t n, Line const& line) {
     std::string what;
     for (std::string const& word : words) what += (what.empty() ? "" : " ") + word;
+    if (!is_wanted(what)) return;
     auto const operation = operation_of(std::move(words));
     Header header;
     header.dims = {n, n, n};
@@ -442,6 +452,7 @@ template <class Line> void time_words(std::vector<std::string> words, DataType t
 /// A reduction of a cube of 200 values in no order, or of one.
 template <class Line>
 void time_scan(Operation& reduction, std::string const& what, DataType type, std::int64_t n, Line const& line) {
+    if (!is_wanted(what)) return;
     Header header;
     header.dims = {n, n, n};
     header.dtype = type;
@@ -528,6 +539,7 @@ template <class Line> void time_shapes(std::int64_t n, Line const& line) {
         copy_to_device(in_memory.write(Space::device), voxels.data(), voxels.size());
     };
     auto const time = [&](std::string const& words, std::string const& what) {
+        if (!is_wanted(words)) return;
         auto const operation = operation_of(words_of(words));
         Header const output = operation->plan(std::vector<Header>{header}).output;
         ConstView const in =
@@ -575,6 +587,7 @@ void time_all() {
             };
             line("copy", copied, 2 * static_cast<double>(bytes));
             auto time = [&](Operation& operation, std::string const& what) {
+                if (!is_wanted(what)) return;
                 Header const output = operation.plan(std::vector<Header>{header}).output;
                 Box const box = box_of(output.dims), need = operation.footprint(box, 0);
                 ConstView const in = ConstView(dense_view(from, type, box_of(header.dims), Space::device)).part(need);
@@ -638,6 +651,7 @@ int main(int argc, char** argv) {
             return skipped;
         }
         std::string const only = argc > 1 ? argv[1] : "";
+        for (int i = 2; i < argc; ++i) only_with.emplace_back(argv[i]);
         if (only != "--no-comparing") {
             compare_far();
             compare_all();

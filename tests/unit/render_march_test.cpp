@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 #include <random>
 
@@ -415,4 +416,26 @@ TEST(RenderMarch, OddShapesWork) {
         Picture const picture = render_one(volume, s);
         EXPECT_NEAR(picture.center()[3], std::exp(-extinction_of(0.05) * static_cast<double>(dims.y)), 2e-6);
     }
+}
+
+TEST(Lattices, whatIsReadToItsPlaceIsWhatACopyGives) {
+    for (DataType const type : {DataType::uint8, DataType::uint16, DataType::int16, DataType::float32})
+        for (Index3 const dims : {Index3{13, 9, 11}, Index3{1, 1, 1}, Index3{20, 1, 3}}) {
+            Volume const volume = blobs(dims, type);
+            auto const read = [&](AnyView const& to) {
+                // In two parts, as files come.
+                for (Box const& part :
+                     {Box{{0, 0, 0}, {dims.x, dims.y, dims.z / 2}}, Box{{0, 0, dims.z / 2}, {dims.x, dims.y, dims.z}}})
+                    if (!part.empty()) copy(volume.view().part(part), to.part(part));
+            };
+            Lattice copy = make_lattice(volume.view(), volume.header().values, {}),
+                    own = make_lattice(volume.header(), read, {});
+            ASSERT_EQ(own.voxels.bytes(), copy.voxels.bytes());
+            EXPECT_EQ(std::memcmp(own.voxels.read(Space::host), copy.voxels.read(Space::host), copy.voxels.bytes()), 0)
+                << name_of(type) << dims.x;
+            EXPECT_EQ(own.view.type, copy.view.type);
+            EXPECT_EQ(own.view.slice, copy.view.slice);
+            EXPECT_EQ(own.histogram.bins, copy.histogram.bins);
+            EXPECT_EQ(own.cells.highest, copy.cells.highest);
+        }
 }

@@ -492,6 +492,31 @@ TEST(Painting, pathsAddUpToThePictureOfOnePass) {
     EXPECT_EQ(scene.kept.pixels, render::testing::render_one(volume, asked).image.pixels);
 }
 
+TEST(Painting, whatAVolumeCannotBeDrawnWithLeavesThePicture) {
+    Volume const volume = render::testing::volume_of({6, 6, 6}, {1, 1, 1}, [](double x, double, double) {
+        return x / 4; // no labels
+    });
+    RenderSettings asked;
+    asked.width = asked.height = 16;
+    RealScene scene(volume);
+    Painter painter(
+        scene, asked, {}, [] {}, 0.03);
+    View view = wait_for(painter, [](Frame const& f) { return f.effort == 1; }).view;
+    draw_labels(view.look, render::LabelMode::always);
+    painter.show(view);
+    std::optional<std::string> said;
+    for (int i = 0; i < 5000 && !said; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        said = painter.take_message();
+    }
+    ASSERT_TRUE(said);
+    EXPECT_NE(said->find("whole numbers"), std::string::npos) << *said;
+    view.look.labels = render::LabelMode::never;
+    painter.show(view);
+    EXPECT_EQ(wait_for(painter, [](Frame const& f) { return f.effort == 1; }).report.labels, nullptr);
+    painter.finish();
+}
+
 /// Half of its slices are there at first.
 class ArrivingScene : public SteppedScene {
 public:
@@ -519,6 +544,24 @@ TEST(Painting, whatArrivesIsShownAndSavedWhenItIsWhole) {
     EXPECT_EQ(whole.width, 512);
     painter.finish();
     EXPECT_EQ(messages(painter), std::vector<std::string>{"saved picture of 0 as 0"});
+}
+
+TEST(Views, labelsTakeThePlaceOfEditedColoursAndNotOfThoseAskedFor) {
+    RenderSettings asked;
+    View view = initial_view(asked);
+    view.look.transfer = TransferEdit{};
+    view.look.surfaces = {Surface{}};
+    EXPECT_EQ(settings_of(asked, view).labels, render::LabelMode::automatic);
+    EXPECT_TRUE(may_draw_labels(asked, view.look));
+    draw_labels(view.look, render::LabelMode::always);
+    EXPECT_EQ(settings_of(asked, view).labels, render::LabelMode::always);
+    EXPECT_EQ(words_of({"render", "v.nrrd", "--size", "64"}, asked, view),
+              (std::vector<std::string>{"render", "v.nrrd", "--labels", "always", "--size", "64"}));
+    view.look.algorithm = render::Algorithm::multi_scattering;
+    EXPECT_FALSE(may_draw_labels(asked, view.look));
+    view.look.algorithm = asked.algorithm;
+    asked.domain = "0:3";
+    EXPECT_FALSE(may_draw_labels(asked, view.look));
 }
 
 TEST(Cameras, axisViewsAreThoseOfTheCommandLine) {

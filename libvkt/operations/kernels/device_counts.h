@@ -6,6 +6,7 @@
 #include "libvkt/operations/kernels/histogram.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -52,29 +53,46 @@ template <class Add> struct CountRun {
     }
 };
 
-/// `slots` counters a brick, of which so many copies lie in shared memory; none if they have no room there, one of 16
-/// bits each if Packed.
+template <class T> __device__ __forceinline__ bool differ(T a, T b) {
+    if constexpr (std::is_same_v<T, Half>)
+        return static_cast<float>(a) != static_cast<float>(b);
+    else
+        return a != b;
+}
+
+/// `slots` counters a brick, of which so many copies lie in shared memory, those of a slot side by side: with 32 of
+/// them no two lanes meet in a bank, whatever the voxels are. None if they have no room there, one of 16 bits each if
+/// Packed. `plain`: all weights are 1.
 template <class T, int N, bool Packed, class SlotOf>
 __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
     count_kernel(DeviceRows in, CountItem const* items, CountGrid grid, __grid_constant__ SlotOf const slot_of,
-                 unsigned slots, unsigned copies, unsigned long long* counters) {
+                 unsigned slots, unsigned copies, bool plain, unsigned long long* counters) {
     extern __shared__ unsigned shared[];
     CountItem const item = items[blockIdx.x];
     unsigned const words = Packed ? (slots + 1) / 2 : slots * copies;
     for (unsigned i = threadIdx.x; i < words; i += blockDim.x) shared[i] = 0;
     __syncthreads();
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    unsigned* const mine = Packed ? shared : copies > 0 ? shared + warp % copies * slots : nullptr;
+    unsigned* const mine = Packed ? shared : copies > 0 ? shared + lane % copies : nullptr;
     unsigned long long* const all = counters + item.counters;
     auto const add = [&](int slot, std::uint64_t sum) {
         if constexpr (Packed)
             atomicAdd(mine + slot / 2, static_cast<unsigned>(sum) << (slot % 2 * 16));
         else if (mine != nullptr)
-            atomicAdd(mine + slot, static_cast<unsigned>(sum));
+            atomicAdd(mine + static_cast<unsigned>(slot) * copies, static_cast<unsigned>(sum));
         else
             atomicAdd(all + slot, static_cast<unsigned long long>(sum));
     };
     CountRun<decltype(add)> run{add};
+    T last{}; // equal voxels that follow one another are looked up once
+    int last_slot = -1;
+    auto const slot_at = [&](T voxel) {
+        if (last_slot < 0 || differ(voxel, last)) {
+            last = voxel;
+            last_slot = slot_of(voxel);
+        }
+        return last_slot;
+    };
     std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
     for (std::int64_t s = item.begin + warp; s < item.end; s += blockDim.x / 32) {
         std::int64_t const row = quotient_of(s, segments), begin = (s - row * segments) * count_segment;
@@ -95,6 +113,22 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
             if (i + N <= n) {
                 Words const words =
                     load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+                if (plain) {
+                    int found[N];
+                    bool one = true;
+#pragma unroll
+                    for (int k = 0; k < N; ++k) {
+                        found[k] = slot_at(voxel_of<T>(words, k));
+                        one = one && found[k] == found[0];
+                    }
+                    if (one) {
+                        add(found[0], N);
+                        continue;
+                    }
+#pragma unroll
+                    for (int k = 0; k < N; ++k) add(found[k], 1);
+                    continue;
+                }
 #pragma unroll
                 for (int k = 0; k < N; ++k) run.take(slot_of(voxel_of<T>(words, k)), weight(i + k));
             } else {
@@ -114,7 +148,7 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
     } else {
         for (unsigned i = threadIdx.x; i < slots; i += blockDim.x) {
             unsigned long long sum = 0;
-            for (unsigned copy = 0; copy < copies; ++copy) sum += shared[copy * slots + i];
+            for (unsigned copy = 0; copy < copies; ++copy) sum += shared[i * copies + (copy + i) % copies];
             if (sum != 0) atomicAdd(all + i, sum);
         }
     }
@@ -123,6 +157,7 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
 template <class T, int N, bool Packed, class SlotOf>
 void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, CountGrid const& grid,
                   SlotOf const& slot_of, unsigned slots, unsigned copies, unsigned long long* counters) {
+    bool const plain = grid.bricks == Index3{1, 1, 1};
     DeviceList<CountItem> const list(items);
     unsigned const bytes = Packed ? (slots + 1) / 2 * 4 : slots * copies * 4;
     if constexpr (Packed)
@@ -130,7 +165,7 @@ void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, Cou
                              static_cast<int>(bytes));
     count_kernel<T, N, Packed, SlotOf>
         <<<static_cast<unsigned>(items.size()), Packed ? packed_threads : block_threads, bytes>>>(
-            in, list.get(), grid, slot_of, slots, copies, counters);
+            in, list.get(), grid, slot_of, slots, copies, plain, counters);
     check_launch("count");
 }
 
@@ -187,7 +222,8 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     double const weight =
         static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
     bool const fits = slots <= most_shared_counters && weight * static_cast<double>(count_segment) < 0x1p31;
-    unsigned const copies = !fits ? 0 : std::min(8u, most_shared_counters / static_cast<unsigned>(slots));
+    unsigned const copies =
+        !fits ? 0 : std::min(32u, std::bit_floor(most_shared_counters / static_cast<unsigned>(slots)));
     int room = 0;
     cudaDeviceGetAttribute(&room, cudaDevAttrMaxSharedMemoryPerBlockOptin, device_current());
     bool const packed = slots > most_shared_counters && slots <= most_packed_counters && grid.count() == 1 &&

@@ -1,258 +1,215 @@
-// Gaussian, CPU: out of a ring of input slices along z, then each slice along y and x, a row at a time.
+// Gaussian, CPU: tiles of some slices, whose rows are filtered along z, y and x while they are in the second cache.
 // SPDX-License-Identifier: MIT
 
 #include "libvkt/operations/kernels/gaussian.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/nested_average.h"
 
+#include <vector>
+
 namespace vkt::VKT_BACKEND {
 
 namespace {
 
-constexpr std::int64_t strips_bytes = 24 << 10; ///< pieces of rows that are summed together fit into L1 …
-constexpr std::int64_t strip_bytes = 1024;      ///< … and are not longer than this, a multiple of blocks
-constexpr std::int64_t most_slices = 8;         ///< filtered along z together, while their sources are in L1
-constexpr std::int64_t row_group = 8;           ///< rows filtered along y before the first of them is filtered along x
-
-/// Where things lie. Counts of what the ring holds in the ring, of C elsewhere.
-template <class C> struct Layout {
-    Layout(GaussianPasses const& passes, Box const& area, DataType type)
-        : raw(size_of(type) < sizeof(C)), held_bytes(raw ? size_of(type) : sizeof(C)) {
-        std::int64_t const line_r = 64 / static_cast<std::int64_t>(held_bytes);
-        constexpr std::int64_t line_c = 64 / static_cast<std::int64_t>(sizeof(C));
-        Index3 const n = area.dims(), r{passes.taps[0].radius, passes.taps[1].radius, passes.taps[2].radius};
-        std::int64_t const rows = gaussian_input(passes, area).dims().y;
-        slots = 2 * r.z + passes.run_height;
-        if (passes.boundary != Boundary::wrap) slots = std::min(slots, passes.dims.z);
-        // One odd cache line more per row: no two of the rows that meet in a sum share a cache set.
-        width = n.x + 2 * r.x;
-        ring_pitch = round_up(width + lane_count<C>, 2 * line_r) + line_r;
-        slot = rows * ring_pitch + 5 * line_r;
-        pitch = round_up(width + 2 * lane_count<C>, 2 * line_c) + line_c;
-        plane = rows * pitch + 3 * line_c;
-        batch = std::clamp<std::int64_t>(passes.plane_bytes / (plane * static_cast<std::int64_t>(sizeof(C))), 1,
-                                         most_slices);
-        strip = std::clamp(strips_bytes / (2 * std::max(r.y, r.z) + most_slices) / block_bytes * block_bytes,
-                           block_bytes, strip_bytes) /
-                static_cast<std::int64_t>(sizeof(C));
-        taken = !raw ? 0 : (2 * r.z + batch) * (strip + line_c);
-        pointers = (2 * r.z + batch) + (2 * r.y + row_group) + (2 * r.x + 1) * row_group;
-        scratch = round_up(taken + (row_group + 2) * pitch + pointers * 8 / static_cast<std::int64_t>(sizeof(C)), 64);
-    }
-    std::size_t ring_bytes() const { return static_cast<std::size_t>(slots * slot + 64) * held_bytes; }
-
-    bool raw; ///< the ring holds input voxels as they are, which is smaller; else scaled in the compute type
-    std::size_t held_bytes;
-    std::int64_t slots, slot, ring_pitch; ///< the ring of input slices
-    std::int64_t width;                   ///< of a row with its halo
-    std::int64_t batch, plane, pitch;     ///< slices filtered along z
-    std::int64_t strip, taken, pointers, scratch;
-};
-
-/// Input slices as the passes need them: halo along x folded in, no row twice. Slices stay over from run to run.
-template <class C> class Ring {
-public:
-    Ring(GaussianPasses const& passes, Layout<C> const& layout, Box const& area, ConstView in, std::byte* memory)
-        : passes_(passes), layout_(layout), in_(in), memory_(memory) {
-        first_x_ = area.lower.x - passes.taps[0].radius;
-        end_x_ = area.upper.x + passes.taps[0].radius;
-        Box const rows = gaussian_input(passes, area);
-        first_y_ = rows.lower.y;
-        end_y_ = rows.upper.y;
-    }
-    std::int64_t first_y() const { return first_y_; }
-    /// Columns of a row that lie in the volume along x, from the first one of the halo on.
-    std::int64_t inner_x() const { return std::clamp<std::int64_t>(0, first_x_, end_x_) - first_x_; }
-    std::int64_t outer_x() const { return std::min(end_x_, passes_.dims.x) - first_x_; }
-    /// True if row y is there, perhaps as one that wraps around; others are to be folded.
-    bool holds_row(std::int64_t y) const { return y >= first_y_ && y < end_y_; }
-
-    void load(std::int64_t y, std::int64_t z) {
-        std::int64_t const n = passes_.dims.x;
-        std::int64_t const inner = std::clamp<std::int64_t>(0, first_x_, end_x_), outer = std::min(end_x_, n);
-        put(inner, y, z, inner, outer - inner);
-        for (std::int64_t x = first_x_; x < inner; ++x) put_outside(x, y, z);
-        for (std::int64_t x = outer; x < end_x_; ++x) put_outside(x, y, z);
-    }
-
-    /// Column x, from the first one of the halo on, of a row.
-    std::byte* at(std::int64_t y, std::int64_t z, std::int64_t x) const {
-        std::int64_t const slot = (z % layout_.slots + layout_.slots) % layout_.slots;
-        std::int64_t const place = slot * layout_.slot + (y - first_y_) * layout_.ring_pitch + x;
-        return memory_ + static_cast<std::size_t>(place) * layout_.held_bytes;
-    }
-    /// n voxels from there on, scaled.
-    void scaled(std::byte const* from, C* to, std::int64_t n) const { load_scaled(in_.type, from, to, n); }
-
-private:
-    /// n voxels of the input from x on, in the columns from `column` on.
-    void put(std::int64_t x, std::int64_t y, std::int64_t z, std::int64_t column, std::int64_t n) {
-        std::byte* const to = at(y, z, column - first_x_);
-        if (layout_.raw)
-            std::memcpy(to, in_.at(x, y, z), static_cast<std::size_t>(n) * layout_.held_bytes);
-        else
-            load_scaled(in_.type, in_.at(x, y, z), reinterpret_cast<C*>(to), n);
-    }
-    void put_outside(std::int64_t x, std::int64_t y, std::int64_t z) {
-        std::int64_t const from = fold(x, passes_.dims.x, passes_.boundary);
-        if (from >= 0) return put(from, y, z, x, 1);
-        std::byte* const to = at(y, z, x - first_x_);
-        C const border = C(gaussian_scale) * static_cast<C>(passes_.border_value);
-        if (layout_.raw)
-            std::memset(to, 0, layout_.held_bytes); // source() puts the border value there
-        else
-            std::memcpy(to, &border, sizeof border);
-    }
-
-    GaussianPasses const& passes_;
-    Layout<C> const& layout_;
-    ConstView in_;
-    std::byte* memory_;
-    std::int64_t first_x_, end_x_, first_y_, end_y_;
-};
-
-/// One thread's hands: filters rows out of the ring along z into planes, and out of the planes along y and x.
+/// One thread's hands. Going up the rows of a tile, it filters each row of the input along z, for all slices of the
+/// tile, into rings of rows, and out of these each slice along y and x.
 template <class C> class Worker {
 public:
-    Worker(GaussianPasses const& passes, Layout<C> const& layout, Ring<C> const& ring, C* planes, C* scratch)
-        : passes_(passes), layout_(layout), ring_(ring), planes_(planes),
-          taken_(scratch), taps_{TapView<C>(passes.taps[0]), TapView<C>(passes.taps[1]), TapView<C>(passes.taps[2])} {
-        along_y_ = taken_ + layout.taken;
-        result_ = along_y_ + row_group * layout.pitch;
-        border_ = result_ + layout.pitch;
-        slices_ = reinterpret_cast<C const**>(border_ + layout.pitch);
-        rows_ = slices_ + 2 * taps_[2].radius + layout.batch;
-        shifted_ = rows_ + 2 * taps_[1].radius + row_group;
-        C const scaled_border = C(gaussian_scale) * static_cast<C>(passes.border_value);
-        for (std::int64_t i = 0; i < layout.pitch; ++i) border_[i] = scaled_border;
-        std::int64_t const taps_x = 2 * taps_[0].radius + 1;
-        for (std::int64_t i = 0; i < row_group; ++i)
-            for (std::int64_t k = 0; k < taps_x; ++k) shifted_[i * taps_x + k] = along_y_ + i * layout.pitch + k;
+    Worker(GaussianPasses const& passes, GaussianLayout const& layout, ConstView in, AnyView out, C* memory)
+        : passes_(passes), layout_(layout), in_(in), out_(out), loaded_(memory),
+          rings_(loaded_ + 2 * layout.slices * layout.pitch), along_y_(rings_ + layout.tile.z * layout.slice),
+          result_(along_y_ + GaussianLayout::group * layout.pitch),
+          border_(result_ + layout.pitch), taps_{TapView<C>(passes.taps[0]), TapView<C>(passes.taps[1]),
+                                                 TapView<C>(passes.taps[2])} {
+        std::fill(border_, border_ + layout.pitch, C(gaussian_scale) * static_cast<C>(passes.border_value));
+        slices_.resize(static_cast<std::size_t>(2 * taps_[2].radius + layout.tile.z));
+        rows_.resize(static_cast<std::size_t>(2 * taps_[1].radius + GaussianLayout::group));
+        for (std::int64_t i = 0; i < GaussianLayout::group; ++i)
+            for (std::int64_t k = 0; k <= 2 * taps_[0].radius; ++k) shifted_.push_back(along_y_ + i * layout.pitch + k);
     }
 
-    /// Row y of the planes of the slices z…end.
-    void filter_along_z(std::int64_t y, std::int64_t z, std::int64_t end) {
-        std::int64_t const r = taps_[2].radius;
-        for (std::int64_t x = 0; x < layout_.width; x += layout_.strip) {
-            std::int64_t const n = std::min(layout_.strip, layout_.width - x);
-            for (std::int64_t k = z - r; k < end + r; ++k) slices_[k - z + r] = source(y, k, x, n, k - z + r);
-            for (std::int64_t s = z; s < end; ++s) {
-                C* const to = plane_row(y, s - z) + x;
-                if (r == 0)
-                    std::memcpy(to, slices_[s - z], static_cast<std::size_t>(n) * sizeof(C));
-                else
-                    average(slices_ + (s - z), taps_[2], C(0.5), to, 0, n);
-            }
-        }
-    }
-
-    /// Some rows of the output slice z from plane `at`. All are filtered along y before the first of them is filtered
-    /// along x, because reading across what has just been stored would stall.
-    void filter_rows(std::int64_t y, std::int64_t count, std::int64_t at, AnyView out, std::int64_t z, bool stream) {
-        std::int64_t const rx = taps_[0].radius, ry = taps_[1].radius, n = out.dims().x;
-        for (std::int64_t k = -ry; k < count + ry; ++k) {
-            std::int64_t const from = ring_.holds_row(y + k) ? y + k : fold(y + k, passes_.dims.y, passes_.boundary);
-            rows_[k + ry] = ring_.holds_row(from) ? plane_row(from, at) : border_;
-        }
-        for (std::int64_t x = 0; x < layout_.width; x += layout_.strip) {
-            std::int64_t const end = std::min(x + layout_.strip, layout_.width);
-            for (std::int64_t i = 0; i < count; ++i) {
-                C* const to = along_y_ + i * layout_.pitch;
-                if (ry == 0)
-                    std::memcpy(to + x, rows_[i] + x, static_cast<std::size_t>(end - x) * sizeof(C));
-                else
-                    average(rows_ + i, taps_[1], C(0.5), to, x, end);
-            }
-        }
-        for (std::int64_t i = 0; i < count; ++i) {
-            if (rx == 0)
-                for (std::int64_t x = 0; x < n; ++x) result_[x] = C(4) * along_y_[i * layout_.pitch + x];
-            else
-                average<C>(shifted_ + i * (2 * rx + 1), taps_[0], C(2), result_, 0, n);
-            tally_ += store_values(static_cast<C const*>(result_), out, out.at(out.box.lower.x, y + i, z), n, stream);
+    void run(Box const& tile, bool stream) {
+        tile_ = tile;
+        columns_ = {tile.lower.x - taps_[0].radius, tile.upper.x + taps_[0].radius};
+        loaded_columns_ = {std::clamp(in_.box.lower.x, columns_.lower, columns_.upper),
+                           std::clamp(in_.box.upper.x, columns_.lower, columns_.upper)};
+        outside_.clear();
+        for (std::int64_t x = columns_.lower; x < columns_.upper; ++x)
+            if (!loaded_columns_.contains(x)) outside_.push_back({x, fold(x, passes_.dims.x, passes_.boundary)});
+        Span const rows = held(1);
+        std::int64_t next = rows.lower;
+        for (std::int64_t z = held(2).lower; z < held(2).upper; ++z) load(next, z);
+        for (std::int64_t y = tile.lower.y; y < tile.upper.y; y += GaussianLayout::group) {
+            std::int64_t const count = std::min(GaussianLayout::group, tile.upper.y - y);
+            for (; next < std::min(y + count + taps_[1].radius, rows.upper); ++next) filter_along_z(next, rows.upper);
+            for (std::int64_t z = tile.lower.z; z < tile.upper.z; ++z) filter_rows(y, count, z, stream);
         }
     }
 
     Losses const& losses() const { return tally_; }
 
 private:
-    C* plane_row(std::int64_t y, std::int64_t plane) const {
-        return planes_ + plane * layout_.plane + (y - ring_.first_y()) * layout_.pitch;
+    /// Slices that are expected before they are loaded: rows that lie a power of two apart drive one another out of
+    /// the second cache if they are more.
+    static constexpr std::int64_t ahead = 3;
+
+    struct Span {
+        std::int64_t lower = 0, upper = 0;
+        std::int64_t size() const { return upper - lower; }
+        bool contains(std::int64_t i) const { return i >= lower && i < upper; }
+    };
+
+    /// A column beside the input, and the one that stands there; -1 for the border.
+    struct Outside {
+        std::int64_t x, from;
+    };
+
+    /// What the passes read along an axis for the tile; of what lies outside of the volume only what wraps around,
+    /// because the rest is folded onto what is there.
+    Span held(int axis) const {
+        std::int64_t const r = taps_[axis].radius;
+        Span const all{tile_.lower[axis] - r, tile_.upper[axis] + r};
+        if (passes_.boundary == Boundary::wrap) return all;
+        return {std::max<std::int64_t>(all.lower, 0), std::min(all.upper, passes_.dims[axis])};
+    }
+    /// Where the input has it; -1 for the border.
+    std::int64_t source(int axis, std::int64_t i) const {
+        bool const there = i >= in_.box.lower[axis] && i < in_.box.upper[axis];
+        return there ? i : fold(i, passes_.dims[axis], passes_.boundary);
+    }
+    C* ring_row(std::int64_t y, std::int64_t z) const {
+        std::int64_t const slot = (y % layout_.rows + layout_.rows) % layout_.rows;
+        return rings_ + (z - tile_.lower.z) * layout_.slice + slot * layout_.pitch;
     }
 
-    /// n voxels, scaled, of a row of slice z from column x of the ring on.
-    C const* source(std::int64_t y, std::int64_t z, std::int64_t x, std::int64_t n, std::int64_t place) {
-        bool const wraps = passes_.boundary == Boundary::wrap;
-        std::int64_t const from = wraps ? z : fold(z, passes_.dims.z, passes_.boundary);
-        if (from < 0 && !wraps) return border_;
-        std::byte const* const row = ring_.at(y, from, x);
-        if (!layout_.raw) return reinterpret_cast<C const*>(row);
-        C* const to = taken_ + place * (layout_.strip + 64 / static_cast<std::int64_t>(sizeof(C)));
-        ring_.scaled(row, to, round_up(n, lane_count<C>));
-        if (passes_.boundary == Boundary::border) {
-            for (std::int64_t i = x; i < std::min(ring_.inner_x(), x + n); ++i) to[i - x] = border_[0];
-            for (std::int64_t i = std::max(ring_.outer_x(), x); i < x + n; ++i) to[i - x] = border_[0];
+    /// Where the scaled voxels of slice z lie for the pass along z, in one of two places: for row y, or the next.
+    C* loaded_row(std::int64_t y, std::int64_t z) const {
+        std::int64_t const which = (y % 2 + 2) % 2;
+        return loaded_ + (which * layout_.slices + z - held(2).lower) * layout_.pitch;
+    }
+    /// Row y of the input in slice z, with what lies beside the volume.
+    void load(std::int64_t y, std::int64_t z) const {
+        std::int64_t const from_y = source(1, y), from_z = source(2, z);
+        C* const to = loaded_row(y, z) - columns_.lower;
+        load_scaled(in_.type, in_.at(loaded_columns_.lower, from_y, from_z), to + loaded_columns_.lower,
+                    loaded_columns_.size());
+        for (Outside const& column : outside_)
+            if (column.from < 0)
+                to[column.x] = border_[0];
+            else if (loaded_columns_.contains(column.from))
+                to[column.x] = to[column.from];
+            else
+                load_scaled(in_.type, in_.at(column.from, from_y, from_z), to + column.x, 1);
+    }
+    /// Asks for it ahead of time. Inlined, because compilers leave out calls of what does nothing else.
+    VKT_HD void expect(std::int64_t y, std::int64_t z) const {
+        std::byte const* const from = in_.at(loaded_columns_.lower, source(1, y), source(2, z));
+        std::int64_t const bytes = static_cast<std::int64_t>(size_of(in_.type)) * loaded_columns_.size();
+        for (std::int64_t i = 0; i < bytes; i += 64) __builtin_prefetch(from + i, 0, 2);
+        __builtin_prefetch(from + bytes - 1, 0, 2);
+    }
+
+    /// Row y of the rings, of rows up to `end`. Meanwhile the next row is loaded, slice by slice: so memory works while
+    /// the processor computes.
+    void filter_along_z(std::int64_t y, std::int64_t end) {
+        std::int64_t const r = taps_[2].radius, first = tile_.lower.z - r;
+        Span const slices = held(2);
+        for (std::int64_t z = first; z < tile_.upper.z + r; ++z) {
+            std::int64_t const at = slices.contains(z) ? z : fold(z, passes_.dims.z, passes_.boundary);
+            slices_[static_cast<std::size_t>(z - first)] = slices.contains(at) ? loaded_row(y, at) : border_;
         }
-        return to;
+        std::int64_t next = y + 1 < end ? slices.lower : slices.upper, expected = next;
+        std::int64_t const width = columns_.size(), deep = tile_.dims().z,
+                           steps = (width + layout_.strip_z - 1) / layout_.strip_z * deep;
+        C* const to = ring_row(y, tile_.lower.z);
+        for (std::int64_t x = 0, done = 0; x < width; x += layout_.strip_z)
+            for (std::int64_t s = 0; s < deep; s += 2) {
+                std::int64_t const count = std::min<std::int64_t>(2, deep - s);
+                std::int64_t const until = slices.lower + slices.size() * (done += count) / steps;
+                for (; expected < std::min(until + ahead, slices.upper); ++expected) expect(y + 1, expected);
+                average_each(slices_.data() + s, count, taps_[2], C(0.5), to + s * layout_.slice, layout_.slice, x,
+                             std::min(x + layout_.strip_z, width));
+                for (; next < until; ++next) load(y + 1, next);
+            }
+    }
+
+    /// Some rows of an output slice: pieces of them along y, and along x as far as there is what that reads. All are
+    /// filtered along y before the first of them is filtered along x, because reading across what has just been stored
+    /// would stall.
+    void filter_rows(std::int64_t y, std::int64_t count, std::int64_t z, bool stream) {
+        std::int64_t const rx = taps_[0].radius, ry = taps_[1].radius, n = tile_.dims().x, width = columns_.size();
+        Span const rows = held(1);
+        for (std::int64_t k = -ry; k < count + ry; ++k) {
+            std::int64_t const from = rows.contains(y + k) ? y + k : fold(y + k, passes_.dims.y, passes_.boundary);
+            rows_[static_cast<std::size_t>(k + ry)] = rows.contains(from) ? ring_row(from, z) : border_;
+        }
+        std::int64_t done = 0; // columns of the output
+        for (std::int64_t x = 0; x < width; x += layout_.strip_y) {
+            std::int64_t const end = std::min(x + layout_.strip_y, width);
+            average_each(rows_.data(), count, taps_[1], C(0.5), along_y_, layout_.pitch, x, end);
+            std::int64_t const last = end == width ? n : std::max(done, (end - 2 * rx) / block<C> * block<C>);
+            for (std::int64_t i = 0; i < count; ++i) finish(i, y, z, done, last, stream);
+            done = last;
+        }
+    }
+
+    /// Columns begin…end of the i-th of the output rows from y on, along x.
+    void finish(std::int64_t i, std::int64_t y, std::int64_t z, std::int64_t begin, std::int64_t end, bool stream) {
+        if (begin == end) return;
+        C const* const* const around = shifted_.data() + i * (2 * taps_[0].radius + 1);
+        if (taps_[0].radius == 0)
+            for (std::int64_t x = begin; x < end; ++x) result_[x] = C(4) * (*around)[x];
+        else
+            average(around, taps_[0], C(2), result_, begin, end);
+        tally_ += store_values(static_cast<C const*>(result_ + begin), out_, out_.at(tile_.lower.x + begin, y + i, z),
+                               end - begin, stream);
     }
 
     GaussianPasses const& passes_;
-    Layout<C> const& layout_;
-    Ring<C> const& ring_;
-    C *planes_, *taken_, *along_y_, *result_, *border_;
-    C const **slices_, **rows_, **shifted_;
+    GaussianLayout const& layout_;
+    ConstView in_;
+    AnyView out_;
+    C *loaded_, *rings_, *along_y_, *result_, *border_;
     TapView<C> taps_[3];
+    std::vector<C const*> slices_, rows_, shifted_;
+    Box tile_;
+    Span columns_, loaded_columns_; ///< of the tile, with those around that the pass along x reads; of the input
+    std::vector<Outside> outside_;
     Losses tally_;
 };
 
 template <class C>
 void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
          Execution const& execution) {
+    GaussianLayout const layout(passes, out.dims());
+    Index3 const n = out.dims();
+    auto const parts = [](std::int64_t a, std::int64_t b) { return (a + b - 1) / b; };
     int const threads = threads_for(execution, out.box.voxels());
-    Layout<C> const layout(passes, out.box, in.type);
-    if (!planes.continues(out.box)) planes.forget();
-    planes.storage.reserve(layout.ring_bytes());
-    planes.scratch.reserve(static_cast<std::size_t>(layout.batch * layout.plane + threads * layout.scratch) *
-                           sizeof(C));
-    Ring<C> ring(passes, layout, out.box, in, planes.storage.update(Space::host));
-    C* const filtered = reinterpret_cast<C*>(planes.scratch.update(Space::host));
+    Index3 tile = layout.tile;
+    // Rows are divided so that every thread has some, but not further than what tiles filter twice is worth.
+    std::int64_t const others = parts(n.x, tile.x) * parts(n.z, tile.z);
+    std::int64_t const bands = std::clamp<std::int64_t>(
+        parts(2 * threads, others), 1, parts(n.y, std::max<std::int64_t>(8 * passes.taps[1].radius, 16)));
+    tile.y = parts(n.y, bands);
+    planes.scratch.reserve(static_cast<std::size_t>(threads * layout.values) * sizeof(C));
+    C* const scratch = reinterpret_cast<C*>(planes.scratch.update(Space::host));
+    std::vector<Worker<C>> workers; // made here, where it may be said that there is no memory
+    workers.reserve(static_cast<std::size_t>(threads));
+    for (int t = 0; t < threads; ++t) workers.emplace_back(passes, layout, in, out, scratch + t * layout.values);
     bool const stream = out.bytes() >= stream_threshold;
-    Box const input = gaussian_input(passes, out.box);
-    std::int64_t const batch = std::min(layout.batch, passes.run_height), rows = input.dims().y;
-    std::int64_t const groups = (out.dims().y + row_group - 1) / row_group;
-    std::int64_t held = planes.held() ? planes.input_end : input.lower.z;
+    std::int64_t const across = parts(n.x, tile.x), along = parts(n.y, tile.y), deep = parts(n.z, tile.z);
 #pragma omp parallel num_threads(threads) if (threads > 1)
     {
-        C* const own = filtered + layout.batch * layout.plane + omp_get_thread_num() * layout.scratch;
-        Worker<C> worker(passes, layout, ring, filtered, own);
-        std::int64_t have = held;
-        for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; z += batch) {
-            std::int64_t const end = std::min(z + batch, out.box.upper.z);
-            Box part = out.box;
-            part.lower.z = z;
-            part.upper.z = end;
-            std::int64_t const need = std::max(have, gaussian_input(passes, part).upper.z);
-#pragma omp for schedule(dynamic, 16)
-            for (std::int64_t i = 0; i < (need - have) * rows; ++i)
-                ring.load(input.lower.y + i % rows, have + i / rows);
-            have = need;
-#pragma omp for schedule(dynamic, 16)
-            for (std::int64_t y = input.lower.y; y < input.upper.y; ++y) worker.filter_along_z(y, z, end);
-#pragma omp for schedule(dynamic, 2)
-            for (std::int64_t g = 0; g < groups; ++g) {
-                std::int64_t const y = out.box.lower.y + g * row_group,
-                                   count = std::min(row_group, out.box.upper.y - y);
-                for (std::int64_t s = z; s < end; ++s) worker.filter_rows(y, count, s - z, out, s, stream);
-            }
+        Worker<C>& worker = workers[static_cast<std::size_t>(omp_get_thread_num())];
+#pragma omp for schedule(dynamic, 1)
+        for (std::int64_t i = 0; i < across * along * deep; ++i) {
+            Index3 const at{i % across, i / across % along, i / across / along};
+            Index3 const lower = out.box.lower + Index3{at.x * tile.x, at.y * tile.y, at.z * tile.z};
+            worker.run(intersect({lower, lower + tile}, out.box), stream);
         }
         if (stream) stream_fence();
         driver::add(losses, worker.losses());
-#pragma omp single
-        held = have;
     }
-    planes.area = out.box;
-    planes.input_end = held;
-    planes.end = out.box.upper.z;
 }
 
 } // namespace
@@ -260,7 +217,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
                   Execution const& execution) {
     if (out.box.empty()) return;
-    if (passes.wide || !float_suffices(out.type))
+    if (passes.wide)
         run<double>(passes, planes, in, out, losses, execution);
     else
         run<float>(passes, planes, in, out, losses, execution);

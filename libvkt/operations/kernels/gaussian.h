@@ -9,7 +9,6 @@
 #include "libvkt/operations/gaussian_taps.h"
 
 #include <array>
-#include <limits>
 
 namespace vkt {
 
@@ -25,31 +24,32 @@ struct GaussianPasses {
     double border_value = 0; ///< stored value outside, for Boundary::border; any number, not only voxels of the type
     bool clips = false;      ///< the border value lies outside the type, so that results may
     bool wide = false;       ///< float64 intermediates
-    std::int64_t run_height = 4; ///< CPU: output slices for which the ring of input slices is made
-    std::int64_t plane_bytes = std::int64_t{32} << 20; ///< CPU: slices filtered along z together take no more than this
+    std::int64_t run_height = 4; ///< CPU: output slices for which the cascade's rings are made
 };
 
-/// Input slices that the next run may use again (on the GPU: planes already filtered along x and y). They depend on
-/// nothing but the input, so results do not depend on whether they were kept.
+/// How a CPU goes through an output region of these dims: in tiles of some columns and slices and any number of rows,
+/// row by row. Counted in values of the compute type.
+struct GaussianLayout {
+    GaussianLayout(GaussianPasses const& passes, Index3 region);
+
+    static constexpr std::int64_t group = 8; ///< rows of a slice filtered along y, and then along x, together
+
+    Index3 tile;                     ///< of the output
+    std::int64_t slices;             ///< of the input, under a tile
+    std::int64_t rows, pitch, slice; ///< of rings of rows, one for each slice of a tile
+    std::int64_t strip_z, strip_y;   ///< columns filtered along an axis together
+    std::int64_t values;             ///< all that a thread holds
+};
+
+/// GPU: planes already filtered along x and y that the next run may use again. They depend on nothing but the input, so
+/// results do not depend on whether they were kept. CPU: what threads work with.
 struct GaussianPlanes {
     Buffer storage, scratch;
     Box area;                        ///< output region of the last run
     std::int64_t begin = 0, end = 0; ///< slices held
-    std::int64_t layout = 0;         ///< GPU: tiles the planes were made for
-    std::int64_t input_end = none;   ///< CPU: the ring holds the input slices up to here
+    std::int64_t layout = 0;         ///< tiles the planes were made for
 
-    static constexpr std::int64_t none = std::numeric_limits<std::int64_t>::min();
-
-    void forget() {
-        begin = end = 0;
-        input_end = none;
-    }
-    bool held() const { return input_end != none; }
-    /// True if the ring holds what a run of `box` needs of the slices that the last run used.
-    bool continues(Box const& box) const {
-        return held() && box.lower.z == end && box.lower.x == area.lower.x && box.upper.x == area.upper.x &&
-               box.lower.y == area.lower.y && box.upper.y == area.upper.y;
-    }
+    void forget() { begin = end = 0; }
 };
 
 /// Input region that an output region needs: grown by the radius and cut to the volume. Slices wrap outside, and so do

@@ -62,7 +62,7 @@ public:
         y_ = spans_of(axis(1), {box.lower.y, box.upper.y});
         Box const input = cascade_input(passes, box);
         columns_ = {input.lower.x, input.upper.x};
-        rows_ = {input.lower.y, input.upper.y};
+        rows_ = {in.box.lower.y, in.box.upper.y}; // all, where a part of what surrounds the region would wrap around
         std::int64_t most = 1;
         for (int i = 0; i < 3; ++i)
             most = std::max({most, 2 * axis(i).before.radius + 1, 2 * axis(i).coarse.radius + 1, axis(i).taps});

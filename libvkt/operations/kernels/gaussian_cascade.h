@@ -56,7 +56,7 @@ Box inside_volume(Box seen, Index3 dims, Boundary boundary);
 /// Input region that an output region needs.
 Box cascade_input(CascadePasses const& passes, Box const& output);
 
-VKT_CPU_KERNEL(gaussian_cascade_run,
+VKT_KERNEL(gaussian_cascade_run,
                (CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyView out, Losses& losses,
                 Execution const& execution),
                (passes, planes, in, out, losses, execution))

@@ -5,6 +5,7 @@
 
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/gaussian.h"
+#include "libvkt/operations/kernels/gaussian_march.h"
 
 #include <cuda_runtime.h>
 
@@ -16,7 +17,8 @@ constexpr int outputs = 8; ///< consecutive voxels a thread computes from one wi
 constexpr int tile_x = 64, tile_y = 64;
 constexpr int threads = 256;
 constexpr std::int64_t shared_limit = 200 << 10;
-constexpr std::int64_t middle_bytes = 24 << 20; ///< of planes between the kernels, well below the L2's 50 MB
+constexpr std::int64_t middle_bytes = 24 << 20;   ///< of planes between the kernels, well below the L2's 50 MB
+constexpr std::int64_t marched_bytes = 512 << 20; ///< of planes that kernels march through, which are read once
 
 /// Shares of the pairs, in device memory.
 template <class C> struct DeviceTaps {
@@ -29,8 +31,6 @@ template <class C> __device__ __forceinline__ Pair<C> operator+(Pair<C> p, Pair<
 template <class C> __device__ __forceinline__ Pair<C> blend(C share, Pair<C> pair, Pair<C> sum) {
     return {madd(share, pair.a - sum.a, sum.a), madd(share, pair.b - sum.b, sum.b)};
 }
-__device__ __forceinline__ float blend(float share, float pair, float sum) { return madd(share, pair - sum, sum); }
-__device__ __forceinline__ double blend(double share, double pair, double sum) { return madd(share, pair - sum, sum); }
 
 /// Nested averages (see GaussianTaps) of `outputs` neighbours. at(i) yields the value at offset i from the first
 /// output, -radius <= i < outputs + radius. V is C or a small vector of C.
@@ -70,24 +70,6 @@ __device__ __forceinline__ void window_average(DeviceTaps<C> taps, At const& at,
         }
     }
 }
-
-/// Where slices lie between the kernels: a ring of padded planes, filled by absolute slice.
-template <class C> struct Middle {
-    C* data;
-    std::int64_t pitch, plane, slots;
-    __device__ C* slice(std::int64_t z) const { return data + ((z % slots + slots) % slots) * plane; }
-};
-
-template <class C> struct Surroundings {
-    Index3 dims;
-    Boundary boundary;
-    C scaled_border;
-    std::int64_t first_y, end_y; ///< rows of the input, some of them perhaps wrapped around
-
-    /// The row of the input that stands for row y, which the border value does if that is not one of them.
-    __device__ std::int64_t row_of(std::int64_t y) const { return holds(y) ? y : fold(y, dims.y, boundary); }
-    __device__ bool holds(std::int64_t y) const { return y >= first_y && y < end_y; }
-};
 
 /// Filters one slice along x and y into the middle; a block makes tile_x * tile_y voxels of it.
 template <class T, class C>
@@ -262,10 +244,13 @@ public:
         middle_.plane = middle_.pitch * box_.dims().y;
         std::int64_t const r = passes.taps[2].radius,
                            plane_bytes = middle_.plane * static_cast<std::int64_t>(sizeof(C));
-        group_ = std::clamp<std::int64_t>(middle_bytes / plane_bytes / outputs * outputs, outputs, 16384);
+        Index3 const radius{passes.taps[0].radius, passes.taps[1].radius, r};
+        marches_ = std::is_same_v<C, float> && std::max({radius.x, radius.y, radius.z}) <= most_marched;
+        std::int64_t const bytes = marches_ ? marched_bytes : middle_bytes;
+        group_ = std::clamp<std::int64_t>(bytes / plane_bytes / march_slices * march_slices, march_slices, 16384);
+        if (!marches_) group_ = std::clamp<std::int64_t>(bytes / plane_bytes / outputs * outputs, outputs, 16384);
         middle_.slots = group_ + 2 * r;
         if (passes.boundary != Boundary::wrap) middle_.slots = std::min(middle_.slots, passes.dims.z);
-        Index3 const radius{passes.taps[0].radius, passes.taps[1].radius, r};
         shared_xy_ = static_cast<std::int64_t>(sizeof(C)) * (tile_y + 2 * radius.y) *
                      (((tile_x + 2 * radius.x) | 1) + (radius.x > 0 ? tile_x + 1 : 0));
         shared_z_ = (outputs + 2 * r) * 8;
@@ -282,14 +267,25 @@ public:
         for (std::int64_t z = box_.lower.z; z < box_.upper.z; z += group_) {
             std::int64_t const last = std::min(z + group_, box_.upper.z);
             std::int64_t const have = std::max(planes_.end, first_slice(z)), need = last_slice(last);
-            if (have < need) fused_ ? launch_xy(have, need - have) : launch_lines(have, need - have);
+            if (have < need) filter_slices(have, need - have);
             planes_.end = std::max(planes_.end, need);
+            if constexpr (std::is_same_v<C, float>)
+                if (marches_) {
+                    march_along_z(z, last);
+                    continue;
+                }
             launch_z(z, last);
         }
         planes_.begin = box_.upper.z;
     }
 
 private:
+    void filter_slices(std::int64_t first, std::int64_t count) {
+        if constexpr (std::is_same_v<C, float>)
+            if (marches_) return march_along_y(first, count);
+        fused_ ? launch_xy(first, count) : launch_lines(first, count);
+    }
+
     /// Slices still in the ring are kept if this run goes on where the last one ended.
     void prepare() {
         std::int64_t const layout = -1 - group_;
@@ -341,6 +337,44 @@ private:
     template <class Launch> static void in_groups(std::int64_t first, std::int64_t count, Launch const& launch) {
         for (std::int64_t i = 0; i < count; i += 32768) launch(first + i, std::min<std::int64_t>(32768, count - i));
     }
+    MarchTaps march_taps(std::size_t axis) const {
+        GaussianTaps const& taps = passes_.taps[axis];
+        MarchTaps result{static_cast<int>(taps.radius), {}};
+        std::copy(taps.single_shares.begin(), taps.single_shares.end(), result.shares);
+        return result;
+    }
+    /// Calls f with the number of voxels on either side for which there is a kernel.
+    template <class F> void with_reach(F const& f) const {
+        std::int64_t most = 0;
+        for (auto const& taps : passes_.taps) most = std::max(most, taps.radius);
+        if (most <= most_marched / 2)
+            f(std::integral_constant<int, most_marched / 2>{});
+        else
+            f(std::integral_constant<int, most_marched>{});
+    }
+    void march_along_y(std::int64_t first, std::int64_t count) {
+        std::int64_t const across = (box_.dims().x + march_width - 1) / march_width,
+                           chunks = (box_.dims().y + march_chunk - 1) / march_chunk;
+        in_groups(first, count, [&](std::int64_t z, std::int64_t n) {
+            with_reach([&]<int R>(std::integral_constant<int, R>) {
+                march_xy<T, R><<<grid(across * chunks, n), march_width>>>(in_, box_, z, static_cast<unsigned>(across),
+                                                                          march_taps(0), march_taps(1), rule_, middle_);
+            });
+            check_launch("gaussian along x and y");
+        });
+    }
+    void march_along_z(std::int64_t z, std::int64_t last) {
+        Box part = box_;
+        part.lower.z = z;
+        part.upper.z = last;
+        std::int64_t const across = (box_.dims().x + march_width - 1) / march_width;
+        dim3 const blocks = grid(across * box_.dims().y, (last - z + march_slices - 1) / march_slices);
+        with_reach([&]<int R>(std::integral_constant<int, R>) {
+            march_z<T, R>
+                <<<blocks, march_width>>>(middle_, part, out_, static_cast<unsigned>(across), march_taps(2), rule_);
+        });
+        check_launch("gaussian along z");
+    }
     void launch_xy(std::int64_t first, std::int64_t count) {
         auto* const kernel = &filter_xy<T, C>;
         allow_shared(kernel, shared_xy_);
@@ -386,7 +420,7 @@ private:
     Middle<C> middle_, rows_; ///< filtered planes; rows filtered along x only, where the passes are not fused
     DeviceTaps<C> taps_[3];
     std::int64_t group_, shared_xy_, shared_z_;
-    bool fused_;
+    bool fused_, marches_;
 };
 
 } // namespace gaussian

@@ -5,6 +5,8 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/device_counts.h"
 
+#include <cmath>
+
 namespace vkt {
 
 namespace VKT_BACKEND {
@@ -24,8 +26,14 @@ struct ValueSlot {
     double const* edges;
     int count;
     double slope, intercept, scale, scaled_low, per_unit, low, high, near;
+    float factor, summand, unsure; ///< the position among the bins in float32, and by how much it may be off
 
     template <class T> VKT_DEVICE int operator()(T voxel) const {
+        if constexpr (std::is_same_v<T, float>) {
+            float const position = madd(voxel, factor, summand), bin = floorf(position), beyond = position - bin;
+            if (beyond > unsure && beyond < 1 - unsure && bin >= 0 && bin < static_cast<float>(count))
+                return static_cast<int>(bin);
+        }
         auto const stored = static_cast<double>(voxel);
         double value = slope * stored + intercept;
         if (!(value - value == 0) && stored - stored == 0) value = fma(slope, stored, intercept);
@@ -66,9 +74,24 @@ template <class T>
 void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
     std::vector<double> const edges(bins.edges(), bins.edges() + bins.count() + 1);
     driver::DeviceList<double> const list(edges);
-    ValueSlot const slot{
-        list.get(),        bins.count(),    bins.map().slope, bins.map().intercept, bins.scale(),
-        bins.scaled_low(), bins.per_unit(), edges.front(),    edges.back(),         bins.far() ? 1 : 0x1p-16};
+    double const factor = bins.map().slope * bins.scale() * bins.per_unit(),
+                 summand = (bins.map().intercept * bins.scale() - bins.scaled_low()) * bins.per_unit();
+    // Of values within the bins neither product nor summand is larger than the latter and the number of bins together.
+    double const unsure = 0x1p-15 + (std::abs(summand) + bins.count()) * 0x1p-21;
+    bool const trusted = !bins.far() && unsure < 0.25 && std::abs(factor) > 0x1p-100 && std::abs(factor) < 0x1p100;
+    ValueSlot const slot{list.get(),
+                         bins.count(),
+                         bins.map().slope,
+                         bins.map().intercept,
+                         bins.scale(),
+                         bins.scaled_low(),
+                         bins.per_unit(),
+                         edges.front(),
+                         edges.back(),
+                         bins.far() ? 1 : 0x1p-16,
+                         static_cast<float>(factor),
+                         static_cast<float>(summand),
+                         trusted ? static_cast<float>(unsure) : 1.0F};
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 

@@ -1,10 +1,11 @@
-// Pad on GPUs: every voxel from where the rule says.
+// Pad on GPUs: a copy of what is there, and around it every voxel from where the rule says.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/pad.h"
 
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 
+#include <array>
 #include <cstring>
 
 namespace vkt::VKT_BACKEND {
@@ -26,16 +27,40 @@ template <class U> struct Padded {
     }
 };
 
-template <class U> void pad(ConstView in, AnyView out, PadRule const& rule) {
-    Padded<U> padded{in.as<U>(), out.as<U>(), out.box.lower, rule.below, rule.dims, rule.boundary, U{}};
+/// The parts of `all` outside of `inside`: below and above, in front and behind, left and right of it.
+std::array<Box, 6> shell(Box const& all, Box const& inside) {
+    std::array<Box, 6> parts;
+    Box rest = all;
+    for (int axis = 2, i = 0; axis >= 0; --axis) {
+        Box below = rest, above = rest;
+        below.upper[axis] = inside.lower[axis];
+        above.lower[axis] = inside.upper[axis];
+        rest.lower[axis] = inside.lower[axis];
+        rest.upper[axis] = inside.upper[axis];
+        parts[static_cast<std::size_t>(i++)] = below;
+        parts[static_cast<std::size_t>(i++)] = above;
+    }
+    return parts;
+}
+
+template <class U> void pad(ConstView in, AnyView out, PadRule const& rule, Box const& inside) {
+    Padded<U> padded{in.as<U>(), out.as<U>(), {}, rule.below, rule.dims, rule.boundary, U{}};
     std::memcpy(&padded.border, rule.border.data(), sizeof padded.border);
-    driver::for_each_voxel(out.dims(), padded, nullptr, "pad_box");
+    auto const fill = [&](Box const& box) {
+        padded.lower = box.lower;
+        driver::for_each_voxel(box.dims(), padded, nullptr, "pad_box");
+    };
+    if (inside.empty()) return fill(out.box);
+    for (Box const& part : shell(out.box, inside)) fill(part);
 }
 
 } // namespace
 
-void pad_box(ConstView in, AnyView out, PadRule const& rule, Execution const&) {
-    for_each_size(size_of(out.type), [&]<class U>(U) { pad<U>(in, out, rule); });
+void pad_box(ConstView in, AnyView out, PadRule const& rule, Execution const& execution) {
+    Box const inside = intersect(out.box, {rule.below, rule.below + rule.dims});
+    if (!inside.empty())
+        copy_box(execution, in.part({inside.lower - rule.below, inside.upper - rule.below}), out.part(inside));
+    for_each_size(size_of(out.type), [&]<class U>(U) { pad<U>(in, out, rule, inside); });
 }
 
 } // namespace vkt::VKT_BACKEND

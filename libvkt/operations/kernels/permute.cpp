@@ -13,8 +13,11 @@ namespace vkt {
 namespace VKT_BACKEND {
 namespace {
 
-/// Tiles of some cache lines in both directions: what is read and what is written are whole lines.
-template <class U> constexpr std::int64_t tile_edge = static_cast<std::int64_t>(128 / sizeof(U));
+/// Tiles of some cache lines in both directions: what is read and what is written are whole lines. Lines of rows that
+/// lie slices apart come from pages of their own, of which fewer are turned to if more of each is taken.
+template <class U> constexpr std::int64_t tile_edge(int own) {
+    return static_cast<std::int64_t>((own == 2 ? 256 : 128) / sizeof(U));
+}
 /// transpose_block() of any rectangle, ni by nj.
 template <class U>
 void transpose_tile(U const* from, std::int64_t from_row, U* to, std::int64_t to_row, std::int64_t ni,
@@ -52,7 +55,7 @@ template <class U> struct Permutation {
 /// The output's axis x is not the input's: `own` is the axis of the output that is.
 template <class U>
 void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, Execution const& execution) {
-    constexpr std::int64_t edge = tile_edge<U>;
+    std::int64_t const edge = tile_edge<U>(own);
     int const other = 3 - own; // the third axis
     bool const back = p.step[static_cast<std::size_t>(own)] < 0;
     std::int64_t const across = (dims.x + edge - 1) / edge, down = (dims[own] + edge - 1) / edge;
@@ -60,7 +63,7 @@ void permute_tiles(Permutation<U> const& p, Index3 dims, int own, bool stream, E
                        to_other = p.to_step[static_cast<std::size_t>(other)];
     for_each_item(threads_for(execution, dims.x * dims.y * dims.z), across * down * dims[other],
                   [&](std::int64_t begin, std::int64_t end) {
-                      alignas(64) U tile[edge * edge];
+                      alignas(64) U tile[tile_edge<U>(2) * tile_edge<U>(2)];
                       for (std::int64_t item = begin; item < end; ++item) {
                           // Along the input's rows first.
                           std::int64_t const j0 = item % down * edge, i0 = item / down % across * edge,

@@ -279,10 +279,32 @@ __device__ void multiply(LaneProduct& product, double factor) {
     split(product.mantissa, product.exponent);
 }
 
-/// Products of the lanes of each band, in the order in which CPUs multiply.
+/// A factor a host takes as long double: rounded to 64 bits, to even.
+__device__ void multiply(BandProduct& product, LaneProduct const& factor) {
+    auto const bits = static_cast<std::uint64_t>(__double_as_longlong(factor.mantissa));
+    std::uint64_t const digits = (bits << 11) | std::uint64_t{1} << 63;
+    std::uint64_t high = __umul64hi(product.mantissa, digits), low = product.mantissa * digits;
+    product.exponent += factor.exponent;
+    product.negative ^= static_cast<std::int64_t>(bits >> 63);
+    if (high >> 63 != 0) {
+        ++product.exponent;
+    } else {
+        high = high << 1 | low >> 63;
+        low <<= 1;
+    }
+    constexpr std::uint64_t half = std::uint64_t{1} << 63;
+    if (low > half || (low == half && (high & 1) != 0)) ++high;
+    if (high == 0) {
+        high = half;
+        ++product.exponent;
+    }
+    product.mantissa = high;
+}
+
+/// Products of bands, in the order in which CPUs multiply.
 template <class T>
 __global__ void __launch_bounds__(block)
-    product_bands(T const* in, Bands bands, bool mapped, double slope, double intercept, LaneProduct* out) {
+    product_bands(T const* in, Bands bands, bool mapped, double slope, double intercept, BandProduct* out) {
     Lane const lane = this_lane();
     if (lane.band >= bands.count) return;
     DeviceBand<T> const band = band_at(in, bands, lane.band);
@@ -317,8 +339,11 @@ __global__ void __launch_bounds__(block)
             }
             zero = __any_sync(lane.mask, product.mantissa == 0);
         }
-    if (zero) product = {0, 0};
-    out[lane.band * lanes + lane.index] = product;
+    BandProduct all;
+    for (int j = 0; j < lanes; ++j)
+        multiply(all, LaneProduct{__shfl_sync(lane.mask, product.mantissa, j, lanes),
+                                  __shfl_sync(lane.mask, product.exponent, j, lanes)});
+    if (lane.index == 0) out[lane.band] = zero ? BandProduct{0, 0, 0} : all;
 }
 
 // Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
@@ -337,13 +362,13 @@ template <class T, class Band> Band const* launch_bands(T const* in, Bands const
 }
 
 template <class T>
-LaneProduct const* launch_products(T const* in, Bands const& bands, ValueMap const& map, Buffer& memory) {
-    memory.reserve(static_cast<std::size_t>(bands.count) * lanes * sizeof(LaneProduct));
-    auto* const out = reinterpret_cast<LaneProduct*>(memory.write(Space::device));
+BandProduct const* launch_products(T const* in, Bands const& bands, ValueMap const& map, Buffer& memory) {
+    memory.reserve(static_cast<std::size_t>(bands.count) * sizeof(BandProduct));
+    auto* const out = reinterpret_cast<BandProduct*>(memory.write(Space::device));
     auto const blocks = static_cast<unsigned>((bands.count * lanes + block - 1) / block);
     product_bands<T><<<blocks, block>>>(in, bands, !(map == ValueMap{}), map.slope, map.intercept, out);
     check_launch("products");
-    return reinterpret_cast<LaneProduct const*>(memory.read(Space::host));
+    return reinterpret_cast<BandProduct const*>(memory.read(Space::host));
 }
 
 template <class T>

@@ -30,6 +30,12 @@ struct LaneProduct {
 };
 inline constexpr int statistics_lanes = 16;
 
+/// The product of a band, as a host has it in long double: the mantissa's bits, the highest of which is 1, or 0.
+struct BandProduct {
+    std::uint64_t mantissa = std::uint64_t{1} << 63;
+    std::int64_t exponent = 0, negative = 0;
+};
+
 /// Statistics of a band, its mean less `origin`. `doubles`: the voxels are float64, whose differences need the room.
 void finish_band(FloatBand const& band, bool doubles, double origin, BandStatistics& out);
 
@@ -38,7 +44,6 @@ void finish_bands(FloatBand const* bands, std::int64_t count, DataType type, Mea
                   BandStatistics* out, int threads);
 void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
                   BandStatistics* out, int threads);
-/// Products of bands from those of their lanes, one band after the other.
-void finish_products(LaneProduct const* lanes, std::int64_t count, BandStatistics* out, int threads);
+void finish_products(BandProduct const* products, std::int64_t count, BandStatistics* out, int threads);
 
 } // namespace vkt

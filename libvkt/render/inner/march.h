@@ -3,18 +3,23 @@
 #pragma once
 
 #include "libvkt/render/inner/occlusion.h"
+#include "libvkt/render/inner/segments.h"
 #include "libvkt/render/inner/sums.h"
 
 namespace vkt::render {
 
+/// False if so little light is left that is_settled() may be true.
+VKT_HD bool is_bright(double transmittance, float patience) {
+    constexpr float most = 9.8e-4F;
+    return static_cast<float>(transmittance) / patience > most;
+}
 /// True if what lies behind changes no pixel by more than a quarter of an sRGB level of 255, whatever it is, nor its
 /// alpha. Levels are narrow in the dark: one is 1/3300 of the light there, and 1/260 where there is 0.24 of it. What
 /// may be left is below the curve, which is concave: two chords of it, from 0.003 over 0.03 to 0.24. With `patience`
 /// below 1 that share of it may be left.
 VKT_HD bool is_settled(double transmittance, Quad const& light, float patience) {
-    constexpr float most = 9.8e-4F;
+    if (is_bright(transmittance, patience)) return false;
     auto const left = static_cast<float>(transmittance) / patience;
-    if (left > most) return false;
     float const rg = light[1] < light[2] ? light[1] : light[2], least = rg < light[3] ? rg : light[3];
     return left < 5.1e-5F + 7.9e-3F * least && left < 1.9e-4F + 3.22e-3F * least;
 }
@@ -111,9 +116,7 @@ template <class S, class Comb, ScalarField P> struct March {
     Quad light{};
     double transmittance = 1; ///< in double, because the errors of many thin segments would add up
     int known = -1;           ///< the point that `last` belongs to
-    Classified last{};
-    float last_position = 0;
-    bool last_missing = false;
+    TablePoint last{};
     std::int64_t samples = 0;
     Occlusion occlusion{};
 
@@ -124,47 +127,81 @@ template <class S, class Comb, ScalarField P> struct March {
         int const wanted = to + 1 - first;
         int const n = wanted < chunk ? wanted : chunk; // points to look up
         alignas(64) Real t[chunk];
-        alignas(64) float value[chunk], position[chunk];
+        alignas(64) float value[chunk], length[chunk];
         for (int k = 0; k < chunk; ++k) t[k] = comb.point(first + (k < n ? k : n - 1));
         sampler.values(origin, direction, t, value);
-        for (int k = 0; k < chunk; ++k) position[k] = table_position(scene.table, value[k]);
         samples += n;
 
-        // Means of the segments; segment j ends at point from + j + 1.
-        Quad mean[chunk];
-        alignas(64) float depth[chunk], through[chunk], weight[chunk];
-        int segments = 0;
-        bool seen = false;
-        for (int k = 0; k < n; ++k) {
-            Classified const here = classify(scene.table, position[k]);
-            bool const missing = !(value[k] == value[k]);
-            if (carried || k > 0) {
-                Quad const m = segment_mean(last, here, position[k] - last_position);
-                int const j = segments++;
-                Real const begin = comb.point(from + j), end = t[k];
-                bool const empty = missing || last_missing || !comb.shows(from + j);
-                mean[j] = m;
-                depth[j] = empty || !(m[0] > 0) ? 0.0F : m[0] * (static_cast<float>(end - begin) * world);
-                seen = seen || depth[j] > 0;
-            }
-            last = here;
-            last_position = position[k];
-            last_missing = missing;
+        // Segment j ends at point from + j + 1. The one before the first is none, and what is behind the last.
+        int const none = carried ? 0 : 1, segments = n - none;
+        for (int k = 0; k < chunk; ++k) {
+            bool const is = k >= none && k < n && comb.shows(from + k - none);
+            Real const begin = k > 0 ? t[k - 1] : comb.point(from);
+            length[k] = is ? static_cast<float>(t[k] - begin) * world : 0.0F;
         }
+        constexpr int room = chunk > 1 ? chunk + 1 : 1; // of one segment none is left if it is none
+        Quad means[room];
+        alignas(64) float extinctions[room], depths[room], through[chunk], weight[chunk];
+        bool const seen = look_up_segments<chunk>(scene.table, value, length, last, means, extinctions, depths);
         known = from + segments;
         if (!seen) return known;
-        for (int j = segments; j < chunk; ++j) depth[j] = 0;
+        if constexpr (chunk > 1) means[chunk] = Quad{}, depths[chunk] = 0;
+        int const skipped = chunk > 1 ? none : 0;
+        float const *const depth = depths + skipped, *const extinction = extinctions + skipped;
+        Quad const* const mean = means + skipped;
         for (int j = 0; j < chunk; ++j) {
             Attenuation const a = attenuation(depth[j]);
             through[j] = a.transmitted;
             weight[j] = a.absorbed;
         }
-        composite(from, segments, mean, depth, through, weight);
+        composite(from, segments, mean, extinction, depth, through, weight);
         return known;
     }
 
-    VKT_HD void composite(int from, int segments, Quad const* mean, float const* depth, float const* through,
-                          float const* weight) {
+#ifndef __CUDACC__
+    /// Adds a chunk of segments, of which none settles the ray; false if one might, and then nothing was added.
+    /// `diffuse` and `glint`: null for light that shows no surfaces.
+    VKT_HD bool add_all(Quad const* mean, float const* extinction, float const* depth, float const* through,
+                        float const* weight, float const* diffuse, float const* glint) {
+        alignas(64) double factor[chunk];
+        alignas(64) float before[chunk], share[chunk], ratio[chunk];
+        for (int j = 0; j < chunk; ++j) {
+            double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
+            factor[j] = absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
+        }
+        double left = transmittance;
+#pragma GCC unroll 32
+        for (int j = 0; j < chunk; ++j) {
+            before[j] = static_cast<float>(left);
+            left *= factor[j];
+        }
+        // It only ever becomes less.
+        if (!is_bright(left, scene.patience)) return false;
+        transmittance = left;
+        for (int j = 0; j < chunk; ++j) share[j] = before[j] * weight[j];
+        for (int j = 0; j < chunk; ++j) {
+            float const seen = diffuse != nullptr ? share[j] * diffuse[j] : share[j];
+            ratio[j] = depth[j] > 0 ? seen / extinction[j] : 0.0F;
+        }
+        Quad sum = light;
+        if (glint == nullptr) {
+#pragma GCC unroll 32
+            for (int j = 0; j < chunk; ++j) sum = sum + mean[j] * ratio[j];
+        } else {
+            for (int j = 0; j < chunk; ++j) share[j] = depth[j] > 0 ? share[j] * glint[j] : 0.0F;
+#pragma GCC unroll 32
+            for (int j = 0; j < chunk; ++j) {
+                float const g = share[j];
+                sum = sum + mean[j] * ratio[j] + Quad{0, g, g, g};
+            }
+        }
+        light = sum;
+        return true;
+    }
+#endif
+
+    VKT_HD void composite(int from, int segments, Quad const* mean, float const* extinction, float const* depth,
+                          float const* through, float const* weight) {
         alignas(64) float diffuse[chunk], glint[chunk], gx[chunk], gy[chunk], gz[chunk];
         bool const shaded = scene.shade.strength > 0;
         bool const occluded = scene.lamp.shadows || scene.around_count > 0;
@@ -196,6 +233,11 @@ template <class S, class Comb, ScalarField P> struct March {
         bool const at_once = shaded && !occluded;
         for (int j = 0; j < chunk && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
         for (int j = 0; j < chunk && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
+#ifndef __CUDACC__ // it has one segment
+        if (!occluded &&
+            add_all(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr, shaded ? glint : nullptr))
+            return;
+#endif
         for (int j = 0; j < segments; ++j) {
             if (!(depth[j] > 0)) continue;
             if (occluded) {

@@ -7,14 +7,14 @@
 
 namespace vkt::render {
 
-/// `chunk` values along a line, at once where the sampler can.
-template <ScalarField S>
+/// Values along a line, at once where the sampler can.
+template <int n, ScalarField S>
 VKT_HD void values_along(S const& sampler, typename S::Vector origin, typename S::Vector direction,
                          typename S::Real const* t, float* out) {
     if constexpr (Sampler<S>)
-        sampler.values(origin, direction, t, out);
+        sampler.template values<n>(origin, direction, t, out);
     else
-        for (int k = 0; k < chunk; ++k) out[k] = sampler.value(origin + direction * t[k]);
+        for (int k = 0; k < n; ++k) out[k] = sampler.value(origin + direction * t[k]);
 }
 
 /// Optical depth from a point along a way to a light, where that is below 64; beyond, 64 or more. Macrocells in which
@@ -26,6 +26,7 @@ VKT_HD float depth_along(S const& sampler, SceneView const& scene, typename S::V
     using Real = typename S::Real;
     // Nothing is left of the light then, nor of it on a segment that is as deep as most and begins outside.
     constexpr float deepest = 64;
+    constexpr int together = chunk < 16 ? chunk : 16; // macrocells are small
     double near = 0, far = static_cast<double>(way.reach);
     Double3 const from{p.x, p.y, p.z}, along{way.direction.x, way.direction.y, way.direction.z};
     if (!clip(from, along, scene.shown, near, far)) return 0;
@@ -46,15 +47,15 @@ VKT_HD float depth_along(S const& sampler, SceneView const& scene, typename S::V
         Classified last{};
         float last_position = 0;
         bool last_missing = true;
-        for (int first = 0; first <= segments; first += chunk) {
-            alignas(64) Real t[chunk];
-            alignas(64) float value[chunk];
-            for (int k = 0; k < chunk; ++k) {
+        for (int first = 0; first <= segments; first += together) {
+            alignas(64) Real t[together];
+            alignas(64) float value[together];
+            for (int k = 0; k < together; ++k) {
                 int const point = first + k < segments ? first + k : segments;
                 t[k] = begin + static_cast<Real>(point) * width;
             }
-            values_along(sampler, p, d, t, value);
-            for (int k = 0; k < chunk && first + k <= segments; ++k) {
+            values_along<together>(sampler, p, d, t, value);
+            for (int k = 0; k < together && first + k <= segments; ++k) {
                 float const position = table_position(scene.table, value[k]);
                 Classified const here = classify(scene.table, position);
                 bool const missing = !(value[k] == value[k]);

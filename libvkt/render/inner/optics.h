@@ -50,8 +50,9 @@ struct Classified {
 
 /// Position in the table; limited so that arithmetic stays finite, so far out that segments keep their length in the
 /// table all the same. NaN becomes the lower limit.
+inline constexpr float table_limit = 1e30F;
 VKT_HD float table_position(TableView const& table, float value) {
-    constexpr float limit = 1e30F;
+    constexpr float limit = table_limit;
     float const x = (value - table.origin) * table.scale;
     float const above = x > -limit ? x : -limit;
     return above < limit ? above : limit;

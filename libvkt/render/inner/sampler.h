@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/intrinsics.h"
 #include "libvkt/render/inner/ray.h"
 
 #include <concepts>
@@ -9,31 +10,20 @@
 #include <cstring>
 #include <type_traits>
 
-#if defined(__AVX2__) && !defined(__CUDACC__)
-#if !defined(__clang__)
-// GCC 12 takes its own "undefined" operands of masked instructions for mistakes.
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-#endif
-#include <immintrin.h>
-#if !defined(__clang__)
-#pragma GCC diagnostic pop
-#endif
-#endif
-
 namespace vkt::render {
 
-/// Samples that are taken together along a ray: as many as registers hold on CPUs; on GPUs, which have other rays to go
-/// on with, one, so that it stays in registers. What is seen is the same.
+/// Samples that are taken together along a ray: on CPUs more than a register holds, because what is done with those of
+/// one waits for itself most of the time; on GPUs, which have other rays to go on with, one, so that it stays in
+/// registers. What is seen is the same.
 #ifdef __CUDACC__
 inline constexpr int chunk = 1;
 #else
-inline constexpr int chunk = 16;
+inline constexpr int chunk = 32;
 #endif
 
 /// value(): the stored value at a lattice position inside the box (NaN: no data),
 /// gradient(): its derivative per lattice unit, values() and gradients(): `chunk` positions origin + t[k]*direction at
-/// once, with the same bits as one by one.
+/// once, with the same bits as one by one; the first also a part of these.
 template <class S>
 concept Sampler = requires(S const& s, Float3 p, float const* t, float* out) {
     { s.value(p) } -> std::same_as<float>;
@@ -56,8 +46,8 @@ concept ScalarField = requires(S const& s, typename S::Vector p) {
 
 /// Base for samplers that have only value() and gradient(): asks them one by one.
 template <class Derived> struct PointSampler {
-    VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
-        for (int k = 0; k < chunk; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
+    template <int n = chunk> VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
+        for (int k = 0; k < n; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
     }
     VKT_HD void gradients(Float3 origin, Float3 direction, float const* t, float* gx, float* gy, float* gz) const {
         for (int k = 0; k < chunk; ++k) {
@@ -120,7 +110,7 @@ template <class T> struct LatticeSampler {
         c[6] = static_cast<float>(w[row]), c[7] = static_cast<float>(w[row + 1]);
     }
 
-    VKT_HD void values(Float3 o, Float3 d, float const* t, float* out) const;
+    template <int n = chunk> VKT_HD void values(Float3 o, Float3 d, float const* t, float* out) const;
     VKT_HD void gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const;
 };
 
@@ -195,35 +185,56 @@ struct LaneCells {
     Lanes::F fx, fy, fz;
 };
 
+/// Of two voxels of 16 bits in one word.
+template <class T> VKT_HD Lanes::F lane_low(Lanes::I w) {
+    if constexpr (std::is_signed_v<T>)
+        return Lanes::real(Lanes::right_signed<16>(Lanes::left<16>(w)));
+    else
+        return Lanes::real(Lanes::mask(w, 65535));
+}
+template <class T> VKT_HD Lanes::F lane_high(Lanes::I w) {
+    if constexpr (std::is_signed_v<T>)
+        return Lanes::real(Lanes::right_signed<16>(w));
+    else
+        return Lanes::real(Lanes::right<16>(w));
+}
+VKT_HD Lanes::F lane_mix(Lanes::F a, Lanes::F b, Lanes::F f) { return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), f)); }
+
 /// Two neighbours along x, interpolated; they come with one gather where both fit into 32 bits.
 template <class T> VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, Lanes::F f) {
-    Lanes::F a, b;
+    if constexpr (std::is_same_v<T, float>)
+        return lane_mix(Lanes::floats(Lanes::gather(base, offset)), Lanes::floats(Lanes::gather(base + 4, offset)), f);
+    Lanes::I const w = Lanes::gather(base, offset);
+    if constexpr (sizeof(T) == 1)
+        return lane_mix(Lanes::real(Lanes::mask(w, 255)), Lanes::real(Lanes::mask(Lanes::right<8>(w), 255)), f);
+    else
+        return lane_mix(lane_low<T>(w), lane_high<T>(w), f);
+}
+/// The same of the pair before, the pair and the pair behind it.
+struct LaneRow {
+    Lanes::F back, here, ahead;
+};
+template <class T> VKT_HD LaneRow lane_row(char const* base, Lanes::I offset, Lanes::F f) {
+    Lanes::F a, b, c, d;
     if constexpr (std::is_same_v<T, float>) {
-        a = Lanes::floats(Lanes::gather(base, offset));
-        b = Lanes::floats(Lanes::gather(base + 4, offset));
+        a = Lanes::floats(Lanes::gather(base - 4, offset)), b = Lanes::floats(Lanes::gather(base, offset));
+        c = Lanes::floats(Lanes::gather(base + 4, offset)), d = Lanes::floats(Lanes::gather(base + 8, offset));
+    } else if constexpr (sizeof(T) == 1) {
+        Lanes::I const w = Lanes::gather(base - 1, offset);
+        a = Lanes::real(Lanes::mask(w, 255)), b = Lanes::real(Lanes::mask(Lanes::right<8>(w), 255));
+        c = Lanes::real(Lanes::mask(Lanes::right<16>(w), 255)), d = Lanes::real(Lanes::right<24>(w));
     } else {
-        Lanes::I const w = Lanes::gather(base, offset);
-        if constexpr (sizeof(T) == 1) {
-            a = Lanes::real(Lanes::mask(w, 255));
-            b = Lanes::real(Lanes::mask(Lanes::right<8>(w), 255));
-        } else if constexpr (std::is_signed_v<T>) {
-            a = Lanes::real(Lanes::right_signed<16>(Lanes::left<16>(w)));
-            b = Lanes::real(Lanes::right_signed<16>(w));
-        } else {
-            a = Lanes::real(Lanes::mask(w, 65535));
-            b = Lanes::real(Lanes::right<16>(w));
-        }
+        Lanes::I const v = Lanes::gather(base - 2, offset), w = Lanes::gather(base + 2, offset);
+        a = lane_low<T>(v), b = lane_high<T>(v), c = lane_low<T>(w), d = lane_high<T>(w);
     }
-    return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), f));
+    return {lane_mix(a, b, f), lane_mix(b, c, f), lane_mix(c, d, f)};
 }
 template <class T>
 VKT_HD Lanes::F lane_cell(char const* base, LaneCells const& c, std::int64_t row, std::int64_t slice) {
     Lanes::F const p = lane_pair<T>(base, c.offset, c.fx), q = lane_pair<T>(base + row, c.offset, c.fx);
     Lanes::F const r = lane_pair<T>(base + slice, c.offset, c.fx);
     Lanes::F const s = lane_pair<T>(base + row + slice, c.offset, c.fx);
-    Lanes::F const a = Lanes::add(p, Lanes::mul(Lanes::sub(q, p), c.fy));
-    Lanes::F const b = Lanes::add(r, Lanes::mul(Lanes::sub(s, r), c.fy));
-    return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), c.fz));
+    return lane_mix(lane_mix(p, q, c.fy), lane_mix(r, s, c.fy), c.fz);
 }
 VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int width, int row, int slice) {
     Lanes::F const time = Lanes::load(t);
@@ -240,7 +251,9 @@ VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int
 }
 #endif
 
-template <class T> VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
+template <class T>
+template <int n>
+VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
 #ifdef VKT_LANES
     if (compact) {
         Float3 const first = o + d * t[0];
@@ -248,7 +261,7 @@ template <class T> VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, flo
         auto const base = reinterpret_cast<char const*>(data + (x + y * row + z * slice));
         auto const row_bytes = row * static_cast<std::int64_t>(sizeof(T));
         auto const slice_bytes = slice * static_cast<std::int64_t>(sizeof(T));
-        for (int k = 0; k < chunk; k += VKT_LANES) {
+        for (int k = 0; k < n; k += VKT_LANES) {
             LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(sizeof(T)), static_cast<int>(row_bytes),
                                            static_cast<int>(slice_bytes));
             Lanes::store(out + k, lane_cell<T>(base, c, row_bytes, slice_bytes));
@@ -256,7 +269,7 @@ template <class T> VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, flo
         return;
     }
 #endif
-    for (int k = 0; k < chunk; ++k) out[k] = value(o + d * t[k]);
+    for (int k = 0; k < n; ++k) out[k] = value(o + d * t[k]);
 }
 
 template <class T>
@@ -272,13 +285,23 @@ VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, flo
         for (int k = 0; k < chunk; k += VKT_LANES) {
             LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(width), static_cast<int>(row_bytes),
                                            static_cast<int>(slice_bytes));
-            auto const difference = [&](std::int64_t by) __attribute__((always_inline)) {
-                return Lanes::mul(half, Lanes::sub(lane_cell<T>(base + by, c, row_bytes, slice_bytes),
-                                                   lane_cell<T>(base - by, c, row_bytes, slice_bytes)));
+            // Twelve rows along x meet the six cells whose values are taken, four of them with all three pairs.
+            auto const row_of = [&](int dy, int dz) __attribute__((always_inline)) {
+                return lane_row<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
             };
-            Lanes::store(gx + k, difference(width));
-            Lanes::store(gy + k, difference(row_bytes));
-            Lanes::store(gz + k, difference(slice_bytes));
+            auto const pair = [&](int dy, int dz) __attribute__((always_inline)) {
+                return lane_pair<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
+            };
+            auto const cell = [&](Lanes::F p, Lanes::F q, Lanes::F r, Lanes::F s) __attribute__((always_inline)) {
+                return lane_mix(lane_mix(p, q, c.fy), lane_mix(r, s, c.fy), c.fz);
+            };
+            LaneRow const p = row_of(0, 0), q = row_of(1, 0), r = row_of(0, 1), s = row_of(1, 1);
+            Lanes::store(gx + k, Lanes::mul(half, Lanes::sub(cell(p.ahead, q.ahead, r.ahead, s.ahead),
+                                                             cell(p.back, q.back, r.back, s.back))));
+            Lanes::store(gy + k, Lanes::mul(half, Lanes::sub(cell(q.here, pair(2, 0), s.here, pair(2, 1)),
+                                                             cell(pair(-1, 0), p.here, pair(-1, 1), r.here))));
+            Lanes::store(gz + k, Lanes::mul(half, Lanes::sub(cell(r.here, s.here, pair(0, 2), pair(1, 2)),
+                                                             cell(pair(0, -1), pair(1, -1), p.here, q.here))));
         }
         return;
     }

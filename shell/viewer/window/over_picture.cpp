@@ -101,12 +101,12 @@ Wish Panels::draw_over_picture(View& view, Shown const& shown) {
                 name);
         }
     }
-    if (slices) slice_views(view, shown);
+    if (slices) slice_views(shown);
     if (help) help_window(shown);
     return Wish::none;
 }
 
-void Panels::slice_views(View& view, Shown const& shown) {
+void Panels::slice_views(Shown const& shown) {
     if (!shown.volume || shown.frame->report.transfer.points.empty()) return;
     render::Renderer const& volume = *shown.volume;
     Index3 const dims = volume.header().dims;
@@ -117,10 +117,32 @@ void Panels::slice_views(View& view, Shown const& shown) {
     ImGui::SetNextWindowSize({width, height}, ImGuiCond_Appearing);
     ImGui::SetNextWindowBgAlpha(0.92F);
     if (ImGui::Begin("Slices", &slices, ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoScrollbar)) {
-        TransferEdit const edit = editable_transfer(shown.asked, view.look, shown.frame->report);
         double const grey_lower = volume.histogram().percentile(0.005),
                      grey_upper = volume.histogram().percentile(0.999);
         ValueAxis const grey{grey_lower, grey_upper > grey_lower ? grey_upper : grey_lower + 1, false};
+        // Labels have the colours of the picture.
+        std::vector<render::ShownLabel> const* const labels = shown.frame->report.labels.get();
+        auto const label_of = [&](double v) -> render::ShownLabel const* {
+            if (labels == nullptr || std::isnan(v)) return nullptr;
+            auto const at = std::lower_bound(labels->begin(), labels->end(), v, [](auto const& one, double number) {
+                return static_cast<double>(one.label) < number;
+            });
+            return at != labels->end() && static_cast<double>(at->label) == v ? &*at : nullptr;
+        };
+        auto const paint_of = [&](float v) {
+            if (std::isnan(v)) return IM_COL32(40, 20, 30, 255);
+            if (labels == nullptr) {
+                auto const shade = static_cast<int>(255 * std::clamp(grey.place(static_cast<double>(v)), 0.0, 1.0));
+                return IM_COL32(shade, shade, shade, 255);
+            }
+            render::ShownLabel const* const one = label_of(static_cast<double>(v));
+            return one == nullptr ? IM_COL32(0, 0, 0, 255) : color_of(one->color);
+        };
+        auto const words_of_value = [&](double v) {
+            if (std::isnan(v)) return std::string("no data");
+            render::ShownLabel const* const one = label_of(v);
+            return short_number(v) + (one != nullptr && !one->name.empty() ? " " + one->name : "");
+        };
         bool const tree = volume.header().kind == Kind::hierarchical;
         ImVec2 const room = ImGui::GetContentRegionAvail();
         float const each = (room.x - 2 * 6) / 3, tall = std::max(24.0F, room.y - ImGui::GetTextLineHeight() - 6);
@@ -158,17 +180,13 @@ void Panels::slice_views(View& view, Shown const& shown) {
             }
             for (int j = 0; j < ny; ++j)
                 for (int i = 0; i < nx;) {
-                    auto const shade_at = [&](int k) {
-                        float const v = slice.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) +
-                                                     static_cast<std::size_t>(k)];
-                        return std::isnan(v)
-                                   ? -1
-                                   : static_cast<int>(255 * std::clamp(grey.place(static_cast<double>(v)), 0.0, 1.0));
+                    auto const color_at = [&](int k) {
+                        return paint_of(slice.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) +
+                                                     static_cast<std::size_t>(k)]);
                     };
-                    int const shade = shade_at(i);
+                    ImU32 const c = color_at(i);
                     int end = i + 1;
-                    while (end < nx && shade_at(end) == shade) ++end;
-                    ImU32 const c = shade < 0 ? IM_COL32(40, 20, 30, 255) : IM_COL32(shade, shade, shade, 255);
+                    while (end < nx && color_at(end) == c) ++end;
                     list.AddRectFilled({at.x + size.x * static_cast<float>(i) / static_cast<float>(nx),
                                         at.y + size.y * static_cast<float>(j) / static_cast<float>(ny)},
                                        {at.x + size.x * static_cast<float>(end) / static_cast<float>(nx),
@@ -201,7 +219,7 @@ void Panels::slice_views(View& view, Shown const& shown) {
                 index[static_cast<int>(axis)] = place;
                 index[a] = u * static_cast<double>(dims[a]) - 0.5, index[b] = v * static_cast<double>(dims[b]) - 0.5;
                 value = volume.value_at(index);
-                ImGui::SetTooltip("%s", std::isnan(value) ? "no data" : short_number(value).c_str());
+                ImGui::SetTooltip("%s", words_of_value(value).c_str());
             }
         }
         Vec3 here;
@@ -209,11 +227,10 @@ void Panels::slice_views(View& view, Shown const& shown) {
             here[axis] = crosshair[static_cast<std::size_t>(axis)] * static_cast<double>(dims[axis]) - 0.5;
         double const at_cross = volume.value_at(here);
         ImGui::SetCursorScreenPos({start.x, start.y + tall + 4});
-        ImGui::TextDisabled("%s",
-                            text("voxel ", std::lround(here.x), ", ", std::lround(here.y), ", ", std::lround(here.z),
-                                 ": ", std::isnan(at_cross) ? "no data" : short_number(at_cross),
-                                 volume.header().units.empty() ? "" : " ", volume.header().units)
-                                .c_str());
+        ImGui::TextDisabled("%s", text("voxel ", std::lround(here.x), ", ", std::lround(here.y), ", ",
+                                       std::lround(here.z), ": ", words_of_value(at_cross),
+                                       volume.header().units.empty() ? "" : " ", volume.header().units)
+                                      .c_str());
     }
     ImVec2 const at = ImGui::GetWindowPos(), size = ImGui::GetWindowSize();
     floating_.push_back({at.x, at.y, size.x, size.y});

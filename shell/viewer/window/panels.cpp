@@ -80,25 +80,26 @@ Wish Panels::draw(View& view, Shown const& shown, Area const& area) {
 
 void Panels::algorithm_panel(View& view, Shown const& shown) {
     Look& look = view.look;
-    bool const tree = shown.volume && shown.volume->header().kind == Kind::hierarchical;
     int which = static_cast<int>(look.algorithm);
-    if (tree) {
-        ImGui::TextDisabled("ray marching (of a hierarchical volume)");
-    } else {
-        ImGui::RadioButton("march", &which, 0);
-        ImGui::SameLine();
-        ImGui::RadioButton("surfaces", &which, 1);
-        ImGui::SameLine();
-        ImGui::RadioButton("scatter", &which, 2);
-        look.algorithm = static_cast<Algorithm>(which);
-    }
+    ImGui::RadioButton("march", &which, 0);
+    ImGui::SameLine();
+    ImGui::RadioButton("surfaces", &which, 1);
+    ImGui::SameLine();
+    ImGui::RadioButton("scatter", &which, 2);
+    look.algorithm = static_cast<Algorithm>(which);
     if (look.algorithm == Algorithm::ray_marching) {
-        if (!tree) ImGui::Checkbox("exact", &look.exact);
+        ImGui::Checkbox("exact", &look.exact);
         if (!look.exact) slider("step", look.step, 1.0 / 16, 4, true, "%.3g voxels");
     }
     if (look.algorithm != Algorithm::multi_scattering && !(look.exact && look.algorithm == Algorithm::ray_marching)) {
         double shade = shown.frame->report.shade;
         if (slider("shading", shade, 0, 1, false, "%.2f")) look.shade = shade;
+    }
+    if (may_draw_labels(shown.asked, look)) {
+        auto when = static_cast<int>(look.labels);
+        if (ImGui::Combo("labels", &when, "where said\0always\0never\0"))
+            draw_labels(look, static_cast<render::LabelMode>(when));
+        tip("every value opaque and in a colour of its own: where the header says labels, always, or never");
     }
     if (look.algorithm == Algorithm::multi_scattering) {
         auto samples = static_cast<double>(look.samples);

@@ -59,7 +59,7 @@ private:
     void planes_panel(View& view, Shown const& shown);
     void light_panel(View& view, Shown const& shown);
     Wish picture_panel(View& view, Shown const& shown);
-    void slice_views(View& view, Shown const& shown);
+    void slice_views(Shown const& shown);
     void help_window(Shown const& shown);
 
     bool log_values_ = false, log_opacity_ = false;

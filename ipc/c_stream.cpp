@@ -1,7 +1,8 @@
 // Streams of the C API: volumes one after another over descriptors of the program.
 // SPDX-License-Identifier: MIT
-#include "ipc/stream.h"
+#include "ipc/c_call.h"
 #include "ipc/descriptor.h"
+#include "ipc/stream.h"
 #include "libvkt/c/call.h"
 #include "libvkt/c/volume.h"
 
@@ -144,7 +145,7 @@ void tell_reader(vkt_stream_writer& writer, std::string const& message) {
 } // namespace
 
 vkt_status vkt_stream_open(int descriptor, vkt_stream_reader** reader) {
-    return guarded([&](Call&) {
+    return ipc::guarded([&](Call&) {
         need(reader, "reader");
         need_mode(descriptor, O_WRONLY, "reading");
         auto result = std::make_unique<vkt_stream_reader>();
@@ -160,7 +161,7 @@ vkt_status vkt_stream_open(int descriptor, vkt_stream_reader** reader) {
 }
 
 vkt_status vkt_stream_next(vkt_stream_reader* reader, vkt_volume** volume) {
-    return guarded([&](Call& call) {
+    return ipc::guarded([&](Call& call) {
         need(reader, "reader");
         need(volume, "volume");
         Calling const calling(*reader, call.monitor());
@@ -175,7 +176,7 @@ vkt_status vkt_stream_next(vkt_stream_reader* reader, vkt_volume** volume) {
 void vkt_stream_free_reader(vkt_stream_reader* reader) { delete reader; }
 
 vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t count, vkt_stream_writer** writer) {
-    return guarded([&](Call&) {
+    return ipc::guarded([&](Call&) {
         need(writer, "writer");
         Parameters parameters;
         std::string transport;
@@ -204,7 +205,7 @@ vkt_status vkt_stream_create(int descriptor, char const* const* words, size_t co
 }
 
 vkt_status vkt_stream_put(vkt_stream_writer* writer, vkt_volume const* volume) {
-    return guarded([&](Call& call) {
+    return ipc::guarded([&](Call& call) {
         need(writer, "writer");
         need(volume, "volume");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
@@ -223,7 +224,7 @@ vkt_status vkt_stream_put(vkt_stream_writer* writer, vkt_volume const* volume) {
 }
 
 vkt_status vkt_stream_fail(vkt_stream_writer* writer, char const* message) {
-    return guarded([&](Call&) {
+    return ipc::guarded([&](Call&) {
         need(writer, "writer");
         need(message, "message");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
@@ -236,7 +237,7 @@ vkt_status vkt_stream_fail(vkt_stream_writer* writer, char const* message) {
 }
 
 vkt_status vkt_stream_close(vkt_stream_writer* writer) {
-    return guarded([&](Call&) {
+    return ipc::guarded([&](Call&) {
         need(writer, "writer");
         if (writer->closed) throw Error(ErrorKind::usage, "the stream is closed");
         writer->failure.guard([&] {
@@ -255,6 +256,6 @@ void vkt_stream_free_writer(vkt_stream_writer* writer) {
     if (writer == nullptr) return;
     WithoutBrokenPipeSignal const quiet;
     if (!writer->closed && !writer->failure)
-        (void)guarded([&](Call&) { tell_reader(*writer, "the stream was not closed"); });
+        (void)ipc::guarded([&](Call&) { tell_reader(*writer, "the stream was not closed"); });
     delete writer;
 }
