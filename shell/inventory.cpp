@@ -105,7 +105,7 @@ std::vector<InventoryLine> machine_inventory() {
     }
     lines.push_back({"reads", reads});
     lines.push_back({"writes", writes});
-    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm", "blosc", "openexr", "freetype"})
+    for (char const* const name : {"hdf5", "openvdb", "tiff", "gdcm", "blosc", "kissfft", "openexr", "freetype"})
         lines.push_back({name, module_state(name)});
     lines.push_back({"gnuplot", can_plot() ? "there" : "missing: vkt chart writes tables only"});
     return lines;

@@ -16,6 +16,11 @@ text('dense.txt', r.normal(size=(5, 3, 7)))
 text('long.txt', r.normal(size=(1, 1, 9)))
 text('product.txt', np.einsum('i,j,k->ijk', r.normal(size=3), r.normal(size=7), r.normal(size=5)))
 text('large.txt', r.normal(size=(3, 13, 15)))
+g = lambda s: np.exp(-np.arange(-5, 6.0)**2 / 2 / s**2)
+cube = lambda s: np.einsum('i,j,k->ijk', *[g(s) / g(s).sum()] * 3)
+text('dog.txt', cube(1) - cube(2.5))
+text('two.txt', sum(np.einsum('i,j,k->ijk', r.normal(size=9), r.normal(size=11), r.normal(size=7)) for _ in range(2)))
+text('signs.txt', sum(np.einsum('i,j,k->ijk', *r.integers(-2, 3, size=(3, 9))) for _ in range(2)))
 text('cube3.txt', r.normal(size=(3, 3, 3)))
 text('cube5.txt', r.normal(size=(5, 5, 5)))
 gaps = r.normal(size=(3, 5, 5))
@@ -53,14 +58,14 @@ PY
 
 @test "every type is what SciPy's correlate gives, to the stated bound" {
     for type in $all_types; do
-        for kernel in dense long product large cube3 cube5 gaps; do kernel $kernel.txt $type reflect; done
+        for kernel in dense long product large cube3 cube5 gaps dog two; do kernel $kernel.txt $type reflect; done
     done
     are_correlations
 }
 
 @test "boundaries are SciPy's" {
     for pair in mirror=reflect clamp=nearest wrap=wrap border=constant:0 border:-2=constant:-2; do
-        for kernel in dense product large cube3 cube5 gaps; do kernel $kernel.txt float32 "${pair#*=}" --boundary "${pair%=*}"; done
+        for kernel in dense product large cube3 cube5 gaps dog; do kernel $kernel.txt float32 "${pair#*=}" --boundary "${pair%=*}"; done
     done
     are_correlations
 }
@@ -83,6 +88,76 @@ PY
     printf '3 3 3  1 2 1 2 4 2 1 2 1  2 4 2 4 8 4 2 4 2  1 2 1 2 4 2 1 2 1.001' >nearly.txt
     vkt filter kernel nearly.txt v_13x11x7_uint8.raw -n -o x.vkt 2>plan
     grep -q 'direct' plan
+}
+
+@test "sums of few products are found, forced and refused; integer sums stay exact" {
+    plan_of() { vkt filter kernel "$@" -n -o x.vkt 2>&1; }
+    plan_of dog.txt v_13x11x7_float64.raw | grep -q 'sum of [2-4] separable kernels, 11x11x11'
+    plan_of two.txt v_13x11x7_uint8.raw | grep -q 'sum of [2-4] separable kernels, 7x11x9'
+    plan_of two.txt v_13x11x7_uint8.raw --method direct | grep -q 'direct, kernel 7x11x9, 693 weights'
+    plan_of large.txt v_13x11x7_uint8.raw | grep -q 'direct'
+    fails_with 2 'no sum of few products' vkt filter kernel <(/usr/bin/python3 -c "
+import numpy as np
+print(31, 31, 31, *np.random.default_rng(1).normal(size=31**3))") v_13x11x7_uint8.raw --method separable -o o.vkt
+    for method in direct separable; do kernel two.txt uint16 reflect --method $method; done
+    kernel dense.txt float64 reflect --method separable
+    are_correlations
+    # Integers: the same as exact sums, bit for bit; floats with these weights may take the products.
+    plan_of signs.txt v_13x11x7_uint8.raw | grep -q direct
+    plan_of signs.txt v_13x11x7_float32.raw | grep -q 'sum of'
+    vkt filter kernel signs.txt v_13x11x7_uint8.raw --format raw -o exact.raw
+    /usr/bin/python3 -c "
+import numpy as np
+from scipy.ndimage import correlate
+k = np.array([w for l in open('signs.txt') for w in l.split('#')[0].split()][3:], float).reshape(9, 9, 9)
+v = np.fromfile('v_13x11x7_uint8.raw', 'u1').reshape(7, 11, 13).astype('f8')
+assert (correlate(v, k, mode='reflect') == np.fromfile('exact.raw', 'f4').reshape(v.shape)).all()"
+    echo '3 3 3' $(yes 0 | head -27) >zero.txt
+    vkt filter kernel zero.txt v_13x11x7_float32.raw --method separable | vkt stats - | grep -q .
+}
+
+@test "Fourier transforms: SciPy's results to the bound, however run, and NaN and infinities no further than directly" {
+    vkt --version | grep -q 'KISS FFT' && ! vkt --version | grep -q 'KISS FFT.*off' || skip 'built without KISS FFT'
+    for type in uint8 int16 float32 float64 int64; do kernel large.txt $type reflect --method fft; done
+    kernel dense.txt int16 reflect --method fft --convolve
+    kernel dense.txt float32 constant:-2 --boundary border:-2 --method fft
+    kernel two.txt float32 wrap --boundary wrap --method fft
+    are_correlations
+    # 96 voxels are several squares; the kernel is large enough to be chosen.
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(3)
+print(17, 15, 13, *r.normal(size=17 * 15 * 13), file=open('huge.txt', 'w'))
+v = r.normal(size=(21, 70, 131)).astype('f4')
+v.tofile('w_131x70x21_float32.raw')
+v[3, 8, 100], v[18, 60, 20] = np.nan, np.inf
+v.tofile('s_131x70x21_float32.raw')"
+    vkt filter kernel huge.txt w_131x70x21_float32.raw -n --explain -o x.vkt 2>&1 | grep -q 'Fourier transforms, kernel 17x15x13, squares of 64'
+    for name in w s; do
+        for method in auto direct; do
+            vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --method $method --format raw -o $name$method.raw
+        done
+        for options in '--slab 1 --threads 2' '--slab 5 --threads 3'; do
+            vkt filter kernel huge.txt ${name}_131x70x21_float32.raw $options --format raw -o b.raw --force
+            cmp ${name}auto.raw b.raw
+        done
+        vkt filter kernel huge.txt ${name}_131x70x21_float32.raw --roi 40:99,13:60,2:9 | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw >b.raw
+        vkt filter kernel huge.txt ${name}_131x70x21_float32.raw | vkt crop --roi 40:99,13:60,2:9 | vkt write - --format raw | cmp - b.raw
+    done
+    /usr/bin/python3 -c "
+import numpy as np
+for name in 'ws':
+    a, b = (np.fromfile(f'{name}{m}.raw', 'f4') for m in ('auto', 'direct'))
+    assert (np.isnan(a) == np.isnan(b)).all() and (np.isinf(a) == np.isinf(b)).all()
+    ok = np.isfinite(b)
+    assert ok.any() and (name == 'w') == ok.all() and abs(a - b)[ok].max() < 2e-3  # direct sums are in float32
+from scipy.signal import fftconvolve
+k = np.array(open('huge.txt').read().split()[3:], float).reshape(13, 15, 17)
+v = np.fromfile('w_131x70x21_float32.raw', 'f4').reshape(21, 70, 131).astype('f8')
+want = fftconvolve(np.pad(v, [(6, 6), (7, 7), (8, 8)], mode='symmetric'), k[::-1, ::-1, ::-1], 'valid')
+got = np.fromfile('wauto.raw', 'f4').reshape(want.shape)
+assert (abs(got - want) <= 2**-24 * abs(want) + 1e-9).all()"
+    same_however_run dtype=float32 vkt filter kernel two.txt --method fft
 }
 
 @test "a kernel may be a volume, of any type and with a value map" {
@@ -150,7 +225,7 @@ for name in 'gaps', 'cube3', 'cube5':
 }
 
 @test "slabs, threads, memory, pipes and regions make no difference" {
-    for kernel in dense product large cube3 cube5; do same_however_run dtype=float32 vkt filter kernel $kernel.txt; done
+    for kernel in dense product large cube3 cube5 two; do same_however_run dtype=float32 vkt filter kernel $kernel.txt; done
     same_however_run dtype=uint8 vkt filter kernel dense.txt
     same_however_run dtype=uint32 vkt filter kernel product.txt
 }

@@ -10,7 +10,7 @@ set -eu
 
 build='g++ cmake ninja-build ccache pkg-config zlib1g-dev libbz2-dev libpng-dev libboost-dev libcli11-dev libspdlog-dev
     nlohmann-json3-dev libxxhash-dev'
-optional='libopenvdb-dev libtbb-dev libhdf5-dev libtiff-dev libgdcm-dev libopenexr-dev libfreetype-dev fonts-dejavu-core libexpat1-dev liblz4-dev liblzma-dev libzstd-dev libblosc-dev
+optional='libopenvdb-dev libtbb-dev libhdf5-dev libtiff-dev libgdcm-dev libopenexr-dev libfreetype-dev fonts-dejavu-core libexpat1-dev liblz4-dev liblzma-dev libzstd-dev libblosc-dev libkissfft-dev
     libglfw3-dev libgl-dev libimgui-dev python3-numpy gnuplot-nox'
 package='dpkg-dev lintian'
 test='abigail-tools doxygen bats make libgtest-dev libbenchmark-dev clang clang-tidy clang-format libclang-rt-14-dev libomp-dev mandoc fish zsh

@@ -4,8 +4,11 @@
 
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/io/module.h"
+#include "libvkt/operations/kernels/convert.h"
 #include "libvkt/operations/row_values.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -105,35 +108,71 @@ Kernel read_kernel(std::string const& path) {
     return kernel;
 }
 
-std::optional<std::array<std::vector<double>, 3>> factors_of(Kernel const& kernel, double tolerance) {
-    Index3 const n = kernel.dims;
-    auto const& k = kernel.weights;
-    std::size_t peak = 0;
+namespace {
+
+/// Multiply-adds of sums of several products that take as long as one of a dense kernel, which shares its loads.
+constexpr double passes_per_tap = 4;
+
+double sum_of_magnitudes(std::vector<double> const& values) {
     double sum = 0;
-    for (std::size_t i = 0; i < k.size(); ++i) {
-        if (std::abs(k[i]) > std::abs(k[peak])) peak = i;
-        sum += std::abs(k[i]);
-    }
+    for (double const v : values) sum += std::abs(v);
+    return sum;
+}
+
+/// The cross through the largest element of a matrix, whose rows follow one another: the row, and the column divided by
+/// that element. Takes their product from the matrix.
+struct Cross {
+    std::vector<double> row, column;
+};
+Cross take_cross(std::vector<double>& matrix, std::size_t width) {
+    std::size_t peak = 0;
+    for (std::size_t i = 0; i < matrix.size(); ++i)
+        if (std::abs(matrix[i]) > std::abs(matrix[peak])) peak = i;
+    std::size_t const height = matrix.size() / width, x = peak % width, y = peak / width;
+    double const largest = matrix[peak];
+    Cross cross;
+    for (std::size_t i = 0; i < width; ++i) cross.row.push_back(matrix[y * width + i]);
+    for (std::size_t i = 0; i < height; ++i) cross.column.push_back(matrix[i * width + x] / largest);
+    for (std::size_t j = 0; j < height; ++j)
+        for (std::size_t i = 0; i < width; ++i) matrix[j * width + i] -= cross.column[j] * cross.row[i];
+    return cross;
+}
+
+bool all_integers(std::vector<double> const& values) {
+    return std::all_of(values.begin(), values.end(), [](double v) { return v == std::nearbyint(v); });
+}
+
+} // namespace
+
+std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, double most) {
+    auto const plain = [](std::vector<double> taps) { return AxisTaps{AxisTaps::Kind::plain, std::move(taps)}; };
+    auto const width = static_cast<std::size_t>(kernel.dims.x), height = static_cast<std::size_t>(kernel.dims.y);
+    double const sum = sum_of_magnitudes(kernel.weights);
     if (sum == 0) return std::nullopt;
-    // The tensor has rank one if it is the product of the rows through its largest element.
-    auto const at = static_cast<std::int64_t>(peak);
-    std::int64_t const px = at % n.x, py = at / n.x % n.y, pz = at / n.x / n.y;
-    auto const value = [&](std::int64_t x, std::int64_t y, std::int64_t z) {
-        return k[static_cast<std::size_t>((z * n.y + y) * n.x + x)];
-    };
-    std::array<std::vector<double>, 3> factors;
-    for (std::int64_t i = 0; i < n.x; ++i) factors[0].push_back(value(i, py, pz));
-    for (std::int64_t i = 0; i < n.y; ++i) factors[1].push_back(value(px, i, pz) / k[peak]);
-    for (std::int64_t i = 0; i < n.z; ++i) factors[2].push_back(value(px, py, i) / k[peak]);
-    double off = 0;
-    for (std::int64_t z = 0; z < n.z; ++z)
-        for (std::int64_t y = 0; y < n.y; ++y)
-            for (std::int64_t x = 0; x < n.x; ++x)
-                off += std::abs(value(x, y, z) - factors[0][static_cast<std::size_t>(x)] *
-                                                     factors[1][static_cast<std::size_t>(y)] *
-                                                     factors[2][static_cast<std::size_t>(z)]);
-    if (off <= tolerance * sum) return factors;
-    return std::nullopt;
+    SeparableSum products;
+    std::vector<double> left = kernel.weights;
+    double magnitude = 0, off = 0;
+    // Half of what may remain is for the crosses of x, the other half for those of y and z.
+    while (sum_of_magnitudes(left) > 0.5 * tolerance * sum) {
+        Cross const outer = take_cross(left, width);
+        double const along_x = sum_of_magnitudes(outer.row);
+        products.x.push_back(plain(outer.row));
+        std::vector<double> rest = outer.column;
+        double const share = sum_of_magnitudes(rest);
+        while (sum_of_magnitudes(rest) > 0.25 * tolerance * share) {
+            Cross const inner = take_cross(rest, height);
+            products.y.push_back(plain(inner.row));
+            products.z.push_back(plain(inner.column));
+            auto const plane = static_cast<int>(products.planes.size());
+            products.planes.push_back({static_cast<int>(products.x.size()) - 1, plane});
+            products.terms.push_back({plane, plane});
+            magnitude += along_x * sum_of_magnitudes(inner.row) * sum_of_magnitudes(inner.column);
+            if (products.cost() > most || magnitude > 4 * sum) return std::nullopt;
+        }
+        off += along_x * sum_of_magnitudes(rest);
+    }
+    if (off + sum_of_magnitudes(left) > tolerance * sum) return std::nullopt;
+    return products;
 }
 
 Texts KernelFilter::texts() const {
@@ -141,7 +180,8 @@ Texts KernelFilter::texts() const {
         "Weighted sums of neighbours, with the weights of a file.",
         "Correlation: the weight at (x, y, z) belongs to the neighbour on the same side of the middle; --convolve "
         "mirrors the kernel. The file is text, NX NY NZ and as many weights, x fastest, or a volume; its extents are "
-        "odd. Kernels that are products of three factors run along one axis after the other."
+        "odd. Kernels that are products of three factors, or sums of a few of them, run along one axis after the other "
+        "where that is less work."
         "\n\n"
         "Accuracy: Bound, known before it runs (--explain prints it): a share of the largest magnitude for the "
         "rounding of sums; integers are rounded once more, to the nearest, ties to even.",
@@ -153,6 +193,10 @@ Texts KernelFilter::texts() const {
 void KernelFilter::parameters(Parameters& parameters) {
     parameters.positional("file", file_, "the kernel: text (NX NY NZ and the weights) or a volume");
     parameters.flag("convolve", convolve_, "convolve: mirror the kernel in its middle");
+    parameters.option(
+        "method", method_, "M",
+        "direct: weight by weight; separable: along one axis after the other; fft: by Fourier transforms; auto: the "
+        "cheapest one");
     LinearFilter::parameters(parameters);
 }
 
@@ -169,6 +213,9 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
     Kernel kernel = *kernel_;
     if (convolve_) std::reverse(kernel.weights.begin(), kernel.weights.end());
     Index3 const n = kernel.dims, r{n.x / 2, n.y / 2, n.z / 2};
+    by_fft_ = false;
+    fft_.reset();
+    dims_ = in.dims;
     auto const size = text(n.x, "x", n.y, "x", n.z);
     for (std::int64_t z = 0; z < n.z; ++z)
         for (std::int64_t y = 0; y < n.y; ++y)
@@ -178,20 +225,65 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
             }
     dense_.radius = r;
     bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
-    auto const factors = factors_of(kernel, wide ? 0x1p-50 : 0x1p-24);
-    if (factors && static_cast<std::int64_t>(dense_.taps.size()) > n.x + n.y + n.z) {
-        auto const taps = [&](int axis) {
-            return AxisTaps{AxisTaps::Kind::plain, (*factors)[static_cast<std::size_t>(axis)]};
-        };
-        sum_.x = {taps(0)};
-        sum_.y = {taps(1)};
-        sum_.z = {taps(2)};
-        sum_.planes = {{}};
-        sum_.terms = {{}};
-        plan.method = text("separable kernel, ", size);
+    auto const weights = static_cast<double>(dense_.taps.size());
+    bool const exact = is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic;
+    std::optional<SeparableSum> products;
+    if (method_ == KernelMethod::automatic || method_ == KernelMethod::separable)
+        products = products_of(kernel, wide ? 0x1p-50 : 0x1p-24,
+                               method_ == KernelMethod::separable
+                                   ? 1e4
+                                   : std::max(weights / passes_per_tap, static_cast<double>(n.x + n.y + n.z)));
+    if (method_ == KernelMethod::separable && !products && weights > 0)
+        throw Error(ErrorKind::usage, text("--method separable: the kernel ", file_, " is no sum of few products"),
+                    "leave the choice to vkt: --method auto");
+    bool const one = products && products->terms.size() == 1;
+    bool const cheaper = products && (one ? weights > products->cost() : weights > passes_per_tap * products->cost());
+    if (products && (method_ == KernelMethod::separable || (cheaper && (one || !exact)))) {
+        sum_ = *products;
+        plan.method =
+            one ? text("separable kernel, ", size) : text("sum of ", sum_.terms.size(), " separable kernels, ", size);
+    } else if (weights > 0 &&
+               (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && !wide && !exact &&
+                                                 weights > FftCorrelation::cost(r) && module_installed("kissfft")))) {
+        if (!module_installed("kissfft")) module_functions("kissfft", "filter kernel --method fft");
+        by_fft_ = true;
+        more_error_ = FftCorrelation::error(r);
+        cost_ = FftCorrelation::cost(r);
+        plan.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
+                           "; directly on a GPU and around what is not finite");
     } else {
         plan.method = text("direct, kernel ", size, ", ", dense_.taps.size(), " weights");
     }
+}
+
+Box KernelFilter::footprint(Box const& output, int input) const {
+    Box box = LinearFilter::footprint(output, input);
+    if (!by_fft_) return box;
+    // Squares are whole wherever the output begins.
+    box.lower.x = -reach_.x;
+    box.lower.y = -reach_.y;
+    box.upper.x = dims_.x + reach_.x;
+    box.upper.y = dims_.y + reach_.y;
+    return box;
+}
+
+std::size_t KernelFilter::fit(Index3 largest, Execution const& execution) {
+    if (!by_fft_ || execution.device == Device::gpu) return LinearFilter::fit(largest, execution);
+    return FftCorrelation::bytes(reach_) * static_cast<std::size_t>(std::max(1, execution.threads) + 1) +
+           static_cast<std::size_t>(largest.x * largest.y * largest.z) * sizeof(double);
+}
+
+void KernelFilter::filter(ConstView in, AnyView out, Execution const& execution) {
+    if (!by_fft_ || execution.device == Device::gpu) {
+        LinearFilter::filter(in, out, execution);
+        return;
+    }
+    if (!fft_) fft_.emplace(dense_, dims_);
+    Index3 const n = out.box.dims();
+    std::vector<double> sums(static_cast<std::size_t>(n.x * n.y * n.z));
+    AnyView const wide = dense_view(reinterpret_cast<std::byte*>(sums.data()), DataType::float64, out.box);
+    fft_->run(in, wide, execution);
+    convert_values(wide, out, losses_, execution);
 }
 
 } // namespace vkt

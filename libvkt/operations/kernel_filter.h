@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/operations/fft_correlation.h"
 #include "libvkt/operations/linear_filter.h"
 
 namespace vkt {
@@ -16,26 +17,47 @@ struct Kernel {
 /// Error{data} if it is neither, an extent is even, above 129, or a weight is not finite.
 Kernel read_kernel(std::string const& path);
 
-/// The factors of a kernel along x, y and z, or nothing if it is no product of three up to this share of the sum of
-/// its magnitudes, summed over all weights.
-std::optional<std::array<std::vector<double>, 3>> factors_of(Kernel const& kernel, double tolerance);
+/// A kernel as a sum of products of three factors, from crosses through the largest elements of what is left: one
+/// product if it is one, and as few sets of x factors as its unfolding has rank. Nothing if what remains is more than
+/// this share of the sum of its magnitudes, summed over all weights, if the sum costs more multiply-adds than this, or
+/// if the products cancel, so that their rounding would be more than four times that of the weights.
+std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, double most);
+
+enum class KernelMethod : std::uint8_t { automatic, direct, separable, fft };
+
+template <> struct EnumNames<KernelMethod> {
+    static std::vector<std::pair<KernelMethod, char const*>> all() {
+        return {{KernelMethod::automatic, "auto"},
+                {KernelMethod::direct, "direct"},
+                {KernelMethod::separable, "separable"},
+                {KernelMethod::fft, "fft"}};
+    }
+};
 
 /// out(p) = sum over k of kernel(k) v(p + k), in physical values; with --convolve v(p - k). A kernel that is a product
-/// of three is applied along one axis after the other, where that is less work.
+/// of three, or a sum of a few such products, is applied along one axis after the other, where that is less work.
+/// Integer weights on integers take no sums of products, which round where the sums themselves may be exact.
 class KernelFilter : public LinearFilter {
 public:
     std::string_view name() const override { return "filter kernel"; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
     void check() const override;
+    Box footprint(Box const& output, int input) const override;
+    std::size_t fit(Index3 largest, Execution const& execution) override;
 
 protected:
     void describe(Header const& in, Plan& plan) override;
+    void filter(ConstView in, AnyView out, Execution const& execution) override;
 
 private:
     std::string file_;
     bool convolve_ = false;
-    std::optional<Kernel> kernel_; ///< read once: the file may be a pipe
+    KernelMethod method_ = KernelMethod::automatic;
+    bool by_fft_ = false;
+    Index3 dims_;
+    std::optional<FftCorrelation> fft_; ///< made when it is needed first
+    std::optional<Kernel> kernel_;      ///< read once: the file may be a pipe
 };
 
 } // namespace vkt

@@ -118,6 +118,7 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     require_border_voxel(in);
     sum_ = {};
     dense_ = {};
+    more_error_ = cost_ = 0;
     describe(in, plan);
     sum_.wide = dense_.wide = wide;
     same_ = {{AxisTaps{}}, {AxisTaps{}}, {AxisTaps{}}, {{}}, {{}}, 1, in.values.intercept, wide};
@@ -129,6 +130,7 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     Weight const weight = separable ? weight_of(sum_) : weight_of(dense_);
     reach_ = separable ? sum_.radius() : dense_.radius;
     plan.cost = separable ? sum_.cost() : static_cast<double>(dense_.taps.size());
+    if (cost_ > 0) plan.cost = cost_;
     plan.slab_hint = std::max<std::int64_t>(16, 4 * reach_.z);
     // Physical values: the slope goes into the weights, the intercept times their sum comes on top.
     if (!keeps_type_) {
@@ -140,7 +142,7 @@ void LinearFilter::prepare(Header const& in, Plan& plan) {
     double const unit = wide ? 0x1p-53 : 0x1p-24;
     double const stored = storing_error(plan.output.dtype), steps = static_cast<double>(weight.steps + 2);
     plan.error.kind = ErrorBound::Kind::bound;
-    plan.error.magnitude = weight.magnitude * (steps * unit + stored);
+    plan.error.magnitude = weight.magnitude * (steps * unit + stored + more_error_);
     plan.error.absolute =
         std::abs(in.values.intercept) * weight.magnitude * (4 * unit + stored) +
         steps * std::max(1.0, weight.magnitude * std::abs(in.values.slope)) *

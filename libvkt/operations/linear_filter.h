@@ -29,6 +29,8 @@ protected:
     void outside(ConstView in, AnyView out, Execution const& execution) override;
 
     SeparableSum sum_;
+    double more_error_ = 0; ///< share of the largest magnitude times the weights' that describe() adds to the bound
+    double cost_ = 0;       ///< multiply-adds a voxel of what is not direct, if describe() says so
     DenseKernel dense_;
 
 private:
