@@ -309,7 +309,7 @@ want = json.load(open("scan.json"))
 for name in ("out", "later", "pair"): assert json.load(open(name + ".json")) == want, name
 END
     # The image itself does not say it, or two files would.
-    ! zcat out.nii.gz | grep -qa RepetitionTime
+    run ! grep -qa RepetitionTime <(zcat out.nii.gz)
     vkt info out.nii.gz --json | grep -q 'RepetitionTime'
     fails_with 4 'exists' vkt convert scan.nii.gz -o out.nii.gz
     rm out.nii.gz

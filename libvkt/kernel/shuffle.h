@@ -5,6 +5,7 @@
 #include "libvkt/kernel/kernel.h"
 
 #include <cstring>
+#include <type_traits>
 
 namespace vkt::VKT_BACKEND {
 
@@ -26,6 +27,20 @@ inline std::uint64_t gathered_bits(std::uint8_t const (&flags)[64]) {
     }
 #endif
     return word;
+}
+
+/// Four numbers side by side, as they stand in memory.
+typedef double Doubles4 __attribute__((vector_size(32)));
+template <class T> void load_four(T const* from, Doubles4& to) {
+#if defined(__AVX2__)
+    if constexpr (std::is_same_v<T, float>) { // __builtin_convertvector() of GCC 12 goes through memory
+        to = _mm256_cvtps_pd(_mm_loadu_ps(from));
+        return;
+    }
+#endif
+    double values[4];
+    for (int i = 0; i < 4; ++i) values[i] = static_cast<double>(from[i]);
+    std::memcpy(&to, values, sizeof to);
 }
 
 /// Voxels of a register of 16 bytes; as many such registers are transposed at a time.

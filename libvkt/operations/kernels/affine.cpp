@@ -4,6 +4,7 @@
 
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/rows.h"
+#include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/kernels/interpolants.h"
 
 #include <cmath>
@@ -198,20 +199,6 @@ double sample_anywhere(ConstView const& in, PositionRow const& at, double x, Aff
                          fraction[1], fraction[2]);
 }
 
-/// Four neighbours along x, or what is summed up of them: what the sums of weighted() have in each of its columns.
-typedef double FourColumns __attribute__((vector_size(32)));
-template <class T> void load_columns(T const* from, FourColumns& to) {
-#if defined(__AVX2__)
-    if constexpr (std::is_same_v<T, float>) { // __builtin_convertvector() of GCC 12 goes through memory
-        to = _mm256_cvtps_pd(_mm_loadu_ps(from));
-        return;
-    }
-#endif
-    double values[4];
-    for (int i = 0; i < 4; ++i) values[i] = static_cast<double>(from[i]);
-    std::memcpy(&to, values, sizeof to);
-}
-
 /// Samples of a strip by kernels of N^3 voxels, in the order of weighted(): the columns are the lanes of vectors.
 template <class Kernel, int N> struct StripConvolution {
     static void sample(ConstView const& in, StripPlaces const& places, std::int32_t n, double* to) {
@@ -235,19 +222,19 @@ private:
     static double sum(T const* corner, std::int64_t row, std::int64_t slice, std::int32_t s,
                       double const (&wx)[N][strip], double const (&wy)[N][strip], double const (&wz)[N][strip]) {
         constexpr int last = N - 4; // the last four columns, of six, begin there
-        FourColumns total{}, last_total{};
+        Doubles4 total{}, last_total{};
         for (int k = 0; k < N; ++k) {
             if (Zeros && wz[k][s] == 0) continue;
-            FourColumns part{}, last_part{};
+            Doubles4 part{}, last_part{};
             for (int j = 0; j < N; ++j) {
                 double const w = wy[j][s];
                 if (Zeros && w == 0) continue;
                 T const* const from = corner + j * row + k * slice;
-                FourColumns v;
-                load_columns(from, v);
+                Doubles4 v;
+                load_four(from, v);
                 part += w * v;
                 if constexpr (last == 0) continue;
-                load_columns(from + last, v);
+                load_four(from + last, v);
                 last_part += w * v;
             }
             total += wz[k][s] * part;

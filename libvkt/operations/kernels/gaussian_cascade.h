@@ -57,8 +57,8 @@ Box inside_volume(Box seen, Index3 dims, Boundary boundary);
 Box cascade_input(CascadePasses const& passes, Box const& output);
 
 VKT_KERNEL(gaussian_cascade_run,
-               (CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyView out, Losses& losses,
-                Execution const& execution),
-               (passes, planes, in, out, losses, execution))
+           (CascadePasses const& passes, CascadePlanes& planes, ConstView in, AnyView out, Losses& losses,
+            Execution const& execution),
+           (passes, planes, in, out, losses, execution))
 
 } // namespace vkt
