@@ -297,9 +297,12 @@ Plan Gaussian::plan_for(Header const& in, Vec3 const& sigma) {
                            : text("direct FIR, radius ", radii, precision, why);
     // Slabs that are low beside the kernel load much for little, and threads meet after each; of higher ones the
     // cascade would only hold more.
-    std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype)),
-                       fitting = ((cascade_ ? 16LL : 32LL) << 20) / slice;
-    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::clamp<std::int64_t>(fitting, 4, cascade_ ? 16 : 64);
+    std::int64_t const slice = in.dims.x * in.dims.y * static_cast<std::int64_t>(size_of(in.dtype));
+    auto const within = [&](std::int64_t mebibytes) { return (mebibytes << 20) / slice; };
+    std::int64_t const high =
+        cascade_ ? std::min<std::int64_t>(within(16), 16)
+                 : std::max(std::min<std::int64_t>(within(32), 32), std::min<std::int64_t>(within(8), 64));
+    plan.slab_hint = passes_.taps[2].radius == 0 ? 0 : std::max<std::int64_t>(high, 4);
     together_ = passes_.run_height = std::max<std::int64_t>(4, plan.slab_hint);
     return plan;
 }
