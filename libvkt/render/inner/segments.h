@@ -82,7 +82,8 @@ VKT_HD bool look_up_segments(TableView const& table, float const* value, float c
         quarter(std::integral_constant<int, 2>{});
         quarter(std::integral_constant<int, 3>{});
         Floats const e = firsts(m[0], m[1], m[2], m[3]), l = floats_at(length + k);
-        Ints const shown = (e > zero) & (l > zero) & (v == v) & (v_from == v_from);
+        Ints const numbers = (v == v) & (v_from == v_from); // NOLINT(misc-redundant-expression): NaN
+        Ints const shown = (e > zero) & (l > zero) & numbers;
         Floats const d = shown ? e * l : zero;
         store(extinction + k, e);
         store(depth + k, d);
