@@ -308,6 +308,11 @@ import json
 want = json.load(open("scan.json"))
 for name in ("out", "later", "pair"): assert json.load(open(name + ".json")) == want, name
 END
+    # Nesting that no scanner writes is not followed, in the file or in an attribute.
+    vkt make noise --dims 4 4 4 --dtype int16 -o deep.nii
+    /usr/bin/python3 -c "print('{\"a\":' + '[' * 200000 + ']' * 200000 + '}')" >deep.json
+    run ! grep -q sidecar <(vkt info deep.nii --json)
+    vkt info deep.nii
     # The image itself does not say it, or two files would.
     run ! grep -qa RepetitionTime <(zcat out.nii.gz)
     vkt info out.nii.gz --json | grep -q 'RepetitionTime'

@@ -14,6 +14,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <string_view>
 #include <utility>
 
 namespace vkt {
@@ -43,15 +45,28 @@ std::string sidecar_of(std::string const& image) {
     return {};
 }
 
-/// What stands in it, on one line; empty if there is none, or it holds no JSON object.
+/// The object that a text holds; null if it holds none, or nests deeper than what such files say: the library writes by
+/// recursion.
+Json object_in(std::string_view text) {
+    constexpr int deepest = 64;
+    bool deep = false;
+    auto const watch = [&](int depth, Json::parse_event_t, Json const&) {
+        deep = deep || depth > deepest;
+        return !deep;
+    };
+    Json json = Json::parse(text, watch, false);
+    return !deep && json.is_object() ? json : Json();
+}
+
+/// What stands in it, on one line; empty if there is none, or it holds no such object.
 std::string sidecar_text(std::string const& path) {
     constexpr std::int64_t most = std::int64_t{1} << 20;
     std::error_code error;
     if (path.empty() || !std::filesystem::is_regular_file(path, error)) return {};
     if (std::filesystem::file_size(path, error) > most || error) return {};
     std::ifstream file(path);
-    Json const json = Json::parse(file, nullptr, false);
-    return json.is_object() ? json.dump() : std::string();
+    Json const json = object_in(std::string(std::istreambuf_iterator<char>(file), {}));
+    return json.is_null() ? std::string() : json.dump();
 }
 
 /// The pair or file, and a sidecar for what an input's sidecar said. It appears before the image does.
@@ -64,10 +79,10 @@ public:
         Header own = header;
         auto const found = own.attributes.find("sidecar");
         if (found == own.attributes.end() || sidecar_.empty()) return HeaderAndVoxelsWriter::begin(own);
-        Json const json = Json::parse(found->second, nullptr, false);
+        Json const json = object_in(found->second);
         own.attributes.erase(found);
         HeaderAndVoxelsWriter::begin(own);
-        if (file_ || !json.is_object()) return;
+        if (file_ || json.is_null()) return;
         file_.emplace(sidecar_, options_.force);
         std::string const lines = json.dump(2) + "\n";
         file_->write(lines.data(), lines.size());
