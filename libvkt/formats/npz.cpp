@@ -180,26 +180,7 @@ private:
         put(bytes, bytes_, 8);
         put(bytes, packed_, 8);
         std::uint64_t const length = bytes.size();
-        bytes += end64_mark;
-        put(bytes, end64_size - 12, 8);
-        put(bytes, 45, 2);
-        put(bytes, 45, 2);
-        put(bytes, 0, 8); // disks
-        put(bytes, 1, 8);
-        put(bytes, 1, 8);
-        put(bytes, length, 8);
-        put(bytes, at, 8);
-        bytes += locator_mark;
-        put(bytes, 0, 4);
-        put(bytes, at + length, 8);
-        put(bytes, 1, 4);
-        bytes += end_mark;
-        put(bytes, 0, 4);
-        put(bytes, 1, 2);
-        put(bytes, 1, 2);
-        put(bytes, length, 4);
-        put(bytes, std::min(at, in_extra), 4);
-        put(bytes, 0, 2);
+        bytes += zip_end(1, length, at);
         return bytes;
     }
 

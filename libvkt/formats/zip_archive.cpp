@@ -212,6 +212,10 @@ void ZipWriter::finish() {
         put(bytes);
     }
     std::uint64_t const length = at_ - at, count = members_.size();
+    put(zip_end(count, length, at));
+}
+
+std::string zip_end(std::uint64_t count, std::uint64_t length, std::uint64_t at) {
     std::string bytes(end64_mark);
     put_number(bytes, end64_size - 12, 8);
     put_number(bytes, 45, 2);
@@ -232,7 +236,7 @@ void ZipWriter::finish() {
     put_number(bytes, std::min(length, in_extra), 4);
     put_number(bytes, std::min(at, in_extra), 4);
     put_number(bytes, 0, 2);
-    put(bytes);
+    return bytes;
 }
 
 Inflated::Inflated(std::shared_ptr<ByteSource const> bytes, std::int64_t at, ZipMember member)

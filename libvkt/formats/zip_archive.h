@@ -41,6 +41,9 @@ std::int64_t zip_begin(ByteSource const& bytes, ZipMember const& member);
 /// Name of the first member of a file that begins like this; empty if it is no ZIP file or the name is cut off.
 std::string zip_first_name(std::span<std::byte const> head);
 
+/// What follows the directory of so many members, which has that length and begins at `at`.
+std::string zip_end(std::uint64_t count, std::uint64_t length, std::uint64_t at);
+
 /// Members stored as they are, with numbers of 64 bits and no times, so that equal stores are equal files.
 class ZipWriter {
 public:
