@@ -107,12 +107,28 @@ assert (last == 255).all(-1).any()"
     fails_with 2 "colours of its own" vkt render named.nrrd --labels always -ra implicit-iso --iso 1 -o a.png
     vkt convert plain.nrrd --dtype float32 | vkt filter gaussian --sigma 1 -o soft.nrrd
     fails_with 2 "whole numbers" vkt render soft.nrrd --labels always -o a.png
-    fails_with 2 "not drawn as labels" vkt render <(vkt make amr --blocks 20 --levels 2) --labels always --size 16 -o a.png
+    fails_with 2 "the cells are no integers" vkt render <(vkt make amr --blocks 20 --levels 2) --labels always --size 16 -o a.png
     # Own colours, or a projection, are a wish for these.
     vkt render named.nrrd --colormap grey --size 16 -o grey.png -v 2>said
     grep -q 'ray marching' said
     vkt render named.nrrd -ra maximum --size 16 -o maximum.png -v 2>said
     grep -q 'maximum of the values' said
+}
+
+@test "a hierarchical volume of labels is drawn as the grid that it stands for" {
+    vkt refine named.nrrd --tolerance 0.5 --method nearest --block-size 4 -o tree.vkt
+    vkt info tree.vkt | grep -q 'blocks\|bricks'
+    for more in "" "--clip-box 2:,:,:11"; do
+        vkt render named.nrrd --size 48 $more -o grid.png --force
+        vkt render tree.vkt --size 48 $more -o tree.png -v --force 2>said
+        grep -q 'labels, 2 of them' said
+        /usr/bin/python3 -c "
+import cv2
+assert (cv2.imread('grid.png') == cv2.imread('tree.png')).all()"
+    done
+    vkt set tree.vkt --attribute meaning= | vkt render --labels never --size 16 -o marched.png -v 2>said
+    grep -q 'ray marching' said
+    fails_with 5 "memory" vkt render tree.vkt --size 16 --memory 20K -o a.png
 }
 
 @test "threads and instruction sets change no bit, and a tolerance smooths the edges" {

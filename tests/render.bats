@@ -508,19 +508,29 @@ for name in want:
 }
 
 @test "a dry run, --explain and --memory name one figure, which is what drawing takes" {
-    vkt make noise --dims 160 160 160 -o n.nrrd
+    vkt make noise --dims 256 256 256 --dtype uint8 -o n.nrrd
     planned=$(vkt render n.nrrd -n -o p.png 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
     [ "$(vkt render n.nrrd -n -o p.png 2>&1 | sed -n 's/.*, \([0-9.]*\) MiB of memory$/\1/p')" = "$planned" ]
     [ "$(vkt render n.nrrd --explain --size 8 -o p.png 2>&1 | sed -n 's/.*, \([0-9.]*\) MiB of memory$/\1/p')" = "$planned" ]
-    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 16M -o q.png
-    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 16M -n -o q.png
+    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 15M -o q.png
+    fails_with 5 "needs $planned MiB of memory" vkt render n.nrrd --memory 15M -n -o q.png
     [ -z "$VKT_SANITIZED" ] || skip "sanitizers take memory of their own"
-    /usr/bin/python3 - "$planned" <<'END'
+    vkt make noise --dims 8 8 8 --dtype uint8 -o small.nrrd
+    vkt make noise --dims 160 160 160 --dtype float32 -o f.nrrd
+    floats=$(vkt render f.nrrd -n -o p.png 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
+    /usr/bin/python3 - "$planned" "$floats" <<'END'
 import resource, subprocess, sys
-subprocess.run("vkt render n.nrrd --size 64 -o r.png".split(), check=True)
-took, planned = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024, float(sys.argv[1])
+def peak(words): # MiB; children only ever add to it
+    subprocess.run(words.split(), check=True)
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+program = peak("vkt render small.nrrd --size 64 -o s.png")
+took, planned = peak("vkt render n.nrrd --size 64 -o r.png") - program, float(sys.argv[1])
+print(program, took, planned)
+assert 1 / 1.3 < took / planned < 1.3, (program, took, planned)
+took = peak("vkt render f.nrrd --size 64 -o f.png") - program
+planned = float(sys.argv[2])
 print(took, planned)
-assert planned < took + 4 and took < planned + 48, (took, planned) # the program itself
+assert 1 / 1.3 < took / planned < 1.3, (program, took, planned)
 END
 }
 

@@ -58,7 +58,7 @@ bool draws_labels(RenderSettings const& s, Header const& header) {
     bool const own = s.transfer || !s.lut.empty() || !s.colormap.empty() || s.opacity != "auto" || s.domain != "auto" ||
                      !s.isos.empty() || !s.iso_colors.empty() || !s.iso_opacities.empty();
     if (s.labels == LabelMode::never || own || !(surfaces || marched)) return false;
-    return s.labels == LabelMode::always || (holds_labels(header) && header.kind == Kind::structured);
+    return s.labels == LabelMode::always || holds_labels(header);
 }
 
 Categories categories_of(Lattice const& lattice, Header const& header, int threads) {

@@ -29,10 +29,15 @@ std::size_t drawn_size(Header const& header) {
     }
 }
 
+/// Whether a file is read to where rays sample it, so that the volume is in memory once.
+bool read_to_its_place(Header const& header) {
+    return header.dtype == DataType::uint8 || header.dtype == DataType::uint16 || header.dtype == DataType::int16;
+}
+
 } // namespace
 
-void check_memory(Header const& header, Execution const& execution) {
-    std::size_t const bytes = bytes_to_draw(header);
+void check_memory(Header const& header, Execution const& execution, bool copied) {
+    std::size_t const bytes = bytes_to_draw(header, copied);
     if (bytes <= execution.memory) return;
     throw Error(ErrorKind::resources,
                 text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
@@ -40,7 +45,7 @@ void check_memory(Header const& header, Execution const& execution) {
                 "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
 }
 
-std::size_t bytes_to_draw(Header const& header) {
+std::size_t bytes_to_draw(Header const& header, bool copied) {
     if (header.kind == Kind::hierarchical) {
         // Cells that rays can sample stay where they are, until bricks are joined; macrocells take a byte a cell.
         bool const in_place = header.dtype == DataType::float32 || drawn_size(header) < 4;
@@ -48,10 +53,15 @@ std::size_t bytes_to_draw(Header const& header) {
         return header.bytes() + (in_place ? 0 : cells * sizeof(float)) + cells * (drawn_size(header) + 1) +
                static_cast<std::size_t>(header.brick_count) * 140;
     }
-    double voxels = 1; // of the padded copy; more than there is memory for is no reason to overflow
-    for (int axis = 0; axis < 3; ++axis) voxels *= static_cast<double>(header.dims[axis] + 2 * lattice_padding);
-    return header.bytes() +
-           static_cast<std::size_t>(std::min(voxels * static_cast<double>(drawn_size(header)), 0x1p62));
+    double padded = 1, cells = 1; // more than there is memory for is no reason to overflow
+    for (int axis = 0; axis < 3; ++axis) {
+        padded *= static_cast<double>(header.dims[axis] + 2 * lattice_padding);
+        cells *= std::ceil(static_cast<double>(header.dims[axis] + 1) / macrocell_size);
+    }
+    constexpr double per_cell = 3 * sizeof(float) + 3; // range, majorant, missing, distance, depth
+    double const drawn = padded * static_cast<double>(drawn_size(header)) + cells * per_cell;
+    return (read_to_its_place(header) && !copied ? 0 : header.bytes()) +
+           static_cast<std::size_t>(std::min(drawn, 0x1p62));
 }
 
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header) {
@@ -76,7 +86,10 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
         method = settings.exact ? "exact, piece by piece between the points of the transfer function"
                                 : text("ray marching, step ", settings.step,
                                        header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
-                                       settings.skip ? ", empty space skipped" : "");
+                                       settings.skip ? ", empty space skipped" : "",
+                                       may_leave_out(settings, header)
+                                           ? text(", fewer rays and longer steps within ", settings.shortcut, " levels")
+                                           : std::string());
         double const diagonal = std::hypot(length(0), length(1), length(2));
         cost = settings.exact ? text("at most ", header.dims.x + header.dims.y + header.dims.z, " voxels on each of ",
                                      rays, " rays")

@@ -66,6 +66,7 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
         lowest_ = copied(scene.cells.lowest, cells * sizeof(float));
         majorant_ = copied(scene.cells.majorant, cells * sizeof(float));
         distance_ = copied(scene.cells.distance, cells);
+        if (scene.cells.depth != nullptr) depth_ = copied(scene.cells.depth, cells);
         nodes_ = copied(scene.table.nodes, 2 * static_cast<std::size_t>(scene.table.count) * sizeof(Quad));
         knots_ = copied(scene.knots, static_cast<std::size_t>(scene.knot_count) * sizeof(Knot));
         made_for_ = made_for;
@@ -85,6 +86,7 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
     result.cells.lowest = on_device<float>(lowest_);
     result.cells.majorant = on_device<float>(majorant_);
     result.cells.distance = on_device<std::uint8_t>(distance_);
+    if (scene.cells.depth != nullptr) result.cells.depth = on_device<std::uint8_t>(depth_);
     result.table.nodes = on_device<Quad>(nodes_);
     result.knots = on_device<Knot>(knots_);
     return result;

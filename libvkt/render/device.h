@@ -27,7 +27,7 @@ public:
 
 private:
     LatticeView lattice_;
-    Buffer voxels_, lowest_, majorant_, distance_, nodes_, knots_, pixels_, row_ends_, column_ends_;
+    Buffer voxels_, lowest_, majorant_, distance_, depth_, nodes_, knots_, pixels_, row_ends_, column_ends_;
     std::shared_ptr<void const> made_for_;
     std::shared_ptr<Environment const> environment_;
 };

@@ -42,4 +42,10 @@ struct Quality {
     bool late = false;      ///< the time was up
 };
 
+/// Rays and steps that a picture was drawn without.
+struct Savings {
+    double filled = 0; ///< share of the pixels that were interpolated between rays
+    double longer = 0; ///< share of the others whose ray took longer steps
+};
+
 } // namespace vkt::render

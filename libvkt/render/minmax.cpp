@@ -70,7 +70,27 @@ template <class T> void ranges(LatticeView const& lattice, Index3 dims, CellGrid
     }
 }
 
-/// Turns 0 (visible) and 255 into distances by two sweeps over the 26 neighbours (exact for this metric), and counts.
+/// Turns 0 and 255 into distances from the nearest 0 by two sweeps over the 26 neighbours (exact for this metric).
+void spread(CellGrid const& grid, std::vector<std::uint8_t>& distance) {
+    std::int64_t const nx = grid.nx, ny = grid.ny, nz = grid.nz;
+    auto const sweep = [&](std::int64_t way) {
+        for (std::int64_t k = 0; k < nx * ny * nz; ++k) {
+            std::int64_t const i = way > 0 ? k : nx * ny * nz - 1 - k;
+            std::int64_t const x = i % nx, y = i / nx % ny, z = i / (nx * ny);
+            int least = distance[static_cast<std::size_t>(i)];
+            for (int n = 0; n < 13 && least > 1; ++n) { // the half of the neighbours that come before
+                std::int64_t const u = x + way * (n % 3 - 1), v = y + way * (n / 3 % 3 - 1), w = z + way * (n / 9 - 1);
+                if (u < 0 || v < 0 || w < 0 || u >= nx || v >= ny || w >= nz) continue;
+                least = std::min(least, distance[static_cast<std::size_t>((w * ny + v) * nx + u)] + 1);
+            }
+            distance[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(least);
+        }
+    };
+    sweep(1);
+    sweep(-1);
+}
+
+/// From 0 (visible) and 255 in `distance`: distances, and how many cells are visible and where.
 void measure(CellGrid const& grid, CellVisibility& result) {
     std::int64_t const nx = grid.nx, ny = grid.ny, nz = grid.nz;
     bool some = false;
@@ -84,22 +104,7 @@ void measure(CellGrid const& grid, CellVisibility& result) {
         some = true;
         ++result.visible_count;
     }
-    auto const sweep = [&](std::int64_t way) {
-        for (std::int64_t k = 0; k < nx * ny * nz; ++k) {
-            std::int64_t const i = way > 0 ? k : nx * ny * nz - 1 - k;
-            std::int64_t const x = i % nx, y = i / nx % ny, z = i / (nx * ny);
-            int least = result.distance[static_cast<std::size_t>(i)];
-            for (int n = 0; n < 13 && least > 1; ++n) { // the half of the neighbours that come before
-                std::int64_t const u = x + way * (n % 3 - 1), v = y + way * (n / 3 % 3 - 1), w = z + way * (n / 9 - 1);
-                if (u < 0 || v < 0 || w < 0 || u >= nx || v >= ny || w >= nz) continue;
-                least = std::min(least, result.distance[static_cast<std::size_t>((w * ny + v) * nx + u)] + 1);
-            }
-            result.distance[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(least);
-        }
-    };
-    if (result.visible_count == nx * ny * nz) return;
-    sweep(1);
-    sweep(-1);
+    if (result.visible_count < nx * ny * nz) spread(grid, result.distance);
 }
 
 } // namespace
@@ -134,6 +139,7 @@ CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table) 
     std::size_t const n = grid.lowest.size();
     result.majorant.resize(n);
     result.distance.resize(n);
+    result.depth.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
         // A little more than the greatest value, because interpolation rounds.
         float const majorant = table.greatest_extinction(grid.lowest[i], grid.highest[i]) * (1.0F + 0x1p-18F);
@@ -141,7 +147,9 @@ CellVisibility classify_cells(CellGrid const& grid, TransferTable const& table) 
         // Beyond missing data the value may jump between two samples, so that such cells count as visible.
         result.distance[i] = majorant > 0 || grid.missing[i] != 0 ? 0 : 255;
     }
+    for (std::size_t i = 0; i < n; ++i) result.depth[i] = static_cast<std::uint8_t>(255 - result.distance[i]);
     measure(grid, result);
+    spread(grid, result.depth);
     return result;
 }
 
@@ -175,7 +183,13 @@ CellVisibility classify_cells(CellGrid const& grid, float nothing) {
 }
 
 CellGridView view_of(CellGrid const& grid, CellVisibility const& visibility) {
-    return {grid.lowest.data(), visibility.majorant.data(), visibility.distance.data(), grid.nx, grid.ny, grid.nz};
+    return {grid.lowest.data(),
+            visibility.majorant.data(),
+            visibility.distance.data(),
+            visibility.depth.data(),
+            grid.nx,
+            grid.ny,
+            grid.nz};
 }
 
 } // namespace vkt::render

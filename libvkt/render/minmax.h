@@ -26,6 +26,7 @@ CellGrid make_cell_grid(LatticeView const& lattice, Index3 dims, int threads);
 struct CellVisibility {
     std::vector<float> majorant;
     std::vector<std::uint8_t> distance; ///< Chebyshev distance to the nearest visible cell
+    std::vector<std::uint8_t> depth;    ///< the same to the nearest other cell; of transfer functions only
     std::int64_t visible_count = 0;
     int first[3] = {0, 0, 0}, last[3] = {-1, -1, -1}; ///< box of the visible cells; empty if there is none
 };

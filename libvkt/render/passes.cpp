@@ -2,12 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/passes.h"
 
+#include "libvkt/render/crew.h"
+#include "libvkt/render/levels.h"
+
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cmath>
-#include <exception>
-#include <omp.h>
 #include <utility>
 #include <vector>
 
@@ -16,96 +15,6 @@ namespace vkt::render {
 namespace {
 
 constexpr int pilot_paths = 16;
-
-/// Linear light, over the background, as display levels; the fourth is alpha, of pictures that keep it.
-class Levels {
-public:
-    explicit Levels(Background const& background)
-        : behind_{srgb_to_linear(background.color.red), srgb_to_linear(background.color.green),
-                  srgb_to_linear(background.color.blue)},
-          clear_(background.alpha < 1) {}
-
-    double behind(std::size_t c) const { return behind_[c]; }
-    /// Linear light that is shown in channel c.
-    template <class T> double shown(T const* light, std::size_t c) const {
-        return c < 3 ? static_cast<double>(light[c]) + static_cast<double>(light[3]) * behind_[c]
-                     : static_cast<double>(light[3]);
-    }
-    /// Levels per linear light there.
-    double slope(double shown, std::size_t c) const {
-        if (c == 3) return clear_ ? 255 : 0;
-        double const v = std::min(shown, 1.0);
-        return 255 * (v <= 0.0031308 ? 12.92 : 1.055 / 2.4 * std::pow(v, 1 / 2.4 - 1));
-    }
-    double level(double shown, std::size_t c) const {
-        if (c == 3) return clear_ ? 255 * shown : 0;
-        return 255 * linear_to_srgb(std::clamp(shown, 0.0, 1.0));
-    }
-    /// Largest difference of two pixels over the channels.
-    double apart(float const* a, float const* b) const {
-        double most = 0;
-        for (std::size_t c = 0; c < 4; ++c)
-            most = std::max(most, std::abs(level(shown(a, c), c) - level(shown(b, c), c)));
-        return most;
-    }
-
-private:
-    std::array<double, 3> behind_;
-    bool clear_;
-};
-
-/// Shares parts of work out to threads, unless it is time to end; keeps the first failure for its caller.
-class Crew {
-public:
-    Crew(Drawing const& drawing, Counters& total) : drawing_(drawing), total_(total) {}
-
-    bool stopped() const { return stopped_; }
-    bool late() const { return late_; }
-    bool over() const { return stopped_ || late_; }
-    double seconds() const {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - drawing_.start).count();
-    }
-    /// body(i, counters) for i below count. `whole`: time that is up does not end it, a stop does. `share` and `width`:
-    /// what it is of the whole work.
-    template <class Body> void work(std::int64_t count, bool whole, double share, double width, Body const& body) {
-        std::exception_ptr failure;
-        std::atomic<std::int64_t> done{0};
-        std::int64_t rays = 0, segments = 0, samples = 0, capped = 0;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(drawing_.threads) reduction(+ : rays, segments, samples, capped)
-        for (std::int64_t i = 0; i < count; ++i) {
-            if (ends(whole)) continue;
-            Counters counters;
-            try {
-                body(i, counters);
-                ++done;
-                if (omp_get_thread_num() == 0 && drawing_.watch.progress)
-                    drawing_.watch.progress(
-                        {share + width * static_cast<double>(done) / static_cast<double>(count), error_, seconds()});
-            } catch (...) {
-#pragma omp critical
-                failure = std::current_exception();
-            }
-            rays += counters.rays, segments += counters.segments, samples += counters.samples;
-            capped += counters.capped;
-        }
-        if (failure) std::rethrow_exception(failure);
-        total_.rays += rays, total_.segments += segments, total_.samples += samples, total_.capped += capped;
-    }
-    /// What progress says from now on.
-    void set_error(double error) { error_ = error; }
-
-private:
-    bool ends(bool whole) {
-        if (drawing_.watch.stop && drawing_.watch.stop()) stopped_ = true;
-        if (!whole && drawing_.goal.seconds > 0 && seconds() >= drawing_.goal.seconds) late_ = true;
-        return stopped_ || (late_ && !whole);
-    }
-
-    Drawing const& drawing_;
-    Counters& total_;
-    double error_ = -1;
-    std::atomic<bool> stopped_{false}, late_{false};
-};
 
 struct PathTile {
     Tile tile;

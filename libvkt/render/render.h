@@ -61,6 +61,9 @@ struct RenderSettings {
     // Ray marching.
     double step = 0.5;  ///< in voxels along the ray, in [1/256, 4]
     bool exact = false; ///< reference mode, which has no step
+    /// Levels of 8-bit display by which rays and steps may be left out in structured volumes over an opaque background
+    /// where there is no other goal, see draw_sparsely(); 0: none is.
+    double shortcut = 0;
     double shade =
         -1; ///< strength of gradient shading in [0,1]; below 0: chosen (iso 1, automatic transfer 0.8, else 0)
     std::optional<Vec3> light_direction;    ///< towards a light that is far away, in the world; none: it is at the eye
@@ -111,6 +114,9 @@ struct PartRows {
 };
 PartRows rows_of_part(RenderSettings const& settings);
 
+/// Whether rays and steps may be left out: see RenderSettings::shortcut.
+bool may_leave_out(RenderSettings const& settings, Header const& header);
+
 /// Throws Error{usage} for settings that no volume can be rendered with.
 void check(RenderSettings const& settings);
 
@@ -133,7 +139,7 @@ struct RenderReport {
     /// Where the volume was drawn as labels: those that it holds, in ascending order.
     std::shared_ptr<std::vector<ShownLabel> const> labels;
     double shade = 0;                       ///< strength of gradient shading
-    std::int64_t rays = 0;                  ///< pixels whose ray meets the volume
+    std::int64_t rays = 0;                  ///< that met the volume
     std::int64_t segments = 0;              ///< that lie on these rays (paths for scattering)
     std::int64_t samples = 0;               ///< values that were looked up
     std::int64_t capped = 0;                ///< paths that were cut at the bounce limit
@@ -145,6 +151,7 @@ struct RenderReport {
     double prepare_seconds = 0, render_seconds = 0;
     double gpu_seconds = 0; ///< of the latter: that a GPU was drawing
     Quality quality;
+    Savings savings;
     /// Of one ray through the middle of each pixel, where asked for: "Z", the world distance from the eye
     /// (orthographic: from the plane through it) to the nearest surface, or else to where half of the light is held
     /// back, infinite where nothing is; of surfaces "normal.X", "normal.Y", "normal.Z" in the world, towards the eye,
@@ -196,6 +203,10 @@ private:
         std::shared_ptr<Categories const> labels; ///< null: it is not drawn as labels
     };
     struct Prepared;
+    struct Drawn;
+    /// Draws a hierarchical volume as labels: that of the grid of its finest cells. Throws Error{resources} where there
+    /// is no memory for it.
+    Renderer const& on_grid() const;
     CellGrid const& macrocells() const { return tree_ ? tree_->cells().grid : lattice_.cells; }
     Rescaling const& rescaling() const { return tree_ ? tree_->rescaling() : lattice_.rescaling; }
     Appearance appearance_of(RenderSettings const& settings) const;
@@ -205,6 +216,8 @@ private:
     SceneView scene_of(RenderSettings const& settings, Appearance const& appearance, Camera const& camera) const;
     /// As `drawing` draws them with another integrator; `tree` is that of a hierarchical volume.
     std::vector<Layer> layers_of(Drawing const& drawing, Integrator integrator, TreeView const& tree) const;
+    /// All of a report that does not depend on the pixels; its quality and savings are there.
+    void tell(RenderReport& report, RenderSettings const& settings, Prepared const& ready, Drawn const& drawn) const;
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
     /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.
@@ -217,8 +230,9 @@ private:
 
     Header header_;
     Execution execution_;
-    Lattice lattice_;          ///< of a structured volume
-    std::optional<Tree> tree_; ///< of a hierarchical one
+    Lattice lattice_;                       ///< of a structured volume
+    std::optional<Tree> tree_;              ///< of a hierarchical one
+    std::optional<Volume> cells_of_labels_; ///< its cells as they are, if they may be labels
     double prepare_seconds_ = 0;
     struct Cache;
     std::shared_ptr<Cache> cache_;

@@ -123,7 +123,8 @@ void SettingsParameters::declare(Parameters& list) {
 
     list.option(
         "tolerance", tolerance_, "LEVELS",
-        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths");
+        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths; "
+        "0: ray marching draws all rays and steps, of which it leaves out what is below half a level");
     list.option("noise", noise_, "LEVELS",
                 "multi-scattering: paths until the standard error is below everywhere, in 255ths; --spp is the most");
     list.option("time", seconds_, "SECONDS", "refine the picture for so long, or until it is good enough");
@@ -328,9 +329,10 @@ RenderSettings SettingsParameters::settings() const {
         to = given.value_or(0);
     };
     read_goal("noise", noise_, s.goal.noise);
-    read_goal("tolerance", tolerance_, s.goal.tolerance);
+    if (tolerance_ != 0.0) read_goal("tolerance", tolerance_, s.goal.tolerance); // 0: nothing is left out
     read_goal("time", seconds_, s.goal.seconds);
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
+    s.shortcut = tolerance_ ? 0 : 0.5;
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
     for (char const* const name : {"light-direction", "ambient", "specular"}) {
@@ -428,6 +430,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
         add("occlusion-radius", {to_text(s.occlusion_radius)});
     if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
     if (s.goal.tolerance > 0) add("tolerance", {to_text(s.goal.tolerance)});
+    if (s.shortcut == 0 && !s.goal.any() && !exact) add("tolerance", {"0"}); // which is not what `vkt render` does
     if (s.goal.noise > 0) add("noise", {to_text(s.goal.noise)});
     if (s.goal.seconds > 0) add("time", {to_text(s.goal.seconds)});
     if (!exact && !s.skip) add("no-skip", {});

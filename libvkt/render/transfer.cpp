@@ -180,6 +180,9 @@ TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_
         if (i + 1 < density.size())
             for (std::size_t c = 0; c < 4; ++c) running[c] += (density[i][c] + density[i + 1][c]) / 2;
     }
+    std::size_t blind = 0;
+    while (blind < density.size() && !(greatest_[0][blind] > 0)) ++blind;
+    hidden_ = blind == density.size() ? table_limit : blind == 0 ? -table_limit : static_cast<float>(blind - 1);
     for (std::size_t span = 1; 2 * span <= density.size(); span *= 2) {
         std::vector<float> const& below = greatest_.back();
         std::vector<float> level(below.size() - span);

@@ -77,7 +77,7 @@ public:
     /// integral.
     explicit TransferTable(std::vector<Knot> const& knots, int nodes = 1024);
 
-    TableView view() const { return {nodes_.data(), count_, origin_, scale_}; }
+    TableView view() const { return {nodes_.data(), count_, origin_, scale_, hidden_}; }
     /// An upper bound of the extinction for stored values in [lowest, highest] and what rounding makes of
     /// them; 0 only if nothing can be seen there.
     float greatest_extinction(float lowest, float highest) const;
@@ -96,6 +96,7 @@ private:
     std::vector<std::vector<float>> greatest_; ///< level l: maxima over 2^l nodes
     int count_ = 0;
     float origin_ = 0, scale_ = 1;
+    float hidden_ = 0; ///< see TableView
 };
 
 /// Counts of stored values as physical ones, in equal bins from the least to the greatest.

@@ -111,6 +111,7 @@ enum class Lighting : std::uint8_t { any, flat, open };
 /// the light ask.
 template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any> struct March {
     using Real = typename Comb::Real;
+    static constexpr int together = GroupSampler<S> ? group : chunk; ///< segments whose light is added up at once
     S const& sampler;
     P const& points;
     SceneView const& scene;
@@ -141,7 +142,11 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         alignas(64) Real t[chunk];
         alignas(64) float value[chunk], length[chunk];
         for (int k = 0; k < chunk; ++k) t[k] = comb.point(first + (k < n ? k : n - 1));
-        sampler.values(origin, direction, t, value);
+        int const lanes = n <= group ? group : chunk; // that are looked at
+        if constexpr (GroupSampler<S>)
+            sampler.values(origin, direction, t, value, lanes);
+        else
+            sampler.values(origin, direction, t, value);
         samples += n;
 
         // Segment j ends at point from + j + 1. The one before the first is none, and what is behind the last.
@@ -151,39 +156,44 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
             Real const begin = k > 0 ? t[k - 1] : comb.point(from);
             length[k] = is ? static_cast<float>(t[k] - begin) * world : 0.0F;
         }
-        constexpr int room = chunk > 1 ? chunk + 1 : 1; // of one segment none is left if it is none
+        // Of one segment none is left if it is none; groups may reach beyond the last one.
+        constexpr int room = chunk > 1 ? chunk + together : 1;
         Quad means[room];
-        alignas(64) float extinctions[room], depths[room], through[chunk], weight[chunk];
-        bool const seen = look_up_segments<chunk>(scene.table, value, length, last, means, extinctions, depths);
+        alignas(64) float extinctions[room], depths[room];
+        bool const seen = look_up_segments<chunk>(scene.table, value, length, lanes, last, means, extinctions, depths);
         known = from + segments;
         if (!seen) return known;
-        if constexpr (chunk > 1) means[chunk] = Quad{}, depths[chunk] = 0;
+        if constexpr (chunk > 1)
+            for (int k = lanes; k < room; ++k) means[k] = Quad{}, depths[k] = 0;
         int const skipped = chunk > 1 ? none : 0;
         float const *const depth = depths + skipped, *const extinction = extinctions + skipped;
         Quad const* const mean = means + skipped;
-        for (int j = 0; j < chunk; ++j) {
-            Attenuation const a = attenuation(depth[j]);
-            through[j] = a.transmitted;
-            weight[j] = a.absorbed;
+        int begin = 0, end = segments;
+        if constexpr (together < chunk) {
+            while (!(depth[begin] > 0)) ++begin;
+            while (!(depth[end - 1] > 0)) --end;
         }
-        composite(from, segments, mean, extinction, depth, through, weight);
+        for (int g = begin; g < end; g += together) {
+            composite(from + g, end - g < together ? end - g : together, mean + g, extinction + g, depth + g);
+            if (together < chunk && settled()) break;
+        }
         return known;
     }
 
 #ifndef __CUDACC__
-    /// Adds a chunk of segments, of which none settles the ray; false if one might, and then nothing was added.
+    /// Adds a group of segments, of which none settles the ray; false if one might, and then nothing was added.
     /// `diffuse` and `glint`: null for light that shows no surfaces.
     VKT_HD bool add_all(Quad const* mean, float const* extinction, float const* depth, float const* through,
                         float const* weight, float const* diffuse, float const* glint) {
-        alignas(64) double factor[chunk];
-        alignas(64) float before[chunk], share[chunk], ratio[chunk];
-        for (int j = 0; j < chunk; ++j) {
+        alignas(64) double factor[together];
+        alignas(64) float before[together], share[together], ratio[together];
+        for (int j = 0; j < together; ++j) {
             double const absorbed = static_cast<double>(weight[j]), passed = static_cast<double>(through[j]);
             factor[j] = absorbed < 0.5 ? 1 - absorbed : passed; // whichever was rounded less
         }
         double left = transmittance;
 #pragma GCC unroll 32
-        for (int j = 0; j < chunk; ++j) {
+        for (int j = 0; j < together; ++j) {
             before[j] = static_cast<float>(left);
             left *= factor[j];
         }
@@ -192,19 +202,19 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         if (!is_bright(rounded, scene.patience)) return false;
         transmittance = left;
         passing = rounded;
-        for (int j = 0; j < chunk; ++j) share[j] = before[j] * weight[j];
-        for (int j = 0; j < chunk; ++j) {
+        for (int j = 0; j < together; ++j) share[j] = before[j] * weight[j];
+        for (int j = 0; j < together; ++j) {
             float const seen = diffuse != nullptr ? share[j] * diffuse[j] : share[j];
             ratio[j] = depth[j] > 0 ? seen / extinction[j] : 0.0F;
         }
         Quad sum = light;
         if (glint == nullptr) {
 #pragma GCC unroll 32
-            for (int j = 0; j < chunk; ++j) sum = sum + mean[j] * ratio[j];
+            for (int j = 0; j < together; ++j) sum = sum + mean[j] * ratio[j];
         } else {
-            for (int j = 0; j < chunk; ++j) share[j] = depth[j] > 0 ? share[j] * glint[j] : 0.0F;
+            for (int j = 0; j < together; ++j) share[j] = depth[j] > 0 ? share[j] * glint[j] : 0.0F;
 #pragma GCC unroll 32
-            for (int j = 0; j < chunk; ++j) {
+            for (int j = 0; j < together; ++j) {
                 float const g = share[j];
                 sum = sum + mean[j] * ratio[j] + Quad{0, g, g, g};
             }
@@ -214,17 +224,26 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
     }
 #endif
 
-    VKT_HD void composite(int from, int segments, Quad const* mean, float const* extinction, float const* depth,
-                          float const* through, float const* weight) {
-        alignas(64) float diffuse[chunk], glint[chunk], gx[chunk], gy[chunk], gz[chunk];
+    /// Adds segments from `from` on; what is behind the last one has no depth.
+    VKT_HD void composite(int from, int segments, Quad const* mean, float const* extinction, float const* depth) {
+        alignas(64) float through[together], weight[together];
+        for (int j = 0; j < together; ++j) {
+            Attenuation const a = attenuation(depth[j]);
+            through[j] = a.transmitted;
+            weight[j] = a.absorbed;
+        }
+        alignas(64) float diffuse[together], glint[together], gx[together], gy[together], gz[together];
         bool const shaded = this->shaded(), occluded = this->occluded();
         if (shaded) {
-            alignas(64) Real t[chunk];
-            for (int j = 0; j < chunk; ++j) {
+            alignas(64) Real t[together];
+            for (int j = 0; j < together; ++j) {
                 int const k = from + (j < segments ? j : segments - 1);
                 t[j] = Real(0.5) * (comb.point(k) + comb.point(k + 1));
             }
-            sampler.gradients(origin, direction, t, gx, gy, gz);
+            if constexpr (together < chunk)
+                sampler.template gradients<together>(origin, direction, t, gx, gy, gz);
+            else
+                sampler.gradients(origin, direction, t, gx, gy, gz);
         }
         float const per_spacing = scene.shade.spacing / world;
         Float3 const toward = to_float(direction);
@@ -244,8 +263,8 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         };
         // Loops of their own, which vectorise.
         bool const at_once = shaded && !occluded;
-        for (int j = 0; j < chunk && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
-        for (int j = 0; j < chunk && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
+        for (int j = 0; j < together && at_once && scene.lamp.on; ++j) reflect(j, true, {}, 1.0F);
+        for (int j = 0; j < together && at_once && !scene.lamp.on; ++j) reflect(j, false, {}, 1.0F);
 #ifndef __CUDACC__ // it has one segment
         if (!occluded &&
             add_all(mean, extinction, depth, through, weight, shaded ? diffuse : nullptr, shaded ? glint : nullptr))
@@ -304,10 +323,12 @@ VKT_HD void walk(March<S, EvenComb, S, lighting>& march, SceneView const& scene)
     for (;;) {
         // Whole chunks are done at once, so that an opaque ray stops walking.
         while (more && to - from <= chunk) {
-            int const distance = scene.cells.distance[scene.cells.index(cells.cell)];
+            std::int64_t const at = scene.cells.index(cells.cell);
+            int distance = scene.cells.distance[at];
             if (distance == 0) {
+                distance = scene.cells.depth[at];                             // all that are nearer show something, too
                 int const a = static_cast<int>((cells.t - slack) * per_step); // truncation keeps it at or above 0
-                int const b = static_cast<int>((cells.leave() + slack) * per_step) + 1;
+                int const b = static_cast<int>((cells.leave(distance) + slack) * per_step) + 1;
                 int const last_segment = b < march.comb.count ? b : march.comb.count;
                 if (a > to) {
                     if (from < to) break; // what lies before the gap comes first, and then this cell again

@@ -41,6 +41,7 @@ struct TableView {
     Quad const* nodes;
     int count; ///< at least 2
     float origin, scale;
+    float hidden; ///< up to this position there is no extinction
 };
 
 struct Classified {

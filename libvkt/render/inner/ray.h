@@ -148,6 +148,14 @@ template <class Real> struct CellWalk {
         Real const all = xy < next[2] ? xy : next[2];
         return all < exit ? all : exit;
     }
+    /// Where it leaves the cube of cells less than `distance` away from the present one.
+    VKT_HD Real leave(int distance) const {
+        auto const further = static_cast<Real>(distance - 1);
+        Real const x = next[0] + further * width[0], y = next[1] + further * width[1], z = next[2] + further * width[2];
+        Real const xy = x < y ? x : y;
+        Real const all = xy < z ? xy : z;
+        return all < exit ? all : exit;
+    }
     /// Moves to the next cell; false behind the last one. Without an index that varies, so that a GPU keeps all of it
     /// in registers.
     VKT_HD bool advance() {

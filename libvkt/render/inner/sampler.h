@@ -23,13 +23,21 @@ inline constexpr int chunk = 32;
 
 /// value(): the stored value at a lattice position inside the box (NaN: no data),
 /// gradient(): its derivative per lattice unit, values() and gradients(): `chunk` positions origin + t[k]*direction at
-/// once, with the same bits as one by one; the first also a part of these.
+/// once, with the same bits as one by one; or, in both, the first few of them.
 template <class S>
 concept Sampler = requires(S const& s, Float3 p, float const* t, float* out) {
     { s.value(p) } -> std::same_as<float>;
     { s.gradient(p) } -> std::same_as<Float3>;
     s.values(p, p, t, out);
     s.gradients(p, p, t, out, out, out);
+};
+
+/// Segments whose light is added up together, of those of a chunk that show something: where gradients may be asked for
+/// only some of these.
+inline constexpr int group = chunk < 16 ? chunk : 16;
+template <class S>
+concept GroupSampler = requires(S const& s, Float3 p, float const* t, float* out) {
+    s.template gradients<group>(p, p, t, out, out, out);
 };
 
 /// What rays that go anywhere may ask: the value at a position and its derivative, in the precision that positions
@@ -46,11 +54,13 @@ concept ScalarField = requires(S const& s, typename S::Vector p) {
 
 /// Base for samplers that have only value() and gradient(): asks them one by one.
 template <class Derived> struct PointSampler {
-    template <int n = chunk> VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out) const {
-        for (int k = 0; k < n; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
+    template <int n = chunk>
+    VKT_HD void values(Float3 origin, Float3 direction, float const* t, float* out, int count = n) const {
+        for (int k = 0; k < count; ++k) out[k] = static_cast<Derived const&>(*this).value(origin + direction * t[k]);
     }
+    template <int n = chunk>
     VKT_HD void gradients(Float3 origin, Float3 direction, float const* t, float* gx, float* gy, float* gz) const {
-        for (int k = 0; k < chunk; ++k) {
+        for (int k = 0; k < n; ++k) {
             Float3 const g = static_cast<Derived const&>(*this).gradient(origin + direction * t[k]);
             gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
         }
@@ -58,7 +68,7 @@ template <class Derived> struct PointSampler {
 };
 
 /// A padded lattice of voxels of type T: voxel (i,j,k) of the padded array lies at lattice position (i,j,k).
-/// The array is followed by at least 8 readable bytes, because gathers fetch whole words.
+/// The array is followed by at least 16 readable bytes, because lanes fetch four words at a time.
 template <class T> struct LatticeSampler {
     using Real = float;
     using Vector = Float3;
@@ -110,7 +120,8 @@ template <class T> struct LatticeSampler {
         c[6] = static_cast<float>(w[row]), c[7] = static_cast<float>(w[row + 1]);
     }
 
-    template <int n = chunk> VKT_HD void values(Float3 o, Float3 d, float const* t, float* out) const;
+    template <int n = chunk> VKT_HD void values(Float3 o, Float3 d, float const* t, float* out, int count = n) const;
+    template <int n = chunk>
     VKT_HD void gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const;
 };
 
@@ -120,6 +131,7 @@ template <class T> struct LatticeSampler {
 struct Lanes {
     using F = __m512;
     using I = __m512i;
+    static VKT_HD __m128 four(char const* p) { return _mm_loadu_ps(reinterpret_cast<float const*>(p)); }
     static VKT_HD F load(float const* p) { return _mm512_loadu_ps(p); }
     static VKT_HD void store(float* p, F a) { _mm512_storeu_ps(p, a); }
     static VKT_HD F set(float a) { return _mm512_set1_ps(a); }
@@ -132,14 +144,23 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm512_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm512_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm512_cvtepi32_ps(a); }
-    static VKT_HD I gather(void const* p, I i) { return _mm512_i32gather_epi32(i, p, 1); }
     static VKT_HD I load(std::int32_t const* p) { return _mm512_loadu_si512(p); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm512_i32gather_ps(i, p, 4); }
     /// a * b where a is positive, 0 elsewhere, whatever b is.
     static VKT_HD F positive_times(F a, F b) {
         return _mm512_maskz_mul_ps(_mm512_cmp_ps_mask(a, _mm512_setzero_ps(), _CMP_GT_OQ), a, b);
     }
-    static VKT_HD F floats(I a) { return _mm512_castsi512_ps(a); }
+    static VKT_HD I words(F a) { return _mm512_castps_si512(a); }
+    static VKT_HD void store(std::int32_t* p, I a) { _mm512_storeu_si512(p, a); }
+    /// The words at p + at[0], p + at[4], …, four of each.
+    static VKT_HD F fours(char const* p, std::int32_t const* at) {
+        __m512 const two = _mm512_insertf32x4(_mm512_castps128_ps512(four(p + at[0])), four(p + at[4]), 1);
+        return _mm512_insertf32x4(_mm512_insertf32x4(two, four(p + at[8]), 2), four(p + at[12]), 3);
+    }
+    static VKT_HD F low(F a, F b) { return _mm512_unpacklo_ps(a, b); }
+    static VKT_HD F high(F a, F b) { return _mm512_unpackhi_ps(a, b); }
+    static VKT_HD F fronts(F a, F b) { return _mm512_shuffle_ps(a, b, 0x44); }
+    static VKT_HD F backs(F a, F b) { return _mm512_shuffle_ps(a, b, 0xee); }
     static VKT_HD I mask(I a, int m) { return _mm512_and_si512(a, set(m)); }
     template <int n> static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
     template <int n> static VKT_HD I right_signed(I a) { return _mm512_srai_epi32(a, n); }
@@ -151,6 +172,7 @@ struct Lanes {
 struct Lanes {
     using F = __m256;
     using I = __m256i;
+    static VKT_HD __m128 four(char const* p) { return _mm_loadu_ps(reinterpret_cast<float const*>(p)); }
     static VKT_HD F load(float const* p) { return _mm256_loadu_ps(p); }
     static VKT_HD void store(float* p, F a) { _mm256_storeu_ps(p, a); }
     static VKT_HD F set(float a) { return _mm256_set1_ps(a); }
@@ -163,14 +185,22 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm256_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm256_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm256_cvtepi32_ps(a); }
-    static VKT_HD I gather(void const* p, I i) { return _mm256_i32gather_epi32(static_cast<int const*>(p), i, 1); }
     static VKT_HD I load(std::int32_t const* p) { return _mm256_loadu_si256(reinterpret_cast<__m256i const*>(p)); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm256_i32gather_ps(p, i, 4); }
     /// a * b where a is positive, 0 elsewhere, whatever b is.
     static VKT_HD F positive_times(F a, F b) {
         return _mm256_and_ps(_mm256_mul_ps(a, b), _mm256_cmp_ps(a, _mm256_setzero_ps(), _CMP_GT_OQ));
     }
-    static VKT_HD F floats(I a) { return _mm256_castsi256_ps(a); }
+    static VKT_HD I words(F a) { return _mm256_castps_si256(a); }
+    static VKT_HD void store(std::int32_t* p, I a) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), a); }
+    /// The words at p + at[0] and p + at[4], four of each.
+    static VKT_HD F fours(char const* p, std::int32_t const* at) {
+        return _mm256_insertf128_ps(_mm256_castps128_ps256(four(p + at[0])), four(p + at[4]), 1);
+    }
+    static VKT_HD F low(F a, F b) { return _mm256_unpacklo_ps(a, b); }
+    static VKT_HD F high(F a, F b) { return _mm256_unpackhi_ps(a, b); }
+    static VKT_HD F fronts(F a, F b) { return _mm256_shuffle_ps(a, b, 0x44); }
+    static VKT_HD F backs(F a, F b) { return _mm256_shuffle_ps(a, b, 0xee); }
     static VKT_HD I mask(I a, int m) { return _mm256_and_si256(a, set(m)); }
     template <int n> static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }
     template <int n> static VKT_HD I right_signed(I a) { return _mm256_srai_epi32(a, n); }
@@ -179,11 +209,26 @@ struct Lanes {
 #endif
 
 #ifdef VKT_LANES
-/// Positions of several samples at once: byte offsets of their cells from a base voxel, and fractions.
+/// Positions of several samples at once: byte offsets of their cells from a base voxel, and fractions. The offsets lie
+/// in memory: where processors gather slowly, a load of what each lane needs is several times as fast.
 struct LaneCells {
-    Lanes::I offset;
+    alignas(64) std::int32_t offset[VKT_LANES];
     Lanes::F fx, fy, fz;
 };
+
+/// Four words in a row of every lane, or the first two of them.
+struct LaneWords {
+    Lanes::F a, b, c, d;
+};
+VKT_HD LaneWords lane_words(char const* base, std::int32_t const* offset) {
+    // A lane of 128 bits holds those of one sample first, and then the same word of four samples in a row.
+    Lanes::F const s0 = Lanes::fours(base, offset), s1 = Lanes::fours(base, offset + 1),
+                   s2 = Lanes::fours(base, offset + 2), s3 = Lanes::fours(base, offset + 3);
+    Lanes::F const low01 = Lanes::low(s0, s1), low23 = Lanes::low(s2, s3), high01 = Lanes::high(s0, s1),
+                   high23 = Lanes::high(s2, s3);
+    return {Lanes::fronts(low01, low23), Lanes::backs(low01, low23), Lanes::fronts(high01, high23),
+            Lanes::backs(high01, high23)};
+}
 
 /// Of two voxels of 16 bits in one word.
 template <class T> VKT_HD Lanes::F lane_low(Lanes::I w) {
@@ -200,11 +245,13 @@ template <class T> VKT_HD Lanes::F lane_high(Lanes::I w) {
 }
 VKT_HD Lanes::F lane_mix(Lanes::F a, Lanes::F b, Lanes::F f) { return Lanes::add(a, Lanes::mul(Lanes::sub(b, a), f)); }
 
-/// Two neighbours along x, interpolated; they come with one gather where both fit into 32 bits.
-template <class T> VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, Lanes::F f) {
-    if constexpr (std::is_same_v<T, float>)
-        return lane_mix(Lanes::floats(Lanes::gather(base, offset)), Lanes::floats(Lanes::gather(base + 4, offset)), f);
-    Lanes::I const w = Lanes::gather(base, offset);
+/// Two neighbours along x, interpolated.
+template <class T> VKT_HD Lanes::F lane_pair(char const* base, std::int32_t const* offset, Lanes::F f) {
+    if constexpr (std::is_same_v<T, float>) {
+        LaneWords const v = lane_words(base, offset);
+        return lane_mix(v.a, v.b, f);
+    }
+    Lanes::I const w = Lanes::words(lane_words(base, offset).a);
     if constexpr (sizeof(T) == 1)
         return lane_mix(Lanes::real(Lanes::mask(w, 255)), Lanes::real(Lanes::mask(Lanes::right<8>(w), 255)), f);
     else
@@ -214,17 +261,18 @@ template <class T> VKT_HD Lanes::F lane_pair(char const* base, Lanes::I offset, 
 struct LaneRow {
     Lanes::F back, here, ahead;
 };
-template <class T> VKT_HD LaneRow lane_row(char const* base, Lanes::I offset, Lanes::F f) {
+template <class T> VKT_HD LaneRow lane_row(char const* base, std::int32_t const* offset, Lanes::F f) {
     Lanes::F a, b, c, d;
     if constexpr (std::is_same_v<T, float>) {
-        a = Lanes::floats(Lanes::gather(base - 4, offset)), b = Lanes::floats(Lanes::gather(base, offset));
-        c = Lanes::floats(Lanes::gather(base + 4, offset)), d = Lanes::floats(Lanes::gather(base + 8, offset));
+        LaneWords const v = lane_words(base - 4, offset);
+        a = v.a, b = v.b, c = v.c, d = v.d;
     } else if constexpr (sizeof(T) == 1) {
-        Lanes::I const w = Lanes::gather(base - 1, offset);
+        Lanes::I const w = Lanes::words(lane_words(base - 1, offset).a);
         a = Lanes::real(Lanes::mask(w, 255)), b = Lanes::real(Lanes::mask(Lanes::right<8>(w), 255));
         c = Lanes::real(Lanes::mask(Lanes::right<16>(w), 255)), d = Lanes::real(Lanes::right<24>(w));
     } else {
-        Lanes::I const v = Lanes::gather(base - 2, offset), w = Lanes::gather(base + 2, offset);
+        LaneWords const two = lane_words(base - 2, offset);
+        Lanes::I const v = Lanes::words(two.a), w = Lanes::words(two.b);
         a = lane_low<T>(v), b = lane_high<T>(v), c = lane_low<T>(w), d = lane_high<T>(w);
     }
     return {lane_mix(a, b, f), lane_mix(b, c, f), lane_mix(c, d, f)};
@@ -245,15 +293,19 @@ VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int
     Lanes::I const jx = Lanes::sub(ix, Lanes::set(static_cast<int>(base.x)));
     Lanes::I const jy = Lanes::sub(iy, Lanes::set(static_cast<int>(base.y)));
     Lanes::I const jz = Lanes::sub(iz, Lanes::set(static_cast<int>(base.z)));
-    return {Lanes::add(Lanes::mul(jx, Lanes::set(width)),
-                       Lanes::add(Lanes::mul(jy, Lanes::set(row)), Lanes::mul(jz, Lanes::set(slice)))),
-            Lanes::sub(x, Lanes::real(ix)), Lanes::sub(y, Lanes::real(iy)), Lanes::sub(z, Lanes::real(iz))};
+    LaneCells cells;
+    Lanes::store(cells.offset,
+                 Lanes::add(Lanes::mul(jx, Lanes::set(width)),
+                            Lanes::add(Lanes::mul(jy, Lanes::set(row)), Lanes::mul(jz, Lanes::set(slice)))));
+    cells.fx = Lanes::sub(x, Lanes::real(ix)), cells.fy = Lanes::sub(y, Lanes::real(iy));
+    cells.fz = Lanes::sub(z, Lanes::real(iz));
+    return cells;
 }
 #endif
 
 template <class T>
 template <int n>
-VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out) const {
+VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float* out, int count) const {
 #ifdef VKT_LANES
     if (compact) {
         Float3 const first = o + d * t[0];
@@ -261,7 +313,7 @@ VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float*
         auto const base = reinterpret_cast<char const*>(data + (x + y * row + z * slice));
         auto const row_bytes = row * static_cast<std::int64_t>(sizeof(T));
         auto const slice_bytes = slice * static_cast<std::int64_t>(sizeof(T));
-        for (int k = 0; k < n; k += VKT_LANES) {
+        for (int k = 0; k < count; k += VKT_LANES) {
             LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(sizeof(T)), static_cast<int>(row_bytes),
                                            static_cast<int>(slice_bytes));
             Lanes::store(out + k, lane_cell<T>(base, c, row_bytes, slice_bytes));
@@ -269,10 +321,11 @@ VKT_HD void LatticeSampler<T>::values(Float3 o, Float3 d, float const* t, float*
         return;
     }
 #endif
-    for (int k = 0; k < n; ++k) out[k] = value(o + d * t[k]);
+    for (int k = 0; k < count; ++k) out[k] = value(o + d * t[k]);
 }
 
 template <class T>
+template <int n>
 VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, float* gx, float* gy, float* gz) const {
 #ifdef VKT_LANES
     if (compact) {
@@ -282,7 +335,7 @@ VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, flo
         auto const width = static_cast<std::int64_t>(sizeof(T));
         auto const row_bytes = row * width, slice_bytes = slice * width;
         Lanes::F const half = Lanes::set(0.5F);
-        for (int k = 0; k < chunk; k += VKT_LANES) {
+        for (int k = 0; k < n; k += VKT_LANES) {
             LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(width), static_cast<int>(row_bytes),
                                            static_cast<int>(slice_bytes));
             // Twelve rows along x meet the six cells whose values are taken, four of them with all three pairs.
@@ -306,7 +359,7 @@ VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, flo
         return;
     }
 #endif
-    for (int k = 0; k < chunk; ++k) {
+    for (int k = 0; k < n; ++k) {
         Float3 const g = gradient(o + d * t[k]);
         gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
     }

@@ -15,6 +15,7 @@ struct CellGridView {
     float const* lowest;          ///< +inf where there is no data
     float const* majorant;        ///< bound of the extinction per world length; 0 where nothing can be seen
     std::uint8_t const* distance; ///< cells to the nearest one in which something can be seen (itself: 0; at most 255)
+    std::uint8_t const* depth;    ///< cells to the nearest one in which nothing can be seen, the same way; of marching
     int nx, ny, nz;
 
     VKT_HD std::int64_t index(int const* cell) const {

@@ -21,10 +21,11 @@ struct TablePoint {
 
 /// What is seen of n segments in a row, by the values at their ends; the first begins at `last`, which becomes the last
 /// end. Means, their first numbers by themselves, and optical depths: 0 of what has no data, no extinction or no
-/// length. False if all depths are 0.
+/// length. Only the first `lanes` are looked at. False if all their depths are 0.
 template <int n>
-VKT_HD bool look_up_segments(TableView const& table, float const* value, float const* length, TablePoint& last,
-                             Quad* mean, float* extinction, float* depth) {
+VKT_HD bool look_up_segments(TableView const& table, float const* value, float const* length,
+                             [[maybe_unused]] int lanes, TablePoint& last, Quad* mean, float* extinction,
+                             float* depth) {
 #ifdef __CUDACC__
     bool seen = false;
     for (int k = 0; k < n; ++k) {
@@ -42,14 +43,14 @@ VKT_HD bool look_up_segments(TableView const& table, float const* value, float c
 #else
     // The same a register full of segments at a time, and then four numbers of each.
     constexpr int quads = wide / 4; // in a register
-    Floats const zero{}, end = all_of(static_cast<float>(table.count - 1)), limit = all_of(table_limit);
+    Floats const zero{}, end = all_of(static_cast<float>(table.count - 1)), limit = all_of(table_limit),
+                         hidden = all_of(table.hidden);
     Ints const last_row = all_of(table.count - 2);
     Floats value_before = all_of(last.missing ? std::numeric_limits<float>::quiet_NaN() : 0.0F);
     Floats position_before = all_of(last.position), beyond_before = all_of(last.at.beyond);
     Floats integral_before = spread_of(last.at.integral), density_before = spread_of(last.at.density);
     Ints seen{};
-#pragma GCC unroll 4
-    for (int k = 0; k < n; k += wide) {
+    for (int k = 0; k < lanes; k += wide) {
         Floats const v = floats_at(value + k), v_from = behind(value_before, v);
         Floats const far = (v - table.origin) * table.scale, high = far > -limit ? far : -limit;
         Floats const x = high < limit ? high : limit;
@@ -58,6 +59,13 @@ VKT_HD bool look_up_segments(TableView const& table, float const* value, float c
         Floats const share = inside - real(first), half = 0.5F * share, over = x - inside;
         Floats const x_from = behind(position_before, x), over_from = behind(beyond_before, over);
         value_before = v, position_before = x, beyond_before = over;
+        if (!any_of((x > hidden) | (x_from > hidden))) { // as it would be, with all integrals and densities 0
+            integral_before = density_before = zero;
+            for (int i = 0; i < wide; ++i) mean[k + i] = Quad{};
+            store(extinction + k, zero);
+            store(depth + k, zero);
+            continue;
+        }
         Floats const step = x - x_from, width = step < zero ? -step : step, per = 1.0F / step;
         Ints const below = (over < zero) & (over_from < zero), top = (over > zero) & (over_from > zero);
         Floats const spans = (width > 1.0F) & ~below & ~top ? zero + 1.0F : zero;
@@ -90,7 +98,7 @@ VKT_HD bool look_up_segments(TableView const& table, float const* value, float c
         seen |= d > zero;
     }
     Classified from{last_quad(integral_before), last_quad(density_before), beyond_before[wide - 1]};
-    last = {from, position_before[wide - 1], !(value[n - 1] == value[n - 1])};
+    last = {from, position_before[wide - 1], !(value[lanes - 1] == value[lanes - 1])};
     return any_of(seen);
 #endif
 }
