@@ -205,11 +205,28 @@ v[7] = float('inf'); open('inf_8x8x8_float32.raw', 'wb').write(struct.pack('<512
     vkt render block_24x18x30_uint8.raw --size 8 -o fine.png --strict
 }
 
+@test "pictures of 8 bits leave out rays and steps that do not show, and say so; others do not" {
+    vkt make noise --dims 48 48 48 --seed 2 | vkt filter gaussian --sigma 4 -o soft.nrrd
+    draw="vkt render soft.nrrd --opacity 0,0.05 --shade none --size 180x150 -v"
+    $draw --explain -o few.png 2>said
+    grep -q "fewer rays and longer steps within 0.5 levels" said
+    grep -q "within 0.5 levels: [0-9]*% of the pixels have rays, [0-9]*% of these longer steps" said
+    for more in "--tolerance 0 -o all.png" "--depth 16 -o all16.png" "--background 0,0,0,0 -o clear.png"; do
+        $draw $more 2>said
+        run ! grep "longer steps" said
+    done
+    /usr/bin/python3 -c "
+import cv2, numpy as np
+few, all, deep = (cv2.imread(n, cv2.IMREAD_UNCHANGED).astype(float) for n in ('few.png', 'all.png', 'all16.png'))
+print(np.abs(few - deep / 257).max())
+assert np.abs(few - deep / 257).max() <= 1.01 and (few != all).any() and np.abs(all - deep / 257).max() <= 0.51"
+}
+
 @test "--explain says method, step and cost before it draws" {
     vkt render block_24x18x30_uint8.raw --size 20x10 --step 0.25 --explain -o a.png 2>err
     cat err
     grep -q "vkt render:   method ray marching, step 0.25 voxel" err
-    grep -q "at most 170 steps on each of 200 rays, 33.1 KiB of memory" err # 24 * 18 * 30 + 28 * 22 * 34 bytes
+    grep -q "at most 170 steps on each of 200 rays, 21.2 KiB of memory" err # 28 * 22 * 34 voxels and 15 bytes for each of 4 * 3 * 4 cells
     [ -s a.png ]
     vkt render block_24x18x30_uint8.raw --size 8 -n -ra multi-scattering --spp 3 -o b.png 2>err
     grep -q "192 paths" err
@@ -517,7 +534,7 @@ for name in want:
     [ -z "$VKT_SANITIZED" ] || skip "sanitizers take memory of their own"
     vkt make noise --dims 8 8 8 --dtype uint8 -o small.nrrd
     vkt make noise --dims 160 160 160 --dtype float32 -o f.nrrd
-    floats=$(vkt render f.nrrd -n -o p.png 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
+    floats=$(vkt render f.nrrd -n -o q.png 2>&1 | sed -n 's/.*peak memory about \([0-9.]*\) MiB.*/\1/p')
     /usr/bin/python3 - "$planned" "$floats" <<'END'
 import resource, subprocess, sys
 def peak(words): # MiB; children only ever add to it

@@ -292,7 +292,7 @@ private:
 
     // Shares of the tolerance, and multiples of it: chosen by what they make of the tests' scenes and of those of the
     // benchmark.
-    static constexpr float step_share = 0.2F, fill_share = 0.2F, smooth = 3, surprise = 2, rough = 60;
+    static constexpr float step_share = 0.2F, fill_share = 0.12F, smooth = 1.5F, surprise = 2, rough = 60;
 
     Drawing const& drawing_;
     Image& image_;
