@@ -83,8 +83,6 @@ public:
         }
         render::PictureOptions file = picture_options(context.output());
         if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
-        // Half a level of 8 bits is more than other pictures round to.
-        if (file.format != render::PictureFormat::png || depth_.value_or(8) != 8) settings.shortcut = 0;
         settings.layers = file.format == render::PictureFormat::exr;
         Volumes volumes(*inputs.front(), context);
         bool const numbered = is_numbered(context.output());

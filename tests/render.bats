@@ -205,16 +205,18 @@ v[7] = float('inf'); open('inf_8x8x8_float32.raw', 'wb').write(struct.pack('<512
     vkt render block_24x18x30_uint8.raw --size 8 -o fine.png --strict
 }
 
-@test "pictures of 8 bits leave out rays and steps that do not show, and say so; others do not" {
+@test "rays and steps that do not show are left out where that is asked for, and it is said" {
     vkt make noise --dims 48 48 48 --seed 2 | vkt filter gaussian --sigma 4 -o soft.nrrd
     draw="vkt render soft.nrrd --opacity 0,0.05 --shade none --size 180x150 -v"
-    $draw --explain -o few.png 2>said
+    $draw --leave-out 0.5 --explain -o few.png 2>said
     grep -q "fewer rays and longer steps within 0.5 levels" said
     grep -q "within 0.5 levels: [0-9]*% of the pixels have rays, [0-9]*% of these longer steps" said
-    for more in "--tolerance 0 -o all.png" "--depth 16 -o all16.png" "--background 0,0,0,0 -o clear.png"; do
+    for more in "-o all.png" "--depth 16 -o all16.png" "--leave-out 0.5 --background 0,0,0,0 -o clear.png"; do
         $draw $more 2>said
         run ! grep "longer steps" said
     done
+    fails_with 2 "leave-out" vkt render soft.nrrd --leave-out 0.5 --tolerance 1 -o a.png
+    fails_with 2 "leave-out must be" vkt render soft.nrrd --leave-out -1 -o a.png
     /usr/bin/python3 -c "
 import cv2, numpy as np
 few, all, deep = (cv2.imread(n, cv2.IMREAD_UNCHANGED).astype(float) for n in ('few.png', 'all.png', 'all16.png'))

@@ -66,8 +66,7 @@ vkt_picture drawn(Volume const& volume, std::vector<std::string> const& words, C
     if (!left.empty()) throw Error(ErrorKind::usage, text("unexpected argument '", left.front(), "'"));
     options.check();
     Execution const execution = call.execution(for_execution);
-    render::RenderSettings settings = options.settings();
-    settings.shortcut = 0; // light is given as floats
+    render::RenderSettings const settings = options.settings();
     render::check_memory(volume.header(), execution, true);
     render::RenderReport report;
     render::Image image = image_of(volume, settings, execution, report);

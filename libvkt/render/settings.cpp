@@ -123,13 +123,14 @@ void SettingsParameters::declare(Parameters& list) {
 
     list.option(
         "tolerance", tolerance_, "LEVELS",
-        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths; "
-        "0: ray marching draws all rays and steps, of which it leaves out what is below half a level");
+        "all but multi-scattering: refine steps and edges until the estimated error of each pixel is below, in 255ths");
     list.option("noise", noise_, "LEVELS",
                 "multi-scattering: paths until the standard error is below everywhere, in 255ths; --spp is the most");
     list.option("time", seconds_, "SECONDS", "refine the picture for so long, or until it is good enough");
 
     list.option("step", s.step, "VOXELS", "ray marching: length of a segment");
+    list.option("leave-out", s.shortcut, "LEVELS",
+                "ray marching: leave out rays and steps that are estimated to change no pixel by more, in 255ths");
     list.flag("exact", s.exact,
               "ray marching: slow reference, exact but for rounding, transfer function without a table");
     list.flag("no-skip", no_skip_, "ray marching: sample empty space too; the picture is the same");
@@ -159,7 +160,8 @@ struct Use {
     char const* option;
     bool march, iso, scatter, project;
 };
-constexpr std::array<Use, 29> uses{{{"step", true, false, false, false},
+constexpr std::array<Use, 30> uses{{{"step", true, false, false, false},
+                                    {"leave-out", true, false, false, false},
                                     {"tolerance", true, true, false, true},
                                     {"noise", false, false, true, false},
                                     {"exact", true, false, false, false},
@@ -244,6 +246,9 @@ void SettingsParameters::refuse_misfits() const {
         exclude("exact", other);
     exclude("exact", "no-skip");
     exclude("exact", "step");
+    exclude("exact", "leave-out");
+    exclude("tolerance", "leave-out");
+    exclude("time", "leave-out");
     if (settings_.camera.projection == Projection::orthographic && list_->given("fov"))
         refuse("--fov does not apply to --projection orthographic", "--zoom does");
     if (settings_.camera.projection == Projection::perspective && list_->given("span"))
@@ -298,6 +303,7 @@ void SettingsParameters::check() const {
     try_out("domain", [](S& to, S const& from) { to.domain = from.domain; });
     try_out("unit-distance", [](S& to, S const& from) { to.unit = from.unit; });
     try_out("opacity-scale", [](S& to, S const& from) { to.opacity_scale = from.opacity_scale; });
+    try_out("leave-out", [](S& to, S const& from) { to.shortcut = from.shortcut; });
     try_out("step", [](S& to, S const& from) { to.step = from.step; });
     try_out("iso", [](S& to, S const& from) { to.isos = from.isos; });
     try_out("iso-color", [](S& to, S const& from) { to.isos = from.isos, to.iso_colors = from.iso_colors; });
@@ -329,10 +335,9 @@ RenderSettings SettingsParameters::settings() const {
         to = given.value_or(0);
     };
     read_goal("noise", noise_, s.goal.noise);
-    if (tolerance_ != 0.0) read_goal("tolerance", tolerance_, s.goal.tolerance); // 0: nothing is left out
+    read_goal("tolerance", tolerance_, s.goal.tolerance);
     read_goal("time", seconds_, s.goal.seconds);
     if (s.algorithm == Algorithm::multi_scattering && s.goal.any() && !list_->given("spp")) s.samples = most_paths;
-    s.shortcut = tolerance_ ? 0 : 0.5;
     if (s.goal.any() && !list_->given("step")) s.step = 1; // it is halved where that is needed
     s.shade = s.exact ? 0 : read_shading(shading_);
     for (char const* const name : {"light-direction", "ambient", "specular"}) {
@@ -430,7 +435,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
         add("occlusion-radius", {to_text(s.occlusion_radius)});
     if (!exact && s.step != plain.step) add("step", {to_text(s.step)});
     if (s.goal.tolerance > 0) add("tolerance", {to_text(s.goal.tolerance)});
-    if (s.shortcut == 0 && !s.goal.any() && !exact) add("tolerance", {"0"}); // which is not what `vkt render` does
+    if (!exact && s.shortcut != plain.shortcut) add("leave-out", {to_text(s.shortcut)});
     if (s.goal.noise > 0) add("noise", {to_text(s.goal.noise)});
     if (s.goal.seconds > 0) add("time", {to_text(s.goal.seconds)});
     if (!exact && !s.skip) add("no-skip", {});
