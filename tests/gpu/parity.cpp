@@ -629,6 +629,8 @@ void time_all() {
             time_scan(statistics, "stats", type, n, line);
             Histogram histogram;
             time_scan(histogram, "histogram", type, n, line);
+            auto const known = operation_of(words_of("histogram --range 0:256"));
+            time_scan(*known, "histogram --range 0:256", type, n, line);
             for (char const* const words :
                  {"project max --axis z", "project max --axis y", "project max --axis x", "project mean --axis z",
                   "project mean --axis x", "project std --axis z", "project std --axis x"}) {

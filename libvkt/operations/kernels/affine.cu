@@ -211,7 +211,7 @@ void launch_sample(ConstView in, AnyView out, AffineSampling const& rule, unsign
     Sample<Kernel, C, T> const sample{device_sampling(rule, in, out.box),
                                       {driver::device_rows(in, in.box)},
                                       driver::device_rows(ConstView(out), out.box)};
-    driver::for_each_voxel(out.dims(), sample, totals, "affine_sample");
+    driver::for_each_slanted_voxel(out.dims(), sample, totals, "affine_sample");
 }
 
 /// Losses, and the voxels outside.
@@ -254,7 +254,7 @@ void launch_nearest(ConstView in, AnyView out, AffineSampling const& rule, Voxel
     NearestVoxel<U> nearest{device_sampling(rule, in, out.box), driver::device_rows(in, in.box),
                             driver::device_rows(ConstView(out), out.box), U{}};
     std::memcpy(&nearest.background, voxel.data(), sizeof nearest.background);
-    driver::for_each_voxel(out.dims(), nearest, totals, "affine_nearest");
+    driver::for_each_slanted_voxel(out.dims(), nearest, totals, "affine_nearest");
 }
 
 /// Linear in float32, of the types that it holds.

@@ -14,6 +14,7 @@ namespace vkt::VKT_BACKEND::driver {
 
 /// Rows are cut into segments; a warp takes one after the other.
 inline constexpr std::int64_t count_segment = 2048;
+inline constexpr int count_ahead = 4;
 inline constexpr unsigned most_shared_counters = 10240;       ///< of 32 bits
 inline constexpr unsigned most_packed_counters = 65536 + 256; ///< of 16 bits, which a block counts no more voxels than
 inline constexpr unsigned packed_threads = 1024;              ///< of such a block: no other has room beside it
@@ -109,24 +110,36 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
                                                                  : full);
         };
         bool const aligned = reinterpret_cast<std::uintptr_t>(from) % (N * sizeof(T)) == 0;
-        for (int i = static_cast<int>(lane) * N; i < n; i += 32 * N) {
+        auto const load = [&](int i) {
+            return load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+        };
+        auto const count = [&](Words const& words) {
+            int found[N];
+            bool one = true;
+#pragma unroll
+            for (int k = 0; k < N; ++k) {
+                found[k] = slot_at(voxel_of<T>(words, k));
+                one = one && found[k] == found[0];
+            }
+            if (one) return add(found[0], N);
+#pragma unroll
+            for (int k = 0; k < N; ++k) add(found[k], 1);
+        };
+        int i = static_cast<int>(lane) * N;
+        // Loads that wait for memory together.
+        if (plain)
+            for (; i + 32 * N * (count_ahead - 1) + N <= n; i += 32 * N * count_ahead) {
+                Words words[count_ahead];
+#pragma unroll
+                for (int k = 0; k < count_ahead; ++k) words[k] = load(i + 32 * N * k);
+#pragma unroll
+                for (int k = 0; k < count_ahead; ++k) count(words[k]);
+            }
+        for (; i < n; i += 32 * N) {
             if (i + N <= n) {
-                Words const words =
-                    load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+                Words const words = load(i);
                 if (plain) {
-                    int found[N];
-                    bool one = true;
-#pragma unroll
-                    for (int k = 0; k < N; ++k) {
-                        found[k] = slot_at(voxel_of<T>(words, k));
-                        one = one && found[k] == found[0];
-                    }
-                    if (one) {
-                        add(found[0], N);
-                        continue;
-                    }
-#pragma unroll
-                    for (int k = 0; k < N; ++k) add(found[k], 1);
+                    count(words);
                     continue;
                 }
 #pragma unroll
