@@ -61,6 +61,12 @@ template <class T> __device__ __forceinline__ bool differ(T a, T b) {
         return a != b;
 }
 
+/// What finds a slot says for which voxels that takes few steps: `template <class T> using is_cheap`.
+template <class SlotOf, class T>
+concept IsCheap = requires {
+    requires SlotOf::template is_cheap<T>::value;
+};
+
 /// `slots` counters a brick, of which so many copies lie in shared memory, those of a slot side by side: with 32 of
 /// them no two lanes meet in a bank, whatever the voxels are. None if they have no room there, one of 16 bits each if
 /// Packed. `plain`: all weights are 1.
@@ -85,9 +91,10 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
             atomicAdd(all + slot, static_cast<unsigned long long>(sum));
     };
     CountRun<decltype(add)> run{add};
-    T last{}; // equal voxels that follow one another are looked up once
+    T last{}; // equal voxels that follow one another are looked up once, if that is worth it
     int last_slot = -1;
     auto const slot_at = [&](T voxel) {
+        if constexpr (IsCheap<SlotOf, T>) return slot_of(voxel);
         if (last_slot < 0 || differ(voxel, last)) {
             last = voxel;
             last_slot = slot_of(voxel);

@@ -14,15 +14,18 @@ namespace {
 
 /// Voxels of one byte have a counter for each of their patterns.
 struct PatternSlot {
+    template <class T> using is_cheap = std::true_type;
     VKT_HD int operator()(std::uint8_t v) const { return v; }
 };
 
 struct TableSlot {
+    template <class T> using is_cheap = std::true_type;
     std::int32_t const* table;
     VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
 };
 
 struct ValueSlot {
+    template <class T> using is_cheap = std::is_same<T, float>;
     double const* edges;
     int count;
     double slope, intercept, scale, scaled_low, per_unit, low, high, near;
@@ -30,9 +33,16 @@ struct ValueSlot {
 
     template <class T> VKT_DEVICE int operator()(T voxel) const {
         if constexpr (std::is_same_v<T, float>) {
-            float const position = madd(voxel, factor, summand), bin = floorf(position), beyond = position - bin;
-            if (beyond > unsure && beyond < 1 - unsure && bin >= 0 && bin < static_cast<float>(count))
-                return static_cast<int>(bin);
+            float const position = madd(voxel, factor, summand), near_edge = rintf(position);
+            bool const within = position >= 0 && position < static_cast<float>(count);
+            auto const k = static_cast<int>(near_edge);
+            if (fabsf(position - near_edge) > unsure) {
+                if (within) return near_edge > position ? k - 1 : k;
+                if (position < -1) return count; // NaN is none of these
+                if (position > static_cast<float>(count) + 1) return count + 1;
+            } else if (within && k > 0 && k < count) {
+                return slope * static_cast<double>(voxel) + intercept >= edges[k] ? k : k - 1;
+            }
         }
         auto const stored = static_cast<double>(voxel);
         double value = slope * stored + intercept;
@@ -89,9 +99,9 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::ve
                          edges.front(),
                          edges.back(),
                          bins.far() ? 1 : 0x1p-16,
-                         static_cast<float>(factor),
+                         trusted ? static_cast<float>(factor) : std::nanf(""),
                          static_cast<float>(summand),
-                         trusted ? static_cast<float>(unsure) : 1.0F};
+                         static_cast<float>(unsure)};
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 

@@ -149,13 +149,12 @@ __device__ LaneSums sums_of(DeviceBand<T> const& band, Lane const& lane, double 
     return sums;
 }
 
-/// Moves the exponent of a normal number from the one to the other.
-__device__ void split(double& number, std::int64_t& exponent) {
-    if (number == 0) return;
-    auto const bits = static_cast<std::uint64_t>(__double_as_longlong(number));
-    exponent += static_cast<std::int64_t>(bits >> 52 & 0x7ff) - 1023;
-    number = __longlong_as_double(
-        static_cast<std::int64_t>((bits & ~(std::uint64_t{0x7ff} << 52)) | std::uint64_t{1023} << 52));
+/// Moves the exponent of a normal number, or of 0, from the one to the other.
+__device__ __forceinline__ void split(double& number, std::int64_t& exponent) {
+    int const high = __double2hiint(number);
+    if ((high & 0x7fffffff) == 0) return;
+    exponent += (high >> 20 & 0x7ff) - 1023;
+    number = __hiloint2double((high & static_cast<int>(0x800fffff)) | 0x3ff00000, __double2loint(number));
 }
 __device__ void multiply(LaneProduct& product, double factor) {
     if (fabs(factor) < 0x1p-900) { // perhaps subnormal
@@ -224,7 +223,8 @@ template <class T> struct Looks {
 /// Sums of floats; and their products, where Products: of floats of up to 32 bits, four of which double has room for
 /// beside a mantissa.
 template <class T, bool Products>
-__global__ void __launch_bounds__(block) float_bands(T const* in, Bands bands, FloatBand* out, BandProduct* products) {
+__global__ void __launch_bounds__(block, 8)
+    float_bands(T const* in, Bands bands, FloatBand* out, BandProduct* products) {
     using Wide = std::conditional_t<std::is_same_v<T, double>, double, float>;
     Lane const lane = this_lane();
     if (lane.band >= bands.count) return;
@@ -242,26 +242,32 @@ __global__ void __launch_bounds__(block) float_bands(T const* in, Bands bands, F
     for_lane(
         band, lane,
         [&]<int N>(T const(&voxels)[N]) {
-            Wide v[N];
-            bool all = true;
+            Wide v[N], odd = 0; // NaN, if one of them is not finite
 #pragma unroll
             for (int k = 0; k < N; ++k) {
                 v[k] = static_cast<Wide>(voxels[k]);
-                all = all && is_finite(v[k]);
+                odd = fma(v[k], Wide(0), odd);
             }
+            if (odd == 0) {
 #pragma unroll
-            for (int k = 0; k < N; ++k) {
-                double const wide = static_cast<double>(v[k]);
-                if (all) {
+                for (int k = 0; k < N; ++k) {
+                    double const wide = static_cast<double>(v[k]);
                     looks.at(v[k]);
-                } else {
-                    looks.at_odd(v[k]);
-                    if (!is_finite(v[k])) continue;
+                    add_finite(wide, sums.s, sums.q);
+                    if constexpr (Products) {
+                        product.mantissa *= wide;
+                        if (k % 4 == 3 || k == N - 1) split(product.mantissa, product.exponent);
+                    }
                 }
-                add_finite(wide, sums.s, sums.q);
+                return;
+            }
+            for (int k = 0; k < N; ++k) {
+                looks.at_odd(v[k]);
+                if (!is_finite(v[k])) continue;
+                add_finite(static_cast<double>(v[k]), sums.s, sums.q);
                 if constexpr (Products) {
-                    product.mantissa *= wide;
-                    if (k % 4 == 3 || k == N - 1 || !all) split(product.mantissa, product.exponent);
+                    product.mantissa *= static_cast<double>(v[k]);
+                    split(product.mantissa, product.exponent);
                 }
             }
         },
