@@ -71,7 +71,7 @@ concept IsCheap = requires {
 /// them no two lanes meet in a bank, whatever the voxels are. None if they have no room there, one of 16 bits each if
 /// Packed. `plain`: all weights are 1.
 template <class T, int N, bool Packed, class SlotOf>
-__global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
+__global__ void __launch_bounds__(Packed ? packed_threads : block_threads, Packed ? 1 : 5)
     count_kernel(DeviceRows in, CountItem const* items, CountGrid grid, __grid_constant__ SlotOf const slot_of,
                  unsigned slots, unsigned copies, bool plain, unsigned long long* counters) {
     extern __shared__ unsigned shared[];
