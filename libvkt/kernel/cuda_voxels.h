@@ -48,12 +48,11 @@ template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long*
 }
 
 /// The same for functions that look at voxels elsewhere, along slanted rows: warps of 8 by 4 voxels meet fewer lines of
-/// the cache there than rows of 32 do. f.row(y, z) is what goes on along a row: called with x and counts;
-/// F::blocks of 256 threads should fit into a multiprocessor.
+/// the cache there than rows of 32 do.
 inline constexpr int slanted_x = 8, slanted_y = 4, slanted_z = 8, slanted_strips = 8;
 
 template <class F>
-__global__ void __launch_bounds__(slanted_x* slanted_y* slanted_z, F::blocks)
+__global__ void __launch_bounds__(slanted_x* slanted_y* slanted_z)
     slanted_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
     constexpr int width = slanted_x * slanted_strips;
     std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * width + threadIdx.x,
@@ -62,10 +61,8 @@ __global__ void __launch_bounds__(slanted_x* slanted_y* slanted_z, F::blocks)
                        z = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * slanted_z +
                            threadIdx.z;
     LossCounts counts;
-    if (y < n.y && z < n.z) {
-        auto const row = f.row(y, z);
-        for (std::int64_t x = x0; x < n.x && x < x0 + width; x += slanted_x) row(x, counts);
-    }
+    if (y < n.y && z < n.z)
+        for (std::int64_t x = x0; x < n.x && x < x0 + width; x += slanted_x) f(x, y, z, counts);
     if (totals != nullptr) add_counts(counts, totals);
 }
 

@@ -154,7 +154,6 @@ __device__ __forceinline__ double aside(int i, int n) {
 }
 
 template <class Kernel, class C, class T> struct Sample {
-    static constexpr int blocks = 1;
     DeviceSampling s;
     Voxels<T> voxels;
     driver::DeviceRows out;
@@ -162,9 +161,6 @@ template <class Kernel, class C, class T> struct Sample {
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         driver::store_value(out.type, out.at(x, y, z), value(x, y, z, counts), counts);
-    }
-    __device__ __forceinline__ auto row(std::int64_t y, std::int64_t z) const {
-        return [this, y, z](std::int64_t x, driver::LossCounts& counts) { (*this)(x, y, z, counts); };
     }
 
 private:
@@ -213,48 +209,28 @@ private:
 /// Linear in float32, of voxels of type T, where all that is counted has room in 32 bits: the same bits as Sample, to
 /// which all is left that lies elsewhere than among voxels.
 template <class T> struct LinearSample {
-    static constexpr int blocks = 4;
     Sample<Linear, float, T> any;
     std::byte const* origin;            ///< of the input volume's voxel 0, which need not be there
-    int row_bytes, slice_bytes;         ///< between rows and slices
+    int row, slice;                     ///< bytes
     unsigned inner_x, inner_y, inner_z; ///< voxels below which there is another one
     bool typed_out;                     ///< results are of type T, too
 
-    __device__ __forceinline__ auto row(std::int64_t y, std::int64_t z) const {
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
         PositionRow const centre = row_of(any.s.map, {}, any.s.first.y + y, any.s.first.z + z);
-        std::byte* const to = any.out.at(0, y, z);
-        return [this, y, z, centre, to](std::int64_t x, driver::LossCounts& counts) {
-            if (!sample(centre, x, to, counts)) elsewhere(*this, x, y, z, counts);
-        };
-    }
-
-private:
-    /// Rare, so that what it keeps in registers is of no concern to the others.
-    static __device__ __noinline__ void elsewhere(LinearSample const& f, std::int64_t x, std::int64_t y, std::int64_t z,
-                                                  driver::LossCounts& counts) {
-        driver::LossCounts found;
-        f.any(x, y, z, found);
-        counts.clipped += found.clipped;
-        counts.nan += found.nan;
-        counts.undefined += found.undefined;
-    }
-    /// False if it looks at what is not a voxel or not finite.
-    __device__ __forceinline__ bool sample(PositionRow const& centre, std::int64_t x, std::byte* to,
-                                           driver::LossCounts& counts) const {
-        auto const column = static_cast<double>(static_cast<int>(any.s.first.x) + static_cast<int>(x));
+        auto const column = static_cast<double>(any.s.first.x + x);
         Part const px = part(centre.x, column), py = part(centre.y, column), pz = part(centre.z, column);
         if (!(static_cast<unsigned>(px.index) < inner_x && static_cast<unsigned>(py.index) < inner_y &&
               static_cast<unsigned>(pz.index) < inner_z))
-            return false;
-        auto const* const near =
-            reinterpret_cast<T const*>(origin + static_cast<std::int64_t>(pz.index) * slice_bytes +
-                                       static_cast<std::int64_t>(py.index) * row_bytes +
-                                       static_cast<std::int64_t>(px.index) * static_cast<int>(sizeof(T)));
+            return any(x, y, z, counts);
+        auto const* const near = reinterpret_cast<T const*>(
+            origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
+            static_cast<std::int64_t>(px.index) * static_cast<int>(sizeof(T)));
         auto const beyond = [](T const* from, int bytes) {
             return reinterpret_cast<T const*>(reinterpret_cast<std::byte const*>(from) + bytes);
         };
-        T const *const second = beyond(near, row_bytes), *const third = beyond(near, slice_bytes),
-                       *const fourth = beyond(second, slice_bytes);
+        T const *const second = beyond(near, row), *const third = beyond(near, slice),
+                       *const fourth = beyond(second, slice);
         float const v[8] = {static_cast<float>(near[0]),   static_cast<float>(near[1]),  static_cast<float>(second[0]),
                             static_cast<float>(second[1]), static_cast<float>(third[0]), static_cast<float>(third[1]),
                             static_cast<float>(fourth[0]), static_cast<float>(fourth[1])};
@@ -262,18 +238,18 @@ private:
             float odd = 0; // NaN, if one of them is not finite
 #pragma unroll
             for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
-            if (odd != 0) return false;
+            if (odd != 0) return any(x, y, z, counts);
         }
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
         float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
                                        fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
         if (typed_out)
-            reinterpret_cast<T*>(to)[x] = round_to<T>(value); // no less and no more than voxels are
+            *reinterpret_cast<T*>(any.out.at(x, y, z)) = round_to<T>(value); // no less and no more than voxels are
         else
-            driver::store_value(any.out.type, to + x * any.out.size, value, counts);
-        return true;
+            driver::store_value(any.out.type, any.out.at(x, y, z), value, counts);
     }
 
+private:
     struct Part {
         int index;
         float rest;
@@ -303,9 +279,8 @@ private:
 /// True if a thread may count in 32 bits wherever the output's positions are and the input's voxels lie.
 bool counts_in_32_bits(AffineSampling const& rule, ConstView const& in, Box const& out) {
     auto const size = static_cast<std::int64_t>(size_of(in.type));
-    bool small = std::max({rule.dims.x, rule.dims.y, rule.dims.z}) < most_counted &&
-                 std::abs(out.lower.x) < most_counted && std::abs(out.upper.x) < most_counted &&
-                 in.row * size < most_counted && in.slice * size < most_counted;
+    bool small = std::max({rule.dims.x, rule.dims.y, rule.dims.z}) < most_counted && in.row * size < most_counted &&
+                 in.slice * size < most_counted;
     for (int corner = 0; corner < 8; ++corner) {
         PositionRow const row = row_of(rule.map, {}, corner % 2 != 0 ? out.upper.y - 1 : out.lower.y,
                                        corner / 2 % 2 != 0 ? out.upper.z - 1 : out.lower.z);
@@ -334,14 +309,10 @@ void count(driver::DeviceLosses const& counts, Losses& losses, std::int64_t& out
 }
 
 template <class U> struct NearestVoxel {
-    static constexpr int blocks = 3;
     DeviceSampling s;
     driver::DeviceRows in, out;
     U background;
 
-    __device__ __forceinline__ auto row(std::int64_t y, std::int64_t z) const {
-        return [this, y, z](std::int64_t x, driver::LossCounts& counts) { (*this)(x, y, z, counts); };
-    }
     __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
                                                driver::LossCounts& counts) const {
         auto const column = static_cast<double>(s.first.x + x);
