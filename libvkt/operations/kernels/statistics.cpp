@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/statistics.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/kernel/lanes.h"
@@ -469,6 +470,10 @@ void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
                      Execution const& execution) {
     for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, product_map, bands, execution.threads); });
+}
+
+void slice_statistics(ConstView, MeanOrigin const&, ValueMap const*, SliceStatistics*, Execution const&) {
+    throw_without_cuda(); // CPUs merge bands on the host
 }
 
 } // namespace VKT_BACKEND
