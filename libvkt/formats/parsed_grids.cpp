@@ -129,6 +129,7 @@ void GridsSource::open() {
         }
         grids_.header.attributes["variables"] = join(names, " ");
     }
+    mark_as_given(grids_.header);
     shared_attributes_ = grids_.header.attributes;
     auto const slice =
         static_cast<std::size_t>(grids_.header.dims.x * grids_.header.dims.y) * size_of(grids_.header.dtype);
