@@ -52,6 +52,7 @@ Format const* by_name(std::string const& name) {
     Format const* best = nullptr;
     std::size_t longest = 0;
     if (is_segment(name)) return &by_format_name("shm");
+    if (is_plotfile_name(name)) return &by_format_name("amrex");
     if (name.ends_with('/') && !lower.ends_with(".zarr/")) return &by_format_name("dicom"); // a folder of slices
     for (auto const& format : formats())
         for (auto const& extension : format.extensions)

@@ -66,12 +66,11 @@ def volume(options, name, dtype="uint16"):
 
 
 def raw(options):
+    """Through a pipe, since nobody keeps what goes nowhere."""
     volume(options, "a.vkt")
-    for name in "a.tif", "a.h5", "a.zarr":
-        shell(f"vkt write a.vkt {name}")()
-        files = f"{name}/*" if name.endswith("zarr") else name
-        compare(f"{name} to nowhere, cat", 0.8, shell(f"vkt read {name}"), shell(f"cat {files}"), options.runs)
-        compare(f"{name} through a pipe, cat", 0.8, shell(f"vkt read {name} | vkt write - --format raw | cat"), shell(f"cat {files} | cat | cat"), options.runs)
+    for name, more in ("a.tif", ""), ("a.h5", ""), ("a.zarr", ""), ("a.zarr", "--chunk 512,512,16"):
+        shell(f"vkt write a.vkt {name} {more}")()
+        compare(f"{name} {more}, cat", 0.8, shell(f"vkt read {name} | cat"), shell(f"find {name} -type f | xargs cat | cat"), options.runs)
         shell(f"rm -r {name}")()
     os.remove("a.vkt")
 
