@@ -249,6 +249,9 @@ for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "i
     with h5py.File(f"rows_{name}.h5") as f:
         assert f["v"][...].tobytes() == want and f["v"].chunks[0] == 1, (name, f["v"].chunks)
 END
+    vkt make ramp --dims 600 520 17 --dtype uint16 -o large.h5
+    /usr/bin/python3 -c 'import h5py; d = h5py.File("large.h5")["data"]; assert d.chunks == (16, 128, 128), d.chunks'
+    vkt make ramp --dims 600 520 17 --dtype uint16 | vkt diff - large.h5
     vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.h5
     vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.nrrd
     vkt diff h.h5 h.nrrd
