@@ -263,3 +263,12 @@ END
     for got in printed piped; do cmp file.json $got.json; done
     [ "$(grep -c components file.json)" -eq 2 ]
 }
+
+@test "an expression may begin with a minus" {
+    vkt make ramp --dims 4 3 2 -o r.nrrd
+    vkt arith neg r.nrrd -o n.nrrd
+    for words in '-v*1' '-(v)' '-v[0,0,0]' '-1 * v'; do vkt transform "$words" r.nrrd | vkt diff - n.nrrd; done
+    vkt pipe "read r.nrrd | transform '-v * 1'" | vkt diff - n.nrrd
+    fails_with 2 "arguments that begin with - stand behind --" vkt transform -x r.nrrd
+    vkt transform -- -x r.nrrd | vkt diff - <(vkt transform 0-x r.nrrd)
+}
