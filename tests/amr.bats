@@ -481,7 +481,7 @@ stream = open('whole.vkt', 'rb').read()
 ends = [at for at, _ in boundaries(stream)]
 frames = [stream[a:b] for a, b in zip(ends, ends[1:])]
 kinds = [FRAME.unpack_from(frame)[0] for frame in frames]
-assert kinds[:2] == [b'HEAD', b'TREE'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
+assert kinds[:2] == [b'HEAD', b'PACK'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
 for name, order in {'table': [0, 2, 3, 4, 5], 'tables': [0, 1, 1, 2, 3, 4, 5], 'one': [0, 1, 3, 4, 5], 'last': [0, 1, 2, 3, 5],
                     'twice': [0, 1, 2, 2, 3, 4, 5], 'more': [0, 1, 2, 3, 4, 4, 5], 'turned': [0, 1, 3, 2, 4, 5]}.items():
     open(name + '.vkt', 'wb').write(MAGIC + b''.join(frames[i] for i in order))
