@@ -255,7 +255,8 @@ TreeView Tree::view(Visibility const& visibility) const {
             cells_.origin,
             cells_.size,
             cells_.first.data(),
-            cells_.bricks.data()};
+            cells_.bricks.data(),
+            static_cast<std::int64_t>(sampler_.volume().header().bytes())};
 }
 
 } // namespace vkt::render
