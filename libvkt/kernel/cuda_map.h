@@ -513,7 +513,7 @@ concept CountsUndefined = requires(F const& f, C... values) {
 __device__ __forceinline__ void add_counts(LossCounts const& counts, unsigned long long* totals) {
     if (__syncthreads_or(static_cast<int>(counts.clipped | counts.nan | counts.undefined)) == 0) return;
     __shared__ unsigned sums[3];
-    unsigned const thread = threadIdx.y * blockDim.x + threadIdx.x;
+    unsigned const thread = (threadIdx.z * blockDim.y + threadIdx.y) * blockDim.x + threadIdx.x;
     if (thread < 3) sums[thread] = 0;
     __syncthreads();
     unsigned const own[3] = {__reduce_add_sync(~0u, counts.clipped), __reduce_add_sync(~0u, counts.nan),
