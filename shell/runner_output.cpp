@@ -153,6 +153,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
         drain_volume(source, sink, execution);
         refuse_lossy();
     }
+    for (auto const& write : late_reports_) write();
     sink.close();
     tell_prediction();
     tell_transport();

@@ -356,6 +356,7 @@ print(zlib.decompress(data).hex())" "$1"; }
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree
     look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"
+    look+=" --tree bricks"
     vkt render t.vkt $look -o a.png
     pixels a.png >a
     [ "$(head -n 1 a)" = "90 70 8 2" ]
@@ -368,13 +369,34 @@ print(zlib.decompress(data).hex())" "$1"; }
     vkt render t.vkt --size 40 -o chosen.png
 }
 
+@test "a tree is drawn as a grid where that is smaller, and as asked" {
+    tree
+    look="--size 64 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis"
+    vkt resample t.vkt --scale 1 --method basis -o grid.vkt
+    for case in "grid.vkt" "t.vkt --tree grid" "t.vkt" "t.vkt --tree bricks"; do
+        # shellcheck disable=SC2086
+        vkt render $case $look -v -o a.png --force 2>said
+        pixels a.png >"of_${case// /_}"
+        grep -o 'finest [a-z]*' said >"said_${case// /_}" || true
+    done
+    cmp of_grid.vkt of_t.vkt_--tree_grid
+    cmp of_t.vkt of_t.vkt_--tree_grid
+    [ "$(cat said_t.vkt)" = "finest grid" ]
+    [ "$(cat said_t.vkt_--tree_bricks)" = "finest cell" ]
+    run ! cmp of_t.vkt of_t.vkt_--tree_bricks
+    # Deep ones would be larger.
+    vkt make amr --blocks 500 --levels 6 | vkt render --size 20 -v -o b.png 2>said
+    grep -q 'finest cell' said
+    fails_with 2 "did you mean 'bricks'" vkt render t.vkt --tree brick -o c.png
+}
+
 @test "a tree of one level looks like its grid" {
     python_with numpy
     vkt make marschner-lobb --dims 20 28 24 --spacing 1,0.5,2 -o grid.vkt
     vkt refine grid.vkt --tolerance 0 --levels 1 -o t.vkt
     look="--size 60 --opacity 0,0.01,0.1 --domain 0:1 --colormap viridis --fit volume --shade gradient"
     for volume in grid t; do
-        vkt render $volume.vkt $look -o $volume.png
+        vkt render $volume.vkt $look --tree bricks -o $volume.png
         pixels $volume.png >$volume
     done
     check "
@@ -399,7 +421,7 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
 @test "every algorithm draws a tree, with its goals and layers; nothing to see is no crash" {
     tree --field linear
     drawn() { # options…: a picture that is not one colour
-        vkt render t.vkt --size 40 -o drawn.png --force "$@"
+        vkt render t.vkt --size 40 --tree bricks -o drawn.png --force "$@"
         pixels drawn.png | tail -n 1 >drawn
         [ "$(fold -w 6 drawn | sort -u | wc -l)" -gt 20 ]
     }
@@ -481,7 +503,7 @@ stream = open('whole.vkt', 'rb').read()
 ends = [at for at, _ in boundaries(stream)]
 frames = [stream[a:b] for a, b in zip(ends, ends[1:])]
 kinds = [FRAME.unpack_from(frame)[0] for frame in frames]
-assert kinds[:2] == [b'HEAD', b'TREE'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
+assert kinds[:2] == [b'HEAD', b'PACK'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
 for name, order in {'table': [0, 2, 3, 4, 5], 'tables': [0, 1, 1, 2, 3, 4, 5], 'one': [0, 1, 3, 4, 5], 'last': [0, 1, 2, 3, 5],
                     'twice': [0, 1, 2, 2, 3, 4, 5], 'more': [0, 1, 2, 3, 4, 4, 5], 'turned': [0, 1, 3, 2, 4, 5]}.items():
     open(name + '.vkt', 'wb').write(MAGIC + b''.join(frames[i] for i in order))
