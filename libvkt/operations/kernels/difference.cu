@@ -3,7 +3,7 @@
 #include "libvkt/operations/kernels/difference.h"
 
 #include "libvkt/core/buffer.h"
-#include "libvkt/kernel/cuda_map.h"
+#include "libvkt/kernel/cuda_rows.h"
 #include "libvkt/kernel/kernel.h"
 
 #include <cmath>
