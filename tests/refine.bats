@@ -172,7 +172,7 @@ for x, y, z, nx, ny, nz, level in bricks:
     own, cells = np.split(cells, [nx * ny * nz])
     assert abs(own - mean.ravel()).max() <= 0.5, (x, y, z, level)
 assert cells.size == 0 and len(levels) > 1
-sparse = "background" in header["attributes"]
+sparse = "background" in header.get("attributes", {})
 assert met.max() == 1 and (met.min() == 1 or sparse) and v[met == 0].max(initial=0) <= 20
 info = json.load(open("info.json"))
 # 4 bytes a brick, and where every 16th begins, as bricks at the end are short.
@@ -181,9 +181,9 @@ assert info["grid_bytes"] == 2 * v.size, info
 EOF
     done
     # Turned, the short bricks come first: records.
-    vkt flip x tree.vkt -o turned.vkt
+    vkt flip y tree.vkt -o turned.vkt
     grep -aq TREE turned.vkt
-    vkt flip x turned.vkt | vkt diff - tree.vkt
+    vkt flip y turned.vkt | vkt diff - tree.vkt
 }
 
 @test "at the level of the noise trees are a fraction of the scans, bricks and their places" {

@@ -101,19 +101,24 @@ struct CurveInterval {
     std::size_t brick;
 };
 
-/// Intervals of equal blocks on the octree's block lattice; empty if the bricks are not of that kind.
+/// Intervals of equal blocks, but for short ones at the end of the grid, on the octree's block lattice; empty if the
+/// bricks are not of that kind.
 std::vector<CurveInterval> curve_intervals(Index3 logical_dims, BrickTable const& bricks) {
     std::vector<CurveInterval> intervals;
     intervals.reserve(bricks.size());
-    Index3 const n = bricks[0].dims;
+    Index3 n = bricks[0].dims;
+    for (Brick const& b : bricks)
+        for (int a = 0; a < 3; ++a) n[a] = std::max(n[a], b.dims[a]);
     for (std::size_t i = 0; i < bricks.size(); ++i) {
         Brick const& b = bricks[i];
         Index3 const w = cell_width(logical_dims, b.level);
-        if (!(b.dims == n) || b.level > 20) return {};
+        if (b.level > 20) return {};
         std::uint64_t key = 0;
         for (int a = 0; a < 3; ++a) {
             std::int64_t const extent = n[a] * w[a];
-            if (b.lower[a] % extent != 0) return {};
+            // Finest ones may be short where the grid ends: nothing else is in their block.
+            bool const ends = b.level == 0 && b.lower[a] + b.dims[a] == logical_dims[a];
+            if (b.lower[a] % extent != 0 || (b.dims[a] != n[a] && !ends)) return {};
             // A flat axis has one block at every level; the curve then runs through the other axes at block 0.
             std::int64_t const block = b.lower[a] / extent << (logical_dims[a] == 1 ? 0 : b.level);
             if (block >= std::int64_t{1} << 21) return {};
