@@ -3,10 +3,12 @@
 #include "libvkt/render/render.h"
 
 #include "libvkt/amr/cells.h"
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/categories.h"
+#include "libvkt/render/cost.h"
 #include "libvkt/render/device.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/passes.h"
@@ -282,19 +284,49 @@ void check(RenderSettings const& s) {
         refuse("--iso-opacity takes an opacity from 0 to 1 for each iso-value");
 }
 
-Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
+namespace {
+
+/// The finest cells of a box.
+SampleGrid grid_in(Box const& box) {
+    SampleGrid grid;
+    for (int a = 0; a < 3; ++a) grid.lower[a] = static_cast<double>(box.lower[a]);
+    grid.dims = box.dims();
+    return grid;
+}
+
+/// The finest cells of a hierarchical volume, as vkt resample makes them, in the type of its cells.
+Lattice lattice_of_tree(Volume const& volume, Execution const& execution) {
+    Header const& header = volume.header();
+    SampleGrid const grid = grid_in(box_of(header.dims));
+    double const background = stored_background(header).value_or(header.values.stored(0));
+    Reconstructor const cells(volume, grid, Reconstruction::basis, background);
+    Execution host = execution;
+    host.device = Device::cpu;
+    return make_lattice(
+        cells.header(), [&](AnyView const& to) { cells.run(to, host); }, execution);
+}
+
+} // namespace
+
+Renderer::Renderer(Volume const& volume, Execution const& execution, TreeDrawing tree)
+    : header_(volume.header()), execution_(execution),
+      region_(header_.kind == Kind::hierarchical ? region_of(header_) : box_of(header_.dims)) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
-    if (header_.kind == Kind::hierarchical)
-        tree_.emplace(volume, execution_);
-    else
+    if (header_.kind == Kind::structured)
         lattice_ = make_lattice(volume.view(), header_.values, execution_);
+    else if (drawn_as_grid(header_, tree) &&
+             (tree == TreeDrawing::grid || !leaves_holes(header_, volume.bricks(), grid_in(region_))))
+        lattice_ = lattice_of_tree(volume, execution_);
+    else
+        tree_.emplace(volume, execution_);
     cache_ = std::make_shared<Cache>();
     prepare_seconds_ = seconds_since(start);
 }
 
 Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
-    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    : header_(std::move(header)), execution_(execution), region_(box_of(header_.dims)),
+      cache_(std::make_shared<Cache>()) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
     lattice_ = make_lattice(voxels, header_.values, execution_);
@@ -302,7 +334,8 @@ Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
 }
 
 Renderer::Renderer(Header header, VoxelReader const& read, Execution const& execution)
-    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    : header_(std::move(header)), execution_(execution), region_(box_of(header_.dims)),
+      cache_(std::make_shared<Cache>()) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
     double reading = 0; // is no part of what prepares a picture
@@ -344,7 +377,8 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
 std::shared_ptr<Categories const> Renderer::labels_for(RenderSettings const& settings) const {
     if (!draws_labels(settings, header_)) return nullptr;
     bool const asked = settings.labels == LabelMode::always;
-    if (tree_) refuse("--labels always: hierarchical volumes are not drawn as labels", "vkt resample makes a grid");
+    if (header_.kind == Kind::hierarchical)
+        refuse("--labels always: hierarchical volumes are not drawn as labels", "vkt resample makes a grid");
     auto& labels = cache_->labels;
     if (!labels) labels = std::make_shared<Categories>(categories_of(lattice_, header_, execution_.threads));
     if (labels->why_not.empty()) return labels;
@@ -372,13 +406,13 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
     double const smallest = smallest_spacing(g);
     appearance.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
-        appearance.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
+        appearance.unit = diagonal(g, region_.dims()) / 256;
     else if (!settings.unit.empty())
         appearance.unit = parse_double(settings.unit);
     if (!(appearance.unit > 0) || !std::isfinite(appearance.unit)) refuse("the unit distance must be positive");
 
-    double const voxels =
-        tree_ ? std::min(tree_->covered(), volume_of(tree_->region().dims())) : static_cast<double>(header_.voxels());
+    double voxels = volume_of(region_.dims());
+    if (tree_) voxels = std::min(tree_->covered(), voxels);
     double const extent = std::cbrt(voxel_size(g) * voxels);
     Automatic const automatic =
         choose_transfer(histogram(), appearance.domain, settings.colormap, extent, appearance.unit);
@@ -485,7 +519,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     Geometry const& g = header_.geometry;
     double const first = tree_ ? 0.5 : lattice_padding;
     scene.frame = frame_of(camera, g, first, settings.width, settings.height);
-    Box shown = tree_ ? tree_->region() : box_of(header_.dims);
+    Box shown = region_;
     if (!settings.clip.empty()) shown = intersect(shown, settings.clip.resolve(header_.dims));
     auto const place = [&](Index3 i) {
         double const low = first - 0.5;
@@ -527,9 +561,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
         scene.ways[0] = light_way(scene, toward, anywhere);
     }
-    double const radius = settings.occlusion_radius > 0
-                              ? settings.occlusion_radius
-                              : diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 10;
+    double const radius = settings.occlusion_radius > 0 ? settings.occlusion_radius : diagonal(g, region_.dims()) / 10;
     scene.around_count = settings.ambient_occlusion;
     for (int i = 0; i < scene.around_count; ++i) {
         // Evenly spread: rings of the same area, turned by the golden angle from one to the next.
@@ -630,11 +662,13 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Tree::Visibility const& bricks = ready->bricks;
     bool const labels = appearance.labels != nullptr;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso || labels;
-    Box content = tree_ ? tree_->region() : box_of(header_.dims);
+    Box content = region_;
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
         content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
+    // A grid may hold more than the part of a tree that there is.
+    if (content = intersect(content, region_); content.empty()) content = region_;
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);
@@ -756,7 +790,10 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             : settings.exact
                 ? "exact, piece by piece between the points of the transfer function"
                 : text("ray marching, step ", in_passes && settings.goal.any() ? quality.finest : settings.step,
-                       tree_ ? " of the finest cell" : " voxel", ", shading ", appearance.shade);
+                       tree_                                ? " of the finest cell"
+                       : header_.kind == Kind::hierarchical ? " voxel of the finest grid"
+                                                            : " voxel",
+                       ", shading ", appearance.shade);
         if (with_gpu) report->method += ", on a GPU";
         report->prepare_seconds = prepare_seconds_;
         report->render_seconds = seconds_since(start);
@@ -777,7 +814,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
 }
 
 Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution, RenderReport* report) {
-    return Renderer(volume, execution).render(settings, report);
+    return Renderer(volume, execution, settings.tree).render(settings, report);
 }
 
 TileFunction tile_function([[maybe_unused]] InstructionSet instructions) {
