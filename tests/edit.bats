@@ -40,7 +40,8 @@ END
 @test "a file may replace itself; what cannot be is refused by the command's name and changes nothing" {
     cp v.nrrd w.nrrd
     vkt edit w.nrrd --units K -o w.nrrd --force
-    vkt diff v.nrrd w.nrrd --geometry && vkt info w.nrrd | grep -q 'units.* K$'
+    vkt diff v.nrrd w.nrrd --geometry
+    vkt info w.nrrd | grep -q 'units.* K$'
     cp w.nrrd before.nrrd
     for words in '--spacing 0' '--spacing nan' '--origin inf,0,0' '--slope 0' '--dims 3 3 3' '--attribute =x' \
         '--direction 1,0,0,1,0,0,0,0,1' '--voxel-mapping 1 0'; do

@@ -39,9 +39,11 @@ END
 }
 
 @test "missing, twice, cut, turned, moved, of another type: refused with the brick's name, and no file appears" {
-    mkdir lost && mv b03.mha lost
+    mkdir lost
+    mv b03.mha lost
     fails_with 3 'missing' vkt merge 'b*.mha' -o out.mha
-    cp lost/b03.mha b03.mha && cp b03.mha b99.mha
+    cp lost/b03.mha b03.mha
+    cp b03.mha b99.mha
     fails_with 3 'overlap' vkt merge 'b*.mha' -o out.mha
     rm b99.mha
     head -c -1 lost/b03.mha >b03.mha
@@ -52,5 +54,6 @@ END
         vkt $change lost/b03.mha -o b03.mha --force 2>/dev/null || vkt pipe "read lost/b03.mha | $change | write b03.mha --force"
         fails_with 3 'b03.mha' vkt merge 'b*.mha' -o out.mha
     done
-    [ ! -e out.mha ] && [ -z "$(find . -name '.*.vkt-*')" ]
+    [ ! -e out.mha ]
+    [ -z "$(find . -name '.*.vkt-*')" ]
 }

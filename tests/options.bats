@@ -44,7 +44,8 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "--no-checksum: only streams" vkt flip x v.nrrd --no-checksum --format raw
     fails_with 2 "--transport: no other command" vkt flip x v.nrrd --transport shm -o o.vkt
     [ "$(vkt flip x v.nrrd --transport shm -o o.nrrd 2>&1 | wc -l)" = 1 ]
-    [ ! -e o.nrrd ] && [ ! -e o.vkt ]
+    [ ! -e o.nrrd ]
+    [ ! -e o.vkt ]
     VKT_TRANSPORT=shm vkt flip x v.nrrd -o o.nrrd
     vkt flip x v.nrrd --no-checksum -o o.vkt
     vkt flip x v.nrrd --format vkt --no-checksum --transport pipe | vkt diff - o.vkt
@@ -259,7 +260,9 @@ END
     vkt stack m.nrrd m.nrrd -o s.nrrd
     vkt label s.nrrd --report file.json -o a.nrrd
     vkt label s.nrrd --report - -o b.nrrd >printed.json
-    mkfifo pipe && (cat pipe >piped.json &) && vkt label s.nrrd --report pipe | cat >c.vkt
+    mkfifo pipe
+    (cat pipe >piped.json &)
+    vkt label s.nrrd --report pipe | cat >c.vkt
     for got in printed piped; do cmp file.json $got.json; done
     [ "$(grep -c components file.json)" -eq 2 ]
 }

@@ -30,7 +30,7 @@ END
     for order in RAS lps zyx; do
         vkt reorient --to $order lps.nrrd --no-history | cmp - <(vkt permute $order lps.nrrd --no-history)
     done
-    run ! cmp <(vkt reorient RAS lps.nrrd --format raw) <(vkt write lps.nrrd --format raw)
+    run ! cmp <(vkt reorient RAS lps.nrrd --format raw) <(vkt write lps.nrrd - --format raw)
     # There and back is the volume.
     vkt reorient ASR lps.nrrd | vkt reorient --to LPS | vkt diff - lps.nrrd --geometry
     vkt make noise --dims 7 5 4 -o bare.nrrd

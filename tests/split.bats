@@ -22,9 +22,12 @@ END
 }
 
 @test "numbers of any width, per cent signs, streams; names that are no place for one" {
-    vkt split v.mha -o 'a%d%%.nrrd' && [ -e a5%.nrrd ]
-    vkt split v.mha -o 'b%5d.vkt' && vkt stats 'b    5.vkt' >/dev/null
-    vkt split v.mha -o all.vkt && [ "$(vkt info all.vkt | grep -c '^dims')" -eq 6 ]
+    vkt split v.mha -o 'a%d%%.nrrd'
+    [ -e a5%.nrrd ]
+    vkt split v.mha -o 'b%5d.vkt'
+    vkt stats 'b    5.vkt' >/dev/null
+    vkt split v.mha -o all.vkt
+    [ "$(vkt info all.vkt | grep -c '^dims')" -eq 6 ]
     for all in all.vkt -; do
         fails_with 3 "holds several volumes" eval "vkt split v.mha | vkt stack $all -o whole.nrrd"
     done
@@ -37,11 +40,14 @@ END
 @test "a file in the way stops it at its place: those before are whole, none is replaced, nothing else is left" {
     echo mine >p2.nrrd
     fails_with 4 "'p2.nrrd'" vkt split v.mha -o 'p%d.nrrd'
-    [ "$(cat p2.nrrd)" = mine ] && [ ! -e p3.nrrd ]
+    [ "$(cat p2.nrrd)" = mine ]
+    [ ! -e p3.nrrd ]
     for z in 0 1; do [ ! -e p$z.nrrd ] || vkt crop v.mha --roi :,:,$z:+1 | vkt diff - p$z.nrrd --geometry; done
-    vkt split v.mha -o 'p%d.nrrd' --force && vkt stack 'p*.nrrd' | vkt diff - v.mha
+    vkt split v.mha -o 'p%d.nrrd' --force
+    vkt stack 'p*.nrrd' | vkt diff - v.mha
     # Of a file that ends early no slice is made of what is missing.
     head -c -40 v.mha >cut.mha
     fails_with 3 'cut.mha' vkt split cut.mha -o 'q%d.nrrd'
-    [ ! -e q5.nrrd ] && [ -z "$(find . -name '.*.vkt-*')" ]
+    [ ! -e q5.nrrd ]
+    [ -z "$(find . -name '.*.vkt-*')" ]
 }

@@ -6,7 +6,9 @@ setup_more() { vkt make noise --dims 9 7 5 --dtype uint8 -o v.nrrd; }
 @test "without a display it says what render says, and plans without one" {
     (unset DISPLAY WAYLAND_DISPLAY && vkt render --window v.nrrd) 2>want || code=$?
     run --separate-stderr env -u DISPLAY -u WAYLAND_DISPLAY vkt view v.nrrd
-    [ "$status" -eq "$code" ] && [ "${stderr//vkt view/vkt render}" = "$(cat want)" ] && [ -z "$output" ]
+    [ "$status" -eq "$code" ]
+    [ "${stderr//vkt view/vkt render}" = "$(cat want)" ]
+    [ -z "$output" ]
     [[ "$stderr" == *"hint: vkt render -o FILE"* ]] # view itself has no -o
     env -u DISPLAY -u WAYLAND_DISPLAY vkt view v.nrrd --iso 100 --ra implicit-iso -n 2>plan
     grep -q '^vkt view: ' plan

@@ -205,12 +205,16 @@ print(f"{name}{h:08x}")')
     ln -s link.nrrd again.nrrd
     fails_with 4 "--force" vkt flip x ramp.vkt -o again.nrrd
     vkt flip x ramp.vkt -o again.nrrd --force
-    [ -L link.nrrd ] && [ -L again.nrrd ] && [ ! -L there/real.nrrd ]
+    [ -L link.nrrd ]
+    [ -L again.nrrd ]
+    [ ! -L there/real.nrrd ]
     vkt flip x ramp.vkt | vkt diff - there/real.nrrd
     # To nothing yet; with the voxels beside the header, where readers look for them.
     ln -s there/new.mhd new.mhd
     vkt write ramp.vkt new.mhd
-    [ -L new.mhd ] && [ -e there/new.raw ] && [ ! -e new.raw ]
+    [ -L new.mhd ]
+    [ -e there/new.raw ]
+    [ ! -e new.raw ]
     vkt diff there/new.mhd ramp.vkt
     ln -s round.nrrd round.nrrd
     fails_with 4 "round.nrrd" vkt write ramp.vkt round.nrrd --force

@@ -217,7 +217,7 @@ void PlotfileSink::put_bricks(BrickSequence bricks) {
         throw Error(ErrorKind::usage, text("plotfiles hold float32 and float64, not ", header_.dtype),
                     "convert first: vkt convert --dtype float32");
     dimensions_ = header_.dims.z > 1 ? 3 : header_.dims.y > 1 ? 2 : 1;
-    take_tree(bricks.bricks());
+    take_tree(bricks.bricks().list());
     Header lost = header_;
     std::erase_if(lost.attributes, [](auto const& entry) {
         // What is said of any plotfile that is read.

@@ -42,7 +42,7 @@ constexpr std::size_t longest_code = 16;         ///< of a Code String
 constexpr std::uint64_t most_bytes = 0xfffffffe; ///< of pixel data that say their length
 constexpr std::int64_t most_pixels = 65535;      ///< along a side
 /// What rounding may have left of right angles.
-constexpr double angle_tolerance = 1e-4;
+constexpr double angle_tolerance = 1e-5;
 
 double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
