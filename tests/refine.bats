@@ -183,7 +183,11 @@ EOF
     # Turned, the short bricks come first: records.
     vkt flip y tree.vkt -o turned.vkt
     grep -aq TREE turned.vkt
-    vkt flip y turned.vkt | vkt diff - tree.vkt
+    vkt flip y turned.vkt -o again.vkt
+    for file in again tree; do
+        PYTHONPATH="$VKT_ROOT/tests" /usr/bin/python3 "$VKT_ROOT/tests/tree_content.py" $file.vkt | awk '{ print $(NF - 1), $NF }' >$file
+    done
+    cmp again tree
 }
 
 @test "at the level of the noise trees are a fraction of the scans, bricks and their places" {
