@@ -19,13 +19,20 @@ public:
     void parameters(Parameters& p) override {
         Measure::parameters(p);
         p.flag("log", log_, "bars as long as the logarithm of 1 + count");
-        p.option("output", output_, "OUT", "output file: .png and .svg are pictures").short_form('o').not_in_history();
+        p.option("output", output_, "OUT", "output file: .png and .svg are pictures, .csv and .json tables")
+            .short_form('o')
+            .not_in_history();
         p.flag("force", force_, "overwrite an existing output file").not_in_history();
     }
     void check() const override {
         Measure::check();
         if (is_picture() && (csv() || !operation().prints(ReportForm::text)))
             throw Error(ErrorKind::usage, text("'", output_, "' is a picture: --csv and --mergeable are text"));
+        for (char const* const suffix :
+             {".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp"})
+            if (ends_in(suffix))
+                throw Error(ErrorKind::usage, text("'", output_, "': files of that kind are not written"),
+                            "end the name in .png or .svg; .csv and .json are tables, other names a text");
         if (log_ && csv()) throw Error(ErrorKind::usage, "--log is about bars, --csv has none");
         if (output_ != "-") check_output(numbered_path(output_, 0), force_);
     }
@@ -36,9 +43,11 @@ protected:
     }
     void print(std::vector<Report> const& reports, ReportForm form, Context&) const override {
         if (is_picture()) return draw();
-        if (form == ReportForm::text && !ends_in(".csv") && (log_ || (output_ == "-" && output_is_terminal())))
+        if (form == ReportForm::text && ends_in(".csv")) form = ReportForm::csv;
+        if (form == ReportForm::text && ends_in(".json")) form = ReportForm::json;
+        if (form == ReportForm::text && (log_ || (output_ == "-" && output_is_terminal())))
             return write(output_, bars());
-        write(output_, Report::print(reports, form == ReportForm::text && ends_in(".csv") ? ReportForm::csv : form));
+        write(output_, Report::print(reports, form));
     }
 
 private:

@@ -56,9 +56,10 @@ public:
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
     std::size_t bytes_held(Header const& header) const override {
-        auto const environment = options_.settings().environment;
+        render::RenderSettings const settings = options_.settings();
+        auto const& environment = settings.environment;
         std::size_t const floats = environment ? environment->pixels.size() + environment->column_ends.size() : 0;
-        return render::bytes_to_draw(header) + floats * sizeof(float);
+        return render::bytes_to_draw(header, settings.tree) + floats * sizeof(float);
     }
     std::vector<std::string> explain(Header const& header) const override {
         return render::explanation(options_.settings(), header);
@@ -84,7 +85,7 @@ public:
         render::PictureOptions file = picture_options(context.output());
         if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
         settings.layers = file.format == render::PictureFormat::exr;
-        Volumes volumes(*inputs.front(), context);
+        Volumes volumes(*inputs.front(), context, settings.tree);
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
         if (!numbered && cameras.size() > 1)

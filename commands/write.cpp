@@ -8,7 +8,10 @@
 #include "shell/command.h"
 #include "shell/terminal.h"
 
+#include <memory>
+#include <string>
 #include <unistd.h>
+#include <utility>
 
 namespace vkt::shell {
 namespace {
@@ -74,10 +77,16 @@ private:
         if (out() == "-" && output_is_terminal())
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
-            auto const create = [this, &context](std::string const& path) {
+            auto const told = std::make_shared<std::string>(); // of many files one line
+            auto const create = [this, &context, told](std::string const& path) {
                 Execution const& execution = context.execution();
                 WriteOptions options = request_.options();
-                options.notice = [&context](std::string const& message) { context.lossy(message); };
+                options.notice = [&context, told](std::string const& message) {
+                    if (std::exchange(*told, message) != message) context.lossy(message);
+                };
+                options.remark = [&context, told](std::string const& message) {
+                    if (std::exchange(*told, message) != message) context.note(message);
+                };
                 options.memory = execution.memory;
                 options.threads = execution.threads;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);

@@ -23,6 +23,7 @@ enum class FrameType : std::uint32_t {
     header = 0x44414548, ///< "HEAD"
     slab = 0x42414c53,   ///< "SLAB"
     tree = 0x45455254,   ///< "TREE"
+    packed = 0x4b434150, ///< "PACK"
     bricks = 0x4b495242, ///< "BRIK"
     end = 0x20444e45,    ///< "END "
     error = 0x20525245,  ///< "ERR "
@@ -76,8 +77,8 @@ struct SlabHead {
 };
 static_assert(sizeof(SlabHead) == 48);
 
-/// First 16 bytes of TREE and BRIK payloads. In TREE `count` BrickRecords follow, in BRIK the cells of so many bricks
-/// or the SharedCells that say where they lie.
+/// First 16 bytes of TREE, PACK and BRIK payloads. In TREE `count` BrickRecords follow, in PACK a PackingRecord and the
+/// words of so many bricks, in BRIK their cells or the SharedCells that say where they lie.
 struct BricksHeader {
     std::uint64_t first = 0; ///< index of the first brick in the volume
     std::uint64_t count = 0;
@@ -105,7 +106,7 @@ struct StageReport {
 
 /// Payload of END, as JSON.
 struct EndReport {
-    std::uint64_t frames = 0;   ///< SLAB, TREE or BRIK frames of this volume
+    std::uint64_t frames = 0;   ///< SLAB, TREE, PACK or BRIK frames of this volume
     std::uint64_t bytes = 0;    ///< of their voxels
     std::uint64_t checksum = 0; ///< XXH3-64 over the concatenated payload checksums; 0 if checksums are off
     std::vector<StageReport> stages;

@@ -86,7 +86,8 @@ private:
     void tell_once(std::string const& reason);
     bool share(std::size_t bytes);
     bool take_slot(std::size_t bytes);
-    void write_table(std::span<Brick const> bricks);
+    void write_table(BrickTable const& bricks);
+    void write_table_frame(FrameType type, BricksHeader const& head, std::span<std::byte const> bytes);
     void write_bricks(BricksHeader const& head, std::span<std::byte const> cells, std::size_t most);
     void count(FrameHeader const& frame, std::size_t bytes);
     bool may_splice(Slab const& slab);
@@ -367,27 +368,40 @@ void StreamSink::Writer::write_voxels(FrameHeader const& frame, std::span<std::b
     slab.spliced_at = written_;
 }
 
-/// The table first, so that readers know the tree before its cells come.
-void StreamSink::Writer::write_table(std::span<Brick const> bricks) {
-    std::vector<BrickRecord> records;
-    for (std::size_t first = 0; first < bricks.size(); first += records.size()) {
-        records.clear();
-        for (Brick const& b : bricks.subspan(first, std::min(bricks_per_frame, bricks.size() - first)))
+/// The table first, so that readers know the tree before its cells come: as numbers, if readers can tell from the
+/// header how they are packed.
+void StreamSink::Writer::write_table(BrickTable const& bricks) {
+    PackingRecord const packing = bricks.packing_for(header_);
+    std::size_t n = 0;
+    for (std::size_t first = 0; first < bricks.size(); first += n) {
+        n = std::min(bricks_per_frame, bricks.size() - first);
+        BrickTable const some = bricks.part(first, n);
+        if (packing.words > 0) {
+            std::vector<std::uint32_t> payload(sizeof packing / sizeof(std::uint32_t));
+            std::memcpy(payload.data(), &packing, sizeof packing);
+            payload.insert(payload.end(), some.words().begin(), some.words().end());
+            write_table_frame(FrameType::packed, {first, n}, std::as_bytes(std::span(payload)));
+            continue;
+        }
+        std::vector<BrickRecord> records;
+        for (Brick const& b : some)
             records.push_back({{b.lower.x, b.lower.y, b.lower.z},
                                {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y),
                                 static_cast<std::int32_t>(b.dims.z)},
                                b.level});
-        BricksHeader const head{first, records.size()};
-        std::span<std::byte const> const bytes = std::as_bytes(std::span(records));
-        FrameHeader frame{FrameType::tree, flag_required, sizeof head + bytes.size(), 0, 0};
-        if (options_.checksum) {
-            frame.flags |= flag_checksum;
-            frame.checksum = hash(bytes, hash(std::as_bytes(std::span(&head, 1))));
-        }
-        std::array<iovec, 2> parts{part(&head, sizeof head), part(bytes.data(), bytes.size())};
-        write_frame(frame, parts);
-        count(frame, 0);
+        write_table_frame(FrameType::tree, {first, n}, std::as_bytes(std::span(records)));
     }
+}
+
+void StreamSink::Writer::write_table_frame(FrameType type, BricksHeader const& head, std::span<std::byte const> bytes) {
+    FrameHeader frame{type, flag_required, sizeof head + bytes.size(), 0, 0};
+    if (options_.checksum) {
+        frame.flags |= flag_checksum;
+        frame.checksum = hash(bytes, hash(std::as_bytes(std::span(&head, 1))));
+    }
+    std::array<iovec, 2> parts{part(&head, sizeof head), part(bytes.data(), bytes.size())};
+    write_frame(frame, parts);
+    count(frame, 0);
 }
 
 void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
@@ -396,9 +410,7 @@ void StreamSink::Writer::put_bricks(BrickSequence& sequence) {
                       size = size_of(sequence.header().dtype);
     auto const frame_of = [&](std::size_t first) { return std::min(sequence.group(first, limit), bricks_per_frame); };
     auto const bytes_of = [&](std::size_t first, std::size_t n) {
-        std::size_t cells = 0;
-        for (std::size_t i = first; i < first + n; ++i) cells += static_cast<std::size_t>(bricks[i].cells());
-        return cells * size;
+        return static_cast<std::size_t>(bricks.cells(first, n)) * size;
     };
     write_table(bricks);
     std::size_t most = 0; // of all frames, so that one ring of slots does for them

@@ -6,6 +6,7 @@
 #include "ipc/input.h"
 #include "ipc/stream.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/buffer.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -104,6 +105,11 @@ private:
     void receive();
     BricksHeader read_bricks_head(FrameHeader const& frame, FrameType type, std::size_t first);
     void read_table();
+    std::vector<std::byte> read_table_frame(FrameHeader const& frame, FrameType type, std::size_t first,
+                                            std::size_t& count_of_bricks);
+    BrickTable read_records(FrameHeader frame);
+    BrickTable read_numbers(FrameHeader frame);
+    [[noreturn]] void refuse_size() const;
     void open_bricks();
     void close_bricks();
     void take_cells(std::byte* to, std::size_t n);
@@ -133,7 +139,7 @@ private:
     std::uint64_t segment_bytes_ = 0;
     std::optional<Space> space_; ///< of the first slab, once that is known
 
-    BrickSequence::Table table_;                     ///< of a hierarchical volume, once it was read
+    std::optional<BrickTable> table_;                ///< of a hierarchical volume, once it was read
     std::size_t next_brick_ = 0, framed_bricks_ = 0; ///< the next to hand out, and behind the frame under way
     FrameHeader brick_frame_;                        ///< the frame under way,
     std::size_t frame_left_ = 0;                     ///< what is left of its cells,
@@ -198,6 +204,7 @@ bool StreamSource::Reader::next_frame(FrameHeader& frame) {
         switch (frame.type) {
         case FrameType::slab:
         case FrameType::tree:
+        case FrameType::packed:
         case FrameType::bricks:
             return true;
         case FrameType::end:
@@ -616,21 +623,39 @@ void StreamSource::Reader::read_table() {
     if (table_) return;
     if (header_.brick_count < 0 || header_.brick_count > (std::int64_t{1} << 32))
         throw Error(ErrorKind::data, text("the brick count on ", input_.name(), " is impossible"));
+    FrameHeader frame;
+    if (header_.brick_count > 0 && !next_frame(frame))
+        throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+    table_ = frame.type == FrameType::packed ? read_numbers(frame) : read_records(frame);
+    next_brick_ = framed_bricks_ = 0;
+    frame_left_ = 0;
+}
+
+/// What is behind the head of a frame of the table.
+std::vector<std::byte> StreamSource::Reader::read_table_frame(FrameHeader const& frame, FrameType type,
+                                                              std::size_t first, std::size_t& count_of_bricks) {
+    BricksHeader const head = read_bricks_head(frame, type, first);
+    if (head.count > most_records || frame.length > sizeof head + most_records * sizeof(BrickRecord)) refuse_size();
+    std::vector<std::byte> payload(frame.length - sizeof head);
+    if (input_.read(payload.data(), payload.size()) != payload.size()) ended_early();
+    if ((frame.flags & flag_checksum) != 0) verify(frame, hash(payload, hash(std::as_bytes(std::span(&head, 1)))));
+    count(frame);
+    count_of_bricks = head.count;
+    return payload;
+}
+
+BrickTable StreamSource::Reader::read_records(FrameHeader frame) {
     std::vector<Brick> bricks;
-    std::vector<BrickRecord> records;
     std::int64_t cells_left = header_.cell_count;
     while (static_cast<std::int64_t>(bricks.size()) < header_.brick_count) {
-        FrameHeader frame;
-        if (!next_frame(frame)) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
-        BricksHeader const head = read_bricks_head(frame, FrameType::tree, bricks.size());
-        if (head.count > most_records || frame.length != sizeof head + head.count * sizeof(BrickRecord))
-            throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
-        records.resize(head.count);
-        std::span<std::byte> const bytes = std::as_writable_bytes(std::span(records));
-        if (input_.read(bytes.data(), bytes.size()) != bytes.size()) ended_early();
-        if ((frame.flags & flag_checksum) != 0) verify(frame, hash(bytes, hash(std::as_bytes(std::span(&head, 1)))));
-        count(frame);
-        for (auto const& r : records) {
+        if (!bricks.empty() && !next_frame(frame))
+            throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+        std::size_t count_here = 0;
+        std::vector<std::byte> const payload = read_table_frame(frame, FrameType::tree, bricks.size(), count_here);
+        if (payload.size() != count_here * sizeof(BrickRecord)) refuse_size();
+        for (std::size_t i = 0; i < count_here; ++i) {
+            BrickRecord r;
+            std::memcpy(&r, payload.data() + i * sizeof r, sizeof r);
             Brick const brick{{r.lower[0], r.lower[1], r.lower[2]}, {r.dims[0], r.dims[1], r.dims[2]}, r.level};
             if (r.dims[0] < 1 || r.dims[1] < 1 || r.dims[2] < 1 || r.level < 0 || r.level >= header_.level_count ||
                 static_cast<double>(r.dims[0]) * r.dims[1] * r.dims[2] > static_cast<double>(cells_left))
@@ -640,9 +665,38 @@ void StreamSource::Reader::read_table() {
         }
     }
     if (cells_left != 0) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
-    table_ = std::make_shared<std::vector<Brick> const>(std::move(bricks));
-    next_brick_ = framed_bricks_ = 0;
-    frame_left_ = 0;
+    return {header_.dims, std::move(bricks)};
+}
+
+BrickTable StreamSource::Reader::read_numbers(FrameHeader frame) {
+    std::vector<std::uint32_t> words;
+    std::optional<BrickPacking> packing;
+    for (std::size_t bricks = 0; static_cast<std::int64_t>(bricks) < header_.brick_count;) {
+        if (packing && !next_frame(frame)) throw Error(ErrorKind::data, text("bricks are missing on ", input_.name()));
+        std::size_t count_here = 0;
+        std::vector<std::byte> const payload = read_table_frame(frame, FrameType::packed, bricks, count_here);
+        PackingRecord record;
+        if (payload.size() < sizeof record) refuse_size();
+        std::memcpy(&record, payload.data(), sizeof record);
+        auto const stated = BrickPacking::of_record(record, header_);
+        if (!stated || (packing && *packing != *stated))
+            throw Error(ErrorKind::data, text("the table on ", input_.name(), " is packed in an impossible way"));
+        packing = stated;
+        std::size_t const bytes = count_here * record.words * sizeof(std::uint32_t), before = words.size();
+        if (payload.size() != sizeof record + bytes) refuse_size();
+        words.resize(before + bytes / sizeof(std::uint32_t));
+        std::memcpy(words.data() + before, payload.data() + sizeof record, bytes);
+        bricks += count_here;
+    }
+    try {
+        return table_of_numbers(*packing, std::move(words), header_);
+    } catch (Error const& error) {
+        throw Error(error.kind(), text("the table on ", input_.name(), ": ", error.what()));
+    }
+}
+
+void StreamSource::Reader::refuse_size() const {
+    throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
 }
 
 /// Begins the next frame of cells.
@@ -652,8 +706,7 @@ void StreamSource::Reader::open_bricks() {
     frame_left_ = cell_bytes(framed_bricks_, head.count);
     framed_bricks_ += head.count;
     bool const is_shared = (brick_frame_.flags & flag_shared) != 0;
-    if (brick_frame_.length != sizeof head + (is_shared ? sizeof(SharedCells) : frame_left_))
-        throw Error(ErrorKind::data, text("a brick frame on ", input_.name(), " has the wrong size"));
+    if (brick_frame_.length != sizeof head + (is_shared ? sizeof(SharedCells) : frame_left_)) refuse_size();
     shared_cells_ = nullptr;
     if (is_shared) {
         SharedCells shared;
@@ -704,15 +757,13 @@ void StreamSource::Reader::pass_bricks(std::size_t end) {
 }
 
 std::size_t StreamSource::Reader::cell_bytes(std::size_t first, std::size_t count) const {
-    std::size_t cells = 0;
-    for (std::size_t i = first; i < first + count; ++i) cells += static_cast<std::size_t>((*table_)[i].cells());
-    return cells * size_of(header_.dtype);
+    return static_cast<std::size_t>(table_->cells(first, count)) * size_of(header_.dtype);
 }
 
 BrickSequence StreamSource::Reader::take_bricks() {
     read_table();
     BrickSequence sequence(
-        header_, table_,
+        header_, *table_,
         [this](std::size_t first, std::size_t count, std::byte* to) {
             if (first < next_brick_) throw Error(ErrorKind::failure, "bricks of a stream were asked for out of order");
             pass_bricks(first);

@@ -24,6 +24,7 @@ void Measure::print(std::vector<Report> const& reports, ReportForm form, Context
 }
 
 int Measure::consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) {
+    if (csv_ && context.json()) throw Error(ErrorKind::usage, "--csv and --json: the report has one form");
     // What can be printed in one form alone is.
     bool const json = context.json() || !operation_->prints(ReportForm::text);
     std::vector<Report> reports;

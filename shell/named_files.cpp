@@ -8,6 +8,7 @@
 #include "libvkt/io/shared_memory.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
@@ -47,7 +48,27 @@ void spare_volumes(std::deque<Invocation>& stages, std::string const& output) {
                             "write under another name");
 }
 
+/// Throws Error{usage} if a report would go where the result does: it would end within it, or replace it.
+void spare_output(Invocation const& stage, std::string const& output) {
+    std::string const& report = stage.common().report_file;
+    if (report.empty()) return;
+    std::error_code failed;
+    auto const place = [&](std::string const& path) {
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(path, failed), failed);
+    };
+    bool const printed = output == "-" && (report == "-" || same_file(report, "/dev/stdout"));
+    bool const written = output != "-" && report != "-" && (output == report || place(output) == place(report));
+    if (printed || (written && output != "/dev/null"))
+        throw Error(ErrorKind::usage, text("--report ", report, " names where the result goes"),
+                    printed ? "write one of them to a file: --report FILE, or -o FILE" : "write it under another name");
+}
+
 } // namespace
+
+bool is_replaced(std::string const& path) {
+    struct stat status {};
+    return path != "-" && (::stat(path.c_str(), &status) != 0 || S_ISREG(status.st_mode));
+}
 
 std::vector<std::string> input_names(Invocation& stage) {
     if (stage.opener() == nullptr) return stage.inputs();
@@ -74,7 +95,10 @@ void spare_inputs(std::deque<Invocation>& stages) {
         for (char const* const name : {"in", "out", "output"}) // of write: the last that is given
             if ((writes || name == std::string_view("output")) && last.own_parameters().given(name))
                 output = last.own_parameters().find(name)->get().front();
-    for (auto& stage : stages) spare_volumes(stages, stage.common().report_file);
+    for (auto& stage : stages) {
+        spare_volumes(stages, stage.common().report_file);
+        spare_output(stage, output);
+    }
     if (last.consumer() != nullptr && !writes) spare_volumes(stages, output);
     bool const series = is_numbered(output), pair = is_pair(output);
     bool const replaces = series || pair || (!is_segment(output) && ::access(output.c_str(), F_OK) == 0);

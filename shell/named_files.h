@@ -16,9 +16,12 @@ std::vector<std::string> input_names(Invocation& stage);
 /// The files that a parsed stage names as inputs, patterns as the files that match now, segments as theirs.
 std::vector<std::string> named_inputs(Invocation& stage);
 
+/// True for what is written as a file of that name; pipes, devices and standard output take bytes as they come.
+bool is_replaced(std::string const& path);
+
 /// One file is replaced in one step, when what it held has been read. What lies in several files is not: an input among
 /// them could end as neither what it was nor what it was to become. Nor is an input replaced by what is no volume: a
-/// report, a picture. Throws Error{usage} if a stage would.
+/// report, a picture. And reports go elsewhere than the result. Throws Error{usage} if a stage would.
 void spare_inputs(std::deque<Invocation>& stages);
 
 } // namespace vkt::shell

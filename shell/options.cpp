@@ -46,8 +46,14 @@ Parameter const* named_option(std::vector<Parameters*> const& lists, std::string
 /// A flag put behind lists of numbers: CLI11 would let them take all words that follow.
 constexpr char end_of_list[] = "--_end-of-list";
 
+/// "-v * 2": an argument that begins with a minus, and holds what no option does. -o may have a name behind it.
+bool is_formula(std::string const& word) {
+    return word.size() > 2 && word[0] == '-' && word[1] != '-' && word[1] != 'o' &&
+           word.find_first_of("*+/()[]<>?^ ") != std::string::npos;
+}
+
 void hide_minus(std::string& word) {
-    if (is_negative_number(word)) word[0] = minus;
+    if (is_negative_number(word) || is_formula(word)) word[0] = minus;
 }
 
 /// Volkit's "-dims" becomes "--dims"; "--dims 1,2,3" and "--dims=1,2,3" become four words, as CLI11 counts words;
@@ -72,7 +78,7 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
             result.emplace_back(end_of_list);
             continue;
         }
-        if (!is_negative_number(word) && word.size() > 2 && word[0] == '-') {
+        if (!is_negative_number(word) && !is_formula(word) && word.size() > 2 && word[0] == '-') {
             std::size_t const dashes = word[1] == '-' ? 2 : 1;
             last = find(lists, word.substr(dashes, word.find('=') - dashes));
             if (dashes == 1 && last != nullptr) word.insert(0, 1, '-');
@@ -162,7 +168,9 @@ void set(Parameter& p, std::vector<std::string> const& words) {
                     "every command treats each of several volumes by itself; see vkt(7)");
     std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
     throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
-                near.empty() ? "see --help" : text("did you mean '", near, "'?"));
+                !near.empty()                   ? text("did you mean '", near, "'?")
+                : bare.compare(0, 2, "--") == 0 ? "see --help"
+                                                : "see --help; arguments that begin with - stand behind --");
 }
 
 } // namespace

@@ -68,7 +68,7 @@ bool Volumes::another() {
 
 bool Volumes::open() {
     if (!another()) return false;
-    render::check_memory(source_.header(), context_.execution());
+    render::check_memory(source_.header(), context_.execution(), tree_);
     another_.reset();
     return true;
 }
@@ -79,7 +79,7 @@ bool Volumes::next() {
     header_ = source_.header();
     Execution const& execution = context_.execution();
     if (header_.kind == Kind::hierarchical) {
-        renderer_ = std::make_unique<render::Renderer>(load(source_, execution), execution);
+        renderer_ = std::make_unique<render::Renderer>(load(source_, execution), execution, tree_);
     } else if (std::optional<Volume> const whole = source_.take_whole()) {
         renderer_ = std::make_unique<render::Renderer>(*whole, execution);
     } else {

@@ -17,7 +17,8 @@ namespace vkt::shell {
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
 public:
-    Volumes(Source& source, Context& context) : source_(source), context_(context) {}
+    Volumes(Source& source, Context& context, render::TreeDrawing tree)
+        : source_(source), context_(context), tree_(tree) {}
 
     /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
     /// that are only planned are described and passed over.
@@ -34,6 +35,7 @@ private:
 
     Source& source_;
     Context& context_;
+    render::TreeDrawing tree_;
     std::optional<bool> another_; ///< once it is known
     Header header_;
     std::unique_ptr<render::Renderer> renderer_;

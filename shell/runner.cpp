@@ -44,12 +44,18 @@ StageInfo Runner::stage_info(Invocation const& stage) {
     };
     if (!stage.common().report_file.empty()) {
         auto const collected = std::make_shared<std::vector<Report>>();
-        info.on_report = [&stage, collected](Report const& report) {
-            collected->push_back(report);
+        auto const write = [&stage, collected] {
+            if (collected->empty()) return;
             OutputFile file(stage.common().report_file, stage.common().force || collected->size() > 1);
             std::string const text = Report::json(*collected);
             file.write(text.data(), text.size());
             file.commit();
+        };
+        bool const replaced = is_replaced(stage.common().report_file);
+        if (!replaced) late_reports_.push_back(write); // it cannot be said again with the next volume
+        info.on_report = [collected, write, replaced](Report const& report) {
+            collected->push_back(report);
+            if (replaced) write();
         };
     }
     info.on_plan = [this, &stage](Plan const& plan, std::vector<Header> const& inputs) {
@@ -229,6 +235,7 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
         } while (source.next_volume());
     }
     refuse_lossy();
+    for (auto const& write : late_reports_) write();
     tell_prediction();
     bool timing =
         std::any_of(stages_.begin(), stages_.end(), [](Invocation const& s) { return s.common().wants_timing(); });

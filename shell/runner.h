@@ -90,6 +90,7 @@ private:
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
     void tell_prediction() const;
+    void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold
     void refuse_lossy();
     void tell_transport() const;
@@ -103,10 +104,11 @@ private:
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
     int predictions_ = 0;
-    double predicted_ = 0; ///< seconds of all stages
-    std::string lossy_;
-    std::string format_;                         ///< of the file opened last
-    std::map<std::string, std::string> formats_; ///< of the files opened last for inputs, by their names
+    double predicted_ = 0;                            ///< seconds of all stages
+    std::string lossy_, lost_;                        ///< what --strict refuses; what was told last
+    std::vector<std::function<void()>> late_reports_; ///< to what takes them once
+    std::string format_;                              ///< of the file opened last
+    std::map<std::string, std::string> formats_;      ///< of the files opened last for inputs, by their names
     std::shared_ptr<ipc::StreamRecord const> stream_in_;
     ipc::StreamSink* stream_out_ = nullptr;
     std::vector<std::unique_ptr<StageContext>> contexts_; ///< of openers

@@ -102,6 +102,7 @@ std::unique_ptr<Sink> Runner::make_sink() {
     options.memory = execution_of(last_).memory;
     options.threads = execution_of(last_).threads;
     options.notice = [this](std::string const& message) { lose(message); };
+    options.remark = [this](std::string const& message) { remark(message); };
     bool const stream = ipc::is_stream_file(c.output, c.format);
     auto const create = [=](std::string const& path) {
         return stream ? ipc::create_stream_file(path, options.force, !c.no_checksum) : create_volume(path, options);
@@ -127,8 +128,12 @@ std::vector<ipc::StageReport> Runner::reports() const {
     return rows;
 }
 
+void Runner::remark(std::string const& message) {
+    if (std::exchange(lost_, message) != message) log_.note(last_.stage(), message); // of many files one line
+}
+
 void Runner::lose(std::string const& message) {
-    log_.note(last_.stage(), message);
+    remark(message);
     if (last_.common().strict) lossy_ = message;
 }
 
@@ -148,6 +153,7 @@ void Runner::drain_all(Source& source, Sink& sink) {
         drain_volume(source, sink, execution);
         refuse_lossy();
     }
+    for (auto const& write : late_reports_) write();
     sink.close();
     tell_prediction();
     tell_transport();

@@ -57,7 +57,7 @@ public:
         if (draws_) preview_ = chain_.run(volume_, request_.execution, {false, preview_share});
         SlimModel model;
         model.picture = draws_;
-        model.bytes_before = model_bytes(volume_.header());
+        model.bytes_before = model_bytes(volume_);
         std::vector<Candidate> candidates = list();
         std::stable_sort(candidates.begin(), candidates.end(),
                          [](Candidate const& a, Candidate const& b) { return a.bytes < b.bytes; });
@@ -163,7 +163,8 @@ private:
             operation->check();
             header = operation->plan({&header, 1}).output;
         }
-        return model_bytes(header);
+        bool const tree = header.kind == Kind::hierarchical; // which keeps its bricks
+        return header.bytes() + (tree ? volume_.bricks().bytes() : 0);
     }
 
     /// What a tolerance leads to does not depend much on resolution and crop, and is looked at once.
@@ -252,7 +253,7 @@ private:
                 Candidate candidate = grid;
                 candidate.stages.push_back({"refine", "--tolerance", to_text(tolerance), "--block-size", block});
                 Volume const tree = vkt::apply(candidate.stages.back(), {voxels});
-                candidate.bytes = model_bytes(tree.header());
+                candidate.bytes = model_bytes(tree);
                 if (candidate.bytes >= best.bytes) break; // finer ones are larger
                 Found const found = test(tree, candidate);
                 if (!found.holds) continue;
@@ -286,8 +287,9 @@ private:
 
 } // namespace
 
-std::size_t model_bytes(Header const& header) {
-    return header.bytes() + static_cast<std::size_t>(header.brick_count) * sizeof(Brick);
+std::size_t model_bytes(Volume const& volume) {
+    bool const tree = volume.header().kind == Kind::hierarchical;
+    return volume.header().bytes() + (tree ? volume.bricks().bytes() : 0);
 }
 
 SlimModel slim(Volume const& volume, SlimRequest const& request) {

@@ -37,6 +37,6 @@ struct SlimModel {
 SlimModel slim(Volume const& volume, SlimRequest const& request);
 
 /// What a volume takes in memory and in files.
-std::size_t model_bytes(Header const& header);
+std::size_t model_bytes(Volume const& volume);
 
 } // namespace vkt::shell

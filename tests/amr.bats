@@ -356,6 +356,7 @@ print(zlib.decompress(data).hex())" "$1"; }
 @test "render draws a tree, whatever the threads, skipping and transport" {
     tree
     look="--size 90x70 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis --shade gradient"
+    look+=" --tree bricks"
     vkt render t.vkt $look -o a.png
     pixels a.png >a
     [ "$(head -n 1 a)" = "90 70 8 2" ]
@@ -368,13 +369,34 @@ print(zlib.decompress(data).hex())" "$1"; }
     vkt render t.vkt --size 40 -o chosen.png
 }
 
+@test "a tree is drawn as a grid where that is smaller, and as asked" {
+    tree
+    look="--size 64 --domain 0:1 --opacity 0,0.01,0.1 --colormap viridis"
+    vkt resample t.vkt --scale 1 --method basis -o grid.vkt
+    for case in "grid.vkt" "t.vkt --tree grid" "t.vkt" "t.vkt --tree bricks"; do
+        # shellcheck disable=SC2086
+        vkt render $case $look -v -o a.png --force 2>said
+        pixels a.png >"of_${case// /_}"
+        grep -o 'finest [a-z]*' said >"said_${case// /_}" || true
+    done
+    cmp of_grid.vkt of_t.vkt_--tree_grid
+    cmp of_t.vkt of_t.vkt_--tree_grid
+    [ "$(cat said_t.vkt)" = "finest grid" ]
+    [ "$(cat said_t.vkt_--tree_bricks)" = "finest cell" ]
+    run ! cmp of_t.vkt of_t.vkt_--tree_bricks
+    # Deep ones would be larger.
+    vkt make amr --blocks 500 --levels 6 | vkt render --size 20 -v -o b.png 2>said
+    grep -q 'finest cell' said
+    fails_with 2 "did you mean 'bricks'" vkt render t.vkt --tree brick -o c.png
+}
+
 @test "a tree of one level looks like its grid" {
     python_with numpy
     vkt make marschner-lobb --dims 20 28 24 --spacing 1,0.5,2 -o grid.vkt
     vkt refine grid.vkt --tolerance 0 --levels 1 -o t.vkt
     look="--size 60 --opacity 0,0.01,0.1 --domain 0:1 --colormap viridis --fit volume --shade gradient"
     for volume in grid t; do
-        vkt render $volume.vkt $look -o $volume.png
+        vkt render $volume.vkt $look --tree bricks -o $volume.png
         pixels $volume.png >$volume
     done
     check "
@@ -399,7 +421,7 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
 @test "every algorithm draws a tree, with its goals and layers; nothing to see is no crash" {
     tree --field linear
     drawn() { # options…: a picture that is not one colour
-        vkt render t.vkt --size 40 -o drawn.png --force "$@"
+        vkt render t.vkt --size 40 --tree bricks -o drawn.png --force "$@"
         pixels drawn.png | tail -n 1 >drawn
         [ "$(fold -w 6 drawn | sort -u | wc -l)" -gt 20 ]
     }
@@ -481,7 +503,7 @@ stream = open('whole.vkt', 'rb').read()
 ends = [at for at, _ in boundaries(stream)]
 frames = [stream[a:b] for a, b in zip(ends, ends[1:])]
 kinds = [FRAME.unpack_from(frame)[0] for frame in frames]
-assert kinds[:2] == [b'HEAD', b'TREE'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
+assert kinds[:2] == [b'HEAD', b'PACK'] and kinds[2:-1] == [b'BRIK'] * 3, kinds
 for name, order in {'table': [0, 2, 3, 4, 5], 'tables': [0, 1, 1, 2, 3, 4, 5], 'one': [0, 1, 3, 4, 5], 'last': [0, 1, 2, 3, 5],
                     'twice': [0, 1, 2, 2, 3, 4, 5], 'more': [0, 1, 2, 3, 4, 4, 5], 'turned': [0, 1, 3, 2, 4, 5]}.items():
     open(name + '.vkt', 'wb').write(MAGIC + b''.join(frames[i] for i in order))
@@ -510,4 +532,115 @@ EOF
     run wait $stage
     [ ! -e out.vkt ] && [ -z "$(ls -A spool)" ]
     [ "$(ls)" = "$(printf 'pipes\nspool\nt.vkt')" ]
+}
+
+@test "plotfiles that are written hold the tree, and what it covers as means, for a reader of their own" {
+    python_with numpy
+    cat >plotfile.py <<'END'
+import re, sys, numpy
+def numbers(line): return [int(n) for n in re.findall(r"-?\d+", line)]
+def boxes(line, nd): # inclusive corners
+    n = numbers(line)
+    return [(n[i:i + nd], n[i + nd:i + 2 * nd]) for i in range(0, len(n), 3 * nd)]
+def read(folder):
+    head = open(f"{folder}/Header").read().split("\n")
+    assert head[0] == "HyperCLaw-V1.1" and head[1] == "1"
+    nd, finest = int(head[3]), int(head[5])
+    low, high = [float(x) for x in head[6].split()], [float(x) for x in head[7].split()]
+    assert head[8].split() == ["2"] * finest
+    domains = boxes(head[9], nd)
+    at, levels = 11, []
+    for l in range(finest + 1):
+        sizes = [float(x) for x in head[at + l].split()]
+        cells = [b - a + 1 for a, b in zip(*domains[l])]
+        assert numpy.allclose(sizes, (numpy.array(high) - low) / cells)
+    at += finest + 3
+    for l in range(finest + 1):
+        _, count, _ = head[at].split()
+        edges = numpy.array([[float(x) for x in line.split()] for line in head[at + 2:at + 2 + int(count) * nd]]).reshape(-1, nd, 2)
+        stem = head[at + 2 + int(count) * nd]
+        assert stem == f"Level_{l}/Cell"
+        at += 3 + int(count) * nd
+        table = open(f"{folder}/{stem}_H").read().split("\n")
+        n = int(table[6 + int(count)])
+        assert table[:4] == ["1", "1", "1", "0"] and numbers(table[4])[0] == int(count) == n
+        lists = [boxes(line, nd)[0] for line in table[5:5 + n]]
+        disk = [line.split() for line in table[7 + n:7 + 2 * n]]
+        least, most = table[9 + 2 * n:9 + 3 * n], table[11 + 3 * n:11 + 4 * n]
+        cells = [b - a + 1 for a, b in zip(*domains[l])]
+        data, seen = numpy.full(cells[::-1], numpy.nan), numpy.zeros(cells[::-1], int)
+        for (a, b), (label, file, offset), lo, hi, edge in zip(lists, disk, least, most, edges, strict=True):
+            raw = open(f"{folder}/Level_{l}/{file}", "rb").read()
+            line, rest = raw[int(offset):].split(b"\n", 1)
+            m = re.fullmatch(r"FAB \(\(8, \((.*?)\)\),\((\d), \((.*?)\)\)\)(\(\(.*\)\)) 1", line.decode())
+            assert boxes(m[4], nd)[0] == (a, b)
+            assert (m[1], m[3]) == {"8": ("64 11 52 0 1 12 0 1023", "8 7 6 5 4 3 2 1"), "4": ("32 8 23 0 1 9 0 127", "4 3 2 1")}[m[2]]
+            shape = [y - x + 1 for x, y in zip(a, b)][::-1]
+            values = numpy.frombuffer(rest, "<f" + m[2], int(numpy.prod(shape))).reshape(shape)
+            assert values.min() == float(lo.rstrip(",")) and values.max() == float(hi.rstrip(","))
+            part = tuple(slice(x, y + 1) for x, y in zip(a, b))[::-1]
+            data[part] = values
+            seen[part] += 1
+            h = (numpy.array(high) - low) / cells
+            assert numpy.allclose(edge, numpy.array([low + h * a, low + h * (numpy.array(b) + 1)]).T)
+        assert seen.max() == 1 and (l > 0 or seen.min() == 1) # nothing twice, and the coarsest level everywhere
+        levels.append((data, seen == 1))
+    return head[2], low, high, levels
+def finer(a): # each cell twice along every axis
+    for k in range(a.ndim): a = a.repeat(2, k)
+    return a
+def means(a): return a.reshape([m for n in a.shape for m in (n // 2, 2)]).mean(tuple(range(1, 2 * a.ndim, 2)))
+name, low, high, levels = read(sys.argv[1])
+whole = levels[0][0]
+for (below, _), (data, seen) in zip(levels, levels[1:]):
+    mean, covered = means(numpy.where(seen, data, 0)), means(seen.astype(float))
+    assert set(numpy.unique(covered)) <= {0, 1} # whole coarse cells
+    assert numpy.allclose(below[covered == 1], mean[covered == 1], rtol=1e-5 if sys.argv[3] == "float32" else 1e-13)
+    whole = numpy.where(seen, data, finer(whole))
+want = numpy.load(sys.argv[2])
+assert numpy.array_equal(whole.reshape(want.shape).astype(want.dtype), want)
+print(name, *low, *high, len(levels))
+END
+    vkt make amr --blocks 300 --levels 4 --dtype float64 | vkt set --spacing 0.5,0.25,2 --origin 1,2,3 --attribute variable=dens --attribute time=0.25 -o a.vkt
+    vkt make amr --blocks 900 --levels 6 --block-size 4 -o b.vkt
+    vkt make sphere --dims 64 48 1 --edge coverage | vkt refine --tolerance 0.01 -o c.vkt
+    for tree in a b c; do
+        vkt write $tree.vkt plt0000$tree --format amrex 2>/dev/null
+        vkt resample $tree.vkt --method nearest --scale 1 -o $tree.npy -q
+        vkt resample plt0000$tree --method nearest --scale 1 | vkt diff - <(vkt resample $tree.vkt --method nearest --scale 1)
+        /usr/bin/python3 plotfile.py plt0000$tree $tree.npy "$(vkt info $tree.vkt | sed -n 's/^dtype *//p')" >$tree.said
+        vkt write plt0000$tree plt1 && diff -r plt0000$tree plt1 && rm -r plt1 # by its name, and the same again
+    done
+    [ "$(cat a.said)" = "dens 0.75 1.875 2.0 32.75 17.875 130.0 2" ]
+    vkt info plt0000a | grep -q 'attribute *time: 0.25'
+    fails_with 4 "the directory exists" vkt write a.vkt plt0000a --format amrex
+    vkt write b.vkt plt0000a --format amrex --force -q && diff -r plt0000a plt0000b
+    touch plt0000a/notes && fails_with 4 "it holds files that are no plotfile" vkt write b.vkt plt0000a --format amrex --force
+    fails_with 2 "vkt refine" vkt make ramp --dims 4 4 4 --dtype float32 -o plt9
+    fails_with 2 "not float16" bash -c 'vkt convert b.vkt --dtype float16 | vkt write plt9'
+    fails_with 2 "leaf blocks cover" bash -c 'vkt crop b.vkt --roi 0:20,:,: | vkt write plt9'
+    fails_with 2 "cuts cells" bash -c 'vkt make sphere --dims 64 48 48 --edge coverage | vkt refine --tolerance 0.01 --block-size 5 | vkt write plt9'
+    fails_with 3 "plotfiles do not hold the map of values, units, the attribute content, the history" bash -c \
+        'vkt set b.vkt --units K --slope 2 | vkt write - plt9 --strict'
+    mkdir d && mkfifo pipe
+    for signal in KILL TERM; do
+        vkt write pipe d/plt9 -q &
+        writer=$!
+        exec 7>pipe
+        head -c 300000 b.vkt >&7
+        for _ in $(seq 100); do [ -z "$(find d -path '*Level_0*')" ] || break; sleep 0.05; done
+        kill -$signal $writer
+        wait $writer || true
+        exec 7>&-
+        for _ in $(seq 100); do [ -n "$(ls -A d)" ] || break; sleep 0.05; done
+        [ -z "$(ls -A d)" ] || { find d >&2; false; }
+    done
+    [ ! -e plt9 ] && [ -z "$(find . -name '.*vkt-*')" ]
+    mkdir small
+    mount -t tmpfs -o size=64k tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
+    failed=0
+    fails_with 4 "space left" vkt write b.vkt small/plt9 || failed=1
+    [ -z "$(ls -A small)" ] || failed=1
+    umount small
+    [ $failed -eq 0 ]
 }

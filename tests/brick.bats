@@ -98,7 +98,8 @@ for n, (dims, size, ghost) in enumerate([((37, 5, 1), (16, 16, 16), (2, 2, 2)), 
         done
     done
     vkt brick v.nrrd --size 8 --ghost 2 -o 'part %03d.nrrd'
-    [ "$(find . -name 'part *.nrrd' | wc -l)" -eq 12 ] && [ -e 'part 011.nrrd' ]
+    [ "$(find . -name 'part *.nrrd' | wc -l)" -eq 12 ]
+    [ -e 'part 011.nrrd' ]
     vkt merge 'part *.nrrd' | vkt diff v.nrrd --geometry
     # The order of files does not matter.
     ls part*.nrrd | tac | tr '\n' '\0' | xargs -0 vkt merge | vkt diff v.nrrd --geometry
@@ -266,7 +267,8 @@ assert raw("median.nrrd") == whole.tobytes()'
     vkt brick v.nrrd --size 9 -o 'a b' --force && vkt merge 'a b' | vkt diff v.nrrd
     touch 'a b/notes.txt'
     fails_with 4 "it holds files that are no bricks" vkt brick v.nrrd --size 9 -o 'a b' --force
-    [ -e 'a b/notes.txt' ] && [ -e 'a b/brick_000.nrrd' ]
+    [ -e 'a b/notes.txt' ]
+    [ -e 'a b/brick_000.nrrd' ]
     mkdir empty && vkt brick v.nrrd --size 9 -o empty && vkt merge empty | vkt diff v.nrrd
     ln -s empty link && vkt brick v.nrrd --size 10 -o link --force && [ -L link ] && vkt merge empty | vkt diff v.nrrd
     fails_with 4 "make the directory 'no/where' first" vkt brick v.nrrd --size 9 -o no/where/bricks
@@ -275,7 +277,8 @@ assert raw("median.nrrd") == whole.tobytes()'
     # An upstream that fails, and one that is cut off.
     head -c 3000 <(vkt read v.nrrd) >cut.vkt
     fails_with 3 "ended early" vkt brick cut.vkt --size 4 -o none
-    [ ! -e none ] && [ -z "$(find . -name '.*vkt-*')" ]
+    [ ! -e none ]
+    [ -z "$(find . -name '.*vkt-*')" ]
     # Killed in the middle, by whatever signal.
     for signal in KILL TERM; do
         mkfifo pipe

@@ -295,3 +295,110 @@ assert numpy.array_equal(got, SimpleITK.GetArrayFromImage(image).ravel())
 END
     vkt write "$VKT_DATA/dicom/ct_head_phantom_5mm" a.nrrd && vkt diff "$VKT_DATA/dicom/ct_head_phantom_5mm" a.nrrd
 }
+
+@test "written files are what pydicom and SimpleITK find, and come back the same" {
+    cat >written.py <<'END'
+from common import *
+try: import SimpleITK as sitk
+except ImportError: sitk = None
+def sh(line): return subprocess.run(line, shell=True, check=True, capture_output=True, text=True)
+rng = numpy.random.default_rng(4)
+uids = set()
+for code in "uint8 int8 uint16 int16".split():
+    low, high = numpy.iinfo(code).min, numpy.iinfo(code).max
+    data = rng.integers(low, high + 1, (5, 7, 9)).astype(code) # slices and volumes of an odd number of bytes
+    data.tofile("a.raw")
+    sh(f"vkt read a.raw --dims 9 7 5 --dtype {code} --spacing 0.7,0.9,2.3 | vkt set --origin 1.25,-2,3.1 --direction 0.8,0.6,0,0,0,-1,-0.6,0.8,0"
+       " --units HU --slope 0.1 --intercept -1024.5 --attribute space=LPS --attribute modality=CT --no-history -o a.vkt --force")
+    # The same place in another frame and unit.
+    sh("vkt set a.vkt --origin -1250,2000,3100 --direction -0.8,-0.6,0,0,0,-1,0.6,-0.8,0 --spacing 700,900,2300 --attribute space=RAS"
+       """ --attribute 'space units="um" "um" "um"' -o b.vkt --force""")
+    for volume in "a", "b":
+        names = f"{code}{volume}.dcm", f"{code}{volume}"
+        for name, out in zip(names, (names[0], names[1] + "/")):
+            assert sh(f"vkt write {volume}.vkt {out}").stderr == ""
+            sh(f"vkt diff a.vkt {name}")
+            i = infos(name)[0]
+            assert i["dtype"] == code and i["slope"] == 0.1 and i["intercept"] == -1024.5 and i["units"] == "HU", i
+            assert i["spacing"] == [0.7, 0.9, 2.3] and i["attributes"]["modality"] == "CT", i
+        several = pydicom.dcmread(names[0])
+        singles = [pydicom.dcmread(f"{names[1]}/slice{k:04}.dcm") for k in range(1, 6)]
+        assert (several.pixel_array == data).all() and (numpy.stack([d.pixel_array for d in singles]) == data).all()
+        at = numpy.array([1.25, -2, 3.1]) + numpy.arange(5)[:, None] * 2.3 * numpy.array([-0.6, 0.8, 0])
+        frames = [f.PlanePositionSequence[0].ImagePositionPatient for f in several.PerFrameFunctionalGroupsSequence]
+        assert numpy.allclose(frames, at) and numpy.allclose([d.ImagePositionPatient for d in singles], at)
+        for d in several, *singles:
+            assert d.Modality == "CT" and d.RescaleSlope == 0.1 and d.RescaleIntercept == -1024.5 and d.RescaleType == "HU"
+            for element in d.iterall():
+                personal = element.tag.group == 0x10 or element.VR in ("DA", "TM", "DT", "PN")
+                assert not personal or element.value in ("", None), element
+            assert d.SOPInstanceUID not in uids and d.SOPInstanceUID == d.file_meta.MediaStorageSOPInstanceUID
+            uids |= {d.SOPInstanceUID, d.StudyInstanceUID}
+        assert len({d.SeriesInstanceUID for d in singles}) == 1 and several.SeriesInstanceUID != singles[0].SeriesInstanceUID
+        assert [int(d.InstanceNumber) for d in singles] == [1, 2, 3, 4, 5]
+        if sitk is None: continue
+        series = sitk.ImageSeriesReader()
+        series.SetFileNames(series.GetGDCMSeriesFileNames(names[1]))
+        for image in sitk.ReadImage(names[0]), series.Execute():
+            assert numpy.allclose(sitk.GetArrayFromImage(image), data * 0.1 - 1024.5, rtol=0, atol=1e-9)
+            assert numpy.allclose(image.GetSpacing(), [0.7, 0.9, 2.3]) and numpy.allclose(image.GetOrigin(), [1.25, -2, 3.1])
+            assert numpy.allclose(numpy.array(image.GetDirection()).reshape(3, 3).T, [[0.8, 0.6, 0], [0, 0, -1], [-0.6, 0.8, 0]])
+END
+    /usr/bin/python3 written.py
+    vkt write a.vkt one.dcm.gz && vkt diff a.vkt one.dcm.gz
+    vkt write a.vkt some --format dicom && vkt diff a.vkt some # a name without its end
+    vkt read a.vkt --slab 1 | vkt crop --roi :,:,2:3 -o thin/ && vkt crop a.vkt --roi :,:,2:3 | vkt diff - thin
+    python_with SimpleITK # the rest of the test, which ran
+}
+
+@test "what DICOM has no place for is refused or said; what fails leaves nothing" {
+    vkt make ramp --dims 9 8 7 --dtype float32 -o f.vkt
+    fails_with 2 "8 or 16 bits in a pixel, not float32" vkt write f.vkt f.dcm
+    fails_with 2 "vkt convert --dtype uint16 --range minmax" vkt write f.vkt f/
+    vkt convert f.vkt --dtype uint16 --range minmax -o w.dcm 2>err && vkt diff f.vkt w.dcm --tolerance 0.01
+    grep -q 'all digits of the map of values' err
+    vkt set <(vkt convert f.vkt --dtype uint16) --attribute space=LPS --slope 2 -o u.vkt
+    vkt write u.vkt u/ && vkt diff u.vkt u
+    fails_with 2 "no sheared lattices" vkt write <(vkt set u.vkt --direction 1,0,0,0.6,0.8,0,0,0,1) s/
+    fails_with 2 "no sheared lattices" vkt write <(vkt set u.vkt --direction 1,0,0,0,1,0,0,0.6,0.8) s.dcm
+    fails_with 2 "65535 by 65535" vkt make constant --dims 65536 1 1 --dtype uint8 -o s.dcm
+    fails_with 2 "write a folder with a file for each slice" vkt make constant --dims 60000 60000 2 --dtype uint8 -o s.dcm
+    fails_with 2 "name it like out_%04d.dcm" vkt write <(vkt read u.vkt && vkt read u.vkt) s.dcm
+    fails_with 2 "not compressed" vkt write u.vkt s.dcm --compress
+    fails_with 4 "the directory exists" vkt write u.vkt u/
+    vkt flip x u.vkt -o u/ --force && vkt flip x u.vkt | vkt flip z | vkt diff - u # to the right-handed lattice
+    vkt flip x u -o u/ --force && vkt flip z u.vkt | vkt flip z | vkt diff - u # read and replaced at once
+    touch u/notes && fails_with 4 "it holds files that are no DICOM files" vkt write u.vkt u/ --force
+    said='DICOM files do not hold all digits of the map of values, labels, the attributes note patient name, what stood in the JSON file beside, the error, the history: not kept'
+    vkt filter gaussian u.vkt --sigma 1 | vkt set --slope 0.12345678901234567 --attribute note=x --attribute 'sidecar={"a":1}' --attribute Segment0_Name=liver \
+        --attribute 'patient name=Secret^Person' -o rich.vkt
+    fails_with 3 "--strict: $said" vkt read rich.vkt -o strict/ --strict
+    vkt write rich.vkt rich/ 2>err
+    grep -qx "vkt write: $said" err
+    run ! grep -qra 'Secret' rich
+    [ ! -e s ] && [ ! -e s.dcm ] && [ ! -e strict ] && [ -z "$(find . -name '.*vkt-*')" ]
+    # Killed in the middle of a series, and of a file.
+    for out in d/none/ d/none.dcm; do
+        mkdir -p d && mkfifo pipe
+        vkt write pipe $out &
+        writer=$!
+        exec 7>pipe
+        head -c 900 u.vkt >&7
+        sleep 0.3
+        kill -9 $writer
+        wait $writer || true
+        exec 7>&-
+        for _ in $(seq 100); do [ -n "$(ls -A d)" ] || break; sleep 0.05; done
+        [ -z "$(ls -A d)" ] || { ls -A d >&2; false; }
+        rm pipe
+    done
+    mkdir small
+    mount -t tmpfs -o size=64k tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
+    failed=0
+    for out in small/a/ small/a.dcm; do
+        fails_with 4 "space left" vkt make constant --dims 128 128 32 --dtype uint16 -o $out || failed=1
+        [ -z "$(ls -A small)" ] || failed=1
+    done
+    umount small
+    [ $failed -eq 0 ]
+}

@@ -124,7 +124,8 @@ assert (np.fromfile("o.raw", np.uint8).reshape(a.shape) == a).all()
     fails_with 2 '--max-size' vkt fill-holes v.nrrd --max-size 0 -o o.nrrd
     vkt make amr --blocks 20 --levels 2 -o t.vkt
     fails_with 2 'hierarchical volume' vkt fill-holes t.vkt -o o.vkt
-    [ ! -e o.nrrd ] && [ ! -e o.vkt ]
+    [ ! -e o.nrrd ]
+    [ ! -e o.vkt ]
     vkt make constant --dims 5 5 5 --value 1 --dtype uint8 | vkt fill --value 0 --roi 2:3,2:3,2:3 -o h.nrrd
     vkt fill-holes h.nrrd --value 300 -o o.nrrd 2>err
     grep -q '300 does not fit uint8' err

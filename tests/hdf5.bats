@@ -249,6 +249,9 @@ for name in ("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "i
     with h5py.File(f"rows_{name}.h5") as f:
         assert f["v"][...].tobytes() == want and f["v"].chunks[0] == 1, (name, f["v"].chunks)
 END
+    vkt make ramp --dims 600 520 17 --dtype uint16 -o large.h5
+    /usr/bin/python3 -c 'import h5py; d = h5py.File("large.h5")["data"]; assert d.chunks == (16, 128, 128), d.chunks'
+    vkt make ramp --dims 600 520 17 --dtype uint16 | vkt diff - large.h5
     vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.h5
     vkt read int16.h5 | vkt set --attribute 'space units="mm" "mm" "mm"' --attribute note=kept --voxel-mapping -1024 3071 --units HU | vkt flip y -o h.nrrd
     vkt diff h.h5 h.nrrd
@@ -276,4 +279,24 @@ END
     [ ! -e two.h5 ] && [ ! -e cut.h5 ] && [ ! -e x.h5 ]
     [ -z "$(find . -name '.*vkt-*')" ]
     vkt stack int16.h5 int16.h5 -o 'n%d.h5' && vkt diff n1.h5 int16.h5
+}
+
+@test "chunks without filters: every order of bytes, regions, series, ends, and those that are missing" {
+    /usr/bin/python3 - <<'END'
+import h5py, numpy, subprocess
+rng = numpy.random.default_rng(1)
+a = rng.integers(0, 60000, (3, 19, 23, 31)).astype("<u2")
+with h5py.File("chunks.h5", "w") as f:
+    f.create_dataset("big", data=a, chunks=(1, 5, 7, 4), dtype=">u2")
+    f.create_dataset("little", data=a[0], chunks=(5, 7, 4), dtype="<u2")
+    f.create_dataset("many", data=a[0], chunks=(2, 2, 2), dtype="<u2") # more than are looked for
+    f.create_dataset("series", data=a, chunks=(2, 5, 7, 4), dtype="<u2") # of two volumes in a chunk
+    f.create_dataset("sparse", shape=(19, 23, 31), chunks=(5, 7, 4), dtype="<u2", fillvalue=7)[3, 4, 5] = 9
+sparse = numpy.full((1, 19, 23, 31), 7, "<u2")
+sparse[0, 3, 4, 5] = 9
+for name, want in (("big", a), ("little", a[:1]), ("many", a[:1]), ("series", a), ("sparse", sparse)):
+    for x0, x1, y0, y1, z0, z1 in (0, 31, 0, 23, 0, 19), (1, 29, 3, 20, 2, 17), (4, 8, 7, 14, 5, 10), (30, 31, 0, 23, 18, 19):
+        got = subprocess.check_output(f"vkt read chunks.h5:/{name} --roi {x0}:{x1},{y0}:{y1},{z0}:{z1} | vkt write - --format raw -q", shell=True)
+        assert got == want[:, z0:z1, y0:y1, x0:x1].tobytes(), (name, x0)
+END
 }

@@ -293,6 +293,16 @@ assert np.allclose(h["volumes"], np.array(g["counts"]) * voxel, rtol=1e-9), (h["
     [ -s h00.png ] && [ -s h01.png ]
 }
 
+@test "names of tables and pictures say what is written" {
+    vkt make ramp --dims 9 2 2 -o r.nrrd
+    vkt histogram r.nrrd --bins 3 -o h.json
+    vkt histogram r.nrrd --bins 3 --json | cmp - h.json
+    vkt histogram r.nrrd --bins 3 -o h.csv
+    vkt histogram r.nrrd --bins 3 --csv | cmp - h.csv
+    fails_with 2 "files of that kind are not written" vkt histogram r.nrrd -o h.pdf
+    [ ! -e h.pdf ]
+}
+
 @test "what cannot be is refused" {
     fails_with 2 "not between 1 and" vkt histogram phantom.nrrd --bins 0
     fails_with 2 "not between 1 and" vkt histogram phantom.nrrd --bins 65537

@@ -109,7 +109,8 @@ assert h == {"command": [], "earlier": 3} and n == 400, (h, n)'
     vkt diff long.vkt long.mha
     [ "$(vkt history long.vkt | wc -l)" -eq 301 ]
     kept=$(vkt history long.mha | grep -c 'set --attribute')
-    [ "$kept" -gt 50 ] && [ "$kept" -lt 200 ]
+    [ "$kept" -gt 50 ]
+    [ "$kept" -lt 200 ]
     [ "$(vkt history long.mha | sed -n '$s/^ *//p')" = "… $((301 - kept)) earlier steps" ]
     /usr/bin/python3 -c '
 import vtk

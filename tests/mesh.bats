@@ -246,6 +246,7 @@ assert r.returncode == 0 and "float32" in r.stderr, r
     fails_with 4 '' vkt mesh n.nrrd --iso 100 -o nowhere/x.ply
     head -c 30000 n.nrrd >short.nrrd
     fails_with 3 'ended early' vkt mesh short.nrrd --iso 100 -o x.ply
-    [ ! -e x.ply ] && [ ! -s there.ply ]
+    [ ! -e x.ply ]
+    [ ! -s there.ply ]
     vkt mesh n.nrrd --iso 100 --dry-run
 }

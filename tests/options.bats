@@ -44,7 +44,8 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "--no-checksum: only streams" vkt flip x v.nrrd --no-checksum --format raw
     fails_with 2 "--transport: no other command" vkt flip x v.nrrd --transport shm -o o.vkt
     [ "$(vkt flip x v.nrrd --transport shm -o o.nrrd 2>&1 | wc -l)" = 1 ]
-    [ ! -e o.nrrd ] && [ ! -e o.vkt ]
+    [ ! -e o.nrrd ]
+    [ ! -e o.vkt ]
     VKT_TRANSPORT=shm vkt flip x v.nrrd -o o.nrrd
     vkt flip x v.nrrd --no-checksum -o o.vkt
     vkt flip x v.nrrd --format vkt --no-checksum --transport pipe | vkt diff - o.vkt
@@ -217,4 +218,60 @@ END
     done
     fails_with 2 "--roi '0:200%,:,:': '200%' is not between 0% and 100%" vkt crop r.nrrd --roi 0:200%,:,:
     fails_with 2 "--roi-world '0:a,:,:': 'a' is not a number" vkt crop r.nrrd --roi-world 0:a,:,:
+}
+
+@test "values that other tools call otherwise, or write in capitals, lead to ours" {
+    vkt make ramp --dims 4 3 2 -o r.nrrd
+    while read -r ours words; do
+        # shellcheck disable=SC2086
+        fails_with 2 "did you mean '$ours'?" vkt $words
+    done <<'END'
+mirror filter box r.nrrd --boundary reflect
+clamp pad r.nrrd --by 1 --boundary edge
+wrap pad r.nrrd --by 1 --boundary Wrap
+add arith + r.nrrd 1
+mean project average r.nrrd
+max project MAX r.nrrd
+END
+    # Letters that have nothing in common are no suggestion.
+    run -2 --separate-stderr vkt project max r.nrrd --axis 2
+    [[ "$stderr" != *"did you mean"* ]]
+}
+
+@test "what is spelt as a number and is none is no file name; a result that cannot be is the option's fault" {
+    vkt make ramp --dims 4 3 2 -o r.nrrd
+    fails_with 2 "'1e999' is out of range" vkt arith add r.nrrd 1e999
+    fails_with 2 "'nan' is not a number" vkt arith where r.nrrd r.nrrd nan
+    fails_with 2 "'nan' is not a number" vkt affine 'nan 0 0 0 0 1 0 0 0 0 1 0' r.nrrd
+    vkt make constant --dims 4 3 2 --value 1 --format nrrd -o nan
+    vkt arith add r.nrrd ./nan | vkt diff - <(vkt arith add r.nrrd 1)
+    fails_with 2 "exceed 2^62 bytes" vkt pad r.nrrd --by 9999999
+    fails_with 2 "--csv and --json" vkt stats r.nrrd --csv --json
+}
+
+@test "--report goes where no result does, and is one JSON also where it cannot be replaced" {
+    vkt make checkerboard --dims 6 5 4 --dtype uint8 -o m.nrrd
+    for file in - /dev/stdout; do
+        fails_with 2 "--report $file names where the result goes" vkt label m.nrrd --report $file
+    done
+    fails_with 2 "names where the result goes" vkt label m.nrrd --report l.nrrd -o ./l.nrrd
+    fails_with 2 "names where the result goes" vkt pipe 'read m.nrrd | label --report - | stats'
+    [ ! -e l.nrrd ]
+    vkt stack m.nrrd m.nrrd -o s.nrrd
+    vkt label s.nrrd --report file.json -o a.nrrd
+    vkt label s.nrrd --report - -o b.nrrd >printed.json
+    mkfifo pipe
+    (cat pipe >piped.json &)
+    vkt label s.nrrd --report pipe | cat >c.vkt
+    for got in printed piped; do cmp file.json $got.json; done
+    [ "$(grep -c components file.json)" -eq 2 ]
+}
+
+@test "an expression may begin with a minus" {
+    vkt make ramp --dims 4 3 2 -o r.nrrd
+    vkt arith neg r.nrrd -o n.nrrd
+    for words in '-v*1' '-(v)' '-v[0,0,0]' '-1 * v'; do vkt transform "$words" r.nrrd | vkt diff - n.nrrd; done
+    vkt pipe "read r.nrrd | transform '-v * 1'" | vkt diff - n.nrrd
+    fails_with 2 "arguments that begin with - stand behind --" vkt transform -x r.nrrd
+    vkt transform -- -x r.nrrd | vkt diff - <(vkt transform 0-x r.nrrd)
 }

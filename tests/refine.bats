@@ -142,3 +142,62 @@ assert abs(a - b).max() <= 4.02, abs(a - b).max()"
     fails_with 2 'only auto' vkt refine smooth.nrrd --tolerance 1 --dtype uint8 -o x.vkt
     fails_with 2 'not in 1…64' vkt refine smooth.nrrd --tolerance 1 --block-size 100 -o x.nrrd
 }
+
+@test "the stream holds the cells that numpy makes of the voxels, and where they are in 4 bytes a brick" {
+    python_with numpy
+    vkt make sphere --dims 84 61 50 --radius 20 --edge coverage | vkt filter gaussian --sigma 2 | vkt arith mul - 4000 |
+        vkt convert --dtype uint16 -o v.nrrd
+    vkt write v.nrrd v_84x61x50_uint16.raw --format raw
+    for words in '' '--block-size 4' '--block-size 4 --background 0' '--block-size 7 --levels 3'; do
+        # shellcheck disable=SC2086
+        vkt refine v.nrrd --tolerance 20 $words -o tree.vkt --force
+        vkt info tree.vkt --json >info.json
+        PYTHONPATH="$VKT_ROOT/tests" /usr/bin/python3 - <<'EOF'
+import json
+import numpy as np
+from tree_content import contents
+(header, bricks, cells, kinds), = contents(open("tree.vkt", "rb").read())
+assert b"PACK" in kinds and b"TREE" not in kinds, kinds
+v = np.fromfile("v_84x61x50_uint16.raw", "<u2").reshape(50, 61, 84).astype(float)
+cells = np.frombuffer(cells, "<u2")
+met = np.zeros(v.shape, int)
+levels = set()
+for x, y, z, nx, ny, nz, level in bricks:
+    w = 1 << level
+    levels.add(level)
+    part = np.s_[z : z + nz * w, y : y + ny * w, x : x + nx * w]
+    met[part] += 1
+    assert v[part].shape == (nz * w, ny * w, nx * w), (x, y, z, level)
+    mean = v[part].reshape(nz, w, ny, w, nx, w).mean((1, 3, 5))
+    own, cells = np.split(cells, [nx * ny * nz])
+    assert abs(own - mean.ravel()).max() <= 0.5, (x, y, z, level)
+assert cells.size == 0 and len(levels) > 1
+sparse = "background" in header.get("attributes", {})
+assert met.max() == 1 and (met.min() == 1 or sparse) and v[met == 0].max(initial=0) <= 20
+info = json.load(open("info.json"))
+# 4 bytes a brick, and where every 16th begins, as bricks at the end are short.
+assert 4 * len(bricks) <= info["table_bytes"] <= 4.5 * len(bricks) + 16, info
+assert info["grid_bytes"] == 2 * v.size, info
+EOF
+    done
+    # Turned, the short bricks come first: records.
+    vkt flip y tree.vkt -o turned.vkt
+    grep -aq TREE turned.vkt
+    vkt flip y turned.vkt -o again.vkt
+    for file in again tree; do
+        PYTHONPATH="$VKT_ROOT/tests" /usr/bin/python3 "$VKT_ROOT/tests/tree_content.py" $file.vkt | awk '{ print $(NF - 1), $NF }' >$file
+    done
+    cmp again tree
+}
+
+@test "at the level of the noise trees are a fraction of the scans, bricks and their places" {
+    needs_data raw
+    needs_data nifti
+    for case in 'raw/stent_128x128x256_int16.raw 8388608 6' 'nifti/MNI152_2009_template.nii.gz 17059922 4'; do
+        read -r file bytes times <<<"$case"
+        vkt refine "$VKT_DATA/$file" --tolerance noise --dtype auto --block-size auto -o tree.vkt --force 2>said
+        cat said
+        found=$(sed -n 's/.* instead of .*, \([0-9.]*\) times as small$/\1/p' said)
+        awk "BEGIN { exit !($found >= $times && $bytes / $(stat -c %s tree.vkt) >= $times) }"
+    done
+}

@@ -693,3 +693,34 @@ assert np.isnan(got[4]).all() and (got[[0, 1, 2, 3, 5, 6, 7]] == 1).all()'
         done
     done
 }
+
+@test "a region whose ends lie between voxels is what SciPy finds there, and where it lies; of whole ones it is a crop" {
+    python_with numpy scipy
+    vkt make noise --dims 20 15 10 --spacing 0.5,2,3 --origin -10,5.5,100 -o v.nrrd
+    vkt write v.nrrd v.npy
+    vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --dims 11 12 7 --method linear -o r.npy
+    vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --dims 11 12 7 | vkt info --json >info.json
+    /usr/bin/python3 - <<'END'
+import json, numpy as np
+from scipy import ndimage
+v = np.load("v.npy").reshape(10, 15, 20)
+r, info = np.load("r.npy").reshape(7, 12, 11), json.load(open("info.json"))
+info = info[0] if isinstance(info, list) else info
+low, high, n = np.array([1.5, 2, 0.125]), np.array([15.25, 9.75, 8.5]), np.array([11, 12, 7])
+width = (high - low) / n
+at = [low[a] - 0.5 + (np.arange(n[a]) + 0.5) * width[a] for a in (2, 1, 0)]
+assert abs(r - ndimage.map_coordinates(v, np.meshgrid(*at, indexing="ij"), np.float64, 1, "nearest")).max() < 2e-7
+assert np.allclose(info["spacing"], width * [0.5, 2, 3], rtol=1e-14)
+assert np.allclose(info["origin"], [-10, 5.5, 100] + (low - 0.5 + width / 2) * [0.5, 2, 3], rtol=1e-14)
+END
+    vkt resample v.nrrd --roi 2.0:19,3:+5,: | vkt diff - <(vkt crop v.nrrd --roi 2:19,3:8,:) --geometry
+    vkt resample v.nrrd --roi 2:18,:,: --scale 0.5,1,1 | vkt diff - <(vkt crop v.nrrd --roi 2:18,:,: | vkt resample --scale 0.5,1,1) --geometry --tolerance 1e-7
+    for options in '--slab 1 --threads 7' '--slab 3 --threads 2' '--memory 200k'; do
+        # shellcheck disable=SC2086
+        vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --scale 1.7 $options | vkt diff - <(vkt resample v.nrrd --roi 1.5:15.25,2:9.75,0.125:-1.5 --scale 1.7)
+    done
+    fails_with 2 "leaves the volume" vkt resample v.nrrd --roi 1.5:20.25,:,:
+    fails_with 2 "is empty along x" vkt resample v.nrrd --roi 2.5:2.5,:,:
+    fails_with 2 "'nan' is not a number" vkt resample v.nrrd --roi 1.5:nan,:,:
+    fails_with 2 "vkt resample, rotate, scale and affine" vkt crop v.nrrd --roi 1.5:3,:,:
+}

@@ -118,7 +118,8 @@ assert [v["dims"] for v in json.load(sys.stdin)] == 3 * [[6, 5, 4]]'
     [ "$codes" = "3 3 3" ]
     vkt read out_0.nrrd | values | cmp - step_1.raw
     [ -e piped_0.nrrd ]
-    [ ! -e out_1.nrrd ] && [ ! -e piped_1.nrrd ]
+    [ ! -e out_1.nrrd ]
+    [ ! -e piped_1.nrrd ]
     [ -z "$(ls -A | grep -F .vkt- || true)" ]
 }
 

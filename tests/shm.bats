@@ -223,13 +223,15 @@ assert info["attributes"]["note"] == "kept" and info["history"]["command"][0] ==
 @test "forged segments are refused, whatever they claim" {
     vkt write in.nrrd shm:$seg
     vkt make amr --blocks 20 --levels 3 -o shm:$seg.tree
+    # Turned, the short bricks come first, which no packed table has.
+    vkt make sphere --dims 20 12 12 | vkt refine --tolerance 0.1 | vkt flip x -o shm:$seg.records
     cat >forge.py <<'EOF'
 import os, random, struct, subprocess, sys
 seg = sys.argv[1]
 mine = f"/dev/shm/vkt.{os.getuid()}.{seg}"
 HEAD = struct.Struct("<8sII6Q")
 NAMES = ["magic", "version", "state", "text", "bricks", "offset", "voxels", "total", "reserved"]
-whole = {name: open(mine + end, "rb").read() for name, end in (("grid", ""), ("tree", ".tree"))}
+whole = {name: open(mine + end, "rb").read() for name, end in (("grid", ""), ("tree", ".tree"), ("records", ".records"))}
 cases = 0
 
 def put(data, size=None, sparse=False):
@@ -267,8 +269,9 @@ for kind, data in whole.items():
     refused((kind, "longer"))
     put(with_fields(data, magic=b"VKTSHM\n\n"))
     refused((kind, "magic"))
-    put(with_fields(data, version=2))
-    refused((kind, "version"))
+    for version in (0, 1 if kind == "tree" else 2, 3):
+        put(with_fields(data, version=version))
+        refused((kind, "version", version))
     for field in ("text", "bricks", "offset", "voxels", "total"):
         for value in (0, 1, head[field] - 1 if head[field] else 7, head[field] + 1, head[field] + 4096, 2**31, 2**32,
                       2**40, 2**62, 2**63, 2**64 - 4096, 2**64 - 1):
@@ -288,14 +291,22 @@ for kind, data in whole.items():
             put(data[:64] + text.replace(a, b, 1) + data[64 + head["text"]:])
             if a != b'"dims"':
                 refused((kind, a, b))
-tree = whole["tree"]
-head = dict(zip(NAMES, HEAD.unpack(tree[:64])))
-at = (64 + head["text"] + 63) // 64 * 64
-for place, value in ((24, 0), (24, -1), (24, 2**31 - 1), (28, 2**31 - 1), (36, -1), (36, 99)):
-    changed = bytearray(tree)
-    struct.pack_into("<i", changed, at + place, value)
-    put(bytes(changed))
-    refused(("brick", place, value))
+# The records of bricks: lower corner, dims, level. Packed: the block, words a brick, numbers: out of range, the same
+# brick twice, the coarser one around it.
+for kind, changes in (("records", ((24, 0), (24, -1), (24, 2**31 - 1), (28, 2**31 - 1), (36, -1), (36, 99))),
+                      ("tree", ((0, 0), (0, -1), (0, 4), (4, 2**31 - 1), (12, 0), (12, 2), (12, 3), (16, -1), (16, 3),
+                                (20, "first"), (20, "around")))):
+    tree = whole[kind]
+    head = dict(zip(NAMES, HEAD.unpack(tree[:64])))
+    assert head["version"] == (2 if kind == "tree" else 1), head
+    at = (64 + head["text"] + 63) // 64 * 64
+    first = struct.unpack_from("<i", tree, at + 16)[0]
+    for place, value in changes:
+        changed = bytearray(tree)
+        number = first if value == "first" else first + 1 if value == "around" else value
+        struct.pack_into("<i", changed, at + place, number)
+        put(bytes(changed))
+        refused((kind, "brick", place, value))
 # Anything at all may lie there, and nothing crashes.
 random.seed(5)
 for _ in range(60):

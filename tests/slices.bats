@@ -100,7 +100,9 @@ END
     fails_with 2 'holds uint8 or uint16' vkt write ramp.nrrd 'r%d.png'
     fails_with 2 'slice%04d.png' vkt write uint8.nrrd one.png
     fails_with 2 'hierarchical volumes have no slices' eval 'vkt make amr --blocks 9 --levels 2 | vkt write "h%d.png"'
-    [ ! -e r0.png ] && [ ! -e one.png ] && [ ! -e h0.png ]
+    [ ! -e r0.png ]
+    [ ! -e one.png ]
+    [ ! -e h0.png ]
     vkt stack uint8.nrrd uint8.nrrd | vkt write 's%d.png'
     [ "$(ls s*.png | wc -l)" -eq 10 ]
     fails_with 4 'the file exists' vkt write uint8.nrrd 's%d.png'

@@ -1,4 +1,4 @@
-# vkt stack and vkt split, against NumPy and tifffile; vkt reorient and vkt view, which are others by another name.
+# vkt stack and vkt split, against NumPy and tifffile.
 load helper
 
 setup_more() {
@@ -78,18 +78,6 @@ assert s.shape == (3, 6, 7, 9) and (s[0] == v).all() and (s[1] == v[:, :, ::-1])
 import numpy as np, tifffile
 v = np.fromfile('v_9x7x6_int16.raw', np.int16).reshape(6, 7, 9)
 for k in range(6): assert (tifffile.imread(f's{k}.tif') == v[k]).all()"
-}
-
-@test "reorient is permute, view is render in a window" {
-    vkt set v.nrrd --attribute space=LPS -o lps.nrrd
-    vkt reorient --to RAS lps.nrrd | vkt diff - <(vkt permute ras lps.nrrd)
-    vkt reorient --to RAS lps.nrrd | vkt info | grep -q 'direction  -1 0 0  0 -1 0  0 0 1\|direction  1 0 0  0 1 0  0 0 1'
-    run ! cmp <(vkt reorient --to RAS lps.nrrd | raw) <(raw lps.nrrd)
-    (unset DISPLAY WAYLAND_DISPLAY && vkt render --window v.nrrd) 2>want || code=$?
-    run --separate-stderr env -u DISPLAY -u WAYLAND_DISPLAY vkt view v.nrrd
-    [ "$status" -eq "$code" ] && [ "${stderr//vkt view/vkt render}" = "$(cat want)" ]
-    fails_with 2 'unknown option' vkt view v.nrrd -o picture.png
-    vkt view v.nrrd -n 2>&1 | grep -q 'vkt view'
 }
 
 @test "info and stats tell of many files by their names" {

@@ -360,3 +360,20 @@ assert lines[0].split()[:3] == ["label", "count", "nan"] and len(lines) == 10'
     vkt make ramp --dims 4 4 4 | vkt transform 'x == 0 ? 0 : x == 1 and y == 0 and z == 0 ? 0 - 3 : 2' --dtype int8 -o v.nrrd
     vkt stats v.nrrd --json | tr -d ' ' | grep -q '"product":0[,.]'
 }
+
+@test "one mask goes with each volume of a series, several one by one; too many or too few are refused" {
+    vkt make ramp --dims 6 5 4 -o a.nrrd
+    vkt arith mul a.nrrd 3 -o b.nrrd
+    for name in a b; do vkt threshold $name.nrrd --above 2 -o m$name.nrrd; done
+    vkt stack a.nrrd b.nrrd -o two.vkt
+    vkt stack ma.nrrd mb.nrrd -o masks.vkt
+    vkt stack ma.nrrd mb.nrrd ma.nrrd -o three.vkt
+    alone() { vkt stats "$1.nrrd" --mask "$2.nrrd" --csv; }
+    vkt stats two.vkt --mask ma.nrrd --csv | cmp - <(alone a ma && alone b ma | tail -n 1)
+    vkt stats two.vkt --mask masks.vkt --csv | cmp - <(alone a ma && alone b mb | tail -n 1)
+    vkt stats two.vkt --labels ma.nrrd --csv | cmp - <(vkt stats two.vkt --labels <(vkt stack ma.nrrd ma.nrrd) --csv)
+    fails_with 3 "more volumes than the input" vkt stats a.nrrd --mask masks.vkt
+    fails_with 3 "more volumes than the input" vkt stats two.vkt --labels three.vkt
+    fails_with 3 "fewer volumes than the input" vkt stats three.vkt --mask masks.vkt
+    fails_with 3 "fewer volumes than the input" vkt stats two.vkt --mask <(vkt read ma.nrrd)
+}

@@ -205,12 +205,16 @@ print(f"{name}{h:08x}")')
     ln -s link.nrrd again.nrrd
     fails_with 4 "--force" vkt flip x ramp.vkt -o again.nrrd
     vkt flip x ramp.vkt -o again.nrrd --force
-    [ -L link.nrrd ] && [ -L again.nrrd ] && [ ! -L there/real.nrrd ]
+    [ -L link.nrrd ]
+    [ -L again.nrrd ]
+    [ ! -L there/real.nrrd ]
     vkt flip x ramp.vkt | vkt diff - there/real.nrrd
     # To nothing yet; with the voxels beside the header, where readers look for them.
     ln -s there/new.mhd new.mhd
     vkt write ramp.vkt new.mhd
-    [ -L new.mhd ] && [ -e there/new.raw ] && [ ! -e new.raw ]
+    [ -L new.mhd ]
+    [ -e there/new.raw ]
+    [ ! -e new.raw ]
     vkt diff there/new.mhd ramp.vkt
     ln -s round.nrrd round.nrrd
     fails_with 4 "round.nrrd" vkt write ramp.vkt round.nrrd --force
@@ -344,4 +348,55 @@ print(f"{name}{h:08x}")')
         fails_with 4 "no space left on device: 3638.0 TiB are needed" timeout 20 vkt make noise --dims 1000000 1000000 1000 -o $out
         [ ! -e $out ]
     done
+}
+
+@test "every format keeps each item of a header or names it, and names nothing that it keeps" {
+    vkt make noise --dims 8 7 1 --dtype uint16 --low 1 --high 9 | vkt filter gaussian --sigma 0.8 | vkt set --spacing 0.5,0.75,2 --origin 1.3,-2,3 \
+        --direction 0,1,0,-1,0,0,0,0,1 --units HU --slope 2 --intercept -1000 --attribute space=RAS --attribute 'space units="um" "um" "um"' \
+        --attribute Segment0_LabelValue=3 --attribute Segment0_Name=liver --attribute note=hello --attribute 'sidecar={"EchoTime":0.03}' -o rich.vkt
+    cat >table.py <<'END'
+import json, subprocess, sys
+def info(name):
+    run = subprocess.run(["vkt", "info", name, "--json"], capture_output=True, text=True)
+    return json.loads(run.stdout) if run.returncode == 0 else None
+def placed(i): # in one frame and unit, where they are known
+    a = i.get("attributes", {})
+    space = {"LPS": "left-posterior-superior", "RAS": "right-anterior-superior"}.get(a.get("space"), a.get("space"))
+    sign = [-1, -1, 1] if space == "right-anterior-superior" else [1, 1, 1]
+    unit = {'"um"': 1e-3, '"angstrom"': 1e-7}.get(a.get("space units", "").split(" ")[0], 1)
+    turn = lambda v, f: [round(x * s * f, 9) + 0.0 for x, s in zip(v, sign)]
+    lengths = [round(x * unit, 9) for x in i["spacing"]]
+    return {"the place": (lengths, turn(i["origin"], unit)), "the directions": [turn(v, 1) for v in i["direction"]],
+            "the frame": space is not None, "the unit of lengths": "space units" in a}
+def items(i):
+    a = i.get("attributes", {})
+    return placed(i) | {"the map of values": (i["slope"], i["intercept"]), "units": i.get("units"),
+        "labels": (a.get("Segment0_LabelValue"), a.get("Segment0_Name")), "note": a.get("note"),
+        "what stood in the JSON file beside": a.get("sidecar"), "the error": i.get("error"), "the history": i.get("history")}
+want = items(info("rich.vkt"))
+failed = []
+for name in sys.argv[1:]:
+    options = ["--format", "analyze"] if name.startswith("analyze") else []
+    write = subprocess.run(["vkt", "write", "rich.vkt", name, *options], capture_output=True, text=True)
+    if write.returncode != 0:
+        if "built" not in write.stderr: failed.append((name, write.stderr)) # without that library
+        continue
+    got = None if name.endswith((".raw", ".pgm", ".pfm", ".exr", ".png")) else info(name.split("%")[0])
+    got = items(got) if got else dict.fromkeys(want)
+    if options: got["the unit of lengths"] = False # Analyze says mm, whatever there was
+    if not got["the frame"] or not got["the unit of lengths"]: # what their numbers mean nobody knows: as numbers
+        plain = items(info("rich.vkt") | {"attributes": {}})
+    else: plain = want
+    lost = {k for k in want if got[k] != (plain[k] if k in ("the place", "the directions") else want[k])}
+    lines = write.stderr.splitlines()
+    said = {k for k in want if lines and (", units," if k == "units" else k) in lines[0]}
+    if lost != said or len(lines) != bool(lost): failed.append((name, "lost", lost - said, "kept", said - lost, write.stderr))
+sys.exit("\n".join(map(str, failed)) or 0)
+END
+    /usr/bin/python3 table.py a.nrrd b.nhdr c.mha d.nii e.mrc f.npy g.npz h.raw i.tif j.vti k.pvti l.vtk m.vdb n.dcm o/ p.h5 q.zarr r.zarr.zip analyze.hdr \
+        s.png t.pgm u.pfm v.exr w.vkt x.nrrd.gz y.seg.nrrd
+    vkt write rich.vkt 'z%02d.png' --strict 2>err && [ "$(wc -l <err)" -eq 1 ] # one line for many files, and no loss of a picture
+    fails_with 3 "numpy files do not hold the place" vkt read rich.vkt -o strict.npy --strict
+    run --separate-stderr vkt make ramp --dims 4 4 4 -o plain.npy
+    [ -z "$stderr" ]
 }

@@ -430,3 +430,10 @@ END
     vkt diff v.vkt a.zarr.zip
     [ -z "$(find . -name '*.parts' -o -name '.*vkt-*')" ]
 }
+
+@test "stores in ZIP files: a damaged voxel of a member that is stored as it is" {
+    vkt make noise --dims 12 10 8 --dtype uint16 -o z.zarr.zip
+    vkt stats z.zarr.zip >/dev/null
+    printf '\377' | dd of=z.zarr.zip bs=1 seek=$(($(stat -c %s z.zarr.zip) / 2)) conv=notrunc status=none
+    fails_with 3 "damaged: its checksum is another" vkt stats z.zarr.zip
+}

@@ -155,7 +155,7 @@ BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& executi
     require_tree(header);
     auto const a = static_cast<int>(axis);
     Index3 const logical = header.dims;
-    std::vector<Brick> bricks = input.bricks();
+    std::vector<Brick> bricks = input.bricks().list();
     for (Brick& brick : bricks) brick.lower[a] = logical[a] - bounds_of(brick, logical).upper[a];
     header.geometry = flipped(header.geometry, axis, logical[a]);
     if (header.attributes.contains("roi")) {
@@ -191,7 +191,7 @@ BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& executi
 
 Volume merge_siblings(Volume const& volume, std::int64_t largest, Execution const& execution) {
     require_tree(volume.header());
-    Merging merging{volume.bricks(), {}};
+    Merging merging{volume.bricks().list(), {}};
     for (std::size_t b = 0; b < merging.bricks.size(); ++b) merging.placement.push_back({b, {0, 0, 0}});
     while (merge_round(merging, volume.header().dims, largest)) {
     }

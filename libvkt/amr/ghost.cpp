@@ -82,7 +82,7 @@ Box lattice_box(LevelLattice const& lattice, Brick const& brick) {
     return {lower, lower + brick.dims};
 }
 
-void CellSurvey::add(std::span<Brick const> bricks, std::byte const* cells, Execution const& execution) {
+void CellSurvey::add(BrickTable const& bricks, std::byte const* cells, Execution const& execution) {
     for (ValueRange const& range : brick_ranges(cells, type_, bricks, execution))
         range_ = united(std::array{range_, range});
     with_cell_type(type_, [&]<class T>(T) {

@@ -21,7 +21,7 @@ class CellSurvey {
 public:
     explicit CellSurvey(DataType type) : type_(type) {}
     /// Some bricks with their cells one after another.
-    void add(std::span<Brick const> bricks, std::byte const* cells, Execution const& execution);
+    void add(BrickTable const& bricks, std::byte const* cells, Execution const& execution);
     /// Smallest and largest cell, NaN left out.
     ValueRange range() const { return range_; }
     /// A brick without place and cells, as kernels want to see those of the volume.
@@ -73,7 +73,7 @@ private:
     void reconstruct(SampleGrid const& grid, AnyView out);
 
     BrickCells& cells_;
-    std::vector<Brick> const& bricks_;
+    BrickTable const& bricks_;
     BrickIndex const& index_;
     tile::Source like_;
     TileRule rule_;

@@ -110,7 +110,7 @@ SampleGrid plan_grid(Header const& header, GridRequest const& request) {
     return grid;
 }
 
-bool leaves_holes(Header const& header, std::span<Brick const> bricks, SampleGrid const& grid) {
+bool leaves_holes(Header const& header, BrickTable const& bricks, SampleGrid const& grid) {
     double const rounding = 1e-6; // of a voxel: a face that was to lie on one between cells
     Box looked_at;
     for (int a = 0; a < 3; ++a) {

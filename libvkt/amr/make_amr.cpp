@@ -213,7 +213,7 @@ void fill_brick(Brick const& brick, Index3 logical, std::vector<analytic::Term> 
 
 /// The cells of some bricks, one brick after another.
 template <class T>
-void fill(std::span<Brick const> bricks, Index3 logical, AmrField field, T* cells, Execution const& execution) {
+void fill(BrickTable const& bricks, Index3 logical, AmrField field, T* cells, Execution const& execution) {
     std::vector<std::int64_t> offsets;
     offsets.reserve(bricks.size());
     std::int64_t offset = 0;
@@ -254,12 +254,12 @@ BrickSequence amr_bricks(AmrRecipe const& recipe, Execution const& execution) {
     for (Brick const& brick : bricks)
         bytes += static_cast<double>(brick.cells()) * static_cast<double>(size_of(recipe.dtype));
     if (bytes > 0x1p40) throw Error(ErrorKind::resources, text("a tree of ", bytes_text(bytes), " is too large"));
-    auto const table = std::make_shared<std::vector<Brick> const>(std::move(bricks));
+    BrickTable const table(header.dims, std::move(bricks));
     Index3 const dims = header.dims;
     return {std::move(header), table,
             [table, dims, field = recipe.field, dtype = recipe.dtype, execution](std::size_t first, std::size_t count,
                                                                                  std::byte* to) {
-                std::span<Brick const> const wanted = std::span(*table).subspan(first, count);
+                BrickTable const wanted = table.part(first, count);
                 if (dtype == DataType::float32)
                     fill(wanted, dims, field, reinterpret_cast<float*>(to), execution);
                 else

@@ -75,7 +75,7 @@ SampleGrid plan_grid(Header const& header, GridRequest const& request);
 Header gridded_header(Header const& header, SampleGrid const& grid);
 
 /// True if bricks leave part of the grid uncovered. What lies outside the logical grid is no hole. O(bricks).
-bool leaves_holes(Header const& header, std::span<Brick const> bricks, SampleGrid const& grid);
+bool leaves_holes(Header const& header, BrickTable const& bricks, SampleGrid const& grid);
 
 class DeviceSampler;
 

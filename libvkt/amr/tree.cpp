@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <utility>
 
 namespace vkt {
 
@@ -72,7 +73,7 @@ void check_brick(std::size_t i, Brick const& brick, Index3 logical_dims) {
 }
 
 /// Bricks of one level must agree on where the cells of that level begin.
-void check_lattices(Index3 logical_dims, std::span<Brick const> bricks) {
+void check_lattices(Index3 logical_dims, BrickTable const& bricks) {
     std::array<std::int64_t, max_level + 1> first;
     first.fill(-1);
     for (std::size_t i = 0; i < bricks.size(); ++i) {
@@ -100,19 +101,24 @@ struct CurveInterval {
     std::size_t brick;
 };
 
-/// Intervals of equal blocks on the octree's block lattice; empty if the bricks are not of that kind.
-std::vector<CurveInterval> curve_intervals(Index3 logical_dims, std::span<Brick const> bricks) {
+/// Intervals of equal blocks, but for short ones at the end of the grid, on the octree's block lattice; empty if the
+/// bricks are not of that kind.
+std::vector<CurveInterval> curve_intervals(Index3 logical_dims, BrickTable const& bricks) {
     std::vector<CurveInterval> intervals;
     intervals.reserve(bricks.size());
-    Index3 const n = bricks[0].dims;
+    Index3 n = bricks[0].dims;
+    for (Brick const& b : bricks)
+        for (int a = 0; a < 3; ++a) n[a] = std::max(n[a], b.dims[a]);
     for (std::size_t i = 0; i < bricks.size(); ++i) {
         Brick const& b = bricks[i];
         Index3 const w = cell_width(logical_dims, b.level);
-        if (!(b.dims == n) || b.level > 20) return {};
+        if (b.level > 20) return {};
         std::uint64_t key = 0;
         for (int a = 0; a < 3; ++a) {
             std::int64_t const extent = n[a] * w[a];
-            if (b.lower[a] % extent != 0) return {};
+            // Finest ones may be short where the grid ends: nothing else is in their block.
+            bool const ends = b.level == 0 && b.lower[a] + b.dims[a] == logical_dims[a];
+            if (b.lower[a] % extent != 0 || (b.dims[a] != n[a] && !ends)) return {};
             // A flat axis has one block at every level; the curve then runs through the other axes at block 0.
             std::int64_t const block = b.lower[a] / extent << (logical_dims[a] == 1 ? 0 : b.level);
             if (block >= std::int64_t{1} << 21) return {};
@@ -123,7 +129,7 @@ std::vector<CurveInterval> curve_intervals(Index3 logical_dims, std::span<Brick 
     return intervals;
 }
 
-void check_overlap_on_curve(std::span<Brick const> bricks, std::vector<CurveInterval>& intervals) {
+void check_overlap_on_curve(BrickTable const& bricks, std::vector<CurveInterval>& intervals) {
     auto const before = [](CurveInterval const& a, CurveInterval const& b) { return a.begin < b.begin; };
     if (!std::is_sorted(intervals.begin(), intervals.end(), before))
         std::sort(intervals.begin(), intervals.end(), before);
@@ -133,7 +139,7 @@ void check_overlap_on_curve(std::span<Brick const> bricks, std::vector<CurveInte
                    text("overlaps brick ", static_cast<std::int64_t>(intervals[i - 1].brick)));
 }
 
-void check_overlap_by_index(Index3 logical_dims, std::span<Brick const> bricks) {
+void check_overlap_by_index(Index3 logical_dims, BrickTable const& bricks) {
     BrickIndex const index(logical_dims, bricks);
     std::vector<std::int32_t> near;
     for (std::size_t i = 0; i < bricks.size(); ++i) {
@@ -152,7 +158,7 @@ void check_overlap_by_index(Index3 logical_dims, std::span<Brick const> bricks) 
 
 } // namespace
 
-void check_bricks(Index3 logical_dims, std::span<Brick const> bricks) {
+void check_bricks(Index3 logical_dims, BrickTable const& bricks) {
     for (int a = 0; a < 3; ++a)
         if (logical_dims[a] < 1 || logical_dims[a] > max_extent)
             throw Error(ErrorKind::data, text("logical grid of ", logical_dims, " is not one of 1…2^40 cells an axis"));
@@ -161,7 +167,7 @@ void check_bricks(Index3 logical_dims, std::span<Brick const> bricks) {
     check_lattices(logical_dims, bricks);
 }
 
-void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage) {
+void validate_tree(Index3 logical_dims, BrickTable const& bricks, Coverage coverage) {
     check_bricks(logical_dims, bricks);
     double covered = 0;
     for (Brick const& brick : bricks) covered += volume_of(bounds_of(brick, logical_dims).dims());
@@ -175,7 +181,13 @@ void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage 
                     "the file lacks blocks or states wrong block positions");
 }
 
-TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks) {
+BrickTable table_of_numbers(BrickPacking const& packing, std::vector<std::uint32_t> words, Header const& header) {
+    BrickTable table(packing, std::move(words), header.cell_count);
+    validate_tree(header.dims, table, Coverage::may_have_holes);
+    return table;
+}
+
+TreeSummary summarise(Index3 logical_dims, BrickTable const& bricks) {
     std::map<int, LevelSummary> levels;
     TreeSummary summary;
     for (Brick const& brick : bricks) {
@@ -189,6 +201,7 @@ TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks) {
     }
     for (auto const& entry : levels) summary.levels.push_back(entry.second);
     summary.logical = volume_of(logical_dims);
+    summary.table_bytes = bricks.bytes();
     return summary;
 }
 

@@ -7,13 +7,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <vector>
 
 namespace vkt {
-
-/// Coarsest level a brick may have: 2^40 is the largest extent of a logical grid.
-inline constexpr int max_level = 40;
 
 /// Finest cells per cell of a level along each axis: 2^level, but 1 along axes on which the logical grid is one cell
 /// thick, so that 1-D and 2-D trees need no cells they do not have.
@@ -41,11 +37,15 @@ enum class Coverage : std::uint8_t { complete, may_have_holes };
 /// Checks that bricks lie inside the logical grid, that bricks of one level share one lattice, that none overlap, and,
 /// for complete trees, that their volume is that of the grid. Throws Error{data} naming the first culprit.
 /// O(n log n); trees of equal blocks on the block lattice (FLASH) take one sort of integers.
-void validate_tree(Index3 logical_dims, std::span<Brick const> bricks, Coverage coverage);
+void validate_tree(Index3 logical_dims, BrickTable const& bricks, Coverage coverage);
 
 /// The part of it that takes O(n): each brick for itself and the lattices, not overlaps. For tables from readers that
 /// may have lost their mind.
-void check_bricks(Index3 logical_dims, std::span<Brick const> bricks);
+void check_bricks(Index3 logical_dims, BrickTable const& bricks);
+
+/// The bricks of a stream or segment with this header, as BrickTable has them, none of which overlaps another. Throws
+/// Error{data}. O(n log n).
+BrickTable table_of_numbers(BrickPacking const& packing, std::vector<std::uint32_t> words, Header const& header);
 
 /// What one level of a tree holds. Cell volumes are counted in finest cells.
 struct LevelSummary {
@@ -58,10 +58,11 @@ struct TreeSummary {
     std::vector<LevelSummary> levels; ///< levels that hold bricks, finest first
     double covered = 0;               ///< finest cells that bricks cover
     double logical = 0;               ///< finest cells of the logical grid
+    std::size_t table_bytes = 0;      ///< of the bricks' places
     double hole_share() const { return logical > 0 ? 1 - covered / logical : 0; }
 };
 
-TreeSummary summarise(Index3 logical_dims, std::span<Brick const> bricks);
+TreeSummary summarise(Index3 logical_dims, BrickTable const& bricks);
 
 /// True if the tree is all finest cells without holes, and with that as good as a structured volume.
 bool is_uniform(Header const& header);
@@ -80,7 +81,7 @@ struct ValueRange {
 /// Ranges of all bricks in order. Cells must lie in host memory or are migrated there.
 std::vector<ValueRange> brick_ranges(Volume const& volume, Execution const& execution);
 /// Those of bricks whose cells lie one after another.
-std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, std::span<Brick const> bricks,
+std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, BrickTable const& bricks,
                                      Execution const& execution);
 /// Those of some bricks, in the order given.
 std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t const> which,
@@ -98,7 +99,7 @@ struct IndexNode {
 class BrickIndex {
 public:
     BrickIndex() = default;
-    BrickIndex(Index3 logical_dims, std::span<Brick const> bricks);
+    BrickIndex(Index3 logical_dims, BrickTable const& bricks);
 
     /// Ids of bricks whose domain may meet [lower, upper], ascending; up to three near misses come with each hit.
     void query(Vec3 lower, Vec3 upper, std::vector<std::int32_t>& ids) const;

@@ -27,7 +27,7 @@ float rounded_up(double v) {
 
 } // namespace
 
-BrickIndex::BrickIndex(Index3 logical_dims, std::span<Brick const> bricks) {
+BrickIndex::BrickIndex(Index3 logical_dims, BrickTable const& bricks) {
     if (bricks.size() > std::size_t{1} << 30)
         throw Error(ErrorKind::resources, "more than 2^30 bricks cannot be indexed");
     if (bricks.empty()) return;

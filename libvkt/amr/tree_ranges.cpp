@@ -65,7 +65,7 @@ std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t
     return ranges;
 }
 
-std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, std::span<Brick const> bricks,
+std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, BrickTable const& bricks,
                                      Execution const& execution) {
     std::vector<std::int64_t> offsets;
     offsets.reserve(bricks.size());

@@ -38,7 +38,7 @@ render::Image image_of(Volume const& volume, render::RenderSettings const& setti
     std::optional<render::Renderer> renderer;
     {
         ProgressPart const preparation(monitor, 0.0, 0.1);
-        renderer.emplace(volume, execution);
+        renderer.emplace(volume, execution, settings.tree);
     }
     ProgressPart const drawing(monitor, 0.1, 0.9);
     std::atomic<bool> cancelled{false};
@@ -67,7 +67,7 @@ vkt_picture drawn(Volume const& volume, std::vector<std::string> const& words, C
     options.check();
     Execution const execution = call.execution(for_execution);
     render::RenderSettings const settings = options.settings();
-    render::check_memory(volume.header(), execution, true);
+    render::check_memory(volume.header(), execution, settings.tree, true);
     render::RenderReport report;
     render::Image image = image_of(volume, settings, execution, report);
     vkt_picture picture{image.width, image.height};

@@ -11,17 +11,14 @@ namespace vkt {
 BrickSequence::BrickSequence(Volume volume) : whole_(std::move(volume)) {}
 
 BrickSequence::BrickSequence(Header header, std::vector<Brick> bricks, Reader read, BrickOrder order)
-    : BrickSequence(std::move(header), std::make_shared<std::vector<Brick> const>(std::move(bricks)), std::move(read),
-                    order) {}
-
-BrickSequence::BrickSequence(Header header, Table bricks, Reader read, BrickOrder order)
-    : header_(with_counts(std::move(header), *bricks)), bricks_(std::move(bricks)), read_(std::move(read)),
-      order_(order) {}
-
-BrickSequence::Table BrickSequence::table() {
-    if (!bricks_) bricks_ = std::make_shared<std::vector<Brick> const>(whole_->bricks());
-    return bricks_;
+    : read_(std::move(read)), order_(order) {
+    header_ = with_counts(std::move(header), bricks);
+    bricks_ = BrickTable(header_.dims, std::move(bricks));
 }
+
+BrickSequence::BrickSequence(Header header, BrickTable const& bricks, Reader read, BrickOrder order)
+    : header_(with_counts(std::move(header), bricks)), bricks_(bricks.kept(header_.dims)), read_(std::move(read)),
+      order_(order) {}
 
 std::size_t BrickSequence::largest_brick() const {
     std::int64_t most = 0;
@@ -30,7 +27,7 @@ std::size_t BrickSequence::largest_brick() const {
 }
 
 std::size_t BrickSequence::group(std::size_t first, std::size_t bytes) const {
-    auto const& all = bricks();
+    BrickTable const& all = bricks();
     std::size_t end = first, held = 0;
     while (end < all.size()) {
         held += static_cast<std::size_t>(all[end].cells()) * size_of(header().dtype);
@@ -38,12 +35,6 @@ std::size_t BrickSequence::group(std::size_t first, std::size_t bytes) const {
         ++end;
     }
     return end - first;
-}
-
-std::size_t BrickSequence::bytes_of(std::size_t first, std::size_t count) const {
-    std::size_t cells = 0;
-    for (std::size_t i = first; i < first + count; ++i) cells += static_cast<std::size_t>(bricks()[i].cells());
-    return cells * size_of(header().dtype);
 }
 
 std::byte const* BrickSequence::cells(std::size_t first, std::size_t count) {
@@ -68,10 +59,10 @@ void BrickSequence::read(std::size_t first, std::size_t count, std::byte* to) {
 
 Volume BrickSequence::whole() && {
     if (whole_) return std::move(*whole_);
-    Volume volume(header_, *bricks_);
+    Volume volume(header_, bricks_);
     std::byte* to = volume.buffer().write(Space::host);
     // In groups: a reader that makes the bricks of others holds as many of those.
-    for (std::size_t first = 0, n = 0; first < bricks_->size(); first += n) {
+    for (std::size_t first = 0, n = 0; first < bricks_.size(); first += n) {
         n = group(first, group_bytes_);
         read_(first, n, to);
         to += bytes_of(first, n);

@@ -5,7 +5,6 @@
 #include "libvkt/core/volume.h"
 
 #include <functional>
-#include <memory>
 #include <optional>
 
 namespace vkt {
@@ -18,24 +17,21 @@ enum class BrickOrder : std::uint8_t { any, ascending };
 inline constexpr std::size_t brick_group_bytes = std::size_t{4} << 20;
 
 /// Header and tree are known from the start; cells are read when they are asked for, so that a volume of any size
-/// passes in the memory of its table of bricks (56 bytes each) and of one group of them.
+/// passes in the memory of its table of bricks (4 to 57 bytes each) and of one group of them.
 class BrickSequence {
 public:
     /// Writes the cells of `count` bricks from the first on to `to`, dense, in the order of the bricks.
     using Reader = std::function<void(std::size_t first, std::size_t count, std::byte* to)>;
-    using Table = std::shared_ptr<std::vector<Brick> const>;
 
     /// Cells that lie in memory already.
     BrickSequence(Volume volume);
     /// Fills in the header's brick, cell and level counts.
     BrickSequence(Header header, std::vector<Brick> bricks, Reader read, BrickOrder order = BrickOrder::any);
     /// The same tree as another sequence.
-    BrickSequence(Header header, Table bricks, Reader read, BrickOrder order = BrickOrder::any);
+    BrickSequence(Header header, BrickTable const& bricks, Reader read, BrickOrder order = BrickOrder::any);
 
     Header const& header() const { return whole_ ? whole_->header() : header_; }
-    std::vector<Brick> const& bricks() const { return whole_ ? whole_->bricks() : *bricks_; }
-    /// The bricks, for a sequence of the same tree.
-    Table table();
+    BrickTable const& bricks() const { return whole_ ? whole_->bricks() : bricks_; }
     BrickOrder order() const { return order_; }
     bool in_memory() const { return whole_.has_value(); }
     /// Bytes of the largest brick's cells.
@@ -57,10 +53,12 @@ public:
     BrickSequence with_header(Header header) &&;
 
 private:
-    std::size_t bytes_of(std::size_t first, std::size_t count) const;
+    std::size_t bytes_of(std::size_t first, std::size_t count) const {
+        return static_cast<std::size_t>(bricks().cells(first, count)) * size_of(header().dtype);
+    }
 
     Header header_;
-    Table bricks_;
+    BrickTable bricks_;
     Reader read_;
     BrickOrder order_ = BrickOrder::any;
     std::size_t group_bytes_ = brick_group_bytes;

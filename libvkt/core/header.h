@@ -73,6 +73,9 @@ struct Header {
 /// Largest extent along an axis and largest number of bytes a header may state: beyond them every reader refuses.
 inline constexpr std::int64_t max_extent = std::int64_t{1} << 40;
 
+/// Coarsest level a brick may have: 2^40 is the largest extent of a logical grid.
+inline constexpr int max_level = 40;
+
 /// Throws Error{data}: extents in 1…2^40, bytes below 2^62, finite positive geometry, finite non-zero slope.
 void check(Header const& header);
 

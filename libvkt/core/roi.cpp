@@ -80,8 +80,12 @@ template <class Read> auto in_name_of(char const* option, std::string const& reg
         return read();
     } catch (Error const& error) {
         if (std::string_view(error.what()).starts_with("--")) throw;
+        bool const fine =
+            option == std::string_view("--roi") && std::string_view(error.what()).find(".") != std::string_view::npos;
         throw Error(error.kind(), text(option, " '", region, "': ", error.what()),
-                    error.hint().empty() ? "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis" : error.hint());
+                    !error.hint().empty() ? error.hint()
+                    : fine ? "ends between voxels are for grids, and vkt resample, rotate, scale and affine"
+                           : "write X0:X1,Y0:Y1,Z0:Z1; ':' is a whole axis");
     }
 }
 

@@ -293,12 +293,72 @@ std::string shell_quoted(std::string_view word) {
 std::vector<std::string> shell_words(std::string_view line) { return words_of(line, false).front(); }
 std::vector<std::vector<std::string>> shell_stages(std::string_view line) { return words_of(line, true); }
 
+namespace {
+
+/// What other tools call values that options may have, and what they are called here.
+constexpr std::pair<std::string_view, std::string_view> elsewhere[] = {
+    {"reflect", "mirror"},
+    {"symmetric", "mirror"},
+    {"nearest", "clamp"},
+    {"edge", "clamp"},
+    {"replicate", "clamp"},
+    {"extend", "clamp"},
+    {"periodic", "wrap"},
+    {"repeat", "wrap"},
+    {"circular", "wrap"},
+    {"grid-wrap", "wrap"},
+    {"constant", "border"},
+    {"zero", "border"},
+    {"plus", "add"},
+    {"+", "add"},
+    {"minus", "sub"},
+    {"subtract", "sub"},
+    {"times", "mul"},
+    {"multiply", "mul"},
+    {"*", "mul"},
+    {"divide", "div"},
+    {"/", "div"},
+    {">", "gt"},
+    {">=", "ge"},
+    {"<", "lt"},
+    {"<=", "le"},
+    {"==", "eq"},
+    {"!=", "ne"},
+    {"ln", "log"},
+    {"average", "mean"},
+    {"avg", "mean"},
+    {"minimum", "min"},
+    {"maximum", "max"},
+    {"mip", "max"},
+    {"stddev", "std"},
+    {"dilation", "dilate"},
+    {"erosion", "erode"},
+    {"opening", "open"},
+    {"closing", "close"},
+    {"sphere", "ball"},
+    {"cube", "box"},
+    {"trilinear", "linear"},
+    {"tricubic", "cubic"},
+    {"lanczos", "lanczos3"},
+    {"spline", "bspline3"},
+    {"mm", "world"},
+    {"physical", "world"},
+    {"index", "voxel"},
+};
+
+} // namespace
+
 std::string nearest_name(std::string_view word, std::vector<std::string> const& candidates) {
+    std::string const lower = lower_case(word);
+    for (auto const& [other, ours] : elsewhere)
+        if (lower == other && std::find(candidates.begin(), candidates.end(), ours) != candidates.end())
+            return std::string(ours);
     std::string best;
     std::size_t best_distance = std::max<std::size_t>(1, word.size() / 3) + 1;
     for (auto const& candidate : candidates) {
-        std::size_t const distance = edit_distance(word, candidate);
-        if (distance < best_distance) {
+        std::size_t const distance = edit_distance(lower, lower_case(candidate));
+        bool const alike = distance < std::max(word.size(), candidate.size());
+        if (alike && distance < best_distance) {
             best_distance = distance;
             best = candidate;
         }

@@ -192,16 +192,11 @@ Header row_of_cells(Header const& tree) {
 
 } // namespace
 
-BrickSpool::BrickSpool(Header const& tree, BrickSequence::Table bricks, Execution const& execution,
-                       StageInfo const& info)
-    : type_(tree.dtype), file_(row_of_cells(tree), 0, execution, info) {
-    ends_.reserve(bricks->size());
-    std::int64_t end = 0;
-    for (Brick const& brick : *bricks) ends_.push_back(end += brick.cells());
-}
+BrickSpool::BrickSpool(Header const& tree, BrickTable bricks, Execution const& execution, StageInfo const& info)
+    : type_(tree.dtype), bricks_(std::move(bricks)), file_(row_of_cells(tree), 0, execution, info) {}
 
 Box BrickSpool::place_of(std::size_t first, std::size_t count) const {
-    return {{0, first == 0 ? 0 : ends_[first - 1], 0}, {1, ends_[first + count - 1], 1}};
+    return {{0, bricks_.offset(first), 0}, {1, bricks_.offset(first + count), 1}};
 }
 
 void BrickSpool::store(std::size_t first, std::size_t count, std::byte const* cells) {
@@ -215,15 +210,15 @@ void BrickSpool::read(std::size_t first, std::size_t count, std::byte* to) {
 BrickSequence spooled(BrickSequence bricks, std::size_t in_memory, Execution const& execution, StageInfo const& info) {
     if (bricks.order() == BrickOrder::any) return bricks;
     if (bricks.header().bytes() <= in_memory) return std::move(bricks).whole();
-    auto const spool = std::make_shared<BrickSpool>(bricks.header(), bricks.table(), execution, info);
+    auto const spool = std::make_shared<BrickSpool>(bricks.header(), bricks.bricks(), execution, info);
     std::size_t const all = bricks.bricks().size();
     for (std::size_t first = 0, n = 0; first < all; first += n) {
         n = bricks.group(first, bricks.group_bytes());
         spool->store(first, n, bricks.cells(first, n));
     }
-    BrickSequence result(bricks.header(), bricks.table(), [spool](std::size_t first, std::size_t count, std::byte* to) {
-        spool->read(first, count, to);
-    });
+    BrickSequence result(
+        bricks.header(), bricks.bricks(),
+        [spool](std::size_t first, std::size_t count, std::byte* to) { spool->read(first, count, to); });
     result.set_group_bytes(bricks.group_bytes());
     return result;
 }

@@ -49,18 +49,15 @@ private:
 /// Cells of a hierarchical volume, in a file from the start: put there and read in any order.
 class BrickSpool {
 public:
-    BrickSpool(Header const& tree, BrickSequence::Table bricks, Execution const& execution, StageInfo const& info);
+    BrickSpool(Header const& tree, BrickTable bricks, Execution const& execution, StageInfo const& info);
     void store(std::size_t first, std::size_t count, std::byte const* cells);
     void read(std::size_t first, std::size_t count, std::byte* to);
-
-    /// 8 for where its cells lie.
-    static constexpr std::size_t bytes_per_brick = sizeof(std::int64_t);
 
 private:
     Box place_of(std::size_t first, std::size_t count) const;
 
     DataType type_;
-    std::vector<std::int64_t> ends_; ///< number of cells up to and with each brick
+    BrickTable bricks_;
     Spool file_;
 };
 

@@ -74,7 +74,7 @@ struct LevelRun {
 };
 
 /// The bricks of [first, end) in runs of one level.
-std::vector<LevelRun> level_runs(std::vector<Brick> const& bricks, std::size_t first, std::size_t end) {
+std::vector<LevelRun> level_runs(BrickTable const& bricks, std::size_t first, std::size_t end) {
     std::vector<LevelRun> runs;
     for (std::size_t b = first; b < end; ++b) {
         if (runs.empty() || bricks[runs.back().begin].level != bricks[b].level) runs.push_back({b, b});
@@ -92,17 +92,11 @@ template <class Visit> void for_rows(std::int64_t count, Visit visit) {
 
 /// Some bricks with their cells, which lie one after another.
 struct Group {
-    std::vector<Brick> const& bricks; ///< all of the tree
+    BrickTable const& bricks; ///< all of the tree
     std::size_t first, count;
     std::vector<std::byte const*> inputs;
     std::byte* output = nullptr; ///< none for scans
 };
-
-std::int64_t cells_of(std::vector<Brick> const& bricks, std::size_t first, std::size_t end) {
-    std::int64_t cells = 0;
-    for (std::size_t b = first; b < end; ++b) cells += bricks[b].cells();
-    return cells;
-}
 
 /// Runs or scans groups of bricks, level after level as they come.
 class GroupRun {
@@ -114,13 +108,13 @@ public:
     void operator()(Group const& group) {
         std::int64_t at = 0;
         if (group.output != nullptr && !operation_.uses_position()) {
-            std::int64_t const cells = cells_of(group.bricks, group.first, group.first + group.count);
+            std::int64_t const cells = group.bricks.cells(group.first, group.count);
             return for_rows(cells, [&](std::int64_t first, Box const& box) { work(group, first, box, execution_); });
         }
         for (LevelRun const& run : level_runs(group.bricks, group.first, group.first + group.count)) {
             LevelLattice const& lattice = enter(group.bricks[run.begin]);
             if (!operation_.uses_position()) {
-                std::int64_t const cells = cells_of(group.bricks, run.begin, run.end);
+                std::int64_t const cells = group.bricks.cells(run.begin, run.end - run.begin);
                 for_rows(cells, [&](std::int64_t first, Box const& box) { work(group, at + first, box, execution_); });
                 at += cells;
                 continue;
@@ -176,7 +170,7 @@ void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& e
         }
         Stopwatch const watch(times != nullptr ? &times->compute : nullptr);
         scan(group);
-        if (times != nullptr) times->voxels += cells_of(bricks.bricks(), first, first + n);
+        if (times != nullptr) times->voxels += bricks.bricks().cells(first, n);
     }
     operation.scan_end();
 }
@@ -184,7 +178,7 @@ void scan_bricks(Operation& operation, BrickSequence& bricks, Execution const& e
 void require_equal_trees(Operation const& operation, std::vector<BrickSequence> const& inputs) {
     for (BrickSequence const& other : inputs) {
         Header const &a = inputs[0].header(), &b = other.header();
-        if (!(a.dims == b.dims) || !same_place(a, b) || inputs[0].bricks() != other.bricks())
+        if (!(a.dims == b.dims) || !same_place(a, b) || !(inputs[0].bricks() == other.bricks()))
             refuse(operation, "its inputs have different trees");
     }
 }
@@ -270,7 +264,7 @@ public:
 
     BrickSequence bricks(Header header, std::shared_ptr<Work> const& self) override {
         BrickSequence result(
-            std::move(header), inputs_[0].table(),
+            std::move(header), inputs_[0].bricks(),
             [this, self](std::size_t first, std::size_t count, std::byte* to) { run(first, count, to); },
             BrickOrder::ascending);
         result.set_group_bytes(group_limit(execution_));
@@ -294,7 +288,7 @@ private:
             }
             Stopwatch const watch(times_ ? &times_->compute : nullptr);
             (*run_)(group);
-            std::int64_t const cells = cells_of(bricks, first, first + n);
+            std::int64_t const cells = bricks.cells(first, n);
             to += static_cast<std::size_t>(cells) * size_of(plan.output.dtype);
             if (times_) times_->voxels += cells;
         }
@@ -319,8 +313,7 @@ Header level_header(Header const& tree, LevelLattice const& lattice) {
 }
 
 /// How ghost cells are made: holes hold the background, however near they are to a coarse cell.
-TileRule ghost_rule(Header const& header, std::vector<Brick> const& bricks, TreeOptions const& options,
-                    ValueRange range) {
+TileRule ghost_rule(Header const& header, BrickTable const& bricks, TreeOptions const& options, ValueRange range) {
     TileRule rule =
         tile_rule(header, options.ghosts, stored_background(header).value_or(header.values.stored(0)), range);
     Box const region = region_of(header);
@@ -373,7 +366,7 @@ public:
             memory_->header() = with_counts(std::move(header), memory_->bricks());
             return *std::exchange(memory_, {});
         }
-        BrickSequence result(std::move(header), input_.table(),
+        BrickSequence result(std::move(header), input_.bricks(),
                              [this, self](std::size_t first, std::size_t count, std::byte* to) {
                                  if (!std::exchange(computed_, true)) compute();
                                  file_->read(first, count, to);
@@ -456,7 +449,7 @@ private:
         if (whole_)
             memory_.emplace(output_, input_.bricks());
         else
-            file_ = std::make_unique<BrickSpool>(output_, input_.table(), execution_, info_);
+            file_ = std::make_unique<BrickSpool>(output_, input_.bricks(), execution_, info_);
         Stopwatch const watch(info_.times ? &info_.times->compute : nullptr);
         std::int64_t done = 0;
         for (auto const& [level, bricks] : levels_) {
@@ -479,10 +472,10 @@ private:
         else
             input_ = spooled(std::move(input_), 0, execution_, info_);
         CellSurvey survey(input_.header().dtype);
-        std::span<Brick const> const all = input_.bricks();
+        BrickTable const& all = input_.bricks();
         for (std::size_t first = 0, n = 0; first < all.size(); first += n) {
             n = input_.in_memory() ? all.size() : input_.group(first, group_limit(execution_));
-            survey.add(all.subspan(first, n), input_.cells(first, n), execution_);
+            survey.add(all.part(first, n), input_.cells(first, n), execution_);
         }
         return survey;
     }
@@ -546,14 +539,14 @@ template <class Count> BrickSequence timed(BrickSequence bricks, Count count) {
     if (bricks.in_memory()) return bricks;
     auto const source = std::make_shared<BrickSequence>(std::move(bricks));
     BrickSequence result(
-        source->header(), source->table(),
+        source->header(), source->bricks(),
         [source, count](std::size_t first, std::size_t n, std::byte* to) {
             double seconds = 0;
             {
                 Stopwatch const watch(&seconds);
                 source->read(first, n, to);
             }
-            count(seconds, cells_of(source->bricks(), first, first + n));
+            count(seconds, source->bricks().cells(first, n));
         },
         source->order());
     result.set_group_bytes(source->group_bytes());
@@ -628,7 +621,7 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
     };
     double tables = 0, groups = 0, cells = 0;
     for (std::size_t i = 0; i < inputs.size(); ++i) {
-        tables += static_cast<double>(inputs[i].brick_count) * sizeof(Brick);
+        tables += static_cast<double>(inputs[i].brick_count) * BrickTable::most_bytes_per_brick;
         groups += group_of(inputs[i], i);
         cells += whole_of(inputs[i]);
     }
@@ -642,7 +635,7 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
     TreeWork work;
     double bytes = static_cast<double>(plan.state_bytes) + tables;
     if (shape == Shape::neighbourhood) {
-        constexpr double index = 64, lists = sizeof(std::size_t) + 2 * BrickSpool::bytes_per_brick, workspace = 0x1p20;
+        constexpr double index = 64, lists = sizeof(std::size_t), workspace = 0x1p20;
         bytes += static_cast<double>(inputs[0].brick_count) * (index + lists) + workspace;
         if (bytes + cells + budget / 16 <= budget) {
             work.access = TreeAccess::whole;
@@ -679,7 +672,7 @@ TreeWork tree_work(Shape shape, Plan const& plan, std::span<Header const> inputs
 }
 
 std::size_t bricks_in_flight(Header const& header, Execution const& execution) {
-    return static_cast<std::size_t>(header.brick_count) * sizeof(Brick) +
+    return static_cast<std::size_t>(header.brick_count) * BrickTable::most_bytes_per_brick +
            std::min(group_limit(execution), header.bytes());
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
+#include "libvkt/formats/format.h"
 #include "libvkt/formats/tree_file.h"
 
 #include <memory>
@@ -13,6 +14,13 @@ namespace vkt {
 
 /// True if the path is a directory with a plotfile's Header. Never throws.
 bool is_amrex(std::string const& path);
+
+/// True for what AMReX programs call their plotfiles: plt and digits.
+bool is_plotfile_name(std::string const& name);
+
+/// A sink for trees of float32 or float64 whose leaves cover the domain. Coarse cells that finer ones cover, which
+/// plotfiles hold too, are their means; they are held in memory until all leaves are written.
+std::unique_ptr<Sink> create_amrex(std::string const& path, WriteOptions const& options);
 
 /// Variables with their types and ranges, the tree that remains when covered coarse cells are taken away, geometry.
 /// Throws Error{data} for malformed, missing or contradictory headers, Error{io} for what cannot be opened.

@@ -192,7 +192,15 @@ public:
             g.origin = {};
         }
         shown.values = {};
-        tell_losses(options_, shown, "Analyze files", {.spacing = false, .directions = false, .values = false});
+        auto& attributes = shown.attributes;
+        if (is_anatomical(frame_of(header))) attributes.erase("space"); // turned into the format's
+        if (auto const unit = attributes.find("space units");
+            unit != attributes.end() && unit->second == "\"mm\" \"mm\" \"mm\"")
+            attributes.erase(unit);
+        attributes.erase("orientation"); // it comes again
+        if (auto const words = attributes.find("descrip"); words != attributes.end() && words->second.size() < 80)
+            attributes.erase(words);
+        tell_losses(options_, shown, "Analyze files", nothing_kept);
     }
 
 private:

@@ -1,9 +1,10 @@
-// DICOM, files and folders: read by a child.
+// DICOM, files and folders: read by a child, written through the module gdcm.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/dicom.h"
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/dicom_module.h"
 #include "libvkt/formats/parsed_grids.h"
 
 #include <array>
@@ -26,6 +27,11 @@ std::unique_ptr<Source> open_dicom(std::unique_ptr<ByteSource> bytes, ReadOption
         size = bytes->size();
     }
     return parsed_grids("gdcm", what, std::move(bytes), size, options);
+}
+
+std::unique_ptr<Sink> create_dicom(std::string const& path, WriteOptions const& options) {
+    void const* const functions = module_functions("gdcm", text(path, ": writing DICOM"));
+    return slab_sink(static_cast<DicomFunctions const*>(functions)->writer(path, options));
 }
 
 } // namespace
@@ -65,7 +71,7 @@ bool is_dicom_folder(std::string const& path) {
 }
 
 Format dicom_format() {
-    return {"dicom", "DICOM, a file or a folder of slices", {".dcm"}, begins_as_dicom, open_dicom, nullptr};
+    return {"dicom", "DICOM, a file or a folder of slices", {".dcm"}, begins_as_dicom, open_dicom, create_dicom};
 }
 
 } // namespace vkt

@@ -414,7 +414,9 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
     header.attributes["space units"] = "\"mm\" \"mm\" \"mm\"";
     if (dims_.z > 1) {
         Vec3 const step = (last.position - first.position) * (1 / static_cast<double>(dims_.z - 1));
-        double const mean = dot(step, normal);
+        double mean = dot(step, normal);
+        // Where they are as far apart as the file says, but for the rounding of their places.
+        if (double const said = first.spacing_slices.value_or(0); std::abs(mean - said) <= 1e-6 * mean) mean = said;
         g.spacing.z = mean;
         Vec3 const aside = step - normal * mean;
         if (length(aside) > slant_tolerance * mean) {
@@ -484,10 +486,17 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
     header.dtype = first.bits <= 8    ? (first.is_signed ? DataType::int8 : DataType::uint8)
                    : first.bits <= 16 ? (first.is_signed ? DataType::int16 : DataType::uint16)
                                       : (first.is_signed ? DataType::int32 : DataType::uint32);
-    if (physical_)
+    if (physical_) {
         header.dtype = DataType::float32;
-    else
+        double largest = 0;
+        for (Slice const& s : series[chosen])
+            largest =
+                std::max(largest, std::ldexp(std::abs(s.slope), static_cast<int>(s.bits)) + std::abs(s.intercept));
+        header.error.kind = largest < 1e38 ? Certainty::bound : Certainty::unknown; // of rounding to that
+        header.error.at_most = largest < 1e38 ? largest * 0x1p-23 : 0;
+    } else {
         header.values = {first.slope, first.intercept};
+    }
     if (!first.modality.empty()) header.attributes["modality"] = first.modality;
     if (first.photometric == "MONOCHROME1") header.attributes["photometric"] = "min is white";
     if (first.photometric == "PALETTE COLOR") header.attributes["photometric"] = "palette";
@@ -644,6 +653,7 @@ std::unique_ptr<GridsParser> open(std::string const& path) { return std::make_un
 
 namespace vkt {
 namespace {
+DicomFunctions const functions{dicom::writer};
 ParserHandler parse(std::string const& path) {
     return answer_about_grids([path] { return dicom::open(path); });
 }
@@ -652,5 +662,5 @@ ParserHandler parse(std::string const& path) {
 
 extern "C" {
 __attribute__((visibility("default"))) extern vkt::ModuleExport const vkt_module_gdcm;
-vkt::ModuleExport const vkt_module_gdcm{VKT_VERSION, nullptr, &vkt::parse};
+vkt::ModuleExport const vkt_module_gdcm{VKT_VERSION, &vkt::functions, &vkt::parse};
 }

@@ -52,6 +52,8 @@ Format const* by_name(std::string const& name) {
     Format const* best = nullptr;
     std::size_t longest = 0;
     if (is_segment(name)) return &by_format_name("shm");
+    if (is_plotfile_name(name)) return &by_format_name("amrex");
+    if (name.ends_with('/') && !lower.ends_with(".zarr/")) return &by_format_name("dicom"); // a folder of slices
     for (auto const& format : formats())
         for (auto const& extension : format.extensions)
             if (lower.size() > extension.size() && lower.ends_with(extension) && extension.size() > longest) {
@@ -64,15 +66,15 @@ Format const* by_name(std::string const& name) {
     return best;
 }
 
-/// Says of a format without attributes that the JSON file beside an image is lost.
-class WithoutSidecar : public Sink {
+/// Says of bare voxels what else is lost.
+class BareVoxels : public Sink {
 public:
-    WithoutSidecar(std::unique_ptr<Sink> sink, WriteOptions options, std::string what)
+    BareVoxels(std::unique_ptr<Sink> sink, WriteOptions options, std::string what)
         : sink_(std::move(sink)), options_(std::move(options)), what_(std::move(what)) {}
 
     void begin(Header const& header) override {
         sink_->begin(header);
-        if (!std::exchange(told_, true)) tell_losses(options_, header, what_, {});
+        if (!std::exchange(told_, true)) tell_losses(options_, header, what_, nothing_kept);
     }
     AnyView acquire(Box const& slab) override { return sink_->acquire(slab); }
     void commit() override { sink_->commit(); }
@@ -91,7 +93,7 @@ private:
     bool told_ = false;
 };
 
-bool keeps_no_attributes(Format const& format) {
+bool holds_bare_voxels(Format const& format) {
     return format.slices || format.name == "raw" || format.name == "numpy" || format.name == "npz";
 }
 
@@ -245,10 +247,11 @@ std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptio
 
 std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const& options) {
     Format const* const format = options.format.empty() ? by_name(path) : &by_format_name(options.format);
-    if (format != nullptr && keeps_no_attributes(*format) && options.notice) {
-        WriteOptions own = options;
-        own.notice = nullptr;
-        return std::make_unique<WithoutSidecar>(create_volume(path, own), options, format->name + " files");
+    if (format != nullptr && holds_bare_voxels(*format) && (options.notice || options.remark)) {
+        WriteOptions own = options, tell = options;
+        own.notice = own.remark = nullptr;
+        if (format->slices) tell.notice = tell.remark;
+        return std::make_unique<BareVoxels>(create_volume(path, own), tell, format->name + " files");
     }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),

@@ -59,6 +59,8 @@ struct WriteOptions {
     ZarrLayout zarr{};
     /// Told once a file what of a volume its format does not hold, in one line.
     std::function<void(std::string const&)> notice{};
+    /// The same of pictures, which are for the eye: no loss that anybody would refuse.
+    std::function<void(std::string const&)> remark{};
     std::optional<double> prune{}; ///< sparse formats: nor are those this near it; nearly constant nodes become tiles
 };
 

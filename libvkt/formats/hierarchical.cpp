@@ -224,7 +224,8 @@ Format vdb_format() {
 }
 
 Format amrex_format() {
-    return {"amrex", "AMReX plotfiles (directories): adaptive mesh refinement", {}, nullptr, amrex_source, nullptr};
+    return {"amrex",     "AMReX plotfiles (directories): adaptive mesh refinement", {}, nullptr, amrex_source,
+            create_amrex};
 }
 
 } // namespace vkt

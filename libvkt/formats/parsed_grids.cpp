@@ -39,6 +39,8 @@ void put(Message& message, ParsedGrids const& grids) {
     message.put(static_cast<std::int64_t>(grids.not_read.size()));
     for (auto const& what : grids.not_read) message.put(what);
     message.put_table(std::span<std::int64_t const>(grids.places));
+    message.put_table(std::span<std::int64_t const>(grids.chunk_places));
+    for (int a = 0; a < 3; ++a) message.put(grids.chunk[a]);
     message.put(std::int64_t{grids.big_endian});
     message.put(grids.slab);
 }
@@ -54,6 +56,8 @@ ParsedGrids grids_in(Message& message) {
     }
     for (std::int64_t n = message.number(); n > 0; --n) grids.not_read.push_back(message.text());
     grids.places = message.table<std::int64_t>();
+    grids.chunk_places = message.table<std::int64_t>();
+    for (int a = 0; a < 3; ++a) grids.chunk[a] = message.number();
     grids.big_endian = message.number() != 0;
     grids.slab = message.number();
     return grids;
@@ -75,6 +79,13 @@ Box box_in(Message& message) {
     return box;
 }
 
+/// Chunks along each axis.
+Index3 chunks_of(ParsedGrids const& grids) {
+    Index3 n;
+    for (int a = 0; a < 3; ++a) n[a] = (grids.header.dims[a] + grids.chunk[a] - 1) / grids.chunk[a];
+    return n;
+}
+
 class GridsSource : public Source {
 public:
     GridsSource(std::string module, std::string what, std::shared_ptr<ByteSource const> bytes, std::int64_t size,
@@ -94,6 +105,9 @@ private:
     void open();
     void check_answer() const;
     void read_in_place(AnyView const& out);
+    void read_chunks(AnyView const& out);
+    void read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows, AnyView const& out);
+    void to_own_order(AnyView const& out) const;
     void read_through_child(AnyView const& out);
 
     std::string module_, what_;
@@ -129,6 +143,7 @@ void GridsSource::open() {
         }
         grids_.header.attributes["variables"] = join(names, " ");
     }
+    mark_as_given(grids_.header);
     shared_attributes_ = grids_.header.attributes;
     auto const slice =
         static_cast<std::size_t>(grids_.header.dims.x * grids_.header.dims.y) * size_of(grids_.header.dtype);
@@ -146,8 +161,18 @@ void GridsSource::check_answer() const {
         (grids_.places.empty() ||
          (std::ssize(grids_.places) / slices == grids_.volumes && std::ssize(grids_.places) % slices == 0));
     if (!sound) throw Error(ErrorKind::data, text("'", bytes_->name(), "': its reader contradicts itself"));
-    for (std::int64_t const place : grids_.places)
-        if (place < 0) throw Error(ErrorKind::data, text("'", bytes_->name(), "': voxels before its first byte"));
+    for (int a = 0; a < 3; ++a)
+        if (grids_.chunk[a] < 1 || grids_.chunk[a] > max_extent)
+            throw Error(ErrorKind::data, text("'", bytes_->name(), "': chunks without an extent"));
+    if (!grids_.chunk_places.empty()) {
+        Index3 const n = chunks_of(grids_);
+        double const all = volume_of(n) * static_cast<double>(grids_.volumes);
+        if (all != static_cast<double>(grids_.chunk_places.size()))
+            throw Error(ErrorKind::data, text("'", bytes_->name(), "': its chunks do not cover it"));
+    }
+    for (auto const* const places : {&grids_.places, &grids_.chunk_places})
+        if (std::any_of(places->begin(), places->end(), [](std::int64_t place) { return place < 0; }))
+            throw Error(ErrorKind::data, text("'", bytes_->name(), "': voxels before its first byte"));
 }
 
 bool GridsSource::next_volume() {
@@ -177,10 +202,61 @@ void GridsSource::read(AnyView out) {
         }
         choose_variable(variables, "", bytes_->name());
     }
-    if (grids_.places.empty())
-        read_through_child(out);
-    else
+    if (!grids_.places.empty())
         read_in_place(out);
+    else if (!grids_.chunk_places.empty())
+        read_chunks(out);
+    else
+        read_through_child(out);
+}
+
+void GridsSource::read_chunks(AnyView const& out) {
+    Index3 const chunk = grids_.chunk, n = chunks_of(grids_);
+    auto const element = static_cast<std::int64_t>(size_of(out.type));
+    Index3 const from{out.box.lower.x / chunk.x, out.box.lower.y / chunk.y, out.box.lower.z / chunk.z};
+    Index3 const last{(out.box.upper.x - 1) / chunk.x, (out.box.upper.y - 1) / chunk.y,
+                      (out.box.upper.z - 1) / chunk.z};
+    for (std::int64_t z = from.z; z <= last.z; ++z)
+        for (std::int64_t y = from.y; y <= last.y; ++y)
+            for (std::int64_t x = from.x; x <= last.x; ++x) {
+                Index3 const corner{x * chunk.x, y * chunk.y, z * chunk.z};
+                Box const part = intersect(out.box, {corner, corner + chunk});
+                std::int64_t const place =
+                    grids_.chunk_places[static_cast<std::size_t>(((index_ * n.z + z) * n.y + y) * n.x + x)];
+                // Rows of whole slices follow one another.
+                bool const slices = part.dims().y == chunk.y;
+                std::int64_t const runs = slices ? 1 : part.dims().z;
+                for (std::int64_t r = 0; r < runs; ++r) {
+                    Box rows = part;
+                    if (!slices) rows.lower.z = part.lower.z + r, rows.upper.z = rows.lower.z + 1;
+                    std::int64_t const first = (rows.lower.z - corner.z) * chunk.y + rows.lower.y - corner.y;
+                    read_rows(place + (first * chunk.x + part.lower.x - corner.x) * element, chunk.x * element,
+                              rows.dims().y * rows.dims().z, rows, out);
+                }
+            }
+    to_own_order(out);
+}
+
+/// Rows of a chunk, `row` bytes from one to the next.
+void GridsSource::read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows,
+                            AnyView const& out) {
+    std::int64_t const bytes = rows.dims().x * static_cast<std::int64_t>(size_of(out.type));
+    std::int64_t const most = std::clamp<std::int64_t>((std::int64_t{256} << 10) / row, 1, count);
+    scratch_.resize(static_cast<std::size_t>((most - 1) * row + bytes));
+    std::int64_t y = rows.lower.y, z = rows.lower.z;
+    std::int64_t const step = out.row * static_cast<std::int64_t>(size_of(out.type));
+    for (std::int64_t i = 0; i < count; i += most) {
+        std::int64_t const here = std::min(most, count - i);
+        bytes_->read_at(place + i * row, scratch_.data(), static_cast<std::size_t>((here - 1) * row + bytes));
+        std::byte const* from = scratch_.data();
+        std::byte* to = out.at(rows.lower.x, y, z);
+        for (std::int64_t k = 0; k < here; ++k, from += row, to += step) {
+            std::memcpy(to, from, static_cast<std::size_t>(bytes));
+            if (++y < rows.upper.y) continue;
+            y = rows.lower.y;
+            if (++z < rows.upper.z) to = out.at(rows.lower.x, y, z) - step;
+        }
+    }
 }
 
 void GridsSource::read_in_place(AnyView const& out) {
@@ -216,6 +292,12 @@ void GridsSource::read_in_place(AnyView const& out) {
                             static_cast<std::size_t>(size.x * element));
         }
     }
+    to_own_order(out);
+}
+
+void GridsSource::to_own_order(AnyView const& out) const {
+    auto const element = static_cast<std::int64_t>(size_of(out.type));
+    Index3 const size = out.dims();
     if (element == 1 || grids_.big_endian == (std::endian::native == std::endian::big)) return;
     for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
         for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; ++y)

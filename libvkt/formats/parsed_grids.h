@@ -28,7 +28,11 @@ struct ParsedGrids {
     /// Where the slices of all volumes begin in the file, if they lie there dense, x fastest: who asked reads them then
     /// without the library. Otherwise empty.
     std::vector<std::int64_t> places;
-    bool big_endian = false; ///< voxels at `places`
+    /// Where the chunks of all volumes begin, if the voxels lie there as they are: those along x first, then y, z and
+    /// the volumes. Each has the extent `chunk`, at the ends of the volume too. Otherwise empty.
+    std::vector<std::int64_t> chunk_places;
+    Index3 chunk{1, 1, 1};
+    bool big_endian = false; ///< voxels at `places` and `chunk_places`
     /// Slices that are read most cheaply together, at least 1.
     std::int64_t slab = 1;
 };

@@ -6,6 +6,7 @@
 #include "libvkt/formats/format.h"
 
 #include <string_view>
+#include <vector>
 
 namespace vkt {
 
@@ -22,12 +23,28 @@ void refuse_bricks_and_series(Header const& header, bool& begun, std::string_vie
 
 /// What a format has places for.
 struct Kept {
-    bool spacing = true, directions = true; ///< spacing: and the origin
-    bool values = true;                     ///< the map of values, and its units
-    bool sidecar = false;                   ///< the attribute of that name, which NIfTI keeps beside it
+    bool spacing = true, directions = true;  ///< spacing: and the origin
+    bool frame = true;                       ///< what the axes of the world mean
+    bool values = true;                      ///< the map of values, and its units
+    bool sidecar = false;                    ///< the attribute of that name, which NIfTI keeps beside it
+    bool attributes = true;                  ///< all others, labels of segmentations among them
+    std::vector<std::string_view> named{};   ///< attributes that are kept all the same
+    bool provenance = true;                  ///< the error and the history
+    std::vector<std::string_view> besides{}; ///< what else is lost
 };
 
-/// Tells the user in one line what of this header files of `what` do not hold, if anything.
+/// Bare voxels.
+inline Kept const nothing_kept{.spacing = false,
+                               .directions = false,
+                               .frame = false,
+                               .values = false,
+                               .attributes = false,
+                               .named = {},
+                               .provenance = false,
+                               .besides = {}};
+
+/// Tells the user in one line what of this header files of `what` do not hold, if anything. Error and history are named
+/// with the rest: every command adds to them, so that of themselves they are worth no line.
 void tell_losses(WriteOptions const& options, Header const& header, std::string_view what, Kept const& kept);
 
 } // namespace vkt

@@ -2,6 +2,7 @@
 // voxels. SPDX-License-Identifier: MIT
 #include "libvkt/formats/segment.h"
 
+#include "libvkt/amr/tree.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
@@ -24,7 +25,8 @@ namespace vkt {
 namespace {
 
 constexpr std::array<char, 8> magic{'V', 'K', 'T', 'S', 'H', 'M', '\r', '\n'};
-constexpr std::uint32_t current_version = 1;
+constexpr std::uint32_t first_version = 1;
+constexpr std::uint32_t packed_version = 2; ///< of trees: a PackingRecord and the words of the bricks, no BrickEntries
 constexpr std::uint32_t state_whole = 0x454c4857; ///< "WHLE", written when everything else is there
 constexpr std::uint64_t largest_text = std::uint64_t{256} << 20, most_bricks = std::uint64_t{1} << 32;
 
@@ -33,7 +35,7 @@ struct SegmentHead {
     std::array<char, 8> magic{};
     std::uint32_t version = 0, state = 0;
     std::uint64_t text_bytes = 0;  ///< of the header, JSON, behind this head
-    std::uint64_t brick_count = 0; ///< BrickEntries follow from the next multiple of 64
+    std::uint64_t brick_count = 0; ///< BrickEntries or what stands for them follow from the next multiple of 64
     std::uint64_t voxel_offset = 0, voxel_bytes = 0;
     std::uint64_t total_bytes = 0; ///< of the segment
     std::uint64_t reserved = 0;
@@ -51,14 +53,17 @@ constexpr std::uint64_t rounded(std::uint64_t bytes, std::uint64_t unit) { retur
 
 /// Where what follows the head lies, for counts within the limits above.
 std::uint64_t bricks_at(SegmentHead const& head) { return rounded(sizeof(SegmentHead) + head.text_bytes, 64); }
-std::uint64_t voxels_at(SegmentHead const& head) {
-    return rounded(bricks_at(head) + head.brick_count * sizeof(BrickEntry), 4096);
+std::uint64_t voxels_at(SegmentHead const& head, std::uint64_t words) {
+    std::uint64_t const table = head.version == packed_version
+                                    ? sizeof(PackingRecord) + head.brick_count * words * sizeof(std::uint32_t)
+                                    : head.brick_count * sizeof(BrickEntry);
+    return rounded(bricks_at(head) + table, 4096);
 }
 
 /// What stands before the voxels.
 struct Contents {
     Header header;
-    std::vector<Brick> bricks; ///< of a tree
+    BrickTable bricks; ///< of a tree
     std::size_t voxel_offset = 0, total_bytes = 0;
 };
 
@@ -71,11 +76,37 @@ SegmentHead read_head(ByteSource const& bytes) {
     if (bytes.size() < static_cast<std::int64_t>(sizeof head)) refuse(bytes.name(), "is no volume: it is too short");
     bytes.read_at(0, &head, sizeof head);
     if (head.magic != magic) refuse(bytes.name(), "is no volume");
-    if (head.version != current_version) refuse(bytes.name(), "was written by another version of vkt");
+    if (head.version != first_version && head.version != packed_version)
+        refuse(bytes.name(), "was written by another version of vkt");
     return head;
 }
 
-std::vector<Brick> read_bricks(ByteSource const& bytes, SegmentHead const& head, Header const& header) {
+/// Of a packed table, if there is one; nothing that it says is proven.
+PackingRecord read_packing(ByteSource const& bytes, SegmentHead const& head) {
+    PackingRecord record;
+    std::uint64_t const at = bricks_at(head);
+    if (head.version != packed_version) return record;
+    if (at + sizeof record > head.total_bytes) refuse(bytes.name(), "is damaged: its sizes contradict one another");
+    bytes.read_at(static_cast<std::int64_t>(at), &record, sizeof record);
+    return record;
+}
+
+BrickTable read_numbers(ByteSource const& bytes, SegmentHead const& head, Header const& header) {
+    PackingRecord const record = read_packing(bytes, head);
+    auto const packing = BrickPacking::of_record(record, header);
+    if (!packing) refuse(bytes.name(), "is damaged: its bricks are packed in an impossible way");
+    std::vector<std::uint32_t> words(head.brick_count * packing->words());
+    bytes.read_at(static_cast<std::int64_t>(bricks_at(head) + sizeof record), words.data(),
+                  words.size() * sizeof(std::uint32_t));
+    try {
+        return table_of_numbers(*packing, std::move(words), header);
+    } catch (Error const& error) {
+        refuse(bytes.name(), text("is damaged: ", error.what()).c_str());
+    }
+}
+
+BrickTable read_bricks(ByteSource const& bytes, SegmentHead const& head, Header const& header) {
+    if (head.version == packed_version) return read_numbers(bytes, head, header);
     std::vector<BrickEntry> entries(head.brick_count);
     bytes.read_at(static_cast<std::int64_t>(bricks_at(head)), entries.data(), entries.size() * sizeof(BrickEntry));
     std::vector<Brick> bricks;
@@ -90,7 +121,7 @@ std::vector<Brick> read_bricks(ByteSource const& bytes, SegmentHead const& head,
         left -= bricks.back().cells();
     }
     if (left != 0) refuse(bytes.name(), "is damaged: bricks are missing");
-    return bricks;
+    return {header.dims, std::move(bricks)};
 }
 
 /// Everything is proven before the voxels are mapped: that they are there, in memory of their own. A segment of fewer
@@ -101,7 +132,8 @@ Contents read_contents(ByteSource const& bytes) {
     struct stat status {};
     auto const size = static_cast<std::uint64_t>(bytes.size());
     bool const sane = head.text_bytes <= largest_text && head.brick_count <= most_bricks && head.total_bytes == size &&
-                      head.voxel_bytes < size && head.voxel_offset == voxels_at(head) &&
+                      head.voxel_bytes < size && read_packing(bytes, head).words <= 2 &&
+                      head.voxel_offset == voxels_at(head, read_packing(bytes, head).words) &&
                       head.voxel_offset + head.voxel_bytes == size && ::fstat(bytes.descriptor(), &status) == 0;
     if (!sane) refuse(bytes.name(), "is damaged: its sizes contradict one another");
     if (static_cast<std::uint64_t>(status.st_blocks) * 512 < size)
@@ -114,7 +146,8 @@ Contents read_contents(ByteSource const& bytes) {
     header.timing = header.dry_run = false; // of the pipeline that wrote it
     bool const tree = header.kind == Kind::hierarchical;
     if (head.voxel_bytes != header.bytes() ||
-        head.brick_count != (tree ? static_cast<std::uint64_t>(header.brick_count) : 0))
+        head.brick_count != (tree ? static_cast<std::uint64_t>(header.brick_count) : 0) ||
+        (head.version == packed_version && !tree))
         refuse(bytes.name(), "is damaged: its sizes are not those of its header");
     if (tree) contents.bricks = read_bricks(bytes, head, header);
     contents.voxel_offset = head.voxel_offset;
@@ -203,8 +236,7 @@ public:
         for (std::size_t first = 0, count = 0; first < bricks.size(); first += count) {
             count = sequence.group(first, sequence.group_bytes());
             sequence.read(first, count, to);
-            for (std::size_t i = first; i < first + count; ++i)
-                to += static_cast<std::size_t>(bricks[i].cells()) * size_of(header_.dtype);
+            to += static_cast<std::size_t>(bricks.cells(first, count)) * size_of(header_.dtype);
         }
     }
     void end() override {
@@ -223,12 +255,13 @@ public:
 
 private:
     /// Takes the memory, and writes all but the voxels.
-    void lay_out(std::span<Brick const> bricks) {
+    void lay_out(BrickTable const& bricks) {
         std::string const json = to_json(header_);
-        SegmentHead head{magic, current_version};
+        PackingRecord const packing = bricks.packing_for(header_);
+        SegmentHead head{magic, packing.words > 0 ? packed_version : first_version};
         head.text_bytes = json.size();
         head.brick_count = bricks.size();
-        head.voxel_offset = voxels_at(head);
+        head.voxel_offset = voxels_at(head, packing.words);
         head.voxel_bytes = header_.bytes();
         head.total_bytes = head.voxel_offset + head.voxel_bytes;
         allocate_segment(file_.descriptor(), head.total_bytes, file_.path());
@@ -236,13 +269,21 @@ private:
         std::byte* const begin = mapping_->data();
         std::memcpy(begin, &head, sizeof head);
         std::memcpy(begin + sizeof head, json.data(), json.size());
-        auto* entry = reinterpret_cast<BrickEntry*>(begin + bricks_at(head));
-        for (auto const& b : bricks)
+        write_table(bricks, packing, begin + bricks_at(head));
+        voxels_ = begin + head.voxel_offset;
+    }
+    static void write_table(BrickTable const& bricks, PackingRecord const& packing, std::byte* to) {
+        if (packing.words > 0) {
+            std::memcpy(to, &packing, sizeof packing);
+            std::memcpy(to + sizeof packing, bricks.words().data(), bricks.words().size_bytes());
+            return;
+        }
+        auto* entry = reinterpret_cast<BrickEntry*>(to);
+        for (Brick const& b : bricks)
             *entry++ = {{b.lower.x, b.lower.y, b.lower.z},
                         {static_cast<std::int32_t>(b.dims.x), static_cast<std::int32_t>(b.dims.y),
                          static_cast<std::int32_t>(b.dims.z)},
                         b.level};
-        voxels_ = begin + head.voxel_offset;
     }
 
     OutputFile file_;

@@ -105,8 +105,9 @@ private:
     std::int64_t number_ = 0;
 };
 
-/// Position and length of the number's place, or npos.
+/// Position and length of the number's place, or npos. Throws Error{usage} if there are several.
 std::pair<std::size_t, std::size_t> number_place(std::string const& path) {
+    std::pair<std::size_t, std::size_t> place{std::string::npos, 0};
     for (std::size_t i = 0; i + 1 < path.size(); ++i) {
         if (path[i] != '%') continue;
         if (path[i + 1] == '%') {
@@ -115,11 +116,16 @@ std::pair<std::size_t, std::size_t> number_place(std::string const& path) {
         }
         std::size_t end = i + 1;
         while (end < path.size() && digit(path[end])) ++end;
-        if (end < path.size() && path[end] == 'd' && end - i <= 4) return {i, end + 1 - i};
-        throw Error(ErrorKind::usage, text("'", path, "' has a '%' that is no number's place"),
-                    "write %04d, or %% for a per cent sign");
+        if (end == path.size() || path[end] != 'd' || end - i > 4)
+            throw Error(ErrorKind::usage, text("'", path, "' has a '%' that is no number's place"),
+                        "write %04d, or %% for a per cent sign");
+        if (place.first != std::string::npos)
+            throw Error(ErrorKind::usage, text("'", path, "' has two places for one number"),
+                        "write %d once, and %% for a per cent sign");
+        place = {i, end + 1 - i};
+        i = end;
     }
-    return {std::string::npos, 0};
+    return place;
 }
 
 std::string without_escapes(std::string path) {

@@ -37,10 +37,11 @@ public:
     }
     /// Hands an input back that was looked at: it is kept if it cannot be opened again.
     void put_back(std::string const& path, std::unique_ptr<Source> source) {
+        if (!opens_again(path)) kept_[path] = std::move(source);
+    }
+    static bool opens_again(std::string const& path) {
         std::error_code failed;
-        bool const again =
-            std::filesystem::is_regular_file(path, failed) || std::filesystem::is_directory(path, failed);
-        if (!again) kept_[path] = std::move(source);
+        return std::filesystem::is_regular_file(path, failed) || std::filesystem::is_directory(path, failed);
     }
     /// At its first volume.
     std::unique_ptr<Source> take(std::string const& path) {
@@ -57,6 +58,14 @@ private:
     OpenInput open_;
     std::map<std::string, std::unique_ptr<Source>> kept_;
 };
+
+/// Proves an input whole, and that nothing is left out of it.
+void finish_only(Source& source, std::string const& path) {
+    source.finish();
+    if (source.next_volume())
+        throw Error(ErrorKind::data, text("'", path, "' holds several volumes, of which one can be stacked along z"),
+                    "--along series keeps them apart; vkt split makes a file of each: -o 'slice%03d.nrrd'");
+}
 
 struct Layer {
     std::string path;
@@ -199,7 +208,7 @@ public:
         if (header_.dry_run) return;
         // What was not read to its end has to be proven whole too.
         for (std::size_t i = 0; i < layers_.size() && access_ == Access::forward; ++i)
-            if (!finished_.contains(i)) opened(i).finish();
+            if (!finished_.contains(i)) finish_only(opened(i), layers_[i].path);
         for (auto& [layer, source] : open_) source->finish();
         open_.clear();
     }
@@ -237,7 +246,7 @@ void StackedSource::read(AnyView out) {
         source.read(out.part(part).moved_to(part.lower - Index3{0, 0, layer->first}));
         bool const last = part.upper.z == layer->first + layer->slices && part.upper.y == header_.dims.y;
         if (access_ == Access::random || !last) continue;
-        source.finish();
+        finish_only(source, layers_[index].path);
         open_.erase(index);
         finished_[index] = true;
     }
@@ -363,6 +372,9 @@ std::unique_ptr<Source> stacked(std::vector<std::string> paths, OpenInput open, 
         if (along || single) {
             common.add(header, path);
             if (source->access() == Access::forward) access = Access::forward;
+            // What is read forwards is looked at when it ends.
+            else if (Inputs::opens_again(path) && !header.dry_run)
+                finish_only(*source, path);
         }
         inputs.put_back(path, std::move(source));
     }

@@ -16,7 +16,7 @@ std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& heade
     return std::nullopt;
 }
 
-std::vector<std::size_t> bricks_within(std::optional<Box> const& region, std::span<Brick const> bricks, Index3 dims) {
+std::vector<std::size_t> bricks_within(std::optional<Box> const& region, BrickTable const& bricks, Index3 dims) {
     auto const point = [](Index3 p) {
         return Vec3{static_cast<double>(p.x), static_cast<double>(p.y), static_cast<double>(p.z)};
     };

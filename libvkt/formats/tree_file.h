@@ -55,7 +55,7 @@ public:
 std::optional<Box> wanted_box(AmrReadOptions const& options, Header const& header);
 
 /// Positions of the bricks whose domain meets the region; all of them without one.
-std::vector<std::size_t> bricks_within(std::optional<Box> const& region, std::span<Brick const> bricks, Index3 dims);
+std::vector<std::size_t> bricks_within(std::optional<Box> const& region, BrickTable const& bricks, Index3 dims);
 
 /// The position of the wanted variable. Throws Error{usage} naming those there are, with the nearest one as a hint.
 std::size_t choose_variable(std::vector<AmrVariable> const& variables, std::string const& wanted,

@@ -355,6 +355,8 @@ private:
             header_.values = kept.values;
             header_.units = std::move(kept.units);
             header_.history = std::move(kept.history);
+            header_.error = std::move(kept.error);
+            mark_as_given(header_);
             attributes = std::move(kept.attributes);
             for (char const* own : {"class", "roi"}) attributes.erase(own); // the grid itself says them
         }

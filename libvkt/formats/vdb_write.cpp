@@ -275,6 +275,12 @@ void write(Volume const& volume, std::string const& path, VdbWriteOptions const&
                                                                              static_cast<int>(header.dims.z - 1))));
         Header kept = in_utf8(header);
         kept.timing = false;
+        if (options.prune && kept.error.known()) {
+            // A value becomes the background's, or that of the nodes around it, level by level.
+            constexpr double steps = 4;
+            if (*options.prune > 0 && kept.error.exact()) kept.error.kind = Certainty::bound;
+            kept.error.at_most += steps * *options.prune * std::abs(kept.values.slope);
+        }
         write_attributes(kept.attributes, *grid);
         grid->insertMeta(header_name, openvdb::StringMetadata(to_json(kept)));
         openvdb::io::File file(path);

@@ -169,6 +169,7 @@ private:
             header_.attributes["variables"] = join(names, " ");
         }
         header_ = in_utf8(std::move(header_));
+        mark_as_given(header_);
         try {
             check(header_);
         } catch (Error const& error) {

@@ -425,7 +425,14 @@ public:
         if (type == nullptr)
             throw Error(ErrorKind::usage, text(".vtk files cannot hold ", header.dtype),
                         "convert first: vkt convert --dtype float32");
-        tell_losses(options_, header, ".vtk files", {.directions = false, .values = false});
+        tell_losses(options_, header, ".vtk files",
+                    {.directions = false,
+                     .frame = false,
+                     .values = false,
+                     .attributes = false,
+                     .named = {"variable"},
+                     .provenance = false,
+                     .besides = {}});
         size_ = size_of(header.dtype);
         Geometry const& g = header.geometry;
         auto const found = header.attributes.find("variable");

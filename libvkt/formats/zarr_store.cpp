@@ -95,19 +95,22 @@ protected:
 class StoredMember : public StoredFile {
 public:
     StoredMember(std::shared_ptr<ByteSource const> bytes, ZipMember const& member)
-        : bytes_(std::move(bytes)), at_(zip_begin(*bytes_, member)), size_(member.packed),
+        : bytes_(std::move(bytes)), at_(zip_begin(*bytes_, member)), size_(member.packed), checksum_(member.checksum),
           name_(text(bytes_->name(), "/", member.name)) {}
 
     std::uint64_t size() const override { return size_; }
     void read(std::uint64_t at, std::span<std::byte> to) const override {
         if (at > size_ || to.size() > size_ - at) ended_early(name_);
         bytes_->read_at(at_ + static_cast<std::int64_t>(at), to.data(), to.size());
+        // The archive knows a sum of the whole; parts, of a shard, are left to the codecs of their chunks.
+        if (to.size() == size_ && crc32_z(0, reinterpret_cast<Bytef const*>(to.data()), to.size()) != checksum_)
+            throw Error(ErrorKind::data, text("'", name_, "': damaged: its checksum is another"));
     }
 
 private:
     std::shared_ptr<ByteSource const> bytes_;
     std::int64_t at_;
-    std::uint64_t size_;
+    std::uint64_t size_, checksum_;
     std::string name_;
 };
 

@@ -78,13 +78,15 @@ struct KernelEntry {
     char name[1];
 };
 
-bool is_number(char const* name) {
+/// Names of directories below ours: numbers (a Zarr store's), Level_ and a number (a plotfile's).
+bool is_own_directory(char const* name) {
+    if (std::strncmp(name, "Level_", 6) == 0) name += 6;
     for (; *name >= '0' && *name <= '9'; ++name) {
     }
     return *name == '\0';
 }
 
-/// Removes the files in a directory, and below it those in directories whose names are numbers.
+/// Removes the files in a directory, and below it those in directories that is_own_directory() knows.
 void empty_directory(int folder, int depth) noexcept {
     alignas(KernelEntry) char entries[4096];
     for (bool any = true; any;) { // from the start again, since what is removed may shift what follows
@@ -95,7 +97,7 @@ void empty_directory(int folder, int depth) noexcept {
                 auto const* const entry = reinterpret_cast<KernelEntry const*>(entries + at);
                 char const* const name = entries + at + offsetof(KernelEntry, name);
                 bool gone = ::unlinkat(folder, name, 0) == 0;
-                if (!gone && (errno == EISDIR || errno == EPERM) && depth > 0 && is_number(name)) {
+                if (!gone && (errno == EISDIR || errno == EPERM) && depth > 0 && is_own_directory(name)) {
                     int const inner = ::openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
                     if (inner >= 0) empty_directory(inner, depth - 1);
                     gone = ::unlinkat(folder, name, AT_REMOVEDIR) == 0;

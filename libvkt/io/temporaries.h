@@ -21,8 +21,8 @@ void forget_temporary(int slot);
 /// of fatal signals.
 void remove_temporaries() noexcept;
 
-/// Removes a directory and the files in it, and below it directories whose names are numbers (a Zarr store's); others
-/// stay, and it with them.
+/// Removes a directory and the files in it, and below it directories whose names are numbers (a Zarr store's), or
+/// Level_ and a number (a plotfile's); others stay, and it with them.
 void remove_directory(std::string const& path) noexcept;
 
 /// Marks an open temporary file or directory as belonging to a living process; the kernel takes the mark away when that

@@ -4,7 +4,7 @@
 
 #include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
-#include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/numeric.h"
 
 namespace vkt::VKT_BACKEND {
 

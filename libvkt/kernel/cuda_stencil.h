@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/cuda_map.h"
+#include "libvkt/kernel/cuda_rows.h"
 #include "libvkt/kernel/order.h"
 
 namespace vkt::VKT_BACKEND {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/cuda_map.h"
+#include "libvkt/kernel/cuda_packs.h"
 
 #include <type_traits>
 #include <vector>
@@ -44,6 +44,37 @@ template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long*
     if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
     Strips const blocks = strips_of(n);
     voxels_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
+    check_launch(name);
+}
+
+/// The same for functions that look at voxels elsewhere, along slanted rows: warps of 8 by 4 voxels meet fewer lines of
+/// the cache there than rows of 32 do.
+inline constexpr int slanted_x = 8, slanted_y = 4, slanted_z = 8, slanted_strips = 8;
+
+template <class F>
+__global__ void __launch_bounds__(slanted_x* slanted_y* slanted_z)
+    slanted_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
+    constexpr int width = slanted_x * slanted_strips;
+    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * width + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * slanted_y +
+                           threadIdx.y,
+                       z = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * slanted_z +
+                           threadIdx.z;
+    LossCounts counts;
+    if (y < n.y && z < n.z)
+        for (std::int64_t x = x0; x < n.x && x < x0 + width; x += slanted_x) f(x, y, z, counts);
+    if (totals != nullptr) add_counts(counts, totals);
+}
+
+template <class F> void for_each_slanted_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
+    if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
+    std::int64_t const width = slanted_x * slanted_strips, across = (n.x + width - 1) / width,
+                       along = (n.y + slanted_y - 1) / slanted_y, deep = (n.z + slanted_z - 1) / slanted_z;
+    if (across > 0x7fffffff || along > 0x7fffffff / across || deep > 0x7fffffff / (across * along))
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    Strips const blocks{static_cast<unsigned>(across), static_cast<unsigned>(along),
+                        static_cast<unsigned>(across * along * deep)};
+    slanted_kernel<F><<<blocks.blocks, dim3(slanted_x, slanted_y, slanted_z)>>>(blocks, n, f, totals);
     check_launch(name);
 }
 

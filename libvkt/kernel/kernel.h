@@ -39,6 +39,7 @@
 
 #ifdef __CUDACC__
 #include "libvkt/kernel/cuda_map.h"
+#include "libvkt/kernel/cuda_reduce.h"
 #else
 #include "libvkt/kernel/cpu_drivers.h"
 #endif

@@ -17,7 +17,8 @@ constexpr std::size_t largest_file = std::size_t{1} << 20;
 /// True for what is meant as a matrix: something that begins with a number and goes on, or nothing.
 bool is_list(std::string const& word) {
     std::size_t const end = word.find_first_of(" ,;\n\t");
-    return word.empty() || (end != std::string::npos && is_number(word.substr(0, end)));
+    std::string const first = lower_case(word.substr(0, end));
+    return word.empty() || (end != std::string::npos && (is_number(first) || first == "nan" || first == "-nan"));
 }
 
 } // namespace

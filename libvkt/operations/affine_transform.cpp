@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/affine_transform.h"
 
+#include "libvkt/core/fine_region.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/text.h"
 #include "libvkt/kernel/border.h"
@@ -77,21 +78,19 @@ Lattice enclosing(Affine const& source_map, Index3 dims, Vec3 spacing) {
 
 } // namespace
 
-Vec3 middle_of(Index3 dims) {
-    return {0.5 * static_cast<double>(dims.x - 1), 0.5 * static_cast<double>(dims.y - 1),
-            0.5 * static_cast<double>(dims.z - 1)};
-}
-
-Vec3 fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) {
-    if (!about) return middle_of(dims);
-    return {about->x - static_cast<double>(lower.x), about->y - static_cast<double>(lower.y),
-            about->z - static_cast<double>(lower.z)};
+Vec3 AffineTransform::fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) const {
+    if (!about && in_place_) return middle_;
+    Vec3 result;
+    for (int a = 0; a < 3; ++a)
+        result[a] = about ? (*about)[a] - static_cast<double>(lower[a]) : 0.5 * static_cast<double>(dims[a] - 1);
+    return result;
 }
 
 void AffineTransform::sampling_parameters(Parameters& p) {
     p.flag("expand", expand_, "make the grid as large as the moved volume needs, with the same voxels");
     p.option("like", like_.file, "FILE", "the grid of this volume, instead of the input's own");
-    p.option("roi", region_, "REGION", "move the content of this region only, within it");
+    p.option("roi", region_, "REGION",
+             "move the content of this region only, within it; its ends may lie between voxels");
     p.option("method", method_, "METHOD",
              "auto (default): linear, averaging where voxels of the result are wider than those of the input; or "
              "nearest, linear, cubic, bspline3, bspline5, lanczos3");
@@ -163,7 +162,12 @@ Plan AffineTransform::plan(std::span<Header const> inputs) {
         box_ = box_of(plan.output.dims);
         region_dims_ = input.dims;
     } else {
-        box_ = region_.resolve(input.dims);
+        FineRegion const region = resolve_fine(region_, input.dims);
+        if (region.voxels.empty())
+            throw Error(ErrorKind::usage, text("--roi ", region_.text, " holds no voxel's centre"),
+                        "centres lie at 0.5, 1.5, …: ends are counted from the outer face of the first voxel");
+        box_ = region.voxels;
+        middle_ = region.middle();
         in_place_ = true;
         region_dims_ = box_.dims();
         Header part = input;

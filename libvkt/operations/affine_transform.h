@@ -49,6 +49,9 @@ protected:
     /// The map from positions in the result to positions in the input, both in voxels of a lattice whose voxel (0,0,0)
     /// is voxel `lower` of the volume: all of the volume, or the region.
     virtual Affine source_map(Header const& lattice, Index3 lower) const = 0;
+    /// The point that stays, given in voxels of the volume: in voxels of a lattice of so many at `lower`, by default
+    /// its middle, or that of the region.
+    Vec3 fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower) const;
 
 private:
     Placement place_result(Header const& input, Header& output) const;
@@ -63,6 +66,7 @@ private:
     Box box_; ///< the region in voxels of the output; all of it without one
     Index3 region_dims_;
     bool in_place_ = false; ///< only the region moves
+    Vec3 middle_;           ///< of the region, in voxels from its first
     std::optional<Onto> onto_;
     Operation* preparation_ = nullptr;
     std::optional<double> other_background_; ///< physical, if it is another than was meant
@@ -70,10 +74,5 @@ private:
     DataType type_ = DataType::uint8;
     Buffer window_;
 };
-
-/// The middle of a lattice of so many voxels, in voxels.
-Vec3 middle_of(Index3 dims);
-/// The point that stays, given in voxels of the volume; of a lattice at `lower` by default its middle.
-Vec3 fixed_point(std::optional<Vec3> const& about, Index3 dims, Index3 lower);
 
 } // namespace vkt

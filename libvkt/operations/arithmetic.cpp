@@ -97,6 +97,17 @@ bool is_function(ArithmeticOp op) {
 }
 /// Yields 0 or 1.
 bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
+/// Refuses what is spelt as a number and is none, 1e999 or nan, before a file of that name is looked for.
+void refuse_no_number(std::string const& word) {
+    std::string const bare = lower_case(word.substr(word.starts_with('-') || word.starts_with('+') ? 1 : 0));
+    bool const digits = bare.find_first_not_of("0123456789.e+-") == std::string::npos;
+    if (bare != "nan" && (!digits || bare.find_first_of("0123456789") == std::string::npos)) return;
+    try {
+        (void)parse_double(word);
+    } catch (Error const& error) {
+        throw Error(ErrorKind::usage, error.what(), text("a file of that name is written ./", word));
+    }
+}
 /// Asks only whether values are 0.
 bool is_logic(ArithmeticOp op) {
     return op == ArithmeticOp::and_ || op == ArithmeticOp::or_ || op == ArithmeticOp::not_;
@@ -155,6 +166,7 @@ void Arithmetic::check() const {
         throw Error(ErrorKind::usage, text(enum_name(op), " takes ", wanted, wanted == 1 ? " operand" : " operands",
                                            ", of which the first may be standard input; ", given, " are given"));
     auto const words = operands();
+    for (auto const& word : words) refuse_no_number(word);
     bool const volumes = std::any_of(words.begin(), words.end(), [](auto const& w) { return !as_number(w); });
     if (!volumes)
         throw Error(ErrorKind::usage,

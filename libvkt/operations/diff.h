@@ -28,6 +28,7 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     void measure(Measurement& to) override;
+    bool runs_on_gpu() const override { return !ssim && !information; }
     bool satisfied() const override { return satisfied_; }
 
 private:

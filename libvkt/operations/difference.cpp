@@ -3,10 +3,12 @@
 #include "libvkt/operations/difference.h"
 
 #include "libvkt/core/buffer.h"
+#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/engine/window.h"
 #include "libvkt/operations/kernels/difference.h"
 
 #include <cmath>
@@ -17,13 +19,36 @@ namespace vkt {
 
 namespace {
 
-/// One source's slab, in place or copied.
-ConstView slab_of(Source& source, Box const& box, Buffer& buffer) {
-    if (auto const lent = source.borrow(box); lent && lent->space == Space::host) return *lent;
-    buffer.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source.header().dtype));
-    AnyView const view = dense_view(buffer.write(Space::host), source.header().dtype, box);
-    source.read(view);
-    return view;
+/// One source's slabs, in place or copied, where they are compared.
+class Slabs {
+public:
+    Slabs(Source& source, Execution const& on) : source_(source), on_(on) {
+        window_.reset({.volume_dims = source.header().dims, .type = source.header().dtype});
+        source.expect(box_of(source.header().dims));
+    }
+    ConstView at(Box const& box) {
+        if (auto const lent = source_.borrow(box); lent && lent->space == on_.space()) return *lent;
+        if (on_.device == Device::gpu) return window_.fetch(source_, box, on_);
+        buffer_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source_.header().dtype));
+        AnyView const view = dense_view(buffer_.write(Space::host), source_.header().dtype, box);
+        source_.read(view);
+        return view;
+    }
+
+private:
+    Source& source_;
+    Execution on_;
+    Window window_;
+    Buffer buffer_;
+};
+
+/// On the GPU if that was asked for, or if the voxels of both are there already.
+Execution comparing(Source& a, Source& b, Execution execution) {
+    bool const there = a.space() == Space::device && b.space() == Space::device;
+    bool const wanted = execution.device == Device::gpu || (execution.device == Device::automatic && there);
+    execution.device = wanted ? Device::gpu : Device::cpu;
+    if (wanted) device_select(execution.gpu);
+    return execution;
 }
 
 } // namespace
@@ -42,16 +67,15 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     long double squares = 0;
     if (r.same_dims) {
         Index3 const n = ha.dims;
-        Cut const cut = cut_of(ha, a.natural_slab(), execution);
-        Buffer buffer_a, buffer_b;
+        Execution const on = comparing(a, b, execution);
+        Cut const cut = cut_of(ha, slab_hint_on(on, ha, a.natural_slab()), on);
+        Slabs slabs_a(a, on), slabs_b(b, on);
         std::vector<RowDifference> rows;
-        a.expect(box_of(n));
-        b.expect(box_of(n));
         for_each_piece(box_of(n), cut, [&](Box const& box) {
-            SlabPair const pair{slab_of(a, box, buffer_a), slab_of(b, box, buffer_b), ha.values, hb.values};
+            SlabPair const pair{slabs_a.at(box), slabs_b.at(box), ha.values, hb.values};
             std::int64_t const ny = box.dims().y;
             rows.resize(static_cast<std::size_t>(ny * box.dims().z));
-            difference_rows(pair, rows.data(), execution);
+            difference_rows(pair, rows.data(), on);
             for (std::size_t i = 0; i < rows.size(); ++i) {
                 RowDifference const& row = rows[i];
                 auto const at = static_cast<std::int64_t>(i);

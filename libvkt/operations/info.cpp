@@ -9,6 +9,8 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
 
+#include <cmath>
+
 namespace vkt {
 namespace {
 
@@ -21,6 +23,11 @@ struct Description {
     std::optional<TreeSummary> tree{};   ///< of trees whose bricks are known
 };
 
+/// Of a tree as a grid of its finest cells. A double: it may be more than any machine has.
+double grid_bytes(Header const& header) { return volume_of(header.dims) * static_cast<double>(size_of(header.dtype)); }
+
+std::string count_text(double n) { return n < 0x1p53 ? to_text(static_cast<std::int64_t>(n)) : to_text(n); }
+
 std::string json_of(Description const& description) {
     std::string json = to_json(description.header);
     json.resize(json.size() - 2); // the object goes on: without its "\n}"
@@ -29,7 +36,9 @@ std::string json_of(Description const& description) {
     if (!description.not_read.empty())
         json += text(",\n \"not_read\": [", join(collect(description.not_read, json_string), ", "), "]");
     if (!description.tree) return json + "\n}";
-    json += text(",\n \"holes\": ", description.tree->hole_share(), ",\n \"level_list\": [");
+    json += text(",\n \"table_bytes\": ", static_cast<std::uint64_t>(description.tree->table_bytes),
+                 ",\n \"grid_bytes\": ", count_text(grid_bytes(description.header)),
+                 ",\n \"holes\": ", description.tree->hole_share(), ",\n \"level_list\": [");
     char const* separator = "";
     for (LevelSummary const& level : description.tree->levels) {
         Index3 const width = cell_width(description.header.dims, level.level);
@@ -64,8 +73,15 @@ Report report_of(Description const& description) {
         line("holes", text(100 * description.tree->hole_share(), " %"));
     }
     line("dtype", to_text(header.dtype));
-    line("bytes",
-         text(static_cast<std::int64_t>(header.bytes()), " (", bytes_text(static_cast<double>(header.bytes())), ")"));
+    auto const bytes = [](double n) { return text(count_text(n), " (", bytes_text(n), ")"); };
+    line("bytes", bytes(static_cast<double>(header.bytes())));
+    if (description.tree) {
+        auto const table = static_cast<double>(description.tree->table_bytes), grid = grid_bytes(header);
+        line("table", bytes(table));
+        line("as a grid",
+             text(bytes(grid), ", ", std::round(10 * grid / (static_cast<double>(header.bytes()) + table)) / 10,
+                  " times as much as cells and table"));
+    }
     line("spacing", to_text(g.spacing));
     line("origin", to_text(g.origin));
     line("direction", text(g.direction[0], "  ", g.direction[1], "  ", g.direction[2]));

@@ -147,6 +147,13 @@ void NlMeans::filter(ConstView in, AnyView out, Execution const& execution) {
     nlmeans_box(in, out, rule_, losses_, execution);
 }
 
+/// Blocks of 32 x 8 voxels and all that they look at must lie in shared memory.
+bool NlMeans::runs_on_gpu() const {
+    Index3 const reach = patch_.voxels + search_.voxels;
+    std::int64_t const value = size_of(input_.dtype) <= 2 || input_.dtype == DataType::float32 ? 4 : 8;
+    return (32 + 2 * reach.x) * (8 + 2 * reach.y) * (2 * reach.z + 1) * value <= 200 << 10;
+}
+
 std::vector<Remark> NlMeans::remarks() const {
     std::vector<Remark> result = LocalFilter::remarks();
     if (copies_)

@@ -36,6 +36,7 @@ public:
     std::size_t fit(Index3 largest, Execution const& execution) override;
     std::vector<Remark> remarks() const override;
     bool reports() const override { return true; }
+    bool runs_on_gpu() const override;
     /// Noise and strength, in physical values.
     Report report() const override;
 

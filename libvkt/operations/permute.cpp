@@ -160,7 +160,7 @@ std::optional<BrickSequence> Permute::move_bricks(BrickSequence input, Execution
     for (int axis = 0; axis < 3; ++axis)
         if (reversed_[static_cast<std::size_t>(axis)])
             input = flip_tree(std::move(input), static_cast<Axis>(axis), execution);
-    std::vector<Brick> bricks = input.bricks();
+    std::vector<Brick> bricks = input.bricks().list();
     for (Brick& brick : bricks) brick = {permuted(brick.lower), permuted(brick.dims), brick.level};
     std::size_t const group = input.group_bytes();
     BrickOrder const order = input.order();

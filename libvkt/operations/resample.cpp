@@ -3,6 +3,7 @@
 #include "libvkt/operations/resample.h"
 
 #include "libvkt/amr/device_sampler.h"
+#include "libvkt/core/fine_region.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/travelled.h"
@@ -59,7 +60,8 @@ void Resample::parameters(Parameters& p) {
     p.option("method", method, "METHOD",
              "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
              "(default), nearest, average, or auto: average where a voxel covers several cells or there are holes");
-    p.option("roi", roi, "REGION", "hierarchical volumes: only this region, in finest cells");
+    p.option("roi", roi, "REGION",
+             "only this region; its ends may lie between voxels; of hierarchical volumes in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
     p.option("background", background, "VALUE",
              "with --like, and for hierarchical volumes: value where there is no voxel or cell (0)");
@@ -197,6 +199,11 @@ CellCount ValueText<CellCount>::read(std::vector<std::string> const& w, std::str
 }
 
 Index3 Resample::target_dims(Header const& input) const {
+    Index3 const n = input.dims;
+    return target_dims(input, {static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)});
+}
+
+Index3 Resample::target_dims(Header const& input, Vec3 extent) const {
     if (dims) return filled_in(dims->value, input.dims);
     if (cells) {
         Header whole = input;
@@ -208,7 +215,7 @@ Index3 Resample::target_dims(Header const& input) const {
     if (!like_.file.empty()) return like_.header().dims;
     Index3 result = input.dims;
     for (int axis = 0; axis < 3; ++axis) {
-        auto const n = static_cast<double>(input.dims[axis]);
+        double const n = extent[axis];
         if (scale) result[axis] = rounded_extent(n * (*scale)[axis]);
         if (spacing) result[axis] = rounded_extent(n * input.geometry.spacing[axis] / (*spacing)[axis]);
     }
@@ -237,6 +244,12 @@ void Resample::choose_header(Header const& input, bool moves, Header& output) {
     output.geometry = rescaled(input.geometry, from_, to_);
     if (!(from_ == to_)) output.part.reset();
     if (!like_.file.empty()) take_grid(input, output);
+    if (region_map_) {
+        output.part.reset();
+        output.geometry = input.geometry;
+        output.geometry.origin = index_to_world(input.geometry, region_map_->offset);
+        for (int a = 0; a < 3; ++a) output.geometry.spacing[a] *= region_map_->column[static_cast<std::size_t>(a)][a];
+    }
     if (dist) output.geometry.spacing = *dist;
     bool const lobes = method && has_lobes(*method) && !moves;
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
@@ -257,16 +270,18 @@ Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
     reconstructor_.reset();
     onto_.reset();
+    region_map_.reset();
     preparation_ = nullptr;
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
-    if (!scale && !dims && !spacing && like_.file.empty() && !cells && !changes_values())
+    if (!scale && !dims && !spacing && like_.file.empty() && !cells && !changes_values() && roi.empty())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
     from_ = input.dims;
-    to_ = target_dims(input);
     counts_ = {};
+    if (!roi.empty()) return plan_region(input);
+    to_ = target_dims(input);
     if (!like_.file.empty()) {
         Header const& like = like_.header();
         Geometry const grid = geometry_beside(input, like);
@@ -366,6 +381,22 @@ double Resample::background_in(Header const& volume) const {
     return stored;
 }
 
+/// The outer faces of the result are the ends of the region.
+Plan Resample::plan_region(Header const& input) {
+    FineRegion const region = resolve_fine(roi, input.dims);
+    Vec3 const extent = region.upper - region.lower;
+    Header part = input;
+    for (int a = 0; a < 3; ++a) part.dims[a] = rounded_extent(extent[a]);
+    to_ = target_dims(part, extent);
+    region_map_.emplace();
+    for (int a = 0; a < 3; ++a) {
+        double const width = extent[a] / static_cast<double>(to_[a]);
+        region_map_->column[static_cast<std::size_t>(a)][a] = width;
+        region_map_->offset[a] = region.lower[a] + 0.5 * (width - 1);
+    }
+    return plan_onto(input, place(*region_map_, to_));
+}
+
 Plan Resample::plan_onto(Header const& input, Placement const& placement) {
     Plan plan;
     choose_header(input, placement.whole(), plan.output);
@@ -407,13 +438,12 @@ void Resample::refuse_tree_options() const {
         throw Error(ErrorKind::usage,
                     text("--method ", enum_name(*method), " is for hierarchical volumes, and this one is structured"),
                     method == ResampleMethod::average ? "--method area averages voxels" : "use --method linear");
-    bool const region = !roi.empty() || !world_roi.empty();
+    bool const region = !world_roi.empty();
     if (region || mask || (background && like_.file.empty()))
         throw Error(ErrorKind::usage,
-                    text(!roi.empty() ? "--roi"
-                         : region     ? "--roi-world"
-                         : mask       ? "--mask"
-                                      : "--background",
+                    text(region ? "--roi-world"
+                         : mask ? "--mask"
+                                : "--background",
                          " is for hierarchical volumes, and this one is structured"),
                     region ? "use vkt crop before"
                     : mask ? ""

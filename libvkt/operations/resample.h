@@ -86,6 +86,9 @@ public:
 
 private:
     Index3 target_dims(Header const& input) const;
+    /// `extent`: of what is resampled, where its ends lie between voxels.
+    Index3 target_dims(Header const& input, Vec3 extent) const;
+    Plan plan_region(Header const& input);
     SampleGrid tree_grid(Header const& input) const;
     Reconstruction reconstruction() const;
     void refuse_tree_options() const;
@@ -106,8 +109,9 @@ private:
     enum class Algorithm : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
 
     Index3 from_, to_;
-    ReferenceVolume like_;     ///< the grid of the result
-    std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
+    ReferenceVolume like_;             ///< the grid of the result
+    std::optional<Affine> region_map_; ///< grids, with --roi: from voxels of the result to those of the input
+    std::optional<Onto> onto_;         ///< planned for a grid of another extent, or a turned one
     Operation* preparation_ = nullptr;
     std::array<WeightTable, 3> tables_;
     Algorithm algorithm_ = Algorithm::copy;

@@ -120,6 +120,52 @@ void Moments::append(Moments const& next, bool exact) {
     finite += next.finite;
 }
 
+Moments moments_of(FloatMoments const& m) {
+    Moments wide;
+    wide.finite = m.finite;
+    wide.nan = m.nan;
+    wide.positive_infinity = m.above;
+    wide.negative_infinity = m.below;
+    wide.sum = m.sum;
+    wide.sum_error = m.sum_error;
+    wide.mean = static_cast<long double>(m.mean) + m.mean_error;
+    wide.deviations = m.deviations;
+    wide.deviations_error = m.deviations_error;
+    return wide;
+}
+
+void SliceStatistics::append(BandStatistics const& band, std::int64_t number, DataType type) {
+    bool const integer = is_integer(type);
+    Moments const& m = band.moments;
+    if (has_float_moments(type)) { // a band's sums are doubles
+        FloatMoments more;
+        more.finite = m.finite;
+        more.nan = m.nan;
+        more.above = m.positive_infinity;
+        more.below = m.negative_infinity;
+        more.sum = static_cast<double>(m.sum);
+        more.sum_error = static_cast<double>(m.sum_error);
+        more.mean = static_cast<double>(m.mean);
+        more.deviations = static_cast<double>(m.deviations);
+        narrow.append(more);
+    } else {
+        moments.append(m, integer && size_of(type) <= 4);
+    }
+    product.multiply(band.product);
+    if (!band.range.valid) return;
+    if (!range.valid || (integer ? band.range.integer_low < range.integer_low : band.range.low < range.low)) {
+        range.low = band.range.low;
+        range.integer_low = band.range.integer_low;
+        low_band = number;
+    }
+    if (!range.valid || (integer ? band.range.integer_high > range.integer_high : band.range.high > range.high)) {
+        range.high = band.range.high;
+        range.integer_high = band.range.integer_high;
+        high_band = number;
+    }
+    range.valid = true;
+}
+
 void Product::multiply(Product const& next) {
     mantissa *= next.mantissa;
     exponent += next.exponent;
@@ -246,6 +292,12 @@ void Statistics::append(Moments const& slice, bool exact) {
     if (level_ != nullptr) level_->moments.append(slice, exact);
 }
 
+void Statistics::append(SliceStatistics const& slice) {
+    bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
+    append(has_float_moments(input_.dtype) ? moments_of(slice.narrow) : slice.moments, exact);
+    if (product_map() != nullptr) product_.multiply(slice.product);
+}
+
 void Statistics::scan(ConstView slab, Execution const& execution) {
     Box const box = intersect(slab.box, region_);
     if (box.empty()) return;
@@ -255,26 +307,31 @@ void Statistics::scan(ConstView slab, Execution const& execution) {
     if (!first_pass_) return;
     Index3 const n = box.dims();
     std::int64_t const bands = bands_in_slice(n, part.type);
-    bands_.resize(static_cast<std::size_t>(bands * n.z));
     if (!origin_.known) origin_ = first_finite(part);
-    band_statistics(part, origin_, product_map(), bands_.data(), execution);
     // Bands to slices, slices to the volume, each in order: the same tree however the volume is cut into slabs.
-    bool const exact = is_integer(input_.dtype) && size_of(input_.dtype) <= 4;
     slices_.assign(static_cast<std::size_t>(n.z), {});
     // Of a slice that comes in pieces, its first bands were seen before.
     bool const grid = input_.kind == Kind::structured;
-    if (grid && box.lower.y > region_.lower.y) slices_.front() = slice_;
+    if (grid && box.lower.y > region_.lower.y) {
+        slices_.front() = slice_;
+        slices_.front().range = {};
+    }
+    if (execution.device == Device::gpu && has_slice_sums(part.type)) {
+        slice_statistics(part, origin_, product_map(), slices_.data(), execution);
+    } else {
+        bands_.resize(static_cast<std::size_t>(bands * n.z));
+        band_statistics(part, origin_, product_map(), bands_.data(), execution);
 #pragma omp parallel for num_threads(execution.threads) if (bands * n.z > 4096 && execution.threads > 1)
-    for (std::int64_t z = 0; z < n.z; ++z)
-        for (std::int64_t b = z * bands; b < (z + 1) * bands; ++b)
-            slices_[static_cast<std::size_t>(z)].append(bands_[static_cast<std::size_t>(b)].moments, exact);
+        for (std::int64_t z = 0; z < n.z; ++z)
+            for (std::int64_t b = 0; b < bands; ++b)
+                slices_[static_cast<std::size_t>(z)].append(bands_[static_cast<std::size_t>(z * bands + b)], b,
+                                                            part.type);
+    }
+    merge_extremes(part);
     if (grid && box.upper.y < region_.upper.y)
         slice_ = slices_.front();
     else
-        for (Moments const& slice : slices_) append(slice, exact);
-    if (product_map() != nullptr)
-        for (BandStatistics const& band : bands_) product_.multiply(band.product);
-    merge_extremes(part);
+        for (SliceStatistics const& slice : slices_) append(slice);
 }
 
 /// The same of what is not background.
@@ -323,19 +380,21 @@ void Statistics::merge_extremes(ConstView slab, Range const& range) {
 void Statistics::merge_extremes(ConstView slab) {
     bool const integer = is_integer(input_.dtype);
     Index3 const lower = slab.box.lower;
-    std::int64_t const rows = rows_in_band(slab.dims(), slab.type), per_slice = bands_in_slice(slab.dims(), slab.type);
+    std::int64_t const rows = rows_in_band(slab.dims(), slab.type);
     bool new_min = false, new_max = false;
-    for (std::size_t i = 0; i < bands_.size(); ++i) {
-        Range const& range = bands_[i].range;
+    for (std::size_t z = 0; z < slices_.size(); ++z) {
+        SliceStatistics const& slice = slices_[z];
+        Range const& range = slice.range;
         if (!range.valid) continue;
-        auto const b = static_cast<std::int64_t>(i);
-        Index3 const row{lower.x, lower.y + b % per_slice * rows, lower.z + b / per_slice};
+        auto const row = [&](std::int64_t band) {
+            return Index3{lower.x, lower.y + band * rows, lower.z + static_cast<std::int64_t>(z)};
+        };
         if (!min_.valid || (integer ? range.integer_low < min_.integer : range.low < min_.value)) {
-            min_ = {true, range.low, range.integer_low, row};
+            min_ = {true, range.low, range.integer_low, row(slice.low_band)};
             new_min = true;
         }
         if (!max_.valid || (integer ? range.integer_high > max_.integer : range.high > max_.value)) {
-            max_ = {true, range.high, range.integer_high, row};
+            max_ = {true, range.high, range.integer_high, row(slice.high_band)};
             new_max = true;
         }
     }

@@ -5,6 +5,7 @@
 #include "libvkt/core/report.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/kernel/host_device.h"
 #include "libvkt/operations/quantiles.h"
 
 #include <algorithm>
@@ -36,6 +37,51 @@ struct Moments {
 private:
     void append_sum(Moments const& next);
 };
+
+/// The same of floats of up to 32 bits, whose sums have room in double: sums in two doubles, merged by the same update,
+/// to the same bits on every back end.
+struct FloatMoments {
+    std::int64_t finite = 0, nan = 0, above = 0, below = 0;
+    double sum = 0, sum_error = 0;
+    double mean = 0, mean_error = 0; ///< less the origin
+    double deviations = 0, deviations_error = 0;
+
+    VKT_HD void append(FloatMoments const& next) {
+        nan += next.nan;
+        above += next.above;
+        below += next.below;
+        add(sum, sum_error, next.sum);
+        sum_error += next.sum_error;
+        if (next.finite == 0) return;
+        if (finite == 0) {
+            finite = next.finite;
+            mean = next.mean;
+            mean_error = next.mean_error;
+            deviations = next.deviations;
+            deviations_error = next.deviations_error;
+            return;
+        }
+        auto const a = static_cast<double>(finite), b = static_cast<double>(next.finite);
+        double const share = b / (a + b), difference = next.mean - mean, back = difference - next.mean;
+        double const lost = (next.mean - (difference - back)) - (mean + back) + (next.mean_error - mean_error);
+        double const delta = difference + lost;
+        add(deviations, deviations_error, next.deviations);
+        add(deviations, deviations_error, delta * delta * a * share);
+        deviations_error += next.deviations_error;
+        add(mean, mean_error, difference * share);
+        mean_error += lost * share;
+        finite += next.finite;
+    }
+
+private:
+    /// With the rounding error kept (Knuth, TAOCP 2, 4.2.2).
+    VKT_HD static void add(double& sum, double& error, double value) {
+        double const next = sum + value, back = next - sum;
+        error += (sum - (next - back)) + (value - back);
+        sum = next;
+    }
+};
+Moments moments_of(FloatMoments const& m);
 
 /// A product that neither overflows nor vanishes: mantissa * 2^exponent, the mantissa in [1,2), or 0. Each factor costs
 /// a relative error of 2^-53 at most.
@@ -70,6 +116,19 @@ struct BandStatistics {
     Range range;
     Product product; ///< of the finite physical values, if asked for
 };
+
+/// What the bands of a slice, or of some of its rows, are together.
+struct SliceStatistics {
+    FloatMoments narrow; ///< of floats of up to 32 bits, `moments` of all others
+    Moments moments;
+    Product product;
+    Range range;
+    std::int64_t low_band = 0, high_band = 0; ///< the first that has the extreme
+
+    void append(BandStatistics const& band, std::int64_t number, DataType type);
+};
+/// Floats of up to 32 bits have FloatMoments.
+inline bool has_float_moments(DataType type) { return !is_integer(type) && size_of(type) <= 4; }
 
 /// Short rows are summed several at a time, so that they cost no more than long ones; of small voxels, which cost
 /// little, more. How many depends on their length and type alone, so that slabs do not matter.
@@ -176,6 +235,7 @@ private:
         double cell = 1;
         Moments moments;
     };
+    void append(SliceStatistics const& slice);
     void append(Moments const& slice, bool exact);
     void add_to_quantiles(ConstView part, Execution const& execution);
     void scan_foreground(ConstView part, Execution const& execution);
@@ -203,10 +263,10 @@ private:
     MeanOrigin origin_;
     Extreme min_, max_;
     Product product_;
-    std::vector<BandStatistics> bands_; ///< scratch: of a slab
-    std::vector<Moments> slices_;       ///< scratch: one per slice of a slab
-    Moments slice_;                     ///< of the slice that comes in pieces
-    std::vector<std::byte> foreground_; ///< scratch: cells of a slab without those of the background
+    std::vector<BandStatistics> bands_;   ///< scratch: of a slab
+    std::vector<SliceStatistics> slices_; ///< scratch: one per slice of a slab
+    SliceStatistics slice_;               ///< of the slice that comes in pieces
+    std::vector<std::byte> foreground_;   ///< scratch: cells of a slab without those of the background
     StatisticsResult result_;
 };
 

@@ -9,7 +9,15 @@
 namespace vkt {
 
 void finish_band(FloatBand const& band, bool doubles, double origin, BandStatistics& out) {
+    out.range = {};
+    out.range.valid = band.count > band.nan;
+    out.range.low = band.low;
+    out.range.high = band.high;
     Moments& m = out.moments;
+    if (!doubles) {
+        m = moments_of(moments_of(band, origin));
+        return;
+    }
     m = {};
     m.nan = band.nan;
     m.positive_infinity = band.above;
@@ -28,15 +36,8 @@ void finish_band(FloatBand const& band, bool doubles, double origin, BandStatist
         m.sum = sum * unscaled;
         m.sum_error = error * unscaled;
         m.deviations *= unscaled * unscaled;
-        if (doubles)
-            m.mean = (band.shift - static_cast<long double>(origin)) + band.sum / n * unscaled;
-        else
-            m.mean = (shift - origin) + band.sum / n;
+        m.mean = (band.shift - static_cast<long double>(origin)) + band.sum / n * unscaled;
     }
-    out.range = {};
-    out.range.valid = band.count > band.nan;
-    out.range.low = band.low;
-    out.range.high = band.high;
 }
 
 namespace {
@@ -55,6 +56,11 @@ template <class T> void finish_band(IntegerBand const& band, Int128 origin, Band
     }
     T const low = static_cast<T>(band.low), high = static_cast<T>(band.high);
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
+}
+
+Product product_of(BandProduct const& p) {
+    long double const size = static_cast<long double>(p.mantissa) * 0x1p-63L;
+    return {p.negative != 0 ? -size : size, p.exponent};
 }
 
 } // namespace
@@ -81,12 +87,40 @@ void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, M
     });
 }
 
+SliceSums begin_slice(SliceStatistics const& slice) {
+    SliceSums sums;
+    sums.moments = slice.narrow;
+    long double const size = slice.product.mantissa < 0 ? -slice.product.mantissa : slice.product.mantissa;
+    sums.product = {static_cast<std::uint64_t>(size * 0x1p63L), slice.product.exponent,
+                    slice.product.mantissa < 0 ? 1 : 0};
+    return sums;
+}
+
+void finish_slice(SliceSums const& sums, DataType type, SliceStatistics& out) {
+    out.product = product_of(sums.product);
+    out.range = {};
+    out.range.valid = sums.low_band >= 0;
+    out.low_band = sums.low_band;
+    out.high_band = sums.high_band;
+    if (!is_integer(type)) {
+        out.narrow = sums.moments;
+        out.range.low = sums.low;
+        out.range.high = sums.high;
+        return;
+    }
+    Moments more;
+    more.finite = sums.moments.finite;
+    more.integer_sum = sums.sum;
+    more.squares = sums.squares;
+    out.moments.append(more, true);
+    out.range = {out.range.valid, static_cast<double>(sums.lowest), static_cast<double>(sums.highest), sums.lowest,
+                 sums.highest};
+}
+
 void finish_products(BandProduct const* products, std::int64_t count, BandStatistics* out, int threads) {
 #pragma omp parallel for num_threads(threads) if (threads > 1)
     for (std::int64_t b = 0; b < count; ++b) {
-        BandProduct const& p = products[b];
-        long double const size = static_cast<long double>(p.mantissa) * 0x1p-63L;
-        out[b].product = {p.negative != 0 ? -size : size, p.exponent};
+        out[b].product = product_of(products[b]);
     }
 }
 

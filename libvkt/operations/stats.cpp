@@ -7,6 +7,8 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/io/whole_text.h"
 
+#include <map>
+
 namespace vkt {
 namespace {
 
@@ -97,6 +99,38 @@ GroupedBy Stats::by() const {
     return *axis == Axis::x ? GroupedBy::x : *axis == Axis::y ? GroupedBy::y : GroupedBy::z;
 }
 
+namespace {
+
+/// The mask and the labels of each volume; those of a file that holds one go with all.
+class Beside {
+public:
+    explicit Beside(std::vector<std::unique_ptr<Source>> const& sources) : sources_(sources) {}
+    void next() {
+        if (sources_.empty()) return;
+        for (auto const& source : sources_) {
+            bool& one = one_[source.get()];
+            if (!one && source->next_volume()) continue;
+            one = one || volumes_ == 1;
+            if (!one || !source->rewind() || !source->next_volume())
+                throw Error(ErrorKind::data, "the mask or the labels hold fewer volumes than the input",
+                            "a single volume is used with each of a series if it is a file");
+        }
+        ++volumes_;
+    }
+    void end() {
+        for (auto const& source : sources_)
+            if (!one_[source.get()] && source->next_volume())
+                throw Error(ErrorKind::data, "the mask or the labels hold more volumes than the input");
+    }
+
+private:
+    std::vector<std::unique_ptr<Source>> const& sources_;
+    std::map<Source const*, bool> one_; ///< found to hold one volume
+    std::size_t volumes_ = 0;           ///< so far
+};
+
+} // namespace
+
 void Stats::measure(Measurement& to) {
     if (!merged.empty()) return to.report(report_of("", sum_of_parts(), to.form));
     std::size_t const volumes = files.empty() ? 1 : files.size();
@@ -104,11 +138,14 @@ void Stats::measure(Measurement& to) {
     for (std::size_t i = volumes; i < to.inputs.size(); ++i) beside.push_back(std::move(to.inputs[i]));
     for (std::size_t i = 0; i < volumes; ++i) {
         Source& source = *to.inputs[i];
+        Beside others(beside);
         while (source.next_volume()) {
+            others.next();
             bool const planned = source.header().dry_run;
             Report report = measured(source, beside, volumes > 1 ? files[i] : "", to);
             if (!planned) to.report(std::move(report));
         }
+        others.end();
     }
 }
 
@@ -133,9 +170,6 @@ Report Stats::measured(Source& source, std::vector<std::unique_ptr<Source>> cons
     GroupedStatistics groups;
     groups.roi = statistics_.roi;
     groups.by = by();
-    for (auto const& other : beside)
-        if (!other->next_volume())
-            throw Error(ErrorKind::data, "the mask or the labels hold fewer volumes than the input");
     if (!mask.empty()) groups.mask = beside.front().get();
     if (!labels.empty()) groups.labels = beside.back().get();
     reduce(source, groups, to.execution, to.info);

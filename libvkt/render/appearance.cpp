@@ -90,13 +90,13 @@ Renderer::Appearance Renderer::appearance_of(RenderSettings const& settings) con
     double const smallest = smallest_spacing(g);
     appearance.unit = settings.transfer && settings.transfer->unit > 0 ? settings.transfer->unit : smallest;
     if (settings.unit == "auto")
-        appearance.unit = diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 256;
+        appearance.unit = diagonal(g, region_.dims()) / 256;
     else if (!settings.unit.empty())
         appearance.unit = parse_double(settings.unit);
     if (!(appearance.unit > 0) || !std::isfinite(appearance.unit)) refuse("the unit distance must be positive");
 
-    double const voxels =
-        tree_ ? std::min(tree_->covered(), volume_of(tree_->region().dims())) : static_cast<double>(header_.voxels());
+    double voxels = volume_of(region_.dims());
+    if (tree_) voxels = std::min(tree_->covered(), voxels);
     double const extent = std::cbrt(voxel_size(g) * voxels);
     Automatic const automatic =
         choose_transfer(histogram(), appearance.domain, settings.colormap, extent, appearance.unit);

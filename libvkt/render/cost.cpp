@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/cost.h"
 
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/render/categories.h"
@@ -14,16 +15,15 @@ namespace vkt::render {
 
 namespace {
 
-/// As Lattice and Tree keep them.
-std::size_t drawn_size(Header const& header) {
-    switch (header.dtype) {
+/// Of a voxel, as Lattice keeps it.
+std::size_t lattice_size(DataType type) {
+    switch (type) {
     case DataType::uint8:
         return 1;
+    case DataType::int8:
     case DataType::uint16:
     case DataType::int16:
         return 2;
-    case DataType::int8:
-        return header.kind == Kind::hierarchical ? 4 : 2;
     default:
         return 4;
     }
@@ -34,10 +34,32 @@ bool read_to_its_place(Header const& header) {
     return header.dtype == DataType::uint8 || header.dtype == DataType::uint16 || header.dtype == DataType::int16;
 }
 
+/// What a Lattice takes: more than there is memory for is no reason to overflow.
+std::size_t lattice_bytes(Header const& header) {
+    double padded = 1, cells = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+        padded *= static_cast<double>(header.dims[axis] + 2 * lattice_padding);
+        cells *= std::ceil(static_cast<double>(header.dims[axis] + 1) / macrocell_size);
+    }
+    constexpr double per_cell = 3 * sizeof(float) + 3; // range, majorant, missing, distance, depth
+    double const bytes = padded * static_cast<double>(lattice_size(header.dtype)) + cells * per_cell;
+    return static_cast<std::size_t>(std::min(bytes, 0x1p61));
+}
+
+/// What a Tree takes, with the cells where rays can sample them as they are.
+std::size_t tree_bytes(Header const& header) {
+    // They stay where they are until bricks are joined; macrocells take a byte a cell.
+    std::size_t const size = header.dtype == DataType::int8 ? sizeof(float) : lattice_size(header.dtype);
+    bool const in_place = header.dtype == DataType::float32 || size < sizeof(float);
+    auto const cells = static_cast<std::size_t>(header.cell_count);
+    return (in_place ? header.bytes() : cells * sizeof(float)) + cells * (size + 1) +
+           static_cast<std::size_t>(header.brick_count) * 140;
+}
+
 } // namespace
 
-void check_memory(Header const& header, Execution const& execution, bool copied) {
-    std::size_t const bytes = bytes_to_draw(header, copied);
+void check_memory(Header const& header, Execution const& execution, TreeDrawing tree, bool copied) {
+    std::size_t const bytes = bytes_to_draw(header, tree, copied);
     if (bytes <= execution.memory) return;
     throw Error(ErrorKind::resources,
                 text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
@@ -45,23 +67,23 @@ void check_memory(Header const& header, Execution const& execution, bool copied)
                 "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
 }
 
-std::size_t bytes_to_draw(Header const& header, bool copied) {
-    if (header.kind == Kind::hierarchical) {
-        // Cells that rays can sample stay where they are, until bricks are joined; macrocells take a byte a cell.
-        bool const in_place = header.dtype == DataType::float32 || drawn_size(header) < 4;
-        auto const cells = static_cast<std::size_t>(header.cell_count);
-        return header.bytes() + (in_place ? 0 : cells * sizeof(float)) + cells * (drawn_size(header) + 1) +
-               static_cast<std::size_t>(header.brick_count) * 140;
-    }
-    double padded = 1, cells = 1; // more than there is memory for is no reason to overflow
-    for (int axis = 0; axis < 3; ++axis) {
-        padded *= static_cast<double>(header.dims[axis] + 2 * lattice_padding);
-        cells *= std::ceil(static_cast<double>(header.dims[axis] + 1) / macrocell_size);
-    }
-    constexpr double per_cell = 3 * sizeof(float) + 3; // range, majorant, missing, distance, depth
-    double const drawn = padded * static_cast<double>(drawn_size(header)) + cells * per_cell;
-    return (read_to_its_place(header) && !copied ? 0 : header.bytes()) +
-           static_cast<std::size_t>(std::min(drawn, 0x1p62));
+bool drawn_as_grid(Header const& header, TreeDrawing tree) {
+    if (header.kind != Kind::hierarchical || tree == TreeDrawing::bricks) return false;
+    return tree == TreeDrawing::grid || lattice_bytes(header) <= tree_bytes(header);
+}
+
+std::size_t bytes_to_draw(Header const& header, TreeDrawing tree, bool copied) {
+    if (header.kind == Kind::structured)
+        return (read_to_its_place(header) && !copied ? 0 : header.bytes()) + lattice_bytes(header);
+    bool const in_place = header.dtype == DataType::float32 || lattice_size(header.dtype) < sizeof(float);
+    std::size_t const bricks = tree_bytes(header) + (in_place ? 0 : header.bytes());
+    if (!drawn_as_grid(header, tree)) return bricks;
+    // Until it is made there are the bricks, too; of types that are not kept there are the voxels.
+    bool const kept = header.dtype != DataType::int8 && lattice_size(header.dtype) < sizeof(float);
+    std::size_t const grid =
+        header.bytes() + static_cast<std::size_t>(header.brick_count) * Reconstructor::bytes_per_brick +
+        lattice_bytes(header) + (kept ? 0 : lattice_bytes(header) / lattice_size(header.dtype) * size_of(header.dtype));
+    return tree == TreeDrawing::grid ? grid : std::max(grid, bricks);
 }
 
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header) {
@@ -85,7 +107,9 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     } else {
         method = settings.exact ? "exact, piece by piece between the points of the transfer function"
                                 : text("ray marching, step ", settings.step,
-                                       header.kind == Kind::hierarchical ? " of the finest cell nearby" : " voxel",
+                                       drawn_as_grid(header, settings.tree) ? " voxel of the finest grid"
+                                       : header.kind == Kind::hierarchical  ? " of the finest cell nearby"
+                                                                            : " voxel",
                                        settings.skip ? ", empty space skipped" : "",
                                        may_leave_out(settings, header)
                                            ? text(", fewer rays and longer steps within ", settings.shortcut, " levels")
@@ -100,7 +124,8 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     if (ways > 0) cost += text(", ", ways, ways == 1 ? " ray" : " rays", " to light from wherever something is seen");
     std::vector<std::string> lines = model_text(settings);
     lines.push_back("method " + method);
-    lines.push_back(text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header))), " of memory"));
+    lines.push_back(
+        text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header, settings.tree))), " of memory"));
     return lines;
 }
 

@@ -13,10 +13,14 @@ namespace vkt::render {
 
 /// Throws Error{resources} if drawing such a volume takes more than the budget. Small integers of files are read to
 /// where rays sample them; `copied`: they are somewhere else before.
-void check_memory(Header const& header, Execution const& execution, bool copied = false);
+void check_memory(Header const& header, Execution const& execution, TreeDrawing tree = TreeDrawing::automatic,
+                  bool copied = false);
 
 /// What a volume takes until it is drawn: its voxels and what a renderer makes of them.
-std::size_t bytes_to_draw(Header const& header, bool copied = false);
+std::size_t bytes_to_draw(Header const& header, TreeDrawing tree = TreeDrawing::automatic, bool copied = false);
+
+/// True for hierarchical volumes that are drawn as a grid, or would be if they had no holes.
+bool drawn_as_grid(Header const& header, TreeDrawing tree);
 
 /// Model, method and cost of a picture of such a volume, a line each.
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header);

@@ -50,23 +50,49 @@ PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
             draws_labels(s, header)};
 }
 
+/// The finest cells of a box.
+SampleGrid grid_in(Box const& box) {
+    SampleGrid grid;
+    for (int a = 0; a < 3; ++a) grid.lower[a] = static_cast<double>(box.lower[a]);
+    grid.dims = box.dims();
+    return grid;
+}
+
+/// The finest cells of a hierarchical volume, as vkt resample makes them, in the type of its cells.
+Lattice lattice_of_tree(Volume const& volume, Execution const& execution) {
+    Header const& header = volume.header();
+    SampleGrid const grid = grid_in(box_of(header.dims));
+    double const background = stored_background(header).value_or(header.values.stored(0));
+    Reconstructor const cells(volume, grid, Reconstruction::basis, background);
+    Execution host = execution;
+    host.device = Device::cpu;
+    return make_lattice(
+        cells.header(), [&](AnyView const& to) { cells.run(to, host); }, execution);
+}
+
 } // namespace
 
-Renderer::Renderer(Volume const& volume, Execution const& execution) : header_(volume.header()), execution_(execution) {
+Renderer::Renderer(Volume const& volume, Execution const& execution, TreeDrawing tree)
+    : header_(volume.header()), execution_(execution),
+      region_(header_.kind == Kind::hierarchical ? region_of(header_) : box_of(header_.dims)) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
-    if (header_.kind == Kind::hierarchical) {
-        tree_.emplace(volume, execution_);
-        if (is_integer(header_.dtype) || holds_labels(header_)) cells_of_labels_ = volume;
-    } else {
+    if (header_.kind == Kind::structured)
         lattice_ = make_lattice(volume.view(), header_.values, execution_);
-    }
+    else if (drawn_as_grid(header_, tree) &&
+             (tree == TreeDrawing::grid || !leaves_holes(header_, volume.bricks(), grid_in(region_))))
+        lattice_ = lattice_of_tree(volume, execution_);
+    else
+        tree_.emplace(volume, execution_);
+    if (header_.kind == Kind::hierarchical && (is_integer(header_.dtype) || holds_labels(header_)))
+        cells_of_labels_ = volume;
     cache_ = std::make_shared<Cache>();
     prepare_seconds_ = seconds_since(start);
 }
 
 Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
-    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    : header_(std::move(header)), execution_(execution), region_(box_of(header_.dims)),
+      cache_(std::make_shared<Cache>()) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
     lattice_ = make_lattice(voxels, header_.values, execution_);
@@ -74,7 +100,8 @@ Renderer::Renderer(Header header, ConstView voxels, Execution const& execution)
 }
 
 Renderer::Renderer(Header header, VoxelReader const& read, Execution const& execution)
-    : header_(std::move(header)), execution_(execution), cache_(std::make_shared<Cache>()) {
+    : header_(std::move(header)), execution_(execution), region_(box_of(header_.dims)),
+      cache_(std::make_shared<Cache>()) {
     execution_.threads = std::max(1, execution.threads);
     auto const start = Clock::now();
     double reading = 0; // is no part of what prepares a picture
@@ -121,7 +148,7 @@ Renderer const& Renderer::on_grid() const {
                     "--labels always: the cells are no integers, and their header does not say labels",
                     "vkt set --attribute meaning=labels says so");
     SampleGrid const grid = plan_grid(header_, {});
-    check_memory(gridded_header(header_, grid), execution_, true);
+    check_memory(gridded_header(header_, grid), execution_, TreeDrawing::automatic, true);
     Volume const cells = reconstruct(*cells_of_labels_, grid, Reconstruction::nearest, 0, execution_);
     cache_->grid = std::make_unique<Renderer const>(cells, execution_);
     return *cache_->grid;
@@ -135,7 +162,7 @@ double Renderer::value_at(Vec3 index) const {
         if (!(i >= 0 && i < static_cast<double>(header_.dims[axis]))) return nothing;
         at[axis] = static_cast<std::int64_t>(i);
     }
-    if (tree_ && holds_labels(header_)) {
+    if (header_.kind == Kind::hierarchical && holds_labels(header_)) {
         Index3 const first = region_of(header_).lower;
         auto const moved = [&](int axis) { return static_cast<double>(at[axis] - first[axis]); };
         return on_grid().value_at({moved(0), moved(1), moved(2)});
@@ -224,7 +251,7 @@ std::vector<Layer> Renderer::layers_of(Drawing const& drawing, Integrator integr
 Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch const& watch,
                      Accumulation* accumulation, bool in_passes) const {
     check(settings);
-    if (tree_ && draws_labels(settings, header_)) {
+    if (header_.kind == Kind::hierarchical && draws_labels(settings, header_)) {
         RenderSettings on_its_grid = settings;
         Box const region = region_of(header_);
         if (!settings.clip.empty()) {
@@ -243,11 +270,13 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Tree::Visibility const& bricks = ready->bricks;
     bool const labels = appearance.labels != nullptr;
     bool const surfaces = settings.algorithm == Algorithm::implicit_iso || labels;
-    Box content = tree_ ? tree_->region() : box_of(header_.dims);
+    Box content = region_;
     // What projections show is everywhere.
     bool const projected = is_projection(settings.algorithm);
     if (settings.camera.fit == Fit::content && !projected)
         content = !tree_ ? visible_box(cells, header_.dims) : surfaces ? tree_->box_of(cells) : bricks.content;
+    // A grid may hold more than the part of a tree that there is.
+    if (content = intersect(content, region_); content.empty()) content = region_;
     if (!settings.clip.empty()) {
         Box const clip = settings.clip.resolve(header_.dims);
         Box const within = intersect(content, clip);
@@ -360,7 +389,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
 }
 
 Image render(Volume const& volume, RenderSettings const& settings, Execution const& execution, RenderReport* report) {
-    return Renderer(volume, execution).render(settings, report);
+    return Renderer(volume, execution, settings.tree).render(settings, report);
 }
 
 } // namespace vkt::render

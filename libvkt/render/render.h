@@ -32,6 +32,10 @@ inline bool is_projection(Algorithm a) {
 /// Whether a volume is drawn as labels: where its header says that it holds some.
 enum class LabelMode : std::uint8_t { automatic, always, never };
 
+/// How a hierarchical volume is drawn: brick by brick, each at its own level; as the grid of its finest cells that the
+/// basis reconstruction makes of it; or as that where it takes no more memory and no part of it would be made up.
+enum class TreeDrawing : std::uint8_t { automatic, bricks, grid };
+
 /// A label that a volume holds: its name, if it has one, and the colour that it is drawn in, sRGB.
 struct ShownLabel {
     std::int64_t label = 0;
@@ -57,6 +61,8 @@ struct RenderSettings {
 
     /// Each label opaque, in a colour of its own, without values between labels; see draws_labels() for when.
     LabelMode labels = LabelMode::automatic;
+    /// Of hierarchical volumes; a Renderer that is there already has decided.
+    TreeDrawing tree = TreeDrawing::automatic;
 
     // Ray marching.
     double step = 0.5;  ///< in voxels along the ray, in [1/256, 4]
@@ -168,7 +174,7 @@ struct Categories;
 class Renderer {
 public:
     /// Throws Error{data} for volumes without finite voxels.
-    Renderer(Volume const& volume, Execution const& execution);
+    Renderer(Volume const& volume, Execution const& execution, TreeDrawing tree = TreeDrawing::automatic);
     /// The same for voxels that lie elsewhere: those of a structured volume with this header.
     Renderer(Header header, ConstView voxels, Execution const& execution);
     /// The same for a structured volume that is read now, once; small integers are not copied.
@@ -231,8 +237,9 @@ private:
     Header header_;
     Execution execution_;
     Lattice lattice_;                       ///< of a structured volume
-    std::optional<Tree> tree_;              ///< of a hierarchical one
-    std::optional<Volume> cells_of_labels_; ///< its cells as they are, if they may be labels
+    std::optional<Tree> tree_;              ///< of a hierarchical one that is drawn brick by brick
+    Box region_;                            ///< voxels, of a hierarchical volume finest cells, that it holds
+    std::optional<Volume> cells_of_labels_; ///< of a hierarchical volume, as they are, if they may be labels
     double prepare_seconds_ = 0;
     struct Cache;
     std::shared_ptr<Cache> cache_;
@@ -261,6 +268,13 @@ template <> struct EnumNames<render::Algorithm> {
                 {render::Algorithm::maximum, "maximum"},
                 {render::Algorithm::minimum, "minimum"},
                 {render::Algorithm::mean, "mean"}};
+    }
+};
+template <> struct EnumNames<render::TreeDrawing> {
+    static std::vector<std::pair<render::TreeDrawing, char const*>> all() {
+        return {{render::TreeDrawing::automatic, "auto"},
+                {render::TreeDrawing::bricks, "bricks"},
+                {render::TreeDrawing::grid, "grid"}};
     }
 };
 template <> struct EnumNames<render::LabelMode> {

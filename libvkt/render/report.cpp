@@ -62,7 +62,9 @@ void Renderer::tell(RenderReport& report, RenderSettings const& settings, Prepar
             ? "exact, piece by piece between the points of the transfer function"
             : text("ray marching, step ",
                    drawn.in_passes && settings.goal.any() ? report.quality.finest : settings.step,
-                   tree_ ? " of the finest cell" : " voxel",
+                   tree_                                ? " of the finest cell"
+                   : header_.kind == Kind::hierarchical ? " voxel of the finest grid"
+                                                        : " voxel",
                    drawn.sparsely ? savings_text(settings, report.savings) : "", ", shading ", appearance.shade);
     if (drawn.with_gpu) report.method += ", on a GPU";
     report.prepare_seconds = prepare_seconds_;

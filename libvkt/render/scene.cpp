@@ -38,7 +38,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
     Geometry const& g = header_.geometry;
     double const first = tree_ ? 0.5 : lattice_padding;
     scene.frame = frame_of(camera, g, first, settings.width, settings.height);
-    Box shown = tree_ ? tree_->region() : box_of(header_.dims);
+    Box shown = region_;
     if (!settings.clip.empty()) shown = intersect(shown, settings.clip.resolve(header_.dims));
     auto const place = [&](Index3 i) {
         double const low = first - 0.5;
@@ -80,9 +80,7 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
         scene.ways[0] = light_way(scene, toward, anywhere);
     }
-    double const radius = settings.occlusion_radius > 0
-                              ? settings.occlusion_radius
-                              : diagonal(g, tree_ ? tree_->region().dims() : header_.dims) / 10;
+    double const radius = settings.occlusion_radius > 0 ? settings.occlusion_radius : diagonal(g, region_.dims()) / 10;
     scene.around_count = settings.ambient_occlusion;
     for (int i = 0; i < scene.around_count; ++i) {
         // Evenly spread: rings of the same area, turned by the golden angle from one to the next.

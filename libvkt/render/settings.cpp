@@ -105,6 +105,9 @@ void SettingsParameters::declare(Parameters& list) {
     list.option("opacity-scale", s.opacity_scale, "FACTOR", "multiplies all extinctions");
     list.option("labels", s.labels, "WHEN",
                 "each label opaque, in a colour of its own: auto (where the header says labels), always, never");
+    list.option(
+        "tree", s.tree, "WAY",
+        "hierarchical volumes: bricks, each at its own level, grid of their finest cells, or auto: the smaller");
     list.option("shade", shading_, "SHADING",
                 "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
         .choices = {"auto", "none", "gradient"};
@@ -408,6 +411,7 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
     if (!s.unit.empty()) add("unit-distance", {s.unit});
     if (s.opacity_scale != 1) add("opacity-scale", {to_text(s.opacity_scale)});
     if (s.labels != plain.labels) add("labels", {enum_name(s.labels)});
+    if (s.tree != plain.tree) add("tree", {enum_name(s.tree)});
 
     CameraRequest const& c = s.camera;
     if (c.eye) add("eye", {triple(*c.eye)});

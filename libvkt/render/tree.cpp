@@ -99,7 +99,7 @@ Tree::Tree(Volume const& volume, Survey const& survey, Execution const& executio
 Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution)
     : sampler_(joined.volume), rescaling_(survey.narrow.rescaling), region_(region_of(volume.header())) {
     Header const& header = volume.header();
-    std::vector<Brick> const& bricks = volume.bricks();
+    BrickTable const& bricks = volume.bricks();
     switch (sampler_.volume().header().dtype) {
     case DataType::uint8:
         type_ = LatticeType::uint8;
@@ -124,7 +124,7 @@ Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joine
     for (int a = 0; a < 3; ++a) axes += header.dims[a] > 1 ? 1 : 0;
     typical_width_ = axes > 0 ? std::pow(covered_ / static_cast<double>(cells), 1.0 / axes) : 1;
 
-    std::vector<Brick> const& sampled = sampler_.volume().bricks();
+    BrickTable const& sampled = sampler_.volume().bricks();
     constexpr float infinity = std::numeric_limits<float>::infinity();
     lowest_.assign(sampled.size(), infinity);
     highest_.assign(sampled.size(), -infinity);
@@ -183,7 +183,7 @@ Tree::Visibility Tree::classify(TransferTable const& table) const {
     result.range.resize(lowest_.size());
     double const per_value = static_cast<double>(table.view().scale);
     bool some = false;
-    std::vector<Brick> const& bricks = sampler_.volume().bricks();
+    BrickTable const& bricks = sampler_.volume().bricks();
     for (std::size_t b = 0; b < lowest_.size(); ++b) {
         BrickNodes& nodes = result.range[b];
         // Beyond missing data the value may jump between two samples, so that such bricks count as visible.
@@ -255,7 +255,8 @@ TreeView Tree::view(Visibility const& visibility) const {
             cells_.origin,
             cells_.size,
             cells_.first.data(),
-            cells_.bricks.data()};
+            cells_.bricks.data(),
+            static_cast<std::int64_t>(sampler_.volume().header().bytes())};
 }
 
 } // namespace vkt::render

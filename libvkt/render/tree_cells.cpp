@@ -186,7 +186,7 @@ private:
         return covered;
     }
 
-    std::vector<Brick> const& bricks_;
+    BrickTable const& bricks_;
     Index3 dims_, lower_, upper_, start_;
     std::array<std::int64_t, 3> counts_{};
     TreeCells& cells_;

@@ -50,8 +50,8 @@ void join_along(int axis, Index3 logical, std::vector<Brick>& bricks, std::vecto
 
 JoinedBricks join_bricks(Volume const& volume, Execution const& execution) {
     Header const& header = volume.header();
-    std::vector<Brick> const& from = volume.bricks();
-    std::vector<Brick> bricks = from;
+    BrickTable const& from = volume.bricks();
+    std::vector<Brick> bricks = from.list();
     std::vector<std::int32_t> into(from.size());
     std::iota(into.begin(), into.end(), 0);
     for (int axis = 0; axis < 3; ++axis) join_along(axis, header.dims, bricks, into);

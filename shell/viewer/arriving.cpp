@@ -38,8 +38,9 @@ Volume applied(std::string const& name, std::vector<std::string> const& options,
 
 } // namespace
 
-ArrivingVolumes::ArrivingVolumes(Source& source, Execution execution, std::function<bool()> open)
-    : source_(source), execution_(std::move(execution)), open_(std::move(open)) {}
+ArrivingVolumes::ArrivingVolumes(Source& source, Execution execution, render::TreeDrawing tree,
+                                 std::function<bool()> open)
+    : source_(source), execution_(std::move(execution)), tree_(tree), open_(std::move(open)) {}
 
 ArrivingVolumes::~ArrivingVolumes() { stop(); }
 
@@ -134,7 +135,7 @@ Arrival ArrivingVolumes::arrive() {
     if (finished) {
         if (reader_.joinable()) reader_.join();
         renderer_.reset();
-        renderer_ = std::make_shared<render::Renderer>(volume_, execution_);
+        renderer_ = std::make_shared<render::Renderer>(volume_, execution_, tree_);
         shown_ = header_.dims.z;
         complete_ = true;
         return {shown_, header_.dims.z, true};
@@ -164,7 +165,7 @@ void ArrivingVolumes::magnify(Box const& part, StageInfo const& stage) {
         if (!part_) return;
         part_.reset();
         renderer_.reset();
-        renderer_ = std::make_shared<render::Renderer>(volume_, execution_);
+        renderer_ = std::make_shared<render::Renderer>(volume_, execution_, tree_);
         return;
     }
     // Of what is shown: parts of parts become ever finer.

@@ -22,7 +22,7 @@ class ArrivingVolumes {
 public:
     /// `open` moves the source to the next volume that is to be shown and checks that it fits into memory; false if
     /// there is none. The source must outlive this.
-    ArrivingVolumes(Source& source, Execution execution, std::function<bool()> open);
+    ArrivingVolumes(Source& source, Execution execution, render::TreeDrawing tree, std::function<bool()> open);
     /// What is read then is not shown any more, but the slab that is on its way is waited for.
     ~ArrivingVolumes();
     ArrivingVolumes(ArrivingVolumes const&) = delete;
@@ -47,6 +47,7 @@ private:
 
     Source& source_;
     Execution execution_;
+    render::TreeDrawing tree_;
     std::function<bool()> open_;
     Header header_;
     Volume volume_;

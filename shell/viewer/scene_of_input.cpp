@@ -18,8 +18,8 @@ namespace {
 class InputScene : public Scene {
 public:
     InputScene(Source& source, Context& context, render::RenderSettings asked, render::Background background)
-        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context),
-          volumes_(source, context.execution(), [this] { return opened_.open(); }) {}
+        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context, asked_.tree),
+          volumes_(source, context.execution(), asked_.tree, [this] { return opened_.open(); }) {}
 
     std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
     render::Image draw(render::RenderSettings const& settings, render::RenderReport& report,

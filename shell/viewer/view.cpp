@@ -110,6 +110,7 @@ std::vector<std::vector<std::string_view>> const& groups() {
         {"unit-distance"},
         {"opacity-scale"},
         {"labels"},
+        {"tree"},
         {"eye", "view", "azimuth", "elevation", "target", "up", "fov", "zoom", "projection", "span", "fit"},
         {"exact", "shade", "step", "no-skip", "shadows", "light-direction", "ambient-occlusion", "occlusion-radius"},
         {"ambient"},

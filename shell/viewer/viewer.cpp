@@ -16,7 +16,7 @@ namespace vkt::shell::viewer {
 
 namespace {
 
-constexpr char const* instead = "use -o FILE to write the picture";
+constexpr char const* instead = "vkt render -o FILE writes the picture";
 
 [[maybe_unused]] bool set(char const* variable) {
     char const* const value = std::getenv(variable);

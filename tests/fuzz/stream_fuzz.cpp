@@ -40,11 +40,15 @@ void append(std::vector<std::uint8_t>& to, void const* data, std::size_t n) {
     to.insert(to.end(), bytes, bytes + n);
 }
 
+bool is_of_bricks(FrameType type) {
+    return type == FrameType::bricks || type == FrameType::tree || type == FrameType::packed;
+}
+
 /// What a writer would say about the payload of a frame: the front part of slabs and bricks seeds the rest.
 std::uint64_t payload_checksum(FrameType type, std::span<std::byte const> payload) {
-    std::size_t const front = type == FrameType::slab                                ? sizeof(vkt::ipc::SlabHeader)
-                              : type == FrameType::bricks || type == FrameType::tree ? sizeof(vkt::ipc::BricksHeader)
-                                                                                     : 0;
+    std::size_t const front = type == FrameType::slab ? sizeof(vkt::ipc::SlabHeader)
+                              : is_of_bricks(type)    ? sizeof(vkt::ipc::BricksHeader)
+                                                      : 0;
     if (front == 0 || payload.size() < front) return vkt::ipc::hash(payload);
     return vkt::ipc::hash(payload.subspan(front), vkt::ipc::hash(payload.first(front)));
 }
@@ -52,15 +56,15 @@ std::uint64_t payload_checksum(FrameType type, std::span<std::byte const> payloa
 /// Frames with the types, flags and lengths that the input asks for, sealed as a writer would. An END without a payload
 /// gets the one that fits what came before.
 std::vector<std::uint8_t> stream_from(Bytes input) {
-    constexpr FrameType types[] = {FrameType::header, FrameType::slab,  FrameType::bricks,
-                                   FrameType::end,    FrameType::error, FrameType::tree};
+    constexpr FrameType types[] = {FrameType::header, FrameType::slab, FrameType::bricks, FrameType::end,
+                                   FrameType::error,  FrameType::tree, FrameType::packed};
     std::vector<std::uint8_t> stream;
     append(stream, vkt::ipc::magic.data(), vkt::ipc::magic.size());
     vkt::ipc::EndReport end;
     while (!input.empty() && stream.size() < 60000) {
         std::uint8_t const kind = input.one();
         FrameHeader frame;
-        frame.type = kind % 8 < 6 ? types[kind % 8] : static_cast<FrameType>(kind);
+        frame.type = kind % 8 < 7 ? types[kind % 8] : static_cast<FrameType>(kind);
         frame.flags = kind >> 4;
         if (kind & 8) append(stream, vkt::ipc::magic.data(), vkt::ipc::magic.size());
         std::size_t const low = input.one(), high = input.one();
@@ -73,8 +77,7 @@ std::vector<std::uint8_t> stream_from(Bytes input) {
         std::size_t const front = frame.type == FrameType::slab     ? sizeof(vkt::ipc::SlabHeader)
                                   : frame.type == FrameType::bricks ? sizeof(vkt::ipc::BricksHeader)
                                                                     : payload.size();
-        bool const counts =
-            frame.type == FrameType::slab || frame.type == FrameType::bricks || frame.type == FrameType::tree;
+        bool const counts = frame.type == FrameType::slab || is_of_bricks(frame.type);
         if (counts && payload.size() >= front) {
             ++end.frames;
             end.bytes += payload.size() - front;

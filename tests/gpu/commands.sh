@@ -105,6 +105,8 @@ for type in uint8 uint16 int16 float32 float64; do
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2"
     same "$tolerance" "$vkt clahe in_$type.nrrd --bricks 5,3,4"
     same "$tolerance" "$vkt filter bilateral in_$type.nrrd --sigma 1,0.5,1.2 --range-sigma 30"
+    same "$tolerance" "$vkt filter nlmeans in_$type.nrrd --strength 20 --search 2,3,1 -q"
+    same "$tolerance" "$vkt filter nlmeans in_$type.nrrd --noise 12 --patch 2,1,0 --search 1 --boundary wrap --roi 5:90,:,3:20 -q"
     same "$tolerance" "$vkt filter gaussian in_$type.nrrd --sigma 2 --boundary border:30.5"
     same "$tolerance" "$vkt read in_$type.nrrd | $vkt crop --roi 10%:90%,10%:90%,: | $vkt filter gaussian --sigma 1.5,2,1 | $vkt resample --scale 0.5 | $vkt flip x"
     same "$tolerance" "$vkt pipe 'read in_$type.nrrd | crop --roi 10%:90%,10%:90%,: | filter gaussian --sigma 1.5,2,1 | resample --scale 0.5 | flip z'"
@@ -119,6 +121,8 @@ for type in $types; do
     "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 5 -o "a_$type.vkt"
     "$vkt" make noise --dims 61 23 17 --dtype "$type" --seed 6 -o "b_$type.vkt"
     for other in $types; do
+        same text "$vkt diff a_$type.vkt b_$other.vkt --tolerance 1e300 --json"
+        same text "$vkt set a_$type.vkt --slope 0.5 | $vkt diff b_$other.vkt --tolerance 1e300 --json"
         same 0 "$vkt convert a_$type.vkt --dtype $other -q"
         same 0 "$vkt convert a_$type.vkt --dtype $other --range minmax -q"
     done
@@ -192,6 +196,13 @@ cmp -s said_cpu "said_${gpu%:*}" || {
     failed=$((failed + 1))
 }
 
+"$vkt" arith mul a_float64.vkt 1e200 -q | "$vkt" transform 'x<9 ? v : v*1e-320' -q -o huge.vkt
+"$vkt" transform 'x==5 ? 0/0 : x==7 ? 1/0 : v' a_float32.vkt -q -o odd.vkt
+for pair in 'a_int64.vkt a_float64.vkt' 'huge.vkt a_float64.vkt' 'odd.vkt a_int64.vkt' 'odd.vkt odd.vkt'; do
+    same text "$vkt diff $pair --tolerance inf --json"
+done
+same text "$vkt pipe 'diff in_uint8.nrrd in_int16.nrrd --tolerance 1e9 --json'"
+
 # What does not run on a GPU says so.
 refused() {
     checked=$((checked + 1))
@@ -211,9 +222,9 @@ refused histogram a_uint8.vkt --range p1:p99
 refused label a_uint8.vkt --by-value
 refused project median a_uint8.vkt
 refused slice a_uint8.vkt --range p1:p99
-refused filter nlmeans a_uint8.vkt --strength 9
+refused filter nlmeans a_uint8.vkt --strength 9 --search 16
 refused watershed a_uint8.vkt
-refused diff a_uint8.vkt b_uint8.vkt
+refused diff a_uint8.vkt b_uint8.vkt --ssim
 refused crop tree.vkt --roi 1:5,:,:
 refused resample tree.vkt --method average
 

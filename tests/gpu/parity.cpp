@@ -563,6 +563,35 @@ template <class Line> void time_shapes(std::int64_t n, Line const& line) {
     time("distance --signed", "20 sites");
 }
 
+/// What is timed at 256^3, of noise.
+template <class Line> void time_small(DataType type, Line const& line) {
+    Header header;
+    header.dims = {256, 256, 256};
+    header.dtype = type;
+    Twin noise(type, box_of(header.dims), 0);
+    Buffer out_memory(header.bytes());
+    bool filled = false;
+    for (char const* const words : {"clahe", "filter nlmeans --strength 9 --search 3"}) {
+        if (!is_wanted(words)) continue;
+        if (!filled) randomise(noise, 5);
+        filled = true;
+        auto const operation = operation_of(words_of(words));
+        Header const output = operation->plan(std::vector<Header>{header}).output;
+        Box const box = box_of(output.dims), need = operation->footprint(box, 0);
+        Twin around(type, need, 0);
+        fill_border(around.view(Space::device), box_of(header.dims), header.dims, Boundary::clamp, 0, gpu());
+        ConstView const in = ConstView(noise.view(Space::device));
+        ConstView const grown = need == box_of(header.dims) ? in : ConstView(around.view(Space::device));
+        AnyView const out = dense_view(out_memory.write(Space::device), output.dtype, box, Space::device);
+        double const ms = best_ms([&] {
+            if (operation->plan(std::vector<Header>{header}).scans) scan(*operation, in, 0, gpu());
+            operation->fit(output.dims, gpu());
+            operation->run({&grown, 1}, out, gpu());
+        });
+        line(std::string(words) + " 256^3", ms, static_cast<double>(in.bytes() + out.bytes()));
+    }
+}
+
 void time_all() {
     if (std::FILE* const cube = std::fopen("cube.txt", "w")) {
         std::fputs("3 3 3", cube);
@@ -570,6 +599,11 @@ void time_all() {
         std::fclose(cube);
     }
     std::printf("\n%-44s %8s %10s %8s %8s\n", "operation", "type", "ms", "TB/s", "of copy");
+    for (DataType const type : {DataType::uint8, DataType::float32})
+        time_small(type, [type](std::string const& what, double ms, double moved) {
+            std::printf("%-44s %8s %10.3f %8.2f\n", what.c_str(), std::string(name_of(type)).c_str(), ms,
+                        moved / ms * 1e-9);
+        });
     for (std::int64_t n : {512, 1024})
         for (DataType type : {DataType::float32, DataType::uint16, DataType::uint8}) {
             Header header;
@@ -629,6 +663,8 @@ void time_all() {
             time_scan(statistics, "stats", type, n, line);
             Histogram histogram;
             time_scan(histogram, "histogram", type, n, line);
+            auto const known = operation_of(words_of("histogram --range 0:256"));
+            time_scan(*known, "histogram --range 0:256", type, n, line);
             for (char const* const words :
                  {"project max --axis z", "project max --axis y", "project max --axis x", "project mean --axis z",
                   "project mean --axis x", "project std --axis z", "project std --axis x"}) {

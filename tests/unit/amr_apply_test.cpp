@@ -216,9 +216,9 @@ TEST(AmrApply, PointwiseRunsOnEqualTreesWithOrWithoutPositions) {
     EXPECT_LE(plain.calls, 3); // long rows, not bricks
 
     Sum positioned(1, true);
-    Volume const zero = make_tree(tree.header().dims, tree.bricks(), [](Vec3) { return 0; });
+    Volume const zero = make_tree(tree.header().dims, tree.bricks().list(), [](Vec3) { return 0; });
     Volume const positions = apply_hierarchical(positioned, {zero}, execution());
-    Volume const expected = make_tree(tree.header().dims, tree.bricks(), [](Vec3 p) { return p.x; });
+    Volume const expected = make_tree(tree.header().dims, tree.bricks().list(), [](Vec3 p) { return p.x; });
     EXPECT_EQ(values_of<float>(positions), values_of<float>(expected));
 
     Volume const other = make_amr(uniform_recipe(), execution());

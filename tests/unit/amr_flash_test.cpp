@@ -146,7 +146,7 @@ TEST(AmrFlashFile, RegionsReadOnlyTheBlocksThatMatter) {
 TEST(AmrFlashFile, RefusesATreeThatDoesNotCoverItsDomain) {
     if (!built_with_hdf5()) GTEST_SKIP() << "built without HDF5";
     Volume const volume = make_amr(small_recipe(), execution());
-    std::vector<Brick> bricks = volume.bricks();
+    std::vector<Brick> bricks = volume.bricks().list();
     bricks.erase(bricks.begin() + 17);
     Volume const broken(volume.header(), bricks);
     std::memset(broken.buffer().write(Space::host), 0, broken.header().bytes());

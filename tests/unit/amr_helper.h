@@ -119,7 +119,7 @@ inline Volume permuted(Volume const& volume, std::array<int, 3> axis) {
     header.geometry.spacing = turned(header.geometry.spacing);
     for (std::size_t a = 0; a < 3; ++a)
         header.geometry.direction[a] = volume.header().geometry.direction[static_cast<std::size_t>(axis[a])];
-    std::vector<Brick> bricks = volume.bricks();
+    std::vector<Brick> bricks = volume.bricks().list();
     for (Brick& brick : bricks) brick.lower = turned(brick.lower), brick.dims = turned(brick.dims);
     Volume result(header, bricks);
     for (std::size_t b = 0; b < bricks.size(); ++b) {

@@ -89,6 +89,7 @@ inline TransferFunction flat_transfer(Color color, double alpha, double unit) {
 
 inline RenderSettings orthographic(std::string view, int width, int height) {
     RenderSettings s;
+    s.tree = TreeDrawing::bricks;
     s.width = width, s.height = height;
     s.camera.view = std::move(view);
     s.camera.projection = Projection::orthographic;

@@ -123,6 +123,7 @@ TEST(RenderTree, ThreadsAndInstructionSetsChangeNoBitOfAnyAlgorithm) {
     for (Algorithm const algorithm :
          {Algorithm::implicit_iso, Algorithm::multi_scattering, Algorithm::maximum, Algorithm::ray_marching}) {
         RenderSettings s;
+        s.tree = TreeDrawing::bricks;
         s.width = 61, s.height = 47;
         s.algorithm = algorithm;
         s.samples = 3;
@@ -139,6 +140,7 @@ TEST(RenderTree, ThreadsAndInstructionSetsChangeNoBitOfAnyAlgorithm) {
 TEST(RenderTree, GoalsAreMet) {
     Volume const volume = small_tree();
     RenderSettings s;
+    s.tree = TreeDrawing::bricks;
     s.width = s.height = 48;
     for (Algorithm const algorithm : {Algorithm::ray_marching, Algorithm::implicit_iso}) {
         s.algorithm = algorithm;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "render_trees.h"
 
+#include "libvkt/amr/reconstruct.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/inner/tree_field.h"
@@ -29,6 +30,7 @@ TEST(RenderTree, OneLevelLooksLikeTheStructuredVolume) {
                 }
     // All that is chosen from the data is chosen alike.
     RenderSettings automatic;
+    automatic.tree = TreeDrawing::bricks;
     automatic.width = automatic.height = 64;
     automatic.camera.fit = Fit::volume;
     Picture const lattice = render_one(plain, automatic), tree = render_one(cut<float>(plain, {8, 8, 8}), automatic);
@@ -131,6 +133,7 @@ TEST(RenderTree, SkippingThreadsAndInstructionSetsChangeNoBit) {
         for (double const step : {0.23, 1.0, 3.7})
             for (bool const banded : {false, true}) {
                 RenderSettings s;
+                s.tree = TreeDrawing::bricks;
                 s.width = 61, s.height = 47;
                 s.step = step;
                 s.shade = 0.7;
@@ -206,6 +209,7 @@ TEST(RenderTree, MissingAndInfiniteCells) {
     cells[5] = std::numeric_limits<float>::infinity();
     cells[6000] = -std::numeric_limits<float>::infinity();
     RenderSettings s;
+    s.tree = TreeDrawing::bricks;
     s.width = s.height = 50;
     Picture const picture = render_one(volume, s);
     EXPECT_EQ(picture.report.missing, 3000);
@@ -238,6 +242,7 @@ TEST(RenderTree, FarAwayIsAsPreciseAsNear) {
 TEST(RenderTree, NamesOfAxesDoNotMatter) {
     Volume volume = small_tree();
     RenderSettings s;
+    s.tree = TreeDrawing::bricks;
     s.width = 61, s.height = 47;
     s.domain = "0:2";
     s.opacity = "0,0.01,0.1";
@@ -256,6 +261,35 @@ TEST(RenderTree, FlatTreesAreDrawn) {
     s.transfer = flat_transfer({1, 1, 1}, 0.5, 1);
     Picture const picture = render_one(volume, s);
     EXPECT_NEAR(picture.center()[3], 0.5, 1e-5);
+}
+
+// A tree of small bricks is drawn as the grid that the basis reconstruction makes of it, bit for bit; one that would be
+// larger so, or that has holes, brick by brick.
+TEST(RenderTree, IsDrawnAsAGridWhereThatIsSmaller) {
+    Volume const tree = sphere_tree();
+    SampleGrid grid;
+    grid.dims = tree.header().dims;
+    Volume const cells = reconstruct(tree, grid, Reconstruction::basis, 0, amr_test::execution());
+    for (double const shade : {0.0, 0.8}) {
+        RenderSettings s = colourful();
+        s.shade = shade;
+        Picture const bricks = render_one(tree, s);
+        s.tree = TreeDrawing::automatic;
+        Picture const chosen = render_one(tree, s);
+        EXPECT_EQ(chosen.image.pixels, render_one(cells, s).image.pixels);
+        EXPECT_NE(chosen.report.method.find("finest grid"), std::string::npos) << chosen.report.method;
+        // What is interpolated between coarse cells is not quite what is interpolated between points of that.
+        EXPECT_LT(greatest_difference(bricks.image, chosen.image), shade > 0 ? 0.05 : 0.01);
+        EXPECT_GT(greatest_difference(bricks.image, chosen.image), 0);
+    }
+    std::vector<Brick> some = tree.bricks().list();
+    some.pop_back();
+    RenderSettings s = colourful();
+    s.tree = TreeDrawing::automatic;
+    for (Volume const& volume :
+         {amr_test::make_tree(tree.header().dims, some, [](Vec3) { return 1; }),
+          amr_test::make_tree({256, 256, 256}, {{{0, 0, 0}, {8, 8, 8}, 5}}, [](Vec3 p) { return p.x; })})
+        EXPECT_EQ(render_one(volume, s).report.method.find("finest grid"), std::string::npos);
 }
 
 } // namespace

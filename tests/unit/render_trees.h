@@ -55,6 +55,7 @@ inline Geometry skewed() {
 
 inline RenderSettings colourful() {
     RenderSettings s;
+    s.tree = TreeDrawing::bricks;
     s.width = 61, s.height = 47;
     s.camera.fit = Fit::volume; // what is visible is known by bricks here and by macrocells there
     s.lut = {1, 0.5, 0.2, 0, 0.4, 0.6, 0.8, 0.02, 0.9, 0.9, 0.3, 0.2};

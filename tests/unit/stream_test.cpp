@@ -254,10 +254,7 @@ TEST(Stream, AbsurdHeadersAreRefusedWithoutAllocating) {
     EXPECT_THROW(header_from_json(std::string(100000, '[')), Error);
 }
 
-TEST(Stream, HierarchicalVolumesRoundTrip) {
-    Header header = small_header({8, 8, 4});
-    std::vector<Brick> const bricks{{{0, 0, 0}, {4, 4, 2}, 0}, {{4, 0, 0}, {2, 4, 2}, 1}};
-    Volume volume(header, bricks);
+void expect_round_trip(Volume volume) {
     auto* cells = reinterpret_cast<std::uint16_t*>(volume.buffer().write(Space::host));
     for (std::int64_t i = 0; i < volume.header().cell_count; ++i) cells[i] = static_cast<std::uint16_t>(i);
     MemoryFile file;
@@ -284,6 +281,16 @@ TEST(Stream, HierarchicalVolumesRoundTrip) {
             },
             Error);
     }
+}
+
+TEST(Stream, HierarchicalVolumesRoundTrip) {
+    // Packed, and bricks that have no common block.
+    std::vector<Brick> const packed{{{0, 0, 0}, {4, 4, 2}, 0}, {{4, 0, 0}, {2, 4, 2}, 1}},
+        odd{{{0, 0, 0}, {3, 4, 2}, 0}, {{4, 4, 0}, {4, 2, 2}, 0}, {{3, 0, 0}, {1, 1, 1}, 0}};
+    EXPECT_FALSE(Volume(small_header({8, 8, 4}), packed).bricks().words().empty());
+    EXPECT_TRUE(Volume(small_header({8, 8, 4}), odd).bricks().words().empty());
+    expect_round_trip(Volume(small_header({8, 8, 4}), packed));
+    expect_round_trip(Volume(small_header({8, 8, 4}), odd));
 }
 
 } // namespace

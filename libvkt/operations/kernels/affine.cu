@@ -206,12 +206,97 @@ private:
     }
 };
 
+/// Linear in float32, of voxels of type T, where all that is counted has room in 32 bits: the same bits as Sample, to
+/// which all is left that lies elsewhere than among voxels.
+template <class T> struct LinearSample {
+    Sample<Linear, float, T> any;
+    std::byte const* origin;            ///< of the input volume's voxel 0, which need not be there
+    int row, slice;                     ///< bytes
+    unsigned inner_x, inner_y, inner_z; ///< voxels below which there is another one
+    bool typed_out;                     ///< results are of type T, too
+
+    __device__ __forceinline__ void operator()(std::int64_t x, std::int64_t y, std::int64_t z,
+                                               driver::LossCounts& counts) const {
+        PositionRow const centre = row_of(any.s.map, {}, any.s.first.y + y, any.s.first.z + z);
+        auto const column = static_cast<double>(any.s.first.x + x);
+        Part const px = part(centre.x, column), py = part(centre.y, column), pz = part(centre.z, column);
+        if (!(static_cast<unsigned>(px.index) < inner_x && static_cast<unsigned>(py.index) < inner_y &&
+              static_cast<unsigned>(pz.index) < inner_z))
+            return any(x, y, z, counts);
+        auto const* const near = reinterpret_cast<T const*>(
+            origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
+            static_cast<std::int64_t>(px.index) * static_cast<int>(sizeof(T)));
+        auto const beyond = [](T const* from, int bytes) {
+            return reinterpret_cast<T const*>(reinterpret_cast<std::byte const*>(from) + bytes);
+        };
+        T const *const second = beyond(near, row), *const third = beyond(near, slice),
+                       *const fourth = beyond(second, slice);
+        float const v[8] = {static_cast<float>(near[0]),   static_cast<float>(near[1]),  static_cast<float>(second[0]),
+                            static_cast<float>(second[1]), static_cast<float>(third[0]), static_cast<float>(third[1]),
+                            static_cast<float>(fourth[0]), static_cast<float>(fourth[1])};
+        if constexpr (!std::is_integral_v<T>) {
+            float odd = 0; // NaN, if one of them is not finite
+#pragma unroll
+            for (float const value : v) odd = __fmaf_rn(value, 0.0F, odd);
+            if (odd != 0) return any(x, y, z, counts);
+        }
+        Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
+        float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
+                                       fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
+        if (typed_out)
+            *reinterpret_cast<T*>(any.out.at(x, y, z)) = round_to<T>(value); // no less and no more than voxels are
+        else
+            driver::store_value(any.out.type, any.out.at(x, y, z), value, counts);
+    }
+
+private:
+    struct Part {
+        int index;
+        float rest;
+    };
+    /// PositionLine::floor, of positions that have room.
+    static __device__ __forceinline__ Part part(PositionLine const& line, double x) {
+        double const p = line.base + x * line.step, shifted = p + magic, r = shifted - magic, d = p - r;
+        bool const below = d <= -1e-9;
+        double const rest = below ? d + 1 : d;
+        return {__double2loint(shifted) - (below ? 1 : 0),
+                rest < 1e-9 ? 0.0F : static_cast<float>(rest)}; // what is below is more than a half
+    }
+    /// between() of finite numbers in fewer steps.
+    struct Fraction {
+        float f, rest;
+        bool none;
+        __device__ __forceinline__ explicit Fraction(float fraction)
+            : f(fraction), rest(1 - fraction), none(fraction == 0) {}
+        __device__ __forceinline__ float between(float a, float b) const {
+            float r = rest * a + f * b;
+            r = fminf(fmaxf(r, fminf(a, b)), fmaxf(a, b));
+            return none ? a : r;
+        }
+    };
+};
+
+/// True if a thread may count in 32 bits wherever the output's positions are and the input's voxels lie.
+bool counts_in_32_bits(AffineSampling const& rule, ConstView const& in, Box const& out) {
+    auto const size = static_cast<std::int64_t>(size_of(in.type));
+    bool small = std::max({rule.dims.x, rule.dims.y, rule.dims.z}) < most_counted && in.row * size < most_counted &&
+                 in.slice * size < most_counted;
+    for (int corner = 0; corner < 8; ++corner) {
+        PositionRow const row = row_of(rule.map, {}, corner % 2 != 0 ? out.upper.y - 1 : out.lower.y,
+                                       corner / 2 % 2 != 0 ? out.upper.z - 1 : out.lower.z);
+        auto const x = static_cast<double>(corner / 4 != 0 ? out.upper.x - 1 : out.lower.x);
+        for (int axis = 0; axis < 3; ++axis)
+            small = small && std::abs(row.line(axis).base + x * row.line(axis).step) < most_counted;
+    }
+    return small;
+}
+
 template <class Kernel, class C, class T>
 void launch_sample(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
     Sample<Kernel, C, T> const sample{device_sampling(rule, in, out.box),
                                       {driver::device_rows(in, in.box)},
                                       driver::device_rows(ConstView(out), out.box)};
-    driver::for_each_voxel(out.dims(), sample, totals, "affine_sample");
+    driver::for_each_slanted_voxel(out.dims(), sample, totals, "affine_sample");
 }
 
 /// Losses, and the voxels outside.
@@ -254,15 +339,33 @@ void launch_nearest(ConstView in, AnyView out, AffineSampling const& rule, Voxel
     NearestVoxel<U> nearest{device_sampling(rule, in, out.box), driver::device_rows(in, in.box),
                             driver::device_rows(ConstView(out), out.box), U{}};
     std::memcpy(&nearest.background, voxel.data(), sizeof nearest.background);
-    driver::for_each_voxel(out.dims(), nearest, totals, "affine_nearest");
+    driver::for_each_slanted_voxel(out.dims(), nearest, totals, "affine_nearest");
 }
 
 /// Linear in float32, of the types that it holds.
+template <class T>
+void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
+    if (!counts_in_32_bits(rule, in, out.box)) return launch_sample<Linear, float, T>(in, out, rule, totals);
+    DeviceSampling const s = device_sampling(rule, in, out.box);
+    driver::DeviceRows const rows = driver::device_rows(in, in.box);
+    auto const before = s.lower.z * rows.slice + s.lower.y * rows.row + s.lower.x * rows.size;
+    auto const inner = [](int n) { return static_cast<unsigned>(n - 1); };
+    LinearSample<T> const sample{{s, {rows}, driver::device_rows(ConstView(out), out.box)},
+                                 rows.data - before,
+                                 static_cast<int>(rows.row),
+                                 static_cast<int>(rows.slice),
+                                 inner(s.inner_x),
+                                 inner(s.inner_y),
+                                 inner(s.inner_z),
+                                 in.type == out.type};
+    driver::for_each_slanted_voxel(out.dims(), sample, totals, "affine_sample");
+}
+
 void sample_single(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {
-    if (in.type == DataType::float32) return launch_sample<Linear, float, float>(in, out, rule, totals);
-    if (in.type == DataType::uint8) return launch_sample<Linear, float, std::uint8_t>(in, out, rule, totals);
-    if (in.type == DataType::uint16) return launch_sample<Linear, float, std::uint16_t>(in, out, rule, totals);
-    if (in.type == DataType::int16) return launch_sample<Linear, float, std::int16_t>(in, out, rule, totals);
+    if (in.type == DataType::float32) return launch_single<float>(in, out, rule, totals);
+    if (in.type == DataType::uint8) return launch_single<std::uint8_t>(in, out, rule, totals);
+    if (in.type == DataType::uint16) return launch_single<std::uint16_t>(in, out, rule, totals);
+    if (in.type == DataType::int16) return launch_single<std::int16_t>(in, out, rule, totals);
     launch_sample<Linear, float, void>(in, out, rule, totals);
 }
 

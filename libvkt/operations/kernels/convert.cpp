@@ -3,6 +3,7 @@
 #include "libvkt/operations/kernels/convert.h"
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/map_stored.h"
 #include "libvkt/kernel/rows.h"
 
 #include <algorithm>
@@ -30,6 +31,74 @@ struct Mapped {
         return (v * scale - low) * factor + to_low;
     }
     VKT_HD bool undefined(double v) const { return v < least || v > most; }
+};
+
+/// to[i] = the integer nearest to what the map makes of from[i], where that is in the range of T and all values are in
+/// that of the map: neither is limited then.
+template <class T> void map_row(std::int64_t n, Mapped const f, float const* from, T* to) {
+    constexpr double to_whole = 6755399441055744.0; // as in round_to
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i) {
+        double const value = (static_cast<double>(from[i]) - f.low) * f.factor + f.to_low;
+        to[i] = static_cast<T>(detail::bits_as<std::int64_t>(value + to_whole));
+    }
+}
+
+/// The same of values that float holds: on CPUs limited and counted as floats if the ends of the range are some.
+struct MappedFloats {
+    Mapped map;
+    DataType type;     ///< of the results
+    float least, most; ///< floats in the range
+
+    MappedFloats(Mapped const& of, DataType out)
+        : map(of), type(out), least(static_cast<float>(of.least)), most(static_cast<float>(of.most)) {
+        float const infinite = std::numeric_limits<float>::infinity();
+        if (static_cast<double>(least) < of.least) least = std::nextafter(least, infinite);
+        if (static_cast<double>(most) > of.most) most = std::nextafter(most, -infinite);
+    }
+    VKT_HD double operator()(float v) const { return map(static_cast<double>(v)); }
+    VKT_HD bool undefined(float v) const { return v < least || v > most; }
+
+    bool takes_stored(DataType out, DataType in) const {
+        return in == DataType::float32 && map.scale == 1 && is_integer(out) && size_of(out) <= 2;
+    }
+    Losses stored_row(std::int64_t n, std::byte* out, std::byte const* in) const {
+        auto const* const from = reinterpret_cast<float const*>(in);
+        float const first = least, last = most;
+        std::int32_t inside = 0;
+#pragma omp simd reduction(+ : inside)
+        for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i)
+            inside += (from[i] >= first ? 1 : 0) & (from[i] <= last ? 1 : 0);
+        Losses losses;
+        for_each_type(type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
+                auto* const to = reinterpret_cast<T*>(out);
+                if (inside == n) return map_row(n, map, from, to);
+                alignas(64) double values[row_piece];
+                row(n, values, from);
+                losses = store_row(type, static_cast<double const*>(values), out, n);
+                losses.undefined = n - inside - losses.nan;
+            }
+        });
+        return losses;
+    }
+
+    void row(std::int64_t n, double* out, float const* in) const {
+        Mapped const f = map; // see driver::apply
+        float const first = least, last = most;
+        if (static_cast<double>(first) == f.least && static_cast<double>(last) == f.most && f.scale == 1) {
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) {
+                float v = in[i];
+                v = v < first ? first : v; // NaN passes
+                v = v > last ? last : v;
+                out[i] = (static_cast<double>(v) - f.low) * f.factor + f.to_low;
+            }
+        } else {
+#pragma omp simd
+            for (std::int64_t i = 0; i < n; ++i) out[i] = f(static_cast<double>(in[i]));
+        }
+    }
 };
 
 /// The same of 64-bit integers, exactly from the base on.
@@ -199,6 +268,8 @@ void convert_range(ConstView in, AnyView out, LinearMap const& range, Losses& lo
     Losses found;
     if (is_wide(in.type))
         map<Int128>(execution, out, found, MappedWhole{range.base, mapped}, in);
+    else if (float_suffices(in.type))
+        map_stored<float>(execution, out, found, MappedFloats(mapped, out.type), in);
     else
         map<double>(execution, out, found, mapped, in);
     // What lies in the range fits; the ends of 64-bit types, which double rounds up, only seem not to.

@@ -359,7 +359,21 @@ template <class C> struct Cube {
 /// A thread goes through slices, each of whose nine neighbours it loads once for the three voxels that they belong to.
 constexpr int cube_x = 32, cube_y = 8, cube_slices = 32;
 
-/// `Gaps`: weights of 0 take no part, whatever the voxel is.
+/// The same for one voxel, in the same order; weights of 0 take no part, whatever the voxel is.
+template <class C, class T>
+__device__ C cube_at(std::byte const* at, driver::DeviceRows const& in, Cube<C> const& cube) {
+    C sum = 0;
+    for (int k = 0; k < 27; ++k)
+        if (cube.weight[k] != 0)
+            sum = madd(cube.weight[k],
+                       static_cast<C>(reinterpret_cast<T const*>(at + (k / 9 - 1) * in.slice +
+                                                                 (k / 3 % 3 - 1) * in.row)[k % 3 - 1]),
+                       sum);
+    return sum;
+}
+
+/// `Gaps`: some weights are 0, which adds nothing, to a sum that is never -0, but of what is not finite: such sums are
+/// made once more.
 template <class C, class T, bool Gaps>
 __global__ void __launch_bounds__(cube_x* cube_y)
     cube_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
@@ -382,11 +396,12 @@ __global__ void __launch_bounds__(cube_x* cube_y)
             C below = middle, here = above, next = 0; // results at z - 1, z and z + 1
 #pragma unroll
             for (int k = 0; k < 9; ++k) {
-                if (!Gaps || cube.weight[18 + k] != 0) below = madd(cube.weight[18 + k], v[k], below);
-                if (!Gaps || cube.weight[9 + k] != 0) here = madd(cube.weight[9 + k], v[k], here);
-                if (!Gaps || cube.weight[k] != 0) next = madd(cube.weight[k], v[k], next);
+                below = madd(cube.weight[18 + k], v[k], below);
+                here = madd(cube.weight[9 + k], v[k], here);
+                next = madd(cube.weight[k], v[k], next);
             }
             if (z > z0) {
+                if (Gaps && !(below - below == 0)) below = cube_at<C, T>(from - in.slice, in, cube);
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
                 driver::store_value(out.type, out.at(x, y, z - 1), sum, counts);
             }
@@ -459,7 +474,7 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
         for (Tap const& tap : kernel.taps)
             cube.weight[tap.at.x + 1 + 3 * (tap.at.y + 1) + 9 * (tap.at.z + 1)] = static_cast<C>(tap.weight);
         cube.offset = offset;
-        bool const gaps = kernel.taps.size() < 27;
+        bool const gaps = kernel.taps.size() < 27 && !is_integer(in.type);
         return for_each_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
     }
     std::vector<DeviceTap<C>> taps;

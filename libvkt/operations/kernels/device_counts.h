@@ -14,6 +14,7 @@ namespace vkt::VKT_BACKEND::driver {
 
 /// Rows are cut into segments; a warp takes one after the other.
 inline constexpr std::int64_t count_segment = 2048;
+inline constexpr int count_ahead = 4;
 inline constexpr unsigned most_shared_counters = 10240;       ///< of 32 bits
 inline constexpr unsigned most_packed_counters = 65536 + 256; ///< of 16 bits, which a block counts no more voxels than
 inline constexpr unsigned packed_threads = 1024;              ///< of such a block: no other has room beside it
@@ -60,11 +61,17 @@ template <class T> __device__ __forceinline__ bool differ(T a, T b) {
         return a != b;
 }
 
+/// What finds a slot says for which voxels that takes few steps: `template <class T> using is_cheap`.
+template <class SlotOf, class T>
+concept IsCheap = requires {
+    requires SlotOf::template is_cheap<T>::value;
+};
+
 /// `slots` counters a brick, of which so many copies lie in shared memory, those of a slot side by side: with 32 of
 /// them no two lanes meet in a bank, whatever the voxels are. None if they have no room there, one of 16 bits each if
 /// Packed. `plain`: all weights are 1.
 template <class T, int N, bool Packed, class SlotOf>
-__global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
+__global__ void __launch_bounds__(Packed ? packed_threads : block_threads, Packed ? 1 : 5)
     count_kernel(DeviceRows in, CountItem const* items, CountGrid grid, __grid_constant__ SlotOf const slot_of,
                  unsigned slots, unsigned copies, bool plain, unsigned long long* counters) {
     extern __shared__ unsigned shared[];
@@ -84,9 +91,10 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
             atomicAdd(all + slot, static_cast<unsigned long long>(sum));
     };
     CountRun<decltype(add)> run{add};
-    T last{}; // equal voxels that follow one another are looked up once
+    T last{}; // equal voxels that follow one another are looked up once, if that is worth it
     int last_slot = -1;
     auto const slot_at = [&](T voxel) {
+        if constexpr (IsCheap<SlotOf, T>) return slot_of(voxel);
         if (last_slot < 0 || differ(voxel, last)) {
             last = voxel;
             last_slot = slot_of(voxel);
@@ -109,24 +117,36 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads)
                                                                  : full);
         };
         bool const aligned = reinterpret_cast<std::uintptr_t>(from) % (N * sizeof(T)) == 0;
-        for (int i = static_cast<int>(lane) * N; i < n; i += 32 * N) {
+        auto const load = [&](int i) {
+            return load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+        };
+        auto const count = [&](Words const& words) {
+            int found[N];
+            bool one = true;
+#pragma unroll
+            for (int k = 0; k < N; ++k) {
+                found[k] = slot_at(voxel_of<T>(words, k));
+                one = one && found[k] == found[0];
+            }
+            if (one) return add(found[0], N);
+#pragma unroll
+            for (int k = 0; k < N; ++k) add(found[k], 1);
+        };
+        int i = static_cast<int>(lane) * N;
+        // Loads that wait for memory together.
+        if (plain)
+            for (; i + 32 * N * (count_ahead - 1) + N <= n; i += 32 * N * count_ahead) {
+                Words words[count_ahead];
+#pragma unroll
+                for (int k = 0; k < count_ahead; ++k) words[k] = load(i + 32 * N * k);
+#pragma unroll
+                for (int k = 0; k < count_ahead; ++k) count(words[k]);
+            }
+        for (; i < n; i += 32 * N) {
             if (i + N <= n) {
-                Words const words =
-                    load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
+                Words const words = load(i);
                 if (plain) {
-                    int found[N];
-                    bool one = true;
-#pragma unroll
-                    for (int k = 0; k < N; ++k) {
-                        found[k] = slot_at(voxel_of<T>(words, k));
-                        one = one && found[k] == found[0];
-                    }
-                    if (one) {
-                        add(found[0], N);
-                        continue;
-                    }
-#pragma unroll
-                    for (int k = 0; k < N; ++k) add(found[k], 1);
+                    count(words);
                     continue;
                 }
 #pragma unroll

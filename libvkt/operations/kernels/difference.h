@@ -21,7 +21,7 @@ struct SlabPair {
     ValueMap map_a, map_b;
 };
 
-VKT_CPU_KERNEL(difference_rows, (SlabPair const& pair, RowDifference* rows, Execution const& execution),
-               (pair, rows, execution))
+VKT_KERNEL(difference_rows, (SlabPair const& pair, RowDifference* rows, Execution const& execution),
+           (pair, rows, execution))
 
 } // namespace vkt

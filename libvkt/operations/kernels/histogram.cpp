@@ -79,6 +79,7 @@ struct SingleRule {
     float scale = 1, offset = 0; ///< a voxel v is guessed to lie in bin v * scale - offset
     float low = 0, high = 0;     ///< the first and the last voxel in the range
     float near = 1;              ///< as doubtful_share
+    float last = 0;              ///< bin
     bool usable = false;         ///< few voxels are doubtful, and there is no value map
 
     SingleRule(Rule const& rule, DataType type) {
@@ -95,6 +96,7 @@ struct SingleRule {
         double const far = std::max(std::abs(first), std::abs(end)) * rule.per_unit;
         double const off = (3 * far + rule.count) * 0x1p-23;
         near = static_cast<float>(off);
+        last = static_cast<float>(rule.count - 1);
         // Nothing here may get lost below the least normal number, nor beyond the largest.
         usable = off < 0x1p-6 && rule.per_unit > 0x1p-60 && rule.per_unit < 0x1p60 && first > -0x1p60 && end < 0x1p60;
     }
@@ -102,8 +104,8 @@ struct SingleRule {
 
 /// Slots of values of which some are outside of the range or doubtful; at most as many as are corrected together.
 void place_with_care(Rule const& rule, SingleRule const& single, float const* from, std::int32_t m, std::int32_t* to) {
-    float const scale = single.scale, offset = single.offset, low = single.low, high = single.high,
-                last = static_cast<float>(rule.count - 1), near = single.near, far = 1 - single.near;
+    float const scale = single.scale, offset = single.offset, low = single.low, high = single.high, last = single.last,
+                near = single.near, far = 1 - single.near;
     std::int32_t const count = rule.count;
     std::int32_t doubtful = 0;
 #pragma omp simd reduction(+ : doubtful)
@@ -124,25 +126,34 @@ void place_with_care(Rule const& rule, SingleRule const& single, float const* fr
         if (to[i] < count) to[i] = correct(static_cast<double>(from[i]), to[i], rule.edges, count);
 }
 
+/// Guesses the slots of m values; true if all of them are in the range and well within bins: as far from the middle of
+/// one as that allows. What is below the range or NaN is taken for -1, which is as far from the first as what is above
+/// is from the last.
+bool place_clear(SingleRule const& single, float const* from, std::int32_t m, std::int32_t* to) {
+    float const scale = single.scale, offset = single.offset, last = single.last;
+    float farthest = 0;
+#pragma omp simd reduction(max : farthest)
+    for (std::int32_t i = 0; i < m; ++i) {
+        float at = from[i] * scale - offset;
+        at = at > -1 ? at : -1;
+        auto const k = static_cast<std::int32_t>(at < last ? at : last);
+        float const beside = at - static_cast<float>(k) - 0.5f, distance = beside < 0 ? -beside : beside;
+        farthest = distance > farthest ? distance : farthest;
+        to[i] = k;
+    }
+    return farthest <= 0.5f - single.near;
+}
+
 void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots) {
-    float const scale = single.scale, offset = single.offset, low = single.low, high = single.high,
-                certain = 0.5f - single.near;
-    constexpr std::int64_t block = 128; // corrected together
+    // Most blocks are clear, and no more is looked at then; of the others, most parts are.
+    constexpr std::int64_t block = 256, part = 16;
     for (std::int64_t begin = 0; begin < n; begin += block) {
-        auto const m = static_cast<std::int32_t>(std::min(block, n - begin));
-        float const* const from = values + begin;
-        std::int32_t* const to = slots + begin;
-        // Most blocks are in the range and well within bins: no more is looked at then.
-        std::int32_t clear = 0;
-#pragma omp simd reduction(+ : clear)
-        for (std::int32_t i = 0; i < m; ++i) {
-            float const value = from[i], at = value * scale - offset;
-            auto const k = static_cast<std::int32_t>(at >= 0 && at < 0x1p30f ? at : 0);
-            float const beside = at - static_cast<float>(k) - 0.5f, distance = beside < 0 ? -beside : beside;
-            clear += (value >= low ? 1 : 0) & (value <= high ? 1 : 0) & (distance <= certain ? 1 : 0);
-            to[i] = k;
+        std::int64_t const end = std::min(n, begin + block);
+        if (place_clear(single, values + begin, static_cast<std::int32_t>(end - begin), slots + begin)) continue;
+        for (std::int64_t i = begin; i < end; i += part) {
+            auto const m = static_cast<std::int32_t>(std::min(part, end - i));
+            if (!place_clear(single, values + i, m, slots + i)) place_with_care(rule, single, values + i, m, slots + i);
         }
-        if (clear != m) place_with_care(rule, single, from, m, to);
     }
 }
 
@@ -179,7 +190,10 @@ public:
     explicit Counters(std::size_t slots)
         : slots_(slots), sets_(slots <= 1024 ? 4 : 2), counters_(slots * static_cast<std::size_t>(sets_)) {}
 
-    void clear() { std::fill(counters_.begin(), counters_.end(), 0); }
+    void clear() {
+        std::fill(counters_.begin(), counters_.end(), 0);
+        std::fill(ones_.begin(), ones_.end(), 0);
+    }
 
     /// at(i): the slot of voxel i. The first and the last voxel have weights of their own.
     template <class At> void add(std::int64_t n, std::uint64_t first, std::uint64_t weight, std::uint64_t last, At at) {
@@ -205,11 +219,33 @@ public:
         for (; i + 1 < n; ++i) a[at(i)] += weight;
     }
 
+    /// The same of voxels that count once, of which there may be 2^32: slot_of(v[i]) is the slot of voxel i. More sets,
+    /// of smaller counters, whose places the compiler knows, and several voxels in a load: what takes the time then is
+    /// the one store a cycle that a processor makes.
+    template <class V, class SlotOf> void add_ones(std::int64_t n, V const* v, SlotOf slot_of) {
+        constexpr std::int64_t in_word = 8 / sizeof(V);
+        ones_.resize(8 * apart);
+        std::uint32_t* const to = ones_.data();
+        std::int64_t i = 0;
+        for (; i + 8 <= n; i += 8)
+#pragma GCC unroll 8
+            for (std::int64_t word = 0; word < 8; word += in_word) {
+                std::uint64_t bits;
+                std::memcpy(&bits, v + i + word, sizeof bits);
+#pragma GCC unroll 8
+                for (std::int64_t k = 0; k < in_word; ++k)
+                    ++to[(word + k) * apart + slot_of(static_cast<V>(bits >> (8 * sizeof(V) * k)))];
+            }
+        for (; i < n; ++i) ++to[slot_of(v[i])];
+    }
+    bool takes_ones() const { return slots_ <= most_in_ones; }
+
     /// `place` is the slot of each counter, or null where they are the slots.
     void add_to(std::uint64_t* counts, bool shared, std::int32_t const* place) const {
         for (std::size_t s = 0; s < slots_; ++s) {
             std::uint64_t sum = 0;
-            for (int set = 0; set < sets_; ++set) sum += counters_[s + static_cast<std::size_t>(set) * slots_];
+            for (std::size_t i = s; i < counters_.size(); i += slots_) sum += counters_[i];
+            for (std::size_t i = s; i < ones_.size(); i += apart) sum += ones_[i];
             if (sum == 0) continue;
             std::uint64_t& count = counts[place != nullptr ? static_cast<std::size_t>(place[s]) : s];
             if (shared) {
@@ -222,9 +258,13 @@ public:
     }
 
 private:
+    static constexpr std::size_t most_in_ones = 264;
+    static constexpr std::int64_t apart = 264;
+
     std::size_t slots_;
     int sets_;
     std::vector<std::uint64_t> counters_;
+    std::vector<std::uint32_t> ones_;
 };
 
 /// Voxels of one byte have a counter for each of their patterns.
@@ -239,6 +279,14 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
     std::int32_t const* const table = rule.bins.table().data();
     bool const by_table = !rule.bins.table().empty(), wide = rule.bins.wide();
     bool const bytes = by_byte(rule.bins, in.type), in_single = single.usable && in.type == DataType::float32;
+    bool const ones = grid.count() == 1 && item.box.voxels() >> 32 == 0 && counters.takes_ones();
+    auto const add = [&](std::int64_t m, std::uint64_t left, std::uint64_t full, std::uint64_t right, auto const* v,
+                         auto slot_of) {
+        if (ones)
+            counters.add_ones(m, v, slot_of);
+        else
+            counters.add(m, left, full, right, [=](std::int64_t i) { return slot_of(v[i]); });
+    };
     for (std::int64_t row = item.begin; row < item.end; ++row) {
         std::int64_t const y = item.box.lower.y + row % rows, z = item.box.lower.z + row / rows;
         std::int64_t const share = grid.share(1, y, item.brick.y) * grid.share(2, z, item.brick.z);
@@ -251,10 +299,10 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
             read_ahead(from, static_cast<std::size_t>(m) * size_of(in.type));
             if (bytes) {
                 auto const* const voxels = reinterpret_cast<std::uint8_t const*>(from);
-                counters.add(m, left, full, right, [=](std::int64_t i) { return voxels[i]; });
+                add(m, left, full, right, voxels, [](std::uint8_t v) { return v; });
             } else if (by_table) {
                 auto const* const voxels = reinterpret_cast<std::uint16_t const*>(from);
-                counters.add(m, left, full, right, [=](std::int64_t i) { return table[voxels[i]]; });
+                add(m, left, full, right, voxels, [=](std::uint16_t v) { return table[v]; });
             } else {
                 alignas(64) Slots slots;
                 if (in_single) {
@@ -267,7 +315,8 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
                     alignas(64) double values[row_piece];
                     place(rule, driver::row_of<double>(in, x0 + begin, y, z, m, values), m, slots);
                 }
-                counters.add(m, left, full, right, [&](std::int64_t i) { return slots[i]; });
+                add(m, left, full, right, static_cast<std::int32_t const*>(slots),
+                    [](std::int32_t slot) { return slot; });
             }
         }
     }

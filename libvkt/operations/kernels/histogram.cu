@@ -5,7 +5,10 @@
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/device_counts.h"
 
+#include <bit>
 #include <cmath>
+#include <limits>
+#include <type_traits>
 
 namespace vkt {
 
@@ -14,25 +17,36 @@ namespace {
 
 /// Voxels of one byte have a counter for each of their patterns.
 struct PatternSlot {
+    template <class T> using is_cheap = std::true_type;
     VKT_HD int operator()(std::uint8_t v) const { return v; }
 };
 
 struct TableSlot {
+    template <class T> using is_cheap = std::true_type;
     std::int32_t const* table;
     VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
 };
 
 struct ValueSlot {
+    template <class T> using is_cheap = std::is_same<T, float>;
     double const* edges;
+    float const* first; ///< the least float32 that is not below each edge
     int count;
     double slope, intercept, scale, scaled_low, per_unit, low, high, near;
     float factor, summand, unsure; ///< the position among the bins in float32, and by how much it may be off
 
     template <class T> VKT_DEVICE int operator()(T voxel) const {
         if constexpr (std::is_same_v<T, float>) {
-            float const position = madd(voxel, factor, summand), bin = floorf(position), beyond = position - bin;
-            if (beyond > unsure && beyond < 1 - unsure && bin >= 0 && bin < static_cast<float>(count))
-                return static_cast<int>(bin);
+            float const position = madd(voxel, factor, summand), near_edge = rintf(position);
+            bool const within = position >= 0 && position < static_cast<float>(count);
+            auto const k = static_cast<int>(near_edge);
+            if (fabsf(position - near_edge) > unsure) {
+                if (within) return near_edge > position ? k - 1 : k;
+                if (position < -1) return count; // NaN is none of these
+                if (position > static_cast<float>(count) + 1) return count + 1;
+            } else if (within && k > 0 && k < count) {
+                return voxel >= first[k] ? k : k - 1;
+            }
         }
         auto const stored = static_cast<double>(voxel);
         double value = slope * stored + intercept;
@@ -70,6 +84,27 @@ struct WholeSlot {
     }
 };
 
+/// The least float32 whose value is not below each edge, by bisection of all of them; the slope is positive.
+std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const& map) {
+    constexpr std::int64_t infinity = 0x7f800000; // in the order of values; -0 follows 0 from below
+    auto const float_at = [](std::int64_t place) {
+        std::uint32_t const bits = place >= 0 ? static_cast<std::uint32_t>(place)
+                                              : std::uint32_t{0x80000000} | static_cast<std::uint32_t>(-place);
+        return std::bit_cast<float>(bits);
+    };
+    std::vector<float> first;
+    for (double const edge : edges) {
+        std::int64_t low = -infinity, high = infinity; // what is not below the edge begins in (low, high]
+        while (high - low > 1) {
+            std::int64_t const middle = low + (high - low) / 2;
+            bool const reached = map.slope * static_cast<double>(float_at(middle)) + map.intercept >= edge;
+            (reached ? high : low) = middle;
+        }
+        first.push_back(float_at(high));
+    }
+    return first;
+}
+
 template <class T>
 void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
     std::vector<double> const edges(bins.edges(), bins.edges() + bins.count() + 1);
@@ -78,8 +113,11 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::ve
                  summand = (bins.map().intercept * bins.scale() - bins.scaled_low()) * bins.per_unit();
     // Of values within the bins neither product nor summand is larger than the latter and the number of bins together.
     double const unsure = 0x1p-15 + (std::abs(summand) + bins.count()) * 0x1p-21;
-    bool const trusted = !bins.far() && unsure < 0.25 && std::abs(factor) > 0x1p-100 && std::abs(factor) < 0x1p100;
+    bool const trusted = std::is_same_v<T, float> && bins.map().slope > 0 && !bins.far() && unsure < 0.25 &&
+                         std::abs(factor) > 0x1p-100 && std::abs(factor) < 0x1p100;
+    driver::DeviceList<float> const first(trusted ? first_floats(edges, bins.map()) : std::vector<float>{});
     ValueSlot const slot{list.get(),
+                         first.get(),
                          bins.count(),
                          bins.map().slope,
                          bins.map().intercept,
@@ -89,9 +127,9 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::ve
                          edges.front(),
                          edges.back(),
                          bins.far() ? 1 : 0x1p-16,
-                         static_cast<float>(factor),
+                         trusted ? static_cast<float>(factor) : std::nanf(""),
                          static_cast<float>(summand),
-                         trusted ? static_cast<float>(unsure) : 1.0F};
+                         static_cast<float>(unsure)};
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 

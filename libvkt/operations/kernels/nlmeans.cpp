@@ -32,12 +32,9 @@ public:
         changes_.resize(voxels);
         weights_.resize(voxels);
         most_.resize(voxels);
-        auto const count = static_cast<double>((2 * p.x + 1) * (2 * p.y + 1) * (2 * p.z + 1));
-        constexpr double per_exponent = 0.693147180559945309;
-        // Differences are scaled before they are squared, so that the exponent is their sum.
-        scale_ = static_cast<C>(std::min(1 / (rule.strength * std::sqrt(count * per_exponent)), 1e18));
-        double const ratio = rule.noise / rule.strength;
-        free_ = static_cast<C>(std::min(2 * ratio * ratio / per_exponent, 1e30));
+        NlMeansFactors const factors = factors_of(rule);
+        scale_ = static_cast<C>(factors.scale);
+        free_ = static_cast<C>(factors.free);
     }
 
     Losses run(Box const& tile) {

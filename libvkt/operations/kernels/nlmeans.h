@@ -5,6 +5,7 @@
 #include "libvkt/kernel/numeric.h"
 
 #include <array>
+#include <cmath>
 #include <vector>
 
 namespace vkt {
@@ -15,13 +16,27 @@ struct NlMeansRule {
     double noise = 0;    ///< standard deviation, stored values
 };
 
+/// Differences are scaled before they are squared, so that their sum over a patch, less `free`, is the exponent of 2
+/// that they cost.
+struct NlMeansFactors {
+    double scale, free;
+};
+inline NlMeansFactors factors_of(NlMeansRule const& rule) {
+    Index3 const p = rule.patch;
+    auto const count = static_cast<double>((2 * p.x + 1) * (2 * p.y + 1) * (2 * p.z + 1));
+    constexpr double per_exponent = 0.693147180559945309;
+    double const scale = 1 / (rule.strength * std::sqrt(count * per_exponent)), ratio = rule.noise / rule.strength,
+                 free = 2 * ratio * ratio / per_exponent;
+    return {scale < 1e18 ? scale : 1e18, free < 1e30 ? free : 1e30};
+}
+
 /// out(p) = in(p) + sum of w (in(q) - in(p)) / sum of w over the search box around p, with
 /// w = exp(-max(d - 2 noise^2, 0) / strength^2), d being the mean squared difference between the patches around p and
 /// q, and for q = p the largest of the others. Patches that hold what is not finite have no weight. `in` covers out.box
 /// grown by both radii.
-VKT_CPU_KERNEL(nlmeans_box,
-               (ConstView in, AnyView out, NlMeansRule const& rule, Losses& losses, Execution const& execution),
-               (in, out, rule, losses, execution))
+VKT_KERNEL(nlmeans_box,
+           (ConstView in, AnyView out, NlMeansRule const& rule, Losses& losses, Execution const& execution),
+           (in, out, rule, losses, execution))
 
 /// Memory of a thread.
 std::size_t nlmeans_bytes(DataType type, Index3 patch, Index3 search);

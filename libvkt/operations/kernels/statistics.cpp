@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/statistics.h"
 
+#include "libvkt/core/device.h"
 #include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/lanes.h"
 #include "libvkt/operations/kernels/statistics_bands.h"
 
 #include <limits>
@@ -25,29 +27,110 @@ typedef double DoubleRegister __attribute__((vector_size(register_bytes)));
 typedef std::int64_t LongRegister __attribute__((vector_size(register_bytes)));
 typedef DoubleRegister UnalignedRegister __attribute__((aligned(8), may_alias));
 template <class T> struct Loads {
-    typedef T part
-        __attribute__((vector_size(doubles * sizeof(T)), aligned(sizeof(T)), may_alias)); // widens to doubles
     typedef T full __attribute__((vector_size(register_bytes)));
     typedef T unaligned __attribute__((vector_size(register_bytes), aligned(sizeof(T)), may_alias));
 };
 
-/// Sums and extremes of rows of floats, fed chunk by chunk. Values are summed times a power of two, if Scaled.
+/// Products of numbers in 16 lanes, as mantissas and exponents. Zeros stay zeros; all else must be finite.
+class LaneProducts {
+public:
+    /// So many numbers of a type, or of products of integers of up to 64 bits, can be multiplied before split().
+    template <class T> static constexpr std::int64_t together = 1000 / (std::is_integral_v<T> ? 64 : 149) * lanes;
+
+    LaneProducts() {
+        for (auto& m : mantissa_) m += 1;
+    }
+
+    void multiply_lanes(int r, DoubleRegister factors) { mantissa_[r] *= factors; }
+    void multiply_lane(int lane, double factor) {
+        DoubleRegister factors = DoubleRegister{} + 1;
+        factors[lane % doubles] = factor;
+        multiply_lanes(lane / doubles, factors);
+        split(mantissa_[lane / doubles], exponent_[lane / doubles]);
+    }
+    void split() {
+#pragma GCC unroll 8
+        for (int r = 0; r < registers; ++r) split(mantissa_[r], exponent_[r]);
+    }
+
+    /// Numbers of type T, or of as many digits. Some more places are written to.
+    template <class T> void multiply_moderate(double* v, std::int64_t n) {
+        while (n % lanes != 0) v[n++] = 1;
+        for (std::int64_t i = 0; i < n; i += together<T>) {
+            for (std::int64_t j = i; j < std::min(n, i + together<T>); j += lanes)
+                for (int r = 0; r < registers; ++r) multiply_lanes(r, load_doubles(v + j + r * doubles));
+            split();
+        }
+    }
+    /// Any numbers.
+    void multiply(double* v, std::int64_t n) {
+        while (n % lanes != 0) v[n++] = 1;
+        for (std::int64_t i = 0; i < n; i += lanes)
+            for (int r = 0; r < registers; ++r) {
+                DoubleRegister factor = load_doubles(v + i + r * doubles);
+                DoubleRegister const size = factor < 0 ? -factor : factor;
+                LongRegister const small = size < 0x1p-900; // perhaps subnormal
+                factor = small ? factor * 0x1p200 : factor;
+                exponent_[r] += small & -200;
+                split(factor, exponent_[r]);
+                mantissa_[r] *= factor;
+                split(mantissa_[r], exponent_[r]);
+            }
+    }
+    /// 0 if any number was.
+    Product product() const {
+        if (zero()) return {0, 0};
+        long double mantissa = 1; // there is room for that many without normalising each
+        std::int64_t exponent = 0;
+        for (int j = 0; j < lanes; ++j) {
+            mantissa *= mantissa_[j / doubles][j % doubles];
+            exponent += exponent_[j / doubles][j % doubles];
+        }
+        Product all;
+        all.multiply({mantissa, exponent});
+        return all;
+    }
+    bool zero() const {
+        bool any = false;
+        for (int j = 0; j < lanes; ++j) any = any || mantissa_[j / doubles][j % doubles] == 0;
+        return any;
+    }
+
+private:
+    /// Moves the exponent of a normal number, or of what is 0, from the one to the other.
+    static void split(DoubleRegister& number, LongRegister& exponent) {
+        LongRegister const bits = reinterpret_cast<LongRegister>(number);
+        exponent += ((bits >> 52) & 0x7ff) - 1023;
+        LongRegister const one = (bits & ~(std::int64_t{0x7ff} << 52)) | (std::int64_t{1023} << 52);
+        number = number == 0 ? number : reinterpret_cast<DoubleRegister>(one);
+    }
+
+    DoubleRegister mantissa_[registers] = {};
+    LongRegister exponent_[registers] = {};
+};
+
+/// Sums and extremes of rows of floats, fed chunk by chunk, and their products if `products` is there. Values are
+/// summed times a power of two, if Scaled.
 template <class T, bool Scaled = false> class FloatRows {
 public:
-    explicit FloatRows(double shift, double scale = 1) : shift_(shift * scale), scale_(scale), nothing_(shift) {}
+    explicit FloatRows(double shift, double scale = 1, LaneProducts* products = nullptr)
+        : shift_(shift * scale), scale_(scale), nothing_(shift), products_(products) {}
 
     void add(T const* p, std::int64_t n) {
         count_ += n;
-        if (add_finite(p, n)) return;
+        if (products_ != nullptr ? add_finite<true>(p, n) : add_finite<false>(p, n)) return;
         T replaced[chunk];
+        alignas(64) double factors[chunk + lanes];
         for (std::int64_t i = 0; i < n; ++i) {
             bool const finite = p[i] - p[i] == T(0); // NOLINT(misc-redundant-expression): NaN, and what is not finite
             nan_ += p[i] != p[i];                    // NOLINT(misc-redundant-expression): NaN, and what is not finite
             above_ += p[i] == infinity;
             below_ += p[i] == -infinity;
             replaced[i] = finite ? p[i] : static_cast<T>(nothing_); // contributes nothing
+            factors[i] = finite ? static_cast<double>(p[i]) : 1;
         }
         add_sums(replaced, n);
+        if (products_ != nullptr) products_->template multiply_moderate<float>(factors, n);
     }
 
     void finish(double origin, BandStatistics& out) const {
@@ -95,40 +178,57 @@ private:
     static constexpr int width = static_cast<int>(register_bytes / sizeof(T));
     static constexpr T infinity = std::numeric_limits<T>::infinity();
 
-    /// Adds to extremes and sums in one pass; false, and nothing added to the sums, if a voxel is infinite or NaN.
-    bool add_finite(T const* p, std::int64_t n) {
+    /// Adds to extremes and sums in one pass; false, and nothing added to the sums and products, if a voxel is infinite
+    /// or NaN: such a one leaves a sum that is no number. So do finite doubles whose sum is too large, which then are
+    /// added the slow way.
+    template <bool Multiplies> bool add_finite(T const* p, std::int64_t n) {
         using Unaligned = typename Loads<T>::unaligned;
-        Full low = lows_, high = highs_, odds = Full{};
+        Full low = lows_, high = highs_;
         DoubleRegister s[registers], q[registers];
+        LaneProducts m = Multiplies ? *products_ : LaneProducts{};
         for (int r = 0; r < registers; ++r) {
             s[r] = s_[r];
             q[r] = q_[r];
         }
-        std::int64_t i = 0;
-        for (; i + lanes <= n; i += lanes) { // v - v is 0 unless v is infinite or NaN; NaN never compares less
-            __builtin_prefetch(p + i + ahead);
+        std::int64_t const whole = n / lanes * lanes;
+        for (std::int64_t begin = 0; begin < whole; begin += LaneProducts::together<float>) {
+            std::int64_t const end = std::min(whole, begin + LaneProducts::together<float>);
+            for (std::int64_t i = begin; i < end; i += lanes) {
+                __builtin_prefetch(p + i + ahead);
 #pragma GCC unroll 8
-            for (int f = 0; f < lanes; f += width) {
-                Full const v = *reinterpret_cast<Unaligned const*>(p + i + f);
-                low = v < low ? v : low;
-                high = v > high ? v : high;
-                odds += v - v; // NOLINT(misc-redundant-expression): NaN, and what is not finite
+                for (int f = 0; f < lanes; f += width) { // NaN never compares less
+                    Full const v = *reinterpret_cast<Unaligned const*>(p + i + f);
+                    low = v < low ? v : low;
+                    high = v > high ? v : high;
+                }
+#pragma GCC unroll 8
+                for (int r = 0; r < registers; ++r) {
+                    DoubleRegister const v = load_doubles(p + i + r * doubles);
+                    add_register(v, s[r], q[r]);
+                    if constexpr (Multiplies) m.multiply_lanes(r, v);
+                }
             }
-            add_lanes(p + i, s, q);
+            if constexpr (Multiplies) m.split();
         }
         lows_ = low;
         highs_ = high;
         T odd = T(0);
-        for (int j = 0; j < width; ++j) odd += odds[j];
-        std::int64_t const tail = i;
-        for (; i < n; ++i) {
+        for (std::int64_t i = whole; i < n; ++i) {
             low_ = p[i] < low_ ? p[i] : low_;
             high_ = p[i] > high_ ? p[i] : high_;
             odd += p[i] - p[i]; // NOLINT(misc-redundant-expression): NaN, and what is not finite
         }
+        DoubleRegister odds = DoubleRegister{};
+        for (int r = 0; r < registers; ++r) odds += s[r] - s[r]; // NOLINT(misc-redundant-expression): as well
+        for (int j = 0; j < doubles; ++j) odd += static_cast<T>(odds[j]);
         if (odd != T(0)) return false;
         keep(s, q);
-        add_tail(p + tail, n - tail);
+        add_tail(p + whole, n - whole);
+        if constexpr (Multiplies) {
+            for (std::int64_t i = whole; i < n; ++i)
+                m.multiply_lane(static_cast<int>(i - whole), static_cast<double>(p[i]));
+            *products_ = m;
+        }
         return true;
     }
 
@@ -145,15 +245,14 @@ private:
     }
 
     void add_lanes(T const* p, DoubleRegister* s, DoubleRegister* q) const {
-        using Part = typename Loads<T>::part;
 #pragma GCC unroll 8
-        for (int r = 0; r < registers; ++r) {
-            DoubleRegister v = __builtin_convertvector(*reinterpret_cast<Part const*>(p + r * doubles), DoubleRegister);
-            if constexpr (Scaled) v *= scale_;
-            DoubleRegister const d = v - shift_;
-            s[r] += d;
-            q[r] += d * d;
-        }
+        for (int r = 0; r < registers; ++r) add_register(load_doubles(p + r * doubles), s[r], q[r]);
+    }
+    void add_register(DoubleRegister v, DoubleRegister& s, DoubleRegister& q) const {
+        if constexpr (Scaled) v *= scale_;
+        DoubleRegister const d = v - shift_;
+        s += d;
+        q += d * d;
     }
     void keep(DoubleRegister const* s, DoubleRegister const* q) {
         for (int r = 0; r < registers; ++r) {
@@ -177,6 +276,7 @@ private:
     }
 
     double shift_, scale_, nothing_; ///< nothing: the shift, unscaled
+    LaneProducts* products_;
     DoubleRegister s_[registers] = {}, q_[registers] = {};
     double tail_s_[lanes] = {}, tail_q_[lanes] = {};
     Full lows_ = Full{} + infinity, highs_ = Full{} - infinity;
@@ -204,12 +304,12 @@ template <class T> double shift_of(Band<T> const& band) {
     return 0;
 }
 
-template <class T> void float_band(Band<T> band, double origin, BandStatistics& out) {
+template <class T> void float_band(Band<T> band, double origin, LaneProducts* products, BandStatistics& out) {
     double const shift = shift_of(band);
     // Rows without a tail fill the lanes the same way when they are one long row.
     if (band.length == band.pitch && band.length % lanes == 0) band = {band.voxels, band.length * band.rows, 1, 0};
     if constexpr (std::is_same_v<T, Half>) {
-        FloatRows<float> rows(shift);
+        FloatRows<float> rows(shift, 1, products);
         float wide[chunk];
         band.for_each_run([&](T const* p, std::int64_t n) {
             for (std::int64_t j = 0; j < n; ++j) wide[j] = static_cast<float>(p[j]);
@@ -217,7 +317,7 @@ template <class T> void float_band(Band<T> band, double origin, BandStatistics& 
         });
         rows.finish(origin, out);
     } else {
-        FloatRows<T> rows(shift);
+        FloatRows<T> rows(shift, 1, products);
         band.for_each_run([&](T const* p, std::int64_t n) { rows.add(p, n); });
         rows.finish(origin, out);
         if constexpr (std::is_same_v<T, double>) {
@@ -291,63 +391,6 @@ template <class T> void integer_band(Band<T> band, Int128 origin, BandStatistics
     out.range = {true, static_cast<double>(low), static_cast<double>(high), low, high};
 }
 
-/// Products of numbers in 16 lanes, as mantissas and exponents. Zeros stay zeros; all else must be finite.
-class LaneProducts {
-public:
-    /// Numbers of magnitudes from 2^-Digits to 2^Digits, a multiple of the lanes of them.
-    template <int Digits> void multiply_moderate(double const* v, std::int64_t n) {
-        constexpr std::int64_t together = 1000 / Digits * lanes;
-        for (std::int64_t i = 0; i < n; i += together) {
-            for (std::int64_t j = i; j < std::min(n, i + together); j += lanes)
-                for (int r = 0; r < registers; ++r)
-                    mantissa_[r] *= *reinterpret_cast<UnalignedRegister const*>(v + j + r * doubles);
-            for (int r = 0; r < registers; ++r) split(mantissa_[r], exponent_[r]);
-        }
-    }
-    /// Any numbers.
-    void multiply(double const* v, std::int64_t n) {
-        for (std::int64_t i = 0; i < n; i += lanes)
-            for (int r = 0; r < registers; ++r) {
-                DoubleRegister factor = *reinterpret_cast<UnalignedRegister const*>(v + i + r * doubles);
-                DoubleRegister const size = factor < 0 ? -factor : factor;
-                LongRegister const small = size < 0x1p-900; // perhaps subnormal
-                factor = small ? factor * 0x1p200 : factor;
-                exponent_[r] += small & -200;
-                split(factor, exponent_[r]);
-                mantissa_[r] *= factor;
-                split(mantissa_[r], exponent_[r]);
-            }
-    }
-    Product product() const {
-        Product all;
-        for (int j = 0; j < lanes; ++j)
-            all.multiply({mantissa_[j / doubles][j % doubles], exponent_[j / doubles][j % doubles]});
-        return all;
-    }
-    bool zero() const {
-        bool any = false;
-        for (int j = 0; j < lanes; ++j) any = any || mantissa_[j / doubles][j % doubles] == 0;
-        return any;
-    }
-
-private:
-    /// Moves the exponent of a normal number, or of what is 0, from the one to the other.
-    static void split(DoubleRegister& number, LongRegister& exponent) {
-        LongRegister const bits = reinterpret_cast<LongRegister>(number);
-        exponent += ((bits >> 52) & 0x7ff) - 1023;
-        LongRegister const one = (bits & ~(std::int64_t{0x7ff} << 52)) | (std::int64_t{1023} << 52);
-        number = number == 0 ? number : reinterpret_cast<DoubleRegister>(one);
-    }
-
-    DoubleRegister mantissa_[registers] = {};
-    LongRegister exponent_[registers] = {};
-
-public:
-    LaneProducts() {
-        for (auto& m : mantissa_) m += 1;
-    }
-};
-
 /// to[i]: products of integers of at most 16 bits, several at a time: 48 bits, which double has exactly. Returns how
 /// many.
 template <class T> std::int64_t multiply_together(T const* p, std::int64_t n, double* to) {
@@ -390,16 +433,13 @@ template <class T> Product product_of(Band<T> const& band, ValueMap const& map) 
                 factors[i] = value - value == 0 ? value : 1;
             }
         }
-        while (n % lanes != 0) factors[n++] = 1;
-        if (std::is_same_v<T, double> || mapped)
+        if (mapped || !std::is_integral_v<T>)
             products.multiply(factors, n);
-        else if (!std::is_integral_v<T>)
-            products.template multiply_moderate<149>(factors, n);
         else
-            products.template multiply_moderate<64>(factors, n);
+            products.multiply_moderate<T>(factors, n);
         zero = products.zero();
     });
-    return zero ? Product{0, 0} : products.product();
+    return products.product();
 }
 
 template <class T>
@@ -408,15 +448,20 @@ void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_
     View<T const> const in = slab.as<T>();
     Index3 const n = slab.dims(), lower = slab.box.lower;
     std::int64_t const rows = rows_in_band(n, slab.type), per_slice = bands_in_slice(n, slab.type);
+    bool const at_once = (std::is_same_v<T, float> || std::is_same_v<T, Half>)&&product_map != nullptr &&
+                         *product_map == ValueMap{}; // products while voxels are added up
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
     for (std::int64_t b = 0; b < per_slice * n.z; ++b) {
         std::int64_t const y = b % per_slice * rows;
         Band<T> const band{&in(lower.x, lower.y + y, lower.z + b / per_slice), n.x, std::min(rows, n.y - y), in.row};
+        LaneProducts products;
         if constexpr (std::is_integral_v<T>)
             integer_band(band, origin.integer, bands[b]);
         else
-            float_band(band, origin.value, bands[b]);
-        bands[b].product = product_map != nullptr ? product_of(band, *product_map) : Product{};
+            float_band(band, origin.value, at_once ? &products : nullptr, bands[b]);
+        bands[b].product = product_map == nullptr ? Product{}
+                           : at_once              ? products.product()
+                                                  : product_of(band, *product_map);
     }
 }
 
@@ -425,6 +470,10 @@ void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
                      Execution const& execution) {
     for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, product_map, bands, execution.threads); });
+}
+
+void slice_statistics(ConstView, MeanOrigin const&, ValueMap const*, SliceStatistics*, Execution const&) {
+    throw_without_cuda(); // CPUs merge bands on the host
 }
 
 } // namespace VKT_BACKEND

@@ -87,7 +87,8 @@ template <class T> __device__ double shift_of(DeviceBand<T> const& band, Lane co
     return 0;
 }
 
-/// Calls f(value) for the voxels of this lane: those of whole groups of 16 first, then tail(value) for the others.
+/// Calls f(values) for the voxels of this lane, some at once: those of whole groups of 16 first, then tail(value) for
+/// the others.
 template <class T, class F, class Tail>
 __device__ void for_lane(DeviceBand<T> const& band, Lane const& lane, F const& f, Tail const& tail) {
     constexpr int together = 8;
@@ -99,12 +100,24 @@ __device__ void for_lane(DeviceBand<T> const& band, Lane const& lane, F const& f
             T v[together];
 #pragma unroll
             for (int k = 0; k < together; ++k) v[k] = row[i + k * lanes];
-#pragma unroll
-            for (int k = 0; k < together; ++k) f(v[k]);
+            f(v);
         }
-        for (; i < whole; i += lanes) f(row[i]);
+        for (; i < whole; i += lanes) {
+            T const v[1] = {row[i]};
+            f(v);
+        }
         if (i < band.length) tail(row[i]);
     }
+}
+/// The same one by one.
+template <class T, class F> __device__ void for_each_of_lane(DeviceBand<T> const& band, Lane const& lane, F const& f) {
+    for_lane(
+        band, lane,
+        [&]<int N>(T const(&v)[N]) {
+#pragma unroll
+            for (int k = 0; k < N; ++k) f(v[k]);
+        },
+        f);
 }
 
 /// Sums in which nothing is known of what is not finite.
@@ -121,10 +134,12 @@ __device__ LaneSums sums_of(DeviceBand<T> const& band, Lane const& lane, double 
     };
     for_lane(
         band, lane,
-        [&](T v) {
-            double const d = difference(v);
-            sums.s += d;
-            sums.q += d * d;
+        [&]<int N>(T const(&v)[N]) {
+            for (int k = 0; k < N; ++k) {
+                double const d = difference(v[k]);
+                sums.s += d;
+                sums.q += d * d;
+            }
         },
         [&](T v) {
             double const d = difference(v);
@@ -134,31 +149,139 @@ __device__ LaneSums sums_of(DeviceBand<T> const& band, Lane const& lane, double 
     return sums;
 }
 
-template <class T> __global__ void __launch_bounds__(block) float_bands(T const* in, Bands bands, FloatBand* out) {
+/// Moves the exponent of a normal number, or of 0, from the one to the other.
+__device__ __forceinline__ void split(double& number, std::int64_t& exponent) {
+    int const high = __double2hiint(number);
+    if ((high & 0x7fffffff) == 0) return;
+    exponent += (high >> 20 & 0x7ff) - 1023;
+    number = __hiloint2double((high & static_cast<int>(0x800fffff)) | 0x3ff00000, __double2loint(number));
+}
+__device__ void multiply(LaneProduct& product, double factor) {
+    if (fabs(factor) < 0x1p-900) { // perhaps subnormal
+        factor *= 0x1p200;
+        product.exponent -= 200;
+    }
+    split(factor, product.exponent);
+    product.mantissa *= factor;
+    split(product.mantissa, product.exponent);
+}
+
+/// A factor a host takes as long double: rounded to 64 bits, to even.
+__device__ void multiply(BandProduct& product, BandProduct const& factor) {
+    if (product.mantissa == 0 || factor.mantissa == 0) {
+        product = {0, 0, 0};
+        return;
+    }
+    std::uint64_t high = __umul64hi(product.mantissa, factor.mantissa), low = product.mantissa * factor.mantissa;
+    product.exponent += factor.exponent;
+    product.negative ^= factor.negative;
+    if (high >> 63 != 0) {
+        ++product.exponent;
+    } else {
+        high = high << 1 | low >> 63;
+        low <<= 1;
+    }
+    constexpr std::uint64_t half = std::uint64_t{1} << 63;
+    if (low > half || (low == half && (high & 1) != 0)) ++high;
+    if (high == 0) {
+        high = half;
+        ++product.exponent;
+    }
+    product.mantissa = high;
+}
+
+/// What the lanes of a band multiplied, in their order; the same in all of them.
+__device__ BandProduct product_of(LaneProduct const& own, Lane const& lane) {
+    BandProduct all;
+    for (int j = 0; j < lanes; ++j) {
+        double const mantissa = __shfl_sync(lane.mask, own.mantissa, j, lanes);
+        auto const bits = static_cast<std::uint64_t>(__double_as_longlong(mantissa));
+        BandProduct const factor{mantissa == 0 ? 0 : (bits << 11) | std::uint64_t{1} << 63,
+                                 __shfl_sync(lane.mask, own.exponent, j, lanes), static_cast<std::int64_t>(bits >> 63)};
+        multiply(all, factor);
+    }
+    return all;
+}
+
+/// What is looked for beside sums, in the voxels' own type.
+template <class T> struct Looks {
+    unsigned nan = 0, above = 0, below = 0;
+    T low = T(HUGE_VAL), high = T(-HUGE_VAL);
+
+    __device__ void at(T v) {
+        low = v < low ? v : low;
+        high = v > high ? v : high;
+    }
+    __device__ void at_odd(T v) {
+        nan += v != v ? 1 : 0;
+        above += v == T(HUGE_VAL) ? 1 : 0;
+        below += v == T(-HUGE_VAL) ? 1 : 0;
+        at(v);
+    }
+};
+
+/// Sums of floats; and their products, where Products: of floats of up to 32 bits, four of which double has room for
+/// beside a mantissa.
+template <class T, bool Products>
+__global__ void __launch_bounds__(block, 8)
+    float_bands(T const* in, Bands bands, FloatBand* out, BandProduct* products) {
+    using Wide = std::conditional_t<std::is_same_v<T, double>, double, float>;
     Lane const lane = this_lane();
     if (lane.band >= bands.count) return;
     DeviceBand<T> const as_it_is = band_at(in, bands, lane.band), band = joined(as_it_is);
     double const shift = shift_of(as_it_is, lane);
     FloatBand result;
-    unsigned nan = 0, above = 0, below = 0;
-    double low = HUGE_VAL, high = -HUGE_VAL;
-    auto const look = [&](T voxel) {
-        double const v = static_cast<double>(voxel);
-        nan += v != v ? 1 : 0;
-        above += v == HUGE_VAL ? 1 : 0;
-        below += v == -HUGE_VAL ? 1 : 0;
-        low = v < low ? v : low;
-        high = v > high ? v : high;
-    };
+    Looks<Wide> looks;
     LaneSums sums;
-    auto const add = [&](T v, double& s, double& q) {
-        double const wide = static_cast<double>(v), d = is_finite(wide) ? wide - shift : 0.0;
+    LaneProduct product;
+    auto const add_finite = [&](double v, double& s, double& q) {
+        double const d = v - shift;
         s += d;
         q += d * d;
-        look(v);
     };
     for_lane(
-        band, lane, [&](T v) { add(v, sums.s, sums.q); }, [&](T v) { add(v, sums.tail_s, sums.tail_q); });
+        band, lane,
+        [&]<int N>(T const(&voxels)[N]) {
+            Wide v[N], odd = 0; // NaN, if one of them is not finite
+#pragma unroll
+            for (int k = 0; k < N; ++k) {
+                v[k] = static_cast<Wide>(voxels[k]);
+                odd = fma(v[k], Wide(0), odd);
+            }
+            if (odd == 0) {
+#pragma unroll
+                for (int k = 0; k < N; ++k) {
+                    double const wide = static_cast<double>(v[k]);
+                    looks.at(v[k]);
+                    add_finite(wide, sums.s, sums.q);
+                    if constexpr (Products) {
+                        product.mantissa *= wide;
+                        if (k % 4 == 3 || k == N - 1) split(product.mantissa, product.exponent);
+                    }
+                }
+                return;
+            }
+            for (int k = 0; k < N; ++k) {
+                looks.at_odd(v[k]);
+                if (!is_finite(v[k])) continue;
+                add_finite(static_cast<double>(v[k]), sums.s, sums.q);
+                if constexpr (Products) {
+                    product.mantissa *= static_cast<double>(v[k]);
+                    split(product.mantissa, product.exponent);
+                }
+            }
+        },
+        [&](T voxel) {
+            Wide const v = static_cast<Wide>(voxel);
+            looks.at_odd(v);
+            if (!is_finite(v)) return;
+            add_finite(static_cast<double>(v), sums.tail_s, sums.tail_q);
+            if constexpr (Products) {
+                product.mantissa *= static_cast<double>(v);
+                split(product.mantissa, product.exponent);
+            }
+        });
+    double const low = static_cast<double>(looks.low), high = static_cast<double>(looks.high);
     result.scale = 1;
     if constexpr (std::is_same_v<T, double>) {
         // As CPUs decide: sums, differences or squares beyond double, or squares so small that they may be lost.
@@ -178,15 +301,19 @@ template <class T> __global__ void __launch_bounds__(block) float_bands(T const*
         }
     }
     result.count = as_it_is.length * as_it_is.rows;
-    result.nan = added(nan, lane);
-    result.above = added(above, lane);
-    result.below = added(below, lane);
+    result.nan = added(looks.nan, lane);
+    result.above = added(looks.above, lane);
+    result.below = added(looks.below, lane);
     result.sum = folded(sums.s + sums.tail_s, lane);
     result.squares = folded(sums.q + sums.tail_q, lane);
     result.shift = shift;
     result.low = least(low, lane);
     result.high = most(high, lane);
     if (lane.index == 0) out[lane.band] = result;
+    if constexpr (Products) {
+        BandProduct const all = product_of(product, lane);
+        if (lane.index == 0) products[lane.band] = all;
+    }
 }
 
 template <class T> __global__ void __launch_bounds__(block) integer_bands(T const* in, Bands bands, IntegerBand* out) {
@@ -207,7 +334,7 @@ template <class T> __global__ void __launch_bounds__(block) integer_bands(T cons
         squares_low += square & 0xffffffffu;
         squares_high += square >> 32;
     };
-    for_lane(band, lane, add, add);
+    for_each_of_lane(band, lane, add);
     IntegerBand result;
     result.count = band.length * band.rows;
     result.low = static_cast<std::int64_t>(least(low, lane));
@@ -261,46 +388,6 @@ template <class T> __global__ void __launch_bounds__(block) wide_bands(T const* 
     if (lane.index == 0) out[lane.band] = result;
 }
 
-/// Moves the exponent of a normal number from the one to the other.
-__device__ void split(double& number, std::int64_t& exponent) {
-    if (number == 0) return;
-    auto const bits = static_cast<std::uint64_t>(__double_as_longlong(number));
-    exponent += static_cast<std::int64_t>(bits >> 52 & 0x7ff) - 1023;
-    number = __longlong_as_double(
-        static_cast<std::int64_t>((bits & ~(std::uint64_t{0x7ff} << 52)) | std::uint64_t{1023} << 52));
-}
-__device__ void multiply(LaneProduct& product, double factor) {
-    if (fabs(factor) < 0x1p-900) { // perhaps subnormal
-        factor *= 0x1p200;
-        product.exponent -= 200;
-    }
-    split(factor, product.exponent);
-    product.mantissa *= factor;
-    split(product.mantissa, product.exponent);
-}
-
-/// A factor a host takes as long double: rounded to 64 bits, to even.
-__device__ void multiply(BandProduct& product, LaneProduct const& factor) {
-    auto const bits = static_cast<std::uint64_t>(__double_as_longlong(factor.mantissa));
-    std::uint64_t const digits = (bits << 11) | std::uint64_t{1} << 63;
-    std::uint64_t high = __umul64hi(product.mantissa, digits), low = product.mantissa * digits;
-    product.exponent += factor.exponent;
-    product.negative ^= static_cast<std::int64_t>(bits >> 63);
-    if (high >> 63 != 0) {
-        ++product.exponent;
-    } else {
-        high = high << 1 | low >> 63;
-        low <<= 1;
-    }
-    constexpr std::uint64_t half = std::uint64_t{1} << 63;
-    if (low > half || (low == half && (high & 1) != 0)) ++high;
-    if (high == 0) {
-        high = half;
-        ++product.exponent;
-    }
-    product.mantissa = high;
-}
-
 /// Products of bands, in the order in which CPUs multiply.
 template <class T>
 __global__ void __launch_bounds__(block)
@@ -339,58 +426,208 @@ __global__ void __launch_bounds__(block)
             }
             zero = __any_sync(lane.mask, product.mantissa == 0);
         }
-    BandProduct all;
-    for (int j = 0; j < lanes; ++j)
-        multiply(all, LaneProduct{__shfl_sync(lane.mask, product.mantissa, j, lanes),
-                                  __shfl_sync(lane.mask, product.exponent, j, lanes)});
+    BandProduct const all = product_of(product, lane);
     if (lane.index == 0) out[lane.band] = zero ? BandProduct{0, 0, 0} : all;
 }
 
-// Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
-template <class T, class Band> Band const* launch_bands(T const* in, Bands const& bands, Buffer& memory) {
-    memory.reserve(static_cast<std::size_t>(bands.count) * sizeof(Band));
-    auto* const out = reinterpret_cast<Band*>(memory.write(Space::device));
-    auto const blocks = static_cast<unsigned>((bands.count * lanes + block - 1) / block);
-    if constexpr (!std::is_integral_v<T>)
-        float_bands<T><<<blocks, block>>>(in, bands, out);
-    else if constexpr (sizeof(T) <= 4)
-        integer_bands<T><<<blocks, block>>>(in, bands, out);
-    else
-        wide_bands<T><<<blocks, block>>>(in, bands, out);
-    check_launch("statistics");
-    return reinterpret_cast<Band const*>(memory.read(Space::host));
+/// An array that no constructor touches, as memory shared by a block wants it.
+template <class T, int N> struct Shared {
+    alignas(T) unsigned char bytes[N * sizeof(T)];
+    __device__ T& operator[](int i) { return reinterpret_cast<T*>(bytes)[i]; }
+};
+
+/// Bands of a slice merged in their order: the first warp has moments or integer sums, the second products, the third
+/// extremes.
+constexpr int merging = 32;
+template <class Band>
+__global__ void __launch_bounds__(3 * merging)
+    merge_bands(Band const* bands, BandProduct const* products, std::int64_t per_slice, double origin, SliceSums* out) {
+    std::int64_t const first = blockIdx.x * per_slice;
+    SliceSums& slice = out[blockIdx.x];
+    int const lane = static_cast<int>(threadIdx.x % merging), part = static_cast<int>(threadIdx.x / merging);
+    constexpr bool floats = std::is_same_v<Band, FloatBand>;
+    if (part == 0) {
+        __shared__ Shared<FloatMoments, merging> moments;
+        __shared__ Int128 sums[merging];
+        __shared__ Unsigned128 squares[merging];
+        FloatMoments all = slice.moments;
+        Int128 sum = 0;
+        Unsigned128 square = 0;
+        for (std::int64_t b = 0; b < per_slice; b += merging) {
+            auto const count = static_cast<int>(min(static_cast<std::int64_t>(merging), per_slice - b));
+            if constexpr (floats) {
+                if (lane < count) moments[lane] = moments_of(bands[first + b + lane], origin);
+                __syncwarp();
+                for (int j = 0; j < count && lane == 0; ++j) all.append(moments[j]);
+                __syncwarp();
+            } else if (lane < count) {
+                Band const& band = bands[first + b + lane];
+                sum += band.sum;
+                square += (static_cast<Unsigned128>(band.squares_high) << 32) + band.squares_low;
+                all.finite += band.count;
+            }
+        }
+        if constexpr (!floats) {
+            sums[lane] = sum;
+            squares[lane] = square;
+            moments[lane].finite = all.finite;
+            __syncwarp();
+            for (int j = 1; j < merging && lane == 0; ++j) {
+                sum += sums[j];
+                square += squares[j];
+                all.finite += moments[j].finite;
+            }
+        }
+        if (lane == 0) {
+            slice.moments = all;
+            slice.sum = sum;
+            slice.squares = square;
+        }
+    } else if (part == 1 && products != nullptr) {
+        __shared__ Shared<BandProduct, merging> factors;
+        BandProduct all = slice.product;
+        for (std::int64_t b = 0; b < per_slice; b += merging) {
+            auto const count = static_cast<int>(min(static_cast<std::int64_t>(merging), per_slice - b));
+            if (lane < count) factors[lane] = products[first + b + lane];
+            __syncwarp();
+            for (int j = 0; j < count && lane == 0; ++j) multiply(all, factors[j]);
+            __syncwarp();
+        }
+        if (lane == 0) slice.product = all;
+    } else if (part == 2) {
+        using V = std::conditional_t<floats, double, std::int64_t>;
+        V low = 0, high = 0;
+        std::int64_t low_band = -1, high_band = -1;
+        auto const look = [&](V l, std::int64_t l_band, V h, std::int64_t h_band) {
+            if (l_band >= 0 && (low_band < 0 || l < low || (l == low && l_band < low_band))) {
+                low = l;
+                low_band = l_band;
+            }
+            if (h_band >= 0 && (high_band < 0 || high < h || (h == high && h_band < high_band))) {
+                high = h;
+                high_band = h_band;
+            }
+        };
+        for (std::int64_t b = lane; b < per_slice; b += merging) {
+            Band const& band = bands[first + b];
+            bool valid = true;
+            if constexpr (floats) valid = band.count > band.nan;
+            look(band.low, valid ? b : -1, band.high, valid ? b : -1);
+        }
+        for (int half = merging / 2; half > 0; half /= 2) {
+            V const l = __shfl_down_sync(~0u, low, half), h = __shfl_down_sync(~0u, high, half);
+            std::int64_t const l_band = __shfl_down_sync(~0u, low_band, half),
+                               h_band = __shfl_down_sync(~0u, high_band, half);
+            look(l, l_band, h, h_band);
+        }
+        if (lane == 0) {
+            if constexpr (floats) {
+                slice.low = low;
+                slice.high = high;
+            } else {
+                slice.lowest = low;
+                slice.highest = high;
+            }
+            slice.low_band = low_band;
+            slice.high_band = high_band;
+        }
+    }
 }
 
+/// Bands in device memory.
+template <class Band> struct SummedBands {
+    Buffer memory, product_memory;
+    Band const* bands() { return reinterpret_cast<Band const*>(memory.read(Space::device)); }
+    BandProduct const* products() {
+        return product_memory.bytes() == 0 ? nullptr
+                                           : reinterpret_cast<BandProduct const*>(product_memory.read(Space::device));
+    }
+};
+
+template <class T> using BandOf = std::conditional_t<std::is_integral_v<T>, IntegerBand, FloatBand>;
+
+// Kernels are launched from function templates: those that only a generic lambda instantiates are not found.
 template <class T>
-BandProduct const* launch_products(T const* in, Bands const& bands, ValueMap const& map, Buffer& memory) {
-    memory.reserve(static_cast<std::size_t>(bands.count) * sizeof(BandProduct));
-    auto* const out = reinterpret_cast<BandProduct*>(memory.write(Space::device));
+void sum_bands(ConstView slab, Bands const& bands, ValueMap const* product_map, SummedBands<BandOf<T>>& summed) {
+    auto const* const in = reinterpret_cast<T const*>(slab.data);
+    auto const count = static_cast<std::size_t>(bands.count);
+    summed.memory.reserve(count * sizeof(BandOf<T>));
+    auto* const out = reinterpret_cast<BandOf<T>*>(summed.memory.write(Space::device));
+    BandProduct* products = nullptr;
+    if (product_map != nullptr) {
+        summed.product_memory.reserve(count * sizeof(BandProduct));
+        products = reinterpret_cast<BandProduct*>(summed.product_memory.write(Space::device));
+    }
     auto const blocks = static_cast<unsigned>((bands.count * lanes + block - 1) / block);
-    product_bands<T><<<blocks, block>>>(in, bands, !(map == ValueMap{}), map.slope, map.intercept, out);
+    bool const mapped = product_map != nullptr && !(*product_map == ValueMap{});
+    bool multiplied = product_map == nullptr;
+    if constexpr (!std::is_integral_v<T>) {
+        if (sizeof(T) <= 4 && product_map != nullptr && !mapped) {
+            float_bands<T, sizeof(T) <= 4><<<blocks, block>>>(in, bands, out, products);
+            multiplied = true;
+        } else {
+            float_bands<T, false><<<blocks, block>>>(in, bands, out, nullptr);
+        }
+    } else if constexpr (sizeof(T) <= 4) {
+        integer_bands<T><<<blocks, block>>>(in, bands, out);
+    } else {
+        wide_bands<T><<<blocks, block>>>(in, bands, out);
+    }
+    check_launch("statistics");
+    if (multiplied) return;
+    product_bands<T><<<blocks, block>>>(in, bands, mapped, product_map->slope, product_map->intercept, products);
     check_launch("products");
-    return reinterpret_cast<BandProduct const*>(memory.read(Space::host));
 }
 
 template <class T>
 void bands_of(ConstView slab, Bands const& bands, MeanOrigin const& origin, ValueMap const* product_map,
               BandStatistics* to, int threads) {
-    using Band = std::conditional_t<std::is_integral_v<T>, IntegerBand, FloatBand>;
-    auto const* const in = reinterpret_cast<T const*>(slab.data);
-    Buffer memory;
-    finish_bands(launch_bands<T, Band>(in, bands, memory), bands.count, slab.type, origin, to, threads);
+    SummedBands<BandOf<T>> summed;
+    sum_bands<T>(slab, bands, product_map, summed);
+    finish_bands(reinterpret_cast<BandOf<T> const*>(summed.memory.read(Space::host)), bands.count, slab.type, origin,
+                 to, threads);
     if (product_map != nullptr)
-        finish_products(launch_products(in, bands, *product_map, memory), bands.count, to, threads);
+        finish_products(reinterpret_cast<BandProduct const*>(summed.product_memory.read(Space::host)), bands.count, to,
+                        threads);
+}
+
+template <class T>
+void slices_of(ConstView slab, Bands const& bands, MeanOrigin const& origin, ValueMap const* product_map,
+               SliceStatistics* slices) {
+    std::int64_t const count = slab.dims().z;
+    SummedBands<BandOf<T>> summed;
+    sum_bands<T>(slab, bands, product_map, summed);
+    Buffer memory(static_cast<std::size_t>(count) * sizeof(SliceSums));
+    auto* const begun = reinterpret_cast<SliceSums*>(memory.write(Space::host));
+    for (std::int64_t z = 0; z < count; ++z) begun[z] = begin_slice(slices[z]);
+    auto* const sums = reinterpret_cast<SliceSums*>(memory.update(Space::device));
+    merge_bands<BandOf<T>><<<static_cast<unsigned>(count), 3 * merging>>>(summed.bands(), summed.products(),
+                                                                          bands.per_slice, origin.value, sums);
+    check_launch("statistics of slices");
+    auto const* const finished = reinterpret_cast<SliceSums const*>(memory.read(Space::host));
+    for (std::int64_t z = 0; z < count; ++z) finish_slice(finished[z], slab.type, slices[z]);
+}
+
+Bands bands_in(ConstView slab) {
+    Index3 const n = slab.dims();
+    std::int64_t const per_slice = bands_in_slice(n, slab.type);
+    return {n.x, rows_in_band(n, slab.type), slab.row, slab.slice, n.y, per_slice, per_slice * n.z};
 }
 
 } // namespace
 
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
                      Execution const& execution) {
-    Index3 const n = slab.dims();
-    std::int64_t const per_slice = bands_in_slice(n, slab.type);
-    Bands const cut{n.x, rows_in_band(n, slab.type), slab.row, slab.slice, n.y, per_slice, per_slice * n.z};
-    for_each_type(slab.type,
-                  [&]<class T>(T) { bands_of<T>(slab, cut, origin, product_map, bands, execution.threads); });
+    for_each_type(slab.type, [&]<class T>(T) {
+        bands_of<T>(slab, bands_in(slab), origin, product_map, bands, execution.threads);
+    });
+}
+
+void slice_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, SliceStatistics* slices,
+                      Execution const&) {
+    for_each_type(slab.type, [&]<class T>(T) {
+        if constexpr (sizeof(T) <= 4) slices_of<T>(slab, bands_in(slab), origin, product_map, slices);
+    });
 }
 
 } // namespace VKT_BACKEND

@@ -13,4 +13,13 @@ VKT_KERNEL(band_statistics,
             Execution const& execution),
            (slab, origin, product_map, bands, execution))
 
+/// Appends the bands of each slice to slices[z]; bands are numbered from 0 in their slice. On GPUs, where
+/// has_slice_sums().
+VKT_KERNEL(slice_statistics,
+           (ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, SliceStatistics* slices,
+            Execution const& execution),
+           (slab, origin, product_map, slices, execution))
+/// Sums of these voxels need neither long double nor a fixed order of more than doubles.
+inline bool has_slice_sums(DataType type) { return size_of(type) <= 4; }
+
 } // namespace vkt

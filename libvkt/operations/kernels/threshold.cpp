@@ -3,7 +3,12 @@
 #include "libvkt/operations/kernels/threshold.h"
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/map_stored.h"
 #include "libvkt/kernel/rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
 namespace vkt {
 
@@ -16,6 +21,48 @@ template <class C> struct Inside {
 };
 template <class C> struct InsideOrNan : Inside<C> {
     VKT_HD bool undefined(C v) const { return v != v; }
+};
+
+/// to[i] = 1 if voxel i is in the range; the loop is a vector of the smaller of both types.
+template <class T> void inside_row(std::int64_t n, T const low, T const high, T const* from, std::uint8_t* to) {
+#pragma omp simd
+    for (std::int64_t i = 0; i < n; ++i)
+        to[i] = static_cast<std::uint8_t>((from[i] >= low ? 1 : 0) & (from[i] <= high ? 1 : 0));
+}
+
+/// Floats: compared as they lie on CPUs.
+struct InsideFloats : InsideOrNan<float> {
+    bool takes_stored(DataType, DataType in) const { return in == DataType::float32; }
+    Losses stored_row(std::int64_t n, std::byte* to, std::byte const* in) const {
+        auto const* const from = reinterpret_cast<float const*>(in);
+        inside_row(n, low, high, from, reinterpret_cast<std::uint8_t*>(to));
+        std::int32_t nan = 0;
+#pragma omp simd reduction(+ : nan)
+        for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i)
+            nan += from[i] != from[i] ? 1 : 0; // NOLINT(misc-redundant-expression): NaN
+        return {0, 0, nan};
+    }
+};
+
+/// Integers that float holds: as well.
+struct InsideIntegers : Inside<float> {
+    DataType type;
+
+    bool takes_stored(DataType, DataType) const { return true; }
+    Losses stored_row(std::int64_t n, std::byte* to, std::byte const* in) const {
+        for_each_type(type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
+                constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
+                float const first = std::ceil(std::max(low, lowest)), last = std::floor(std::min(high, highest));
+                auto* const inside = reinterpret_cast<std::uint8_t*>(to);
+                if (first <= last)
+                    inside_row(n, static_cast<T>(first), static_cast<T>(last), reinterpret_cast<T const*>(in), inside);
+                else
+                    std::fill_n(inside, n, std::uint8_t{0});
+            }
+        });
+        return {};
+    }
 };
 struct InsideMapped : InsideOrNan<double> {
     double slope, intercept;
@@ -52,8 +99,13 @@ void threshold_box(ConstView in, AnyView out, ThresholdRule const& rule, Losses&
         return map<Int128>(execution, out, losses, closed<Int128>(rule, 1), in);
     with_compute_type(in.type, [&]<class C>(C) {
         Inside<C> const inside = closed<C>(rule, static_cast<C>(infinite));
-        if (is_integer(in.type)) return map<C>(execution, out, losses, inside, in);
-        map<C>(execution, out, losses, InsideOrNan<C>{inside}, in);
+        if constexpr (std::is_same_v<C, float>) {
+            if (is_integer(in.type)) return map_stored<C>(execution, out, losses, InsideIntegers{inside, in.type}, in);
+            return map_stored<C>(execution, out, losses, InsideFloats{{inside}}, in);
+        } else {
+            if (is_integer(in.type)) return map<C>(execution, out, losses, inside, in);
+            map<C>(execution, out, losses, InsideOrNan<C>{inside}, in);
+        }
     });
 }
 

@@ -144,6 +144,7 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm512_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm512_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm512_cvtepi32_ps(a); }
+    static VKT_HD I least(I a, I b) { return _mm512_min_epi32(a, b); }
     static VKT_HD I load(std::int32_t const* p) { return _mm512_loadu_si512(p); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm512_i32gather_ps(i, p, 4); }
     /// a * b where a is positive, 0 elsewhere, whatever b is.
@@ -165,6 +166,7 @@ struct Lanes {
     template <int n> static VKT_HD I right(I a) { return _mm512_srli_epi32(a, n); }
     template <int n> static VKT_HD I right_signed(I a) { return _mm512_srai_epi32(a, n); }
     template <int n> static VKT_HD I left(I a) { return _mm512_slli_epi32(a, n); }
+    static VKT_HD I right(I a, I n) { return _mm512_srlv_epi32(a, n); }
 };
 #elif defined(__AVX2__) && !defined(__CUDACC__)
 #define VKT_LANES 8
@@ -185,6 +187,7 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm256_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm256_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm256_cvtepi32_ps(a); }
+    static VKT_HD I least(I a, I b) { return _mm256_min_epi32(a, b); }
     static VKT_HD I load(std::int32_t const* p) { return _mm256_loadu_si256(reinterpret_cast<__m256i const*>(p)); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm256_i32gather_ps(p, i, 4); }
     /// a * b where a is positive, 0 elsewhere, whatever b is.
@@ -205,6 +208,7 @@ struct Lanes {
     template <int n> static VKT_HD I right(I a) { return _mm256_srli_epi32(a, n); }
     template <int n> static VKT_HD I right_signed(I a) { return _mm256_srai_epi32(a, n); }
     template <int n> static VKT_HD I left(I a) { return _mm256_slli_epi32(a, n); }
+    static VKT_HD I right(I a, I n) { return _mm256_srlv_epi32(a, n); }
 };
 #endif
 

@@ -40,6 +40,7 @@ struct TreeView {
     double cell_size;
     std::int64_t const* cell_first;
     std::int32_t const* cell_bricks;
+    std::int64_t bytes; ///< of all bricks' cells
 };
 
 /// The part of a ray that is marched, in lengths from its entry.

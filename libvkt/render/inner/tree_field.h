@@ -18,36 +18,73 @@ struct Sums {
 
 namespace detail {
 
+/// Points that are worked on together.
+#ifdef VKT_LANES
+inline constexpr int group = VKT_LANES;
+#else
+inline constexpr int group = chunk < 8 ? chunk : 8;
+#endif
+
+/// Points [from, to) of a chunk, whole groups of them.
+struct Part {
+    int from = 0, to = chunk;
+};
+
 /// CellWeights of a chunk of points along one axis of a brick: weights and places of cells; those that are not
 /// there weigh nothing.
 struct CellWeights {
     alignas(64) float weight[2][chunk];
     alignas(64) std::int32_t place[2][chunk];
 
-    VKT_HD CellWeights(double const* p, double lower, double inverse, std::int32_t dims, std::int32_t stride) {
+    VKT_HD CellWeights(double const* p, double lower, double inverse, std::int32_t dims, std::int32_t stride,
+                       Part part) {
         double const end = static_cast<double>(dims);
-        for (int k = 0; k < chunk; ++k) {
-            double const exact = (p[k] - lower) * inverse - 0.5;
-            // Points out of reach weigh nothing at these limits.
-            double const above = exact > -1.0 ? exact : -1.0, q = above < end ? above : end;
-            auto const whole = static_cast<std::int32_t>(q + 1.0) - 1; // floor, as q >= -1
-            float const t = static_cast<float>(q - static_cast<double>(whole));
-            bool const first = whole >= 0 && whole < dims, second = whole + 1 < dims;
-            weight[0][k] = first ? 1.0F - t : 0.0F;
-            weight[1][k] = second ? t : 0.0F;
-            place[0][k] = first ? whole * stride : 0;
-            place[1][k] = second ? (whole + 1) * stride : 0;
-        }
+        for (int begin = part.from; begin < part.to; begin += group)
+            for (int k = begin; k < begin + group; ++k) {
+                double const exact = (p[k] - lower) * inverse - 0.5;
+                // Points out of reach weigh nothing at these limits.
+                double const above = exact > -1.0 ? exact : -1.0, q = above < end ? above : end;
+                auto const whole = static_cast<std::int32_t>(q + 1.0) - 1; // floor, as q >= -1
+                float const t = static_cast<float>(q - static_cast<double>(whole));
+                bool const first = whole >= 0 && whole < dims, second = whole + 1 < dims;
+                weight[0][k] = first ? 1.0F - t : 0.0F;
+                weight[1][k] = second ? t : 0.0F;
+                place[0][k] = first ? whole * stride : 0;
+                place[1][k] = second ? (whole + 1) * stride : 0;
+            }
     }
 };
 
+#ifdef VKT_LANES
+/// Cells at some places of a brick. Words are fetched, which narrower cells need not have behind the last of them: the
+/// last word then is, and the cell is somewhere in it. `last`: where that begins, in bytes from the brick's first cell.
+template <class T> VKT_HD Lanes::F cells_at(T const* cells, Lanes::I place, int last) {
+    if constexpr (std::is_same_v<T, float>) {
+        return Lanes::gather_floats(cells, place);
+    } else {
+        Lanes::I const at = sizeof(T) == 1 ? place : Lanes::left<1>(place);
+        Lanes::I const word_at = Lanes::least(at, Lanes::set(last));
+        Lanes::I const word = Lanes::right(Lanes::gather(cells, word_at), Lanes::left<3>(Lanes::sub(at, word_at)));
+        if constexpr (sizeof(T) == 1)
+            return Lanes::real(Lanes::mask(word, 255));
+        else
+            return lane_low<T>(word);
+    }
+}
+#endif
+
 /// Adds what a brick contributes to a chunk of points; the same operations in the same order as sample().
 template <class T>
-VKT_HD void add_cells(T const* cells, CellWeights const& x, CellWeights const& y, CellWeights const& z, Sums& sums) {
+VKT_HD void add_cells(TreeView const& tree, SampledBrick const& brick, CellWeights const& x, CellWeights const& y,
+                      CellWeights const& z, Part part, Sums& sums) {
+    T const* const cells = static_cast<T const*>(tree.cells) + brick.offset;
 #ifdef VKT_LANES
-    // Gathers fetch whole words, which narrower cells need not have behind the last of them.
-    if constexpr (std::is_same_v<T, float>) {
-        for (int k = 0; k < chunk; k += VKT_LANES) {
+    constexpr std::int64_t size = sizeof(T), farthest = 2147483647;
+    std::int64_t const behind = tree.bytes - brick.offset * size - 4;
+    if (std::is_same_v<T, float> ||
+        (behind >= 0 && size * brick.dims[0] * brick.dims[1] * static_cast<std::int64_t>(brick.dims[2]) <= farthest)) {
+        int const last = static_cast<int>(behind < farthest ? behind : farthest);
+        for (int k = part.from; k < part.to; k += VKT_LANES) {
             Lanes::F sum = Lanes::load(sums.sum + k), weight = Lanes::load(sums.weight + k);
             for (int corner = 0; corner < 8; ++corner) {
                 int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
@@ -56,7 +93,7 @@ VKT_HD void add_cells(T const* cells, CellWeights const& x, CellWeights const& y
                 Lanes::I const place = Lanes::add(Lanes::add(Lanes::load(z.place[l] + k), Lanes::load(y.place[j] + k)),
                                                   Lanes::load(x.place[i] + k));
                 // A cell without weight must not spread its NaN.
-                sum = Lanes::add(sum, Lanes::positive_times(h, Lanes::gather_floats(cells, place)));
+                sum = Lanes::add(sum, Lanes::positive_times(h, cells_at(cells, place, last)));
                 weight = Lanes::add(weight, h);
             }
             Lanes::store(sums.sum + k, sum);
@@ -67,19 +104,40 @@ VKT_HD void add_cells(T const* cells, CellWeights const& x, CellWeights const& y
 #endif
     for (int corner = 0; corner < 8; ++corner) {
         int const i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
-        for (int k = 0; k < chunk; ++k) {
-            float const h = x.weight[i][k] * y.weight[j][k] * z.weight[l][k];
-            float const cell = static_cast<float>(cells[z.place[l][k] + y.place[j][k] + x.place[i][k]]);
-            // A cell without weight must not spread its NaN.
-            sums.sum[k] += h > 0 ? h * cell : 0.0F;
-            sums.weight[k] += h;
-        }
+        for (int begin = part.from; begin < part.to; begin += group)
+            for (int k = begin; k < begin + group; ++k) {
+                float const h = x.weight[i][k] * y.weight[j][k] * z.weight[l][k];
+                float const cell = static_cast<float>(cells[z.place[l][k] + y.place[j][k] + x.place[i][k]]);
+                // A cell without weight must not spread its NaN.
+                sums.sum[k] += h > 0 ? h * cell : 0.0F;
+                sums.weight[k] += h;
+            }
     }
 }
 
-VKT_HD CellWeights taps_along(SampledBrick const& brick, int a, double const* p) {
+/// The groups of points along a ray that may lie within a length of what a brick reaches.
+VKT_HD Part part_near(SampledBrick const& brick, Double3 o, Double3 d, double const* t, double around) {
+    double const from[3] = {o.x, o.y, o.z}, way[3] = {d.x, d.y, d.z};
+    double enter = t[0], leave = t[chunk - 1];
+    for (int a = 0; a < 3; ++a) {
+        double const width = 1 / static_cast<double>(brick.inverse_width[a]), inverse = 1 / way[a];
+        double const lower = brick.lower[a] - 0.5 * width - around;
+        double const upper = brick.lower[a] + (static_cast<double>(brick.dims[a]) + 0.5) * width + around;
+        // Not a number, from a way of zero along the border, is no limit.
+        double const p = (lower - from[a]) * inverse, q = (upper - from[a]) * inverse;
+        double const first = p < q ? p : q, last = p < q ? q : p;
+        enter = first > enter ? first : enter;
+        leave = last < leave ? last : leave;
+    }
+    Part part;
+    while (part.from < part.to && t[part.from + group - 1] < enter) part.from += group;
+    while (part.from < part.to && t[part.to - group] > leave) part.to -= group;
+    return part;
+}
+
+VKT_HD CellWeights taps_along(SampledBrick const& brick, int a, double const* p, Part part) {
     std::int32_t const stride = a == 0 ? 1 : a == 1 ? brick.dims[0] : brick.dims[0] * brick.dims[1];
-    return {p, brick.lower[a], static_cast<double>(brick.inverse_width[a]), brick.dims[a], stride};
+    return {p, brick.lower[a], static_cast<double>(brick.inverse_width[a]), brick.dims[a], stride, part};
 }
 
 /// Points between two ends.
@@ -140,9 +198,8 @@ template <class T> struct TreeField {
     VKT_HD void values(Double3 o, Double3 d, double const* t, float* out) const {
         constexpr float nothing = std::numeric_limits<float>::quiet_NaN();
         Points const p = points(o, d, t);
-        T const* const cells = static_cast<T const*>(tree.cells);
         if (count > most) {
-            SamplerView<T> const view{tree.nodes, tree.order, tree.bricks, cells};
+            SamplerView<T> const view{tree.nodes, tree.order, tree.bricks, static_cast<T const*>(tree.cells)};
             for (int k = 0; k < chunk; ++k) {
                 TreeSample const s = sample(view, p.x[0][k], p.x[1][k], p.x[2][k]);
                 out[k] = s.weight > 0 ? s.value : nothing;
@@ -152,10 +209,12 @@ template <class T> struct TreeField {
         Sums sums;
         for (int i = 0; i < count; ++i) {
             SampledBrick const& brick = tree.bricks[ids[i]];
-            detail::CellWeights const x = detail::taps_along(brick, 0, p.x[0]),
-                                      y = detail::taps_along(brick, 1, p.x[1]),
-                                      z = detail::taps_along(brick, 2, p.x[2]);
-            detail::add_cells(cells + brick.offset, x, y, z, sums);
+            detail::Part const part = detail::part_near(brick, o, d, t, tree.slack);
+            if (part.from == part.to) continue;
+            detail::CellWeights const x = detail::taps_along(brick, 0, p.x[0], part),
+                                      y = detail::taps_along(brick, 1, p.x[1], part),
+                                      z = detail::taps_along(brick, 2, p.x[2], part);
+            detail::add_cells<T>(tree, brick, x, y, z, part, sums);
         }
         for (int k = 0; k < chunk; ++k) out[k] = sums.weight[k] > 0 ? sums.sum[k] / sums.weight[k] : nothing;
     }
@@ -201,21 +260,23 @@ template <class T> struct TreeField {
         }
         for (int a = 0; a < 3; ++a) all_low[a] -= tree.slack, all_high[a] += tree.slack;
         find_near(all_low, all_high);
-        T const* const cells = static_cast<T const*>(tree.cells);
         for (int i = 0; i < near.size; ++i) {
             BrickBox const& box = tree.boxes[near.items[i].slot];
             bool met[6], any = false;
             for (int s = 0; s < 6; ++s) any = (met[s] = lines[s].meets(box, tree.slack)) || any;
             if (!any) continue;
             SampledBrick const& brick = tree.bricks[box.id];
-            detail::CellWeights const x = detail::taps_along(brick, 0, middle.x[0]),
-                                      y = detail::taps_along(brick, 1, middle.x[1]),
-                                      z = detail::taps_along(brick, 2, middle.x[2]);
+            // What left the picture came nearer, along its own axis.
+            detail::Part const part = detail::part_near(brick, o, d, t, static_cast<double>(widest) + tree.slack);
+            if (part.from == part.to) continue;
+            detail::CellWeights const x = detail::taps_along(brick, 0, middle.x[0], part),
+                                      y = detail::taps_along(brick, 1, middle.x[1], part),
+                                      z = detail::taps_along(brick, 2, middle.x[2], part);
             for (int s = 0; s < 6; ++s) {
                 if (!met[s]) continue;
-                detail::CellWeights const there = detail::taps_along(brick, s / 2, moved[s]);
-                detail::add_cells(cells + brick.offset, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
-                                  s / 2 == 2 ? there : z, sums[s]);
+                detail::CellWeights const there = detail::taps_along(brick, s / 2, moved[s], part);
+                detail::add_cells<T>(tree, brick, s / 2 == 0 ? there : x, s / 2 == 1 ? there : y,
+                                     s / 2 == 2 ? there : z, part, sums[s]);
             }
         }
         float* const out[3] = {gx, gy, gz};

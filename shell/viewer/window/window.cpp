@@ -29,7 +29,7 @@ constexpr float panel_points = 330;
 constexpr float least_picture_points = 60;
 
 [[noreturn]] void no_window(std::string const& why) {
-    throw Error(ErrorKind::resources, text("no window: ", why), "use -o FILE to write the picture");
+    throw Error(ErrorKind::resources, text("no window: ", why), "vkt render -o FILE writes the picture");
 }
 
 std::string glfw_error() {
