@@ -144,6 +144,7 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm512_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm512_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm512_cvtepi32_ps(a); }
+    static VKT_HD I gather(void const* p, I i) { return _mm512_i32gather_epi32(i, p, 1); }
     static VKT_HD I least(I a, I b) { return _mm512_min_epi32(a, b); }
     static VKT_HD I load(std::int32_t const* p) { return _mm512_loadu_si512(p); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm512_i32gather_ps(i, p, 4); }
@@ -187,6 +188,7 @@ struct Lanes {
     static VKT_HD I mul(I a, I b) { return _mm256_mullo_epi32(a, b); }
     static VKT_HD I whole(F a) { return _mm256_cvttps_epi32(a); }
     static VKT_HD F real(I a) { return _mm256_cvtepi32_ps(a); }
+    static VKT_HD I gather(void const* p, I i) { return _mm256_i32gather_epi32(static_cast<int const*>(p), i, 1); }
     static VKT_HD I least(I a, I b) { return _mm256_min_epi32(a, b); }
     static VKT_HD I load(std::int32_t const* p) { return _mm256_loadu_si256(reinterpret_cast<__m256i const*>(p)); }
     static VKT_HD F gather_floats(float const* p, I i) { return _mm256_i32gather_ps(p, i, 4); }
