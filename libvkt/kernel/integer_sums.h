@@ -44,7 +44,7 @@ template <class S> std::int64_t sum_of_lanes(__m256i v) {
 /// The extremes and sums of `steps` times 64 bytes. All is of integers of the same sign: 8 bits without, 16 bits with
 /// one, those of the other kind moved by half their range. Variables, not members of an object: those went through
 /// memory with every addition, which took twice as long.
-template <class T> IntegerSums<T> sums_of_registers(T const* p, std::int64_t steps) {
+template <class T> [[gnu::always_inline]] inline IntegerSums<T> sums_of_registers(T const* p, std::int64_t steps) {
     constexpr bool bytes = sizeof(T) == 1, moved = bytes == std::is_signed_v<T>;
     constexpr std::int64_t width = 32 / sizeof(T), n_of_step = 2 * width;
     __m256i const zero = _mm256_setzero_si256(), ones = _mm256_set1_epi16(1), low_bytes = _mm256_set1_epi16(0xff);
@@ -95,7 +95,8 @@ template <class T> IntegerSums<T> sums_of_registers(T const* p, std::int64_t ste
     return result;
 }
 
-template <class T> IntegerSums<T> integer_sums(T const* p, std::int64_t n) {
+/// Inline, so that what is not asked for is not computed.
+template <class T> [[gnu::always_inline]] inline IntegerSums<T> integer_sums(T const* p, std::int64_t n) {
     constexpr std::int64_t n_of_step = 64 / sizeof(T);
     IntegerSums<T> result{p[0], p[0]};
     std::int64_t const steps = n / n_of_step;

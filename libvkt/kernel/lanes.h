@@ -54,10 +54,14 @@ template <class T> Lanes<double> load_doubles(T const* from) {
         if constexpr (std::is_same_v<T, std::int16_t>) return _mm256_cvtepi32_pd(_mm_cvtepi16_epi32(bytes));
     }
 #endif
-    if constexpr (std::is_same_v<T, double>) return load_lanes(from);
-    Lanes<double> lanes;
-    for (std::int64_t i = 0; i < lane_count<double>; ++i) lanes[i] = static_cast<double>(from[i]);
-    return lanes;
+    if constexpr (std::is_arithmetic_v<T>) {
+        typedef T Part __attribute__((vector_size(lane_count<double> * sizeof(T)), aligned(sizeof(T)), may_alias));
+        return __builtin_convertvector(*reinterpret_cast<Part const*>(from), Lanes<double>);
+    } else {
+        Lanes<double> lanes;
+        for (std::int64_t i = 0; i < lane_count<double>; ++i) lanes[i] = static_cast<double>(from[i]);
+        return lanes;
+    }
 }
 
 template <class C> VKT_HD void store_lanes(C* to, Lanes<C> lanes) { std::memcpy(to, &lanes, sizeof lanes); }

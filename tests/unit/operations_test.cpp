@@ -5,6 +5,7 @@
 #include "libvkt/operations/arithmetic.h"
 #include "libvkt/operations/convert.h"
 #include "libvkt/operations/make.h"
+#include "libvkt/operations/project.h"
 #include "libvkt/operations/resample.h"
 #include "libvkt/operations/statistics.h"
 #include "tests/unit/volumes.h"
@@ -153,6 +154,61 @@ TEST(Operations, SumsOfSmallIntegersAreExactOnEveryInstructionSet) {
                     ASSERT_EQ(r.max, static_cast<double>(*std::max_element(voxels.begin(), voxels.end())));
                 }
             }
+}
+
+/// Slices so large that several are read at once, rows with and without a rest, in slabs and on one thread or two.
+TEST(Operations, ProjectionsOfLargeSlicesAreThoseOfTheirLines) {
+    Index3 const dims{170, 101, 7};
+    for (DataType const type :
+         {DataType::uint8, DataType::int8, DataType::uint16, DataType::int16, DataType::float32}) {
+        Volume in = noise(dims, type);
+        if (type == DataType::float32) // what leaves sums that are not finite
+            reinterpret_cast<float*>(in.mutable_view().data)[4711] = std::numeric_limits<float>::quiet_NaN();
+        std::vector<double> const voxels = values_of(in);
+        for (int axis = 0; axis < 3; ++axis) {
+            std::int64_t const stride = axis == 0 ? 1 : axis == 1 ? dims.x : dims.x * dims.y;
+            std::vector<std::vector<double>> lines;
+            for (std::int64_t z = 0; z < (axis == 2 ? 1 : dims.z); ++z)
+                for (std::int64_t y = 0; y < (axis == 1 ? 1 : dims.y); ++y)
+                    for (std::int64_t x = 0; x < (axis == 0 ? 1 : dims.x); ++x) {
+                        std::vector<double>& line = lines.emplace_back();
+                        for (std::int64_t k = 0; k < dims[axis]; ++k) {
+                            double const v =
+                                voxels[static_cast<std::size_t>(x + dims.x * (y + dims.y * z) + k * stride)];
+                            if (v == v) line.push_back(v); // NOLINT(misc-redundant-expression): NaN
+                        }
+                    }
+            for (Projection const kind : {Projection::max, Projection::min, Projection::sum, Projection::std})
+                for (InstructionSet const set : {InstructionSet::baseline, best_instruction_set()})
+                    for (std::int64_t const slab : {0, 3}) {
+                        Execution execution;
+                        execution.instructions = set;
+                        execution.threads = slab == 0 ? 2 : 1;
+                        execution.slab = slab;
+                        Project project;
+                        project.kind = kind;
+                        project.axis = static_cast<Axis>(axis);
+                        std::vector<double> const got = values_of(apply(project, {in}, execution));
+                        ASSERT_EQ(got.size(), lines.size());
+                        for (std::size_t i = 0; i < lines.size(); ++i) {
+                            std::vector<double> const& line = lines[i];
+                            long double sum = 0, squares = 0;
+                            for (double const v : line) sum += v;
+                            long double const mean = sum / static_cast<long double>(line.size());
+                            for (double const v : line) squares += (v - mean) * (v - mean);
+                            double const want =
+                                kind == Projection::max   ? *std::max_element(line.begin(), line.end())
+                                : kind == Projection::min ? *std::min_element(line.begin(), line.end())
+                                : kind == Projection::sum
+                                    ? static_cast<double>(sum)
+                                    : static_cast<double>(std::sqrt(squares / static_cast<long double>(line.size())));
+                            double const rounding = kind == Projection::std ? 0x1p-23 : 0x1p-50;
+                            double const most = is_integer(type) && kind != Projection::std ? 0 : rounding;
+                            ASSERT_NEAR(got[i], want, most * std::abs(want)) << name_of(type) << axis << name_of(set);
+                        }
+                    }
+        }
+    }
 }
 
 TEST(Operations, StatisticsMergeAsIfTheVolumeWereOne) {

@@ -3,7 +3,9 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/project.h"
 
+#include "libvkt/kernel/integer_sums.h"
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/lanes.h"
 #include "libvkt/kernel/rows.h"
 #include "libvkt/kernel/shuffle.h"
 #include "libvkt/operations/kernels/projected_lines.h"
@@ -32,10 +34,13 @@ template <class T> void turn(T const* from, std::int64_t row, std::int64_t pixel
     });
 }
 
+/// Pixels side by side that are worked on at a time: what is read of a slice is long enough to be foreseen.
+template <class T> constexpr std::int64_t most_pixels = (8 << 10) / static_cast<std::int64_t>(sizeof(T));
+
 /// The same as for_each_lines(), with pixels side by side: lines along rows are turned, a few at a time.
 template <class T, class F>
 void for_each_upright(ProjectionState const& state, ConstView in, Execution const& execution, F const& f) {
-    if (state.axis != 0) return for_each_lines<T>(state, in, row_piece, execution, f);
+    if (state.axis != 0) return for_each_lines<T>(state, in, most_pixels<T>, execution, f);
     constexpr std::int64_t together = 16, most = (16 << 10) / together / static_cast<int>(sizeof(T));
     for_each_lines<T>(state, in, together, execution, [&](Lines<T> const& rows) {
         alignas(64) T turned[together * most];
@@ -51,6 +56,9 @@ void for_each_upright(ProjectionState const& state, ConstView in, Execution cons
     });
 }
 
+/// Pixels of lines of which some voxels each, in the first cache, are looked at more than once.
+constexpr std::int64_t most_in_blocks = 512;
+
 /// Calls f(Lines) for parts of the lines that stay in the first cache, in order.
 template <class T, class F> void in_blocks(Lines<T> const& lines, F const& f) {
     std::int64_t const most = std::max<std::int64_t>(4, (16 << 10) / static_cast<int>(sizeof(T)) / lines.pixels);
@@ -62,6 +70,11 @@ template <class T, class F> void in_blocks(Lines<T> const& lines, F const& f) {
     }
 }
 
+/// True if the next voxels of lines are so far away that a processor does not foresee them.
+template <class T> bool are_apart(Lines<T> const& lines) {
+    return lines.step * static_cast<std::int64_t>(sizeof(T)) > 16384;
+}
+
 /// acc[i] = f(acc[i], voxel) for all voxels of the lines. The functor arrives by value, as in the drivers.
 template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* acc, F const f) {
     std::int64_t const pixels = lines.pixels, step = lines.step;
@@ -70,8 +83,10 @@ template <class A, class T, class F> void fold_lines(Lines<T> const& lines, A* a
             for (std::int64_t i = 0; i < pixels; ++i) acc[i] = f(acc[i], lines.first[k * step + i * lines.pixel]);
         return;
     }
+    // Rows that follow one another come one by one, which processors foresee; of those that are slices apart, several
+    // at once, each a stream of its own.
     std::int64_t k = 0;
-    for (; k + 4 <= lines.n; k += 4) { // so that results are loaded and stored less often
+    for (; are_apart(lines) && k + 4 <= lines.n; k += 4) {
         T const* const a = lines.first + k * step;
         T const *const b = a + step, *const c = b + step, *const d = c + step;
 #pragma omp simd
@@ -99,7 +114,7 @@ template <class A> struct Smaller {
     }
 };
 template <class A> struct Plus {
-    template <class T> VKT_HD A operator()(A a, T voxel) const { return a + static_cast<A>(voxel); }
+    template <class T> VKT_HD A operator()(A a, T voxel) const { return static_cast<A>(a + static_cast<A>(voxel)); }
 };
 
 template <class T> [[gnu::noinline]] std::int64_t nan_in_row(T const* row, std::int64_t n) {
@@ -171,7 +186,7 @@ template <class A, class Best> A extreme_of_row(A const* row, std::int64_t n, Be
 /// Adds the extremes of lines without NaN: each is found first, and then compared with what there is.
 template <class A, class T, class Fold, class Best>
 void add_extremes_of(Lines<T> const& lines, A* image, Fold const fold, Best const best) {
-    A found[row_piece];
+    alignas(64) A found[most_pixels<T>];
     if constexpr (std::is_same_v<A, T>) {
         if (lines.pixel == 1) {
             Lines<T> rest = lines;
@@ -207,7 +222,8 @@ template <class T> void add_extremes(ProjectionState& state, ConstView in, Execu
             with(Smaller<A>{}, Below{});
     };
     if (state.axis == 0) return for_each_lines<T>(state, in, 4, execution, add);
-    for_each_lines<T>(state, in, row_piece, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
+    if constexpr (std::is_integral_v<T>) return for_each_lines<T>(state, in, most_pixels<T>, execution, add);
+    for_each_lines<T>(state, in, most_in_blocks, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
 }
 
 /// What lanes that take turns along a row have in the end, added up in pairs.
@@ -237,35 +253,70 @@ template <class A, class T> A sum_of_row(T const* row, std::int64_t n) {
     return sum_of_lanes(sums);
 }
 
+/// Calls f(lines) for parts of the lines of at most `most` voxels, in order.
+template <class T, class F> void in_parts(Lines<T> const& lines, std::int64_t most, F const& f) {
+    Lines<T> part = lines;
+    for (std::int64_t k = 0; k < lines.n; k += most) {
+        part.first = lines.first + k * lines.step;
+        part.n = std::min(most, lines.n - k);
+        f(part);
+    }
+}
+
+/// Sums of small integers that lie upright, at most most_pixels of them, in the smallest types that hold as many
+/// voxels.
+template <class T> void add_small(Lines<T> const& lines, std::int64_t* to) {
+    alignas(64) std::int32_t sums[most_pixels<T>];
+    in_parts(lines, 32768, [&](Lines<T> const& long_part) {
+        std::fill_n(sums, lines.pixels, 0);
+        if constexpr (sizeof(T) == 1) {
+            alignas(64) std::int16_t few[most_pixels<T>];
+            in_parts(long_part, 128, [&](Lines<T> const& part) {
+                std::fill_n(few, lines.pixels, std::int16_t{0});
+                fold_lines(part, static_cast<std::int16_t*>(few), Plus<std::int16_t>{});
+                for (std::int64_t i = 0; i < lines.pixels; ++i) sums[i] += few[i];
+            });
+        } else {
+            fold_lines(long_part, static_cast<std::int32_t*>(sums), Plus<std::int32_t>{});
+        }
+        for (std::int64_t i = 0; i < lines.pixels; ++i) to[i] += sums[i];
+    });
+}
+
+/// Sum and sum of squares of a row of small integers.
+template <class T> IntegerSums<T> sums_along(T const* row, std::int64_t n) {
+    IntegerSums<T> all;
+    for (std::int64_t k = 0; k < n; k += most_integers) {
+        IntegerSums<T> const part = integer_sums(row + k, std::min(most_integers, n - k));
+        all.sum += part.sum;
+        all.squares += part.squares;
+    }
+    return all;
+}
+
 /// Integers: small ones in 32 bits for as many voxels as fit.
 template <class T> void add_whole(ProjectionState& state, ConstView in, Execution const& execution) {
     if (state.axis == 0 && state.wide == nullptr)
         return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
-            constexpr std::int64_t most = sizeof(T) <= 2 ? std::int64_t{row_lanes} << 15 : std::int64_t{1} << 40;
-            using A = std::conditional_t<(sizeof(T) <= 2), std::int32_t, std::int64_t>;
-            std::int64_t sum = 0;
-            for (std::int64_t k = 0; k < line.n; k += most)
-                sum += sum_of_row<A>(line.first + k, std::min(most, line.n - k));
-            state.whole[line.at] += sum;
+            if constexpr (sizeof(T) <= 2)
+                state.whole[line.at] += sums_along(line.first, line.n).sum;
+            else
+                state.whole[line.at] += sum_of_row<std::int64_t>(line.first, line.n);
         });
     for_each_upright<T>(state, in, execution, [&](Lines<T> lines) {
         if (state.wide != nullptr) return fold_lines(lines, state.wide + lines.at, Plus<Int128>{});
-        std::int64_t* const to = state.whole + lines.at;
-        if constexpr (sizeof(T) <= 2) {
-            constexpr std::int64_t most = 32768;
-            alignas(64) std::int32_t sums[row_piece];
-            Lines<T> part = lines;
-            for (std::int64_t begin = 0; begin < lines.n; begin += most) {
-                part.first = lines.first + begin * lines.step;
-                part.n = std::min(most, lines.n - begin);
-                std::fill_n(sums, lines.pixels, 0);
-                fold_lines(part, sums, Plus<std::int32_t>{});
-                for (std::int64_t i = 0; i < lines.pixels; ++i) to[i] += sums[i];
-            }
-        } else {
-            fold_lines(lines, to, Plus<std::int64_t>{});
-        }
+        if constexpr (sizeof(T) <= 2)
+            add_small(lines, state.whole + lines.at);
+        else
+            fold_lines(lines, state.whole + lines.at, Plus<std::int64_t>{});
     });
+}
+
+template <class A> bool all_finite(A const* values, std::int64_t n) {
+    A odd = 0;
+#pragma omp simd reduction(+ : odd)
+    for (std::int64_t i = 0; i < n; ++i) odd += values[i] - values[i]; // NOLINT(misc-redundant-expression): NaN, too
+    return odd == A(0);
 }
 
 /// Sums of floats; those of float64 with what each addition lost (Neumaier).
@@ -312,7 +363,21 @@ template <class T> void add_floats(ProjectionState& state, ConstView in, Executi
             }
         }
     };
-    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
+    for_each_upright<T>(state, in, execution, [&](Lines<T> const& lines) {
+        if (state.extra == nullptr) {
+            // NaN and infinities leave a sum that is not finite: voxels are looked at only then.
+            alignas(64) double sums[most_pixels<T>];
+            std::copy_n(state.value + lines.at, lines.pixels, sums);
+            fold_lines(lines, static_cast<double*>(sums), Plus<double>{});
+            if (all_finite(static_cast<double const*>(sums), lines.pixels)) {
+                std::copy_n(sums, lines.pixels, state.value + lines.at);
+                for (std::int64_t i = 0; i < lines.pixels; ++i)
+                    state.count[lines.at + static_cast<std::size_t>(i)] += static_cast<double>(lines.n);
+                return;
+            }
+        }
+        in_blocks(lines, add);
+    });
 }
 
 /// Means and sums of squared deviations from them (Welford), and how many values they are of.
@@ -343,8 +408,6 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
     if (numbers && n >= row_lanes) {
         using V = Vector<double>;
         constexpr int registers = row_lanes / static_cast<int>(V::lanes);
-        using Stored = std::conditional_t<std::is_same_v<T, Half>, std::uint16_t, T>; // Half is in no register
-        typedef Stored Part __attribute__((vector_size(V::lanes * sizeof(T)), aligned(sizeof(T)), may_alias));
         V::type mean[registers] = {}, squares[registers] = {};
         double count = 0;
         for (; k + row_lanes <= n; k += row_lanes) {
@@ -353,11 +416,7 @@ template <class T> Spread spread_of_row(T const* row, std::int64_t n, bool numbe
             __builtin_prefetch(row + k + 1024);
 #pragma GCC unroll 8
             for (int r = 0; r < registers; ++r) {
-                V::type v{};
-                if constexpr (std::is_same_v<T, Half>)
-                    for (int j = 0; j < V::lanes; ++j) v[j] = static_cast<double>(row[k + r * V::lanes + j]);
-                else
-                    v = __builtin_convertvector(*reinterpret_cast<Part const*>(row + k + r * V::lanes), V::type);
+                V::type const v = load_doubles(row + k + r * V::lanes);
                 V::type const d = v - mean[r], m = mean[r] + d * share;
                 squares[r] += d * (v - m);
                 mean[r] = m;
@@ -404,8 +463,75 @@ void add_upright_deviations(Lines<T> const& lines, std::int64_t k, double* mean,
     }
 }
 
+/// Small integers: sums and sums of squares are exact, also as doubles, until the last voxel of a line has come, and
+/// become a mean and a sum of squared deviations of one rounding each.
+constexpr std::int64_t most_squares = std::int64_t{1} << 21; // of 16 bits, whose sum double holds
+
+void finish_spread(double& sum, double& squares, double& count, double n) {
+    auto const s = static_cast<Int128>(sum), q = static_cast<Int128>(squares);
+    squares = static_cast<double>(q * static_cast<Int128>(n) - s * s) / n;
+    sum /= n;
+    count = n;
+}
+
+/// Adds voxels and their squares, of `together` rows at once: storing results takes longest.
+template <int together, class T, class Q>
+void add_rows_of_squares(Lines<T> const& lines, std::int64_t k, std::int32_t* sums, Q* squares) {
+    T const* const first = lines.first + k * lines.step;
+    std::int64_t const step = lines.step;
+#pragma omp simd
+    for (std::int64_t i = 0; i < lines.pixels; ++i) {
+        std::int32_t sum = 0;
+        Q square = 0;
+        for (int row = 0; row < together; ++row) {
+            std::int32_t const v = first[row * step + i];
+            std::uint32_t const size = static_cast<std::uint32_t>(v); // negative ones wrap, and their squares back
+            sum += v;
+            square += static_cast<Q>(size * size);
+        }
+        sums[i] += sum;
+        squares[i] += square;
+    }
+}
+
+template <class T> void add_small_squares(ProjectionState& state, ConstView in, Execution const& execution) {
+    bool const last = in.box.upper[state.axis] == state.dims[state.axis];
+    auto const length = static_cast<double>(state.dims[state.axis]);
+    if (state.axis == 0)
+        return for_each_lines<T>(state, in, 1, execution, [&](Lines<T> const& line) {
+            IntegerSums<T> const sums = sums_along(line.first, line.n);
+            state.value[line.at] = static_cast<double>(sums.sum);
+            state.extra[line.at] = static_cast<double>(sums.squares);
+            finish_spread(state.value[line.at], state.extra[line.at], state.count[line.at], length);
+        });
+    using Squares = std::conditional_t<sizeof(T) == 1, std::uint32_t, std::uint64_t>;
+    for_each_lines<T>(state, in, most_pixels<T>, execution, [&](Lines<T> const& lines) {
+        alignas(64) std::int32_t sums[most_pixels<T>];
+        alignas(64) Squares squares[most_pixels<T>];
+        in_parts(lines, 32768, [&](Lines<T> const& part) {
+            std::fill_n(sums, lines.pixels, 0);
+            std::fill_n(squares, lines.pixels, Squares{0});
+            std::int64_t k = 0;
+            for (; k + 4 <= part.n; k += 4)
+                add_rows_of_squares<4>(part, k, static_cast<std::int32_t*>(sums), static_cast<Squares*>(squares));
+            for (; k < part.n; ++k)
+                add_rows_of_squares<1>(part, k, static_cast<std::int32_t*>(sums), static_cast<Squares*>(squares));
+            for (std::int64_t i = 0; i < lines.pixels; ++i) {
+                auto const p = lines.at + static_cast<std::size_t>(i);
+                state.value[p] += static_cast<double>(sums[i]);
+                state.extra[p] += static_cast<double>(squares[i]);
+            }
+        });
+        if (!last) return;
+        for (std::size_t p = lines.at; p < lines.at + static_cast<std::size_t>(lines.pixels); ++p)
+            finish_spread(state.value[p], state.extra[p], state.count[p], length);
+    });
+}
+
 /// Multiplied by 1 / n, not divided by n: always, so that it does not matter which voxels come together.
 template <class T> void add_deviations(ProjectionState& state, ConstView in, Execution const& execution) {
+    if constexpr (std::is_integral_v<T> && sizeof(T) <= 2)
+        if (state.dims[state.axis] <= most_squares) return add_small_squares<T>(state, in, execution);
     auto const missing = [&](Lines<T> const& lines) {
         if constexpr (std::is_integral_v<T>) return std::int64_t{0};
         std::int64_t const nan = count_nan(lines);
@@ -450,7 +576,7 @@ template <class T> void add_deviations(ProjectionState& state, ConstView in, Exe
             }
         }
     };
-    for_each_lines<T>(state, in, row_piece, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
+    for_each_lines<T>(state, in, most_in_blocks, execution, [&](Lines<T> const& lines) { in_blocks(lines, add); });
 }
 
 /// The results of a piece of a row of the image.

@@ -28,8 +28,13 @@ void for_each_lines(ProjectionState const& state, ConstView in, std::int64_t mos
     std::array<std::int64_t, 3> const stride{1, in.row, in.slice};
     auto const axis = static_cast<std::size_t>(state.axis);
     std::size_t const across = axis == 0 ? 1 : 0, down = axis == 2 ? 1 : 2; // the image's x and y
-    Index3 const dims = in.dims();
+    Index3 dims = in.dims();
     auto const a = static_cast<int>(across), d = static_cast<int>(down);
+    if (axis == 2 && in.row == dims.x && state.row() == dims.x) { // slices without gaps are rows
+        dims = {dims.x * dims.y, 1, dims.z};
+        std::int64_t const shares = std::int64_t{4} * std::max(1, execution.threads);
+        most = std::clamp<std::int64_t>((dims.x / shares + 63) / 64 * 64, 64, most);
+    }
     std::int64_t const pieces = (dims[a] + most - 1) / most;
     for_each_item(threads_for(execution, in.box.voxels()), pieces * dims[d], [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t item = begin; item < end; ++item) {
