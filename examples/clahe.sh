@@ -20,7 +20,7 @@ fi
 # picture NAME: the slice of the volume from standard input, four pixels a voxel.
 picture() {
     vkt crop --roi ":,:,$slice:+1" | vkt resample --scale 4,4,1 --method cubic |
-        vkt slice --range minmax --force -o "$out/$1"
+        vkt slice --range minmax -q --force -o "$out/$1"
 }
 
 # Equalisation raises noise as well: smooth a little first, and limit the contrast (--clip).

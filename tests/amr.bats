@@ -253,7 +253,6 @@ assert abs(d[0] * d[1] * d[2] - 20000) < 1500 and d[0] == d[1] == d[2], d"
     fails_with 2 '--boundary is for structured' vkt resample t.vkt --dims 8 8 8 --boundary mirror -o x.vkt
     vkt make ramp --dims 8 8 8 -o s.vkt
     fails_with 2 'is for hierarchical volumes' vkt resample s.vkt --scale 2 --method basis -o x.vkt
-    fails_with 2 'vkt crop' vkt resample s.vkt --scale 2 --roi 0:4,:,: -o x.vkt
     fails_with 2 '--background is for hierarchical' vkt resample s.vkt --scale 2 --background 3 -o x.vkt
     fails_with 2 'is for OpenVDB' vkt write s.vkt s.nrrd --prune 1
     vkt write s.vkt s.nrrd

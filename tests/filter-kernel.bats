@@ -116,6 +116,46 @@ assert (correlate(v, k, mode='reflect') == np.fromfile('exact.raw', 'f4').reshap
     vkt filter kernel zero.txt v_13x11x7_float32.raw --method separable | vkt stats - | grep -q .
 }
 
+@test "--tolerance: a kernel that is nearly a product becomes one; results keep to the bound; what cannot be kept is refused" {
+    plan_of() { vkt filter kernel "$@" -n -o x.vkt 2>&1; }
+    # A product, and noise of a ten-thousandth of its weights.
+    /usr/bin/python3 -c "
+import numpy as np
+r = np.random.default_rng(5)
+k = np.einsum('i,j,k->ijk', *r.normal(size=(3, 9)))
+k += 1e-4 * abs(k).mean() * r.uniform(-1, 1, k.shape)
+print(9, 9, 9, *k.ravel())" >noisy.txt
+    plan_of noisy.txt v_13x11x7_float32.raw | grep -q direct
+    plan_of noisy.txt v_13x11x7_float32.raw --tolerance 0.1% | grep -q 'separable kernel, 9x9x9'
+    plan_of noisy.txt v_13x11x7_float32.raw --tolerance 0.001% | grep -q direct
+    for tolerance in 0.1% 0.02%; do
+        kernel noisy.txt uint16 reflect --tolerance $tolerance
+        kernel noisy.txt float64 reflect --tolerance $tolerance
+    done
+    kernel dog.txt float32 constant:30 --boundary border:30 --tolerance 3%
+    # The bound says what was left out, no more than was allowed and not nothing.
+    /usr/bin/python3 - <<'PY'
+import numpy as np
+for line in open('jobs'):
+    kernel, dtype, out, mode, bound, *options = line.split()
+    if kernel != 'noisy.txt': continue
+    k = np.array(open(kernel).read().split()[3:], float)
+    allowed = float(options[-1][:-1]) / 100 * abs(k).sum()
+    assert 0.01 * allowed < float(bound) < 1.01 * allowed + 1e-4, line
+PY
+    sed -i '/dog/d' jobs
+    are_correlations
+    # Integers with integer weights: sums of products only where a tolerance allows them.
+    plan_of signs.txt v_13x11x7_uint8.raw --tolerance 0.01% | grep -q 'sum of'
+    # Transforms keep to a tolerance of float64, or are refused.
+    if ! vkt --version | grep -q 'KISS FFT.*off'; then
+        plan_of large.txt v_13x11x7_float64.raw --method fft --tolerance 1e-8% | grep -q Fourier
+    fi
+    fails_with 2 'the error of its transforms is' vkt filter kernel large.txt v_13x11x7_float64.raw --method fft --tolerance 1e-10% -o o.vkt
+    fails_with 2 'lacks the sign' vkt filter kernel large.txt v_13x11x7_uint8.raw --tolerance 0.01 -o o.vkt
+    fails_with 2 'is not between' vkt filter kernel large.txt v_13x11x7_uint8.raw --tolerance 0% -o o.vkt
+}
+
 @test "Fourier transforms: SciPy's results to the bound, however run, and NaN and infinities no further than directly" {
     vkt --version | grep -q 'KISS FFT' && ! vkt --version | grep -q 'KISS FFT.*off' || skip 'built without KISS FFT'
     for type in uint8 int16 float32 float64 int64; do kernel large.txt $type reflect --method fft; done

@@ -110,15 +110,18 @@ std::unique_ptr<Source> attach(std::vector<std::unique_ptr<Source>> inputs, Oper
     return std::make_unique<OperationSource>(std::move(inputs), operation, execution, std::move(info));
 }
 
+Execution where_looked_at(Execution execution, bool on_gpu_already) {
+    bool const gpu = execution.device == Device::gpu || (execution.device == Device::automatic && on_gpu_already);
+    execution.device = gpu ? Device::gpu : Device::cpu;
+    if (gpu) device_select(execution.gpu);
+    return execution;
+}
+
 namespace {
 
-/// Where an operation scans: on the GPU if that was asked for, or if the voxels are there already.
 Execution scanning(Source& source, Operation const& operation, Execution execution) {
-    bool const wanted =
-        execution.device == Device::gpu || (execution.device == Device::automatic && source.space() == Space::device);
-    execution.device = wanted && operation.scans_on_gpu() ? Device::gpu : Device::cpu;
-    if (execution.device == Device::gpu) device_select(execution.gpu);
-    return execution;
+    if (!operation.scans_on_gpu()) execution.device = Device::cpu;
+    return where_looked_at(std::move(execution), source.space() == Space::device);
 }
 
 } // namespace

@@ -74,6 +74,9 @@ Execution beside_neighbours(Execution execution, Plan const& plan, StageInfo con
 /// alone slows down is worked on at once, or in few pieces within the budget, unless --slab says otherwise.
 Execution on_whole_volumes(Execution execution, Operation& operation, std::vector<Header> const& inputs);
 
+/// Where voxels are looked at by what runs on both: on the GPU if that was asked for, or if they are there already.
+Execution where_looked_at(Execution execution, bool on_gpu_already);
+
 /// What --device gpu asks of a GPU is never done on the CPU without a word: throws Error{usage}.
 [[noreturn]] void refuse_cpu(std::string const& what);
 

@@ -11,70 +11,50 @@ namespace vkt::VKT_BACKEND {
 
 namespace driver {
 
-/// Voxels of a block of threads: rows of a warp, which goes on along them, so that what depends on the row alone is
-/// computed once.
-inline constexpr int strip_x = 32, strip_y = 8, strips = 4;
+/// Voxels of a block of threads: x by y by z of them at a time, which go on along the rows `strips` times, so that what
+/// depends on the row alone is computed once.
+template <int X, int Y, int Z, int Strips> struct BlockShape {
+    static constexpr int x = X, y = Y, z = Z, strips = Strips, width = X * Strips;
+};
+/// A warp a row.
+using RowBlock = BlockShape<32, 8, 1, 4>;
+/// Warps of 8 by 4 voxels, for functions that look at voxels elsewhere, along slanted rows: they meet fewer lines of
+/// the cache there.
+using SlantedBlock = BlockShape<8, 4, 8, 8>;
 
-struct Strips {
-    unsigned across, along, blocks;
+/// Blocks of threads along x and y, and in all.
+struct Blocks {
+    unsigned across, along, all;
 };
 
-inline Strips strips_of(Index3 n) {
-    std::int64_t const across = (n.x + strip_x * strips - 1) / (strip_x * strips),
-                       along = (n.y + strip_y - 1) / strip_y;
-    if (across > 0x7fffffff || along > 0x7fffffff / across || n.z > 0x7fffffff / (across * along))
+template <class Shape> Blocks blocks_of(Index3 n) {
+    std::int64_t const across = (n.x + Shape::width - 1) / Shape::width, along = (n.y + Shape::y - 1) / Shape::y,
+                       deep = (n.z + Shape::z - 1) / Shape::z;
+    if (across > 0x7fffffff || along > 0x7fffffff / across || deep > 0x7fffffff / (across * along))
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * n.z)};
+    return {static_cast<unsigned>(across), static_cast<unsigned>(along), static_cast<unsigned>(across * along * deep)};
 }
 
-template <class F>
-__global__ void __launch_bounds__(strip_x* strip_y)
-    voxels_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
-    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * (strip_x * strips) + threadIdx.x,
-                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * strip_y + threadIdx.y,
-                       z = blockIdx.x / blocks.across / blocks.along;
+template <class Shape, class F>
+__global__ void __launch_bounds__(Shape::x* Shape::y* Shape::z)
+    voxels_kernel(Blocks blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
+    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * Shape::width + threadIdx.x,
+                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * Shape::y +
+                           threadIdx.y,
+                       z = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * Shape::z +
+                           threadIdx.z;
     LossCounts counts;
-    if (y < n.y)
-        for (std::int64_t x = x0; x < n.x && x < x0 + strip_x * strips; x += strip_x) f(x, y, z, counts);
+    if (y < n.y && z < n.z)
+        for (std::int64_t x = x0; x < n.x && x < x0 + Shape::width; x += Shape::x) f(x, y, z, counts);
     if (totals != nullptr) add_counts(counts, totals);
 }
 
 /// Calls f(x, y, z, counts) for 0 <= x < n.x, … on the device; `totals` may be null where nothing is counted.
-template <class F> void for_each_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
+template <class Shape = RowBlock, class F>
+void for_each_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
     if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
-    Strips const blocks = strips_of(n);
-    voxels_kernel<F><<<blocks.blocks, dim3(strip_x, strip_y)>>>(blocks, n, f, totals);
-    check_launch(name);
-}
-
-/// The same for functions that look at voxels elsewhere, along slanted rows: warps of 8 by 4 voxels meet fewer lines of
-/// the cache there than rows of 32 do.
-inline constexpr int slanted_x = 8, slanted_y = 4, slanted_z = 8, slanted_strips = 8;
-
-template <class F>
-__global__ void __launch_bounds__(slanted_x* slanted_y* slanted_z)
-    slanted_kernel(Strips blocks, Index3 n, __grid_constant__ F const f, unsigned long long* totals) {
-    constexpr int width = slanted_x * slanted_strips;
-    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * width + threadIdx.x,
-                       y = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * slanted_y +
-                           threadIdx.y,
-                       z = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * slanted_z +
-                           threadIdx.z;
-    LossCounts counts;
-    if (y < n.y && z < n.z)
-        for (std::int64_t x = x0; x < n.x && x < x0 + width; x += slanted_x) f(x, y, z, counts);
-    if (totals != nullptr) add_counts(counts, totals);
-}
-
-template <class F> void for_each_slanted_voxel(Index3 n, F const& f, unsigned long long* totals, char const* name) {
-    if (n.x <= 0 || n.y <= 0 || n.z <= 0) return;
-    std::int64_t const width = slanted_x * slanted_strips, across = (n.x + width - 1) / width,
-                       along = (n.y + slanted_y - 1) / slanted_y, deep = (n.z + slanted_z - 1) / slanted_z;
-    if (across > 0x7fffffff || along > 0x7fffffff / across || deep > 0x7fffffff / (across * along))
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    Strips const blocks{static_cast<unsigned>(across), static_cast<unsigned>(along),
-                        static_cast<unsigned>(across * along * deep)};
-    slanted_kernel<F><<<blocks.blocks, dim3(slanted_x, slanted_y, slanted_z)>>>(blocks, n, f, totals);
+    Blocks const blocks = blocks_of<Shape>(n);
+    voxels_kernel<Shape, F><<<blocks.all, dim3(Shape::x, Shape::y, Shape::z)>>>(blocks, n, f, totals);
     check_launch(name);
 }
 

@@ -2,12 +2,11 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/difference.h"
 
-#include "libvkt/core/buffer.h"
-#include "libvkt/core/device.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/window.h"
 #include "libvkt/operations/kernels/difference.h"
 
@@ -28,28 +27,14 @@ public:
     }
     ConstView at(Box const& box) {
         if (auto const lent = source_.borrow(box); lent && lent->space == on_.space()) return *lent;
-        if (on_.device == Device::gpu) return window_.fetch(source_, box, on_);
-        buffer_.reserve(static_cast<std::size_t>(box.voxels()) * size_of(source_.header().dtype));
-        AnyView const view = dense_view(buffer_.write(Space::host), source_.header().dtype, box);
-        source_.read(view);
-        return view;
+        return window_.fetch(source_, box, on_);
     }
 
 private:
     Source& source_;
     Execution on_;
     Window window_;
-    Buffer buffer_;
 };
-
-/// On the GPU if that was asked for, or if the voxels of both are there already.
-Execution comparing(Source& a, Source& b, Execution execution) {
-    bool const there = a.space() == Space::device && b.space() == Space::device;
-    bool const wanted = execution.device == Device::gpu || (execution.device == Device::automatic && there);
-    execution.device = wanted ? Device::gpu : Device::cpu;
-    if (wanted) device_select(execution.gpu);
-    return execution;
-}
 
 } // namespace
 
@@ -67,7 +52,7 @@ DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
     long double squares = 0;
     if (r.same_dims) {
         Index3 const n = ha.dims;
-        Execution const on = comparing(a, b, execution);
+        Execution const on = where_looked_at(execution, a.space() == Space::device && b.space() == Space::device);
         Cut const cut = cut_of(ha, slab_hint_on(on, ha, a.natural_slab()), on);
         Slabs slabs_a(a, on), slabs_b(b, on);
         std::vector<RowDifference> rows;

@@ -73,17 +73,6 @@ Texts Gaussian::texts() const {
           "vkt filter gaussian volume.nrrd --sigma 1.5 --unit world --explain | vkt stats"}}};
 }
 
-ShareOfRange ValueText<ShareOfRange>::read(std::vector<std::string> const& w, std::string_view name) {
-    std::string number = w.front();
-    if (!number.ends_with('%')) {
-        double const share = ValueText<double>::read({number}, name);
-        throw Error(ErrorKind::usage, text("--", name, ": ", number, " lacks the sign of a share of the value range"),
-                    text("in percent: --", name, " ", 100 * share, "%"));
-    }
-    number.pop_back();
-    return {ValueText<double>::read({number}, name)};
-}
-
 void Gaussian::parameters(Parameters& parameters) {
     parameters.option("sigma", sigma_, "S", "standard deviation, one number or X,Y,Z");
     parameters.option("unit", unit_, "UNIT", "unit of --sigma: voxel (of hierarchical volumes: finest cell) or world");
@@ -153,8 +142,7 @@ void Gaussian::check() const {
     for (int axis = 0; axis < 3; ++axis)
         if (!std::isfinite(sigma_[axis]) || sigma_[axis] < 0)
             throw Error(ErrorKind::usage, text("--sigma ", sigma_[axis], " is not a finite number >= 0"));
-    if (tolerance_ && !(tolerance_->percent >= 1e-10 && tolerance_->percent < 100))
-        throw Error(ErrorKind::usage, text("--tolerance ", tolerance_->percent, "% is not between 1e-10% and 100%"));
+    if (tolerance_) check_tolerance(*tolerance_);
     if (!std::isfinite(boundary_.value))
         throw Error(ErrorKind::usage, "--boundary border: the value is not a finite number");
 }

@@ -7,19 +7,9 @@
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/kernels/gaussian_cascade.h"
 #include "libvkt/operations/remarks.h"
+#include "libvkt/operations/share_of_range.h"
 
 namespace vkt {
-
-/// A share of the value range, written in percent: "0.0001%". A tolerance without the sign is one in values, as diff
-/// and refine take it.
-struct ShareOfRange {
-    double percent = 0;
-    double share() const { return percent / 100; }
-};
-template <> struct ValueText<ShareOfRange> : OneWord {
-    static ShareOfRange read(std::vector<std::string> const& w, std::string_view name);
-    static std::vector<std::string> write(ShareOfRange v) { return {text(v.percent, "%")}; }
-};
 
 /// Units of lengths that a user gives.
 enum class LengthUnit : std::uint8_t { voxel, world };

@@ -144,7 +144,7 @@ bool all_integers(std::vector<double> const& values) {
 
 } // namespace
 
-std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, double most) {
+std::optional<KernelProducts> products_of(Kernel const& kernel, double tolerance, double most) {
     auto const plain = [](std::vector<double> taps) { return AxisTaps{AxisTaps::Kind::plain, std::move(taps)}; };
     auto const width = static_cast<std::size_t>(kernel.dims.x), height = static_cast<std::size_t>(kernel.dims.y);
     double const sum = sum_of_magnitudes(kernel.weights);
@@ -171,8 +171,9 @@ std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, 
         }
         off += along_x * sum_of_magnitudes(rest);
     }
-    if (off + sum_of_magnitudes(left) > tolerance * sum) return std::nullopt;
-    return products;
+    double const lacking = (off + sum_of_magnitudes(left)) / sum;
+    if (lacking > tolerance) return std::nullopt;
+    return KernelProducts{std::move(products), lacking};
 }
 
 Texts KernelFilter::texts() const {
@@ -197,11 +198,21 @@ void KernelFilter::parameters(Parameters& parameters) {
         "method", method_, "M",
         "direct: weight by weight; separable: along one axis after the other; fft: by Fourier transforms; auto: the "
         "cheapest one");
+    parameters.option("tolerance", tolerance_, "P%",
+                      "what may be left out of the kernel, in percent of the sum of its weights' magnitudes (default: "
+                      "what rounding costs anyway)");
     LinearFilter::parameters(parameters);
+}
+
+std::vector<Knob> KernelFilter::knobs() const {
+    std::vector<Knob> result = LinearFilter::knobs();
+    result.push_back({"tolerance", {"10%", "1%", "0.1%", "0.01%"}, "1e-10%"});
+    return result;
 }
 
 void KernelFilter::check() const {
     LinearFilter::check();
+    if (tolerance_) check_tolerance(*tolerance_);
     if (file_.empty()) throw Error(ErrorKind::usage, "no kernel is given");
     if (file_ == "-")
         throw Error(ErrorKind::usage, "the kernel cannot come from standard input, where the volume comes from",
@@ -226,28 +237,38 @@ void KernelFilter::describe(Header const& in, Plan& plan) {
     dense_.radius = r;
     bool const wide = in.dtype == DataType::float64 || (is_integer(in.dtype) && size_of(in.dtype) >= 4);
     auto const weights = static_cast<double>(dense_.taps.size());
-    bool const exact = is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic;
-    std::optional<SeparableSum> products;
+    bool const exact =
+        is_integer(in.dtype) && all_integers(kernel.weights) && method_ == KernelMethod::automatic && !tolerance_;
+    double const rounding = wide ? 0x1p-50 : 0x1p-24, allowed = tolerance_ ? tolerance_->share() : rounding;
+    std::optional<KernelProducts> products;
     if (method_ == KernelMethod::automatic || method_ == KernelMethod::separable)
-        products = products_of(kernel, wide ? 0x1p-50 : 0x1p-24,
+        products = products_of(kernel, std::max(allowed, rounding),
                                method_ == KernelMethod::separable
                                    ? 1e4
                                    : std::max(weights / passes_per_tap, static_cast<double>(n.x + n.y + n.z)));
     if (method_ == KernelMethod::separable && !products && weights > 0)
         throw Error(ErrorKind::usage, text("--method separable: the kernel ", file_, " is no sum of few products"),
-                    "leave the choice to vkt: --method auto");
-    bool const one = products && products->terms.size() == 1;
-    bool const cheaper = products && (one ? weights > products->cost() : weights > passes_per_tap * products->cost());
+                    "leave the choice to vkt (--method auto), or allow a larger --tolerance");
+    double const transforms_error = FftCorrelation::error(r);
+    if (method_ == KernelMethod::fft && tolerance_ && transforms_error > allowed)
+        throw Error(ErrorKind::usage,
+                    text("--method fft: the error of its transforms is ", 100 * transforms_error, "%"),
+                    "leave the choice to vkt (--method auto), or allow a larger --tolerance");
+    bool const one = products && products->sum.terms.size() == 1;
+    double const products_cost = products ? products->sum.cost() : 0;
+    bool const cheaper = products && (one ? weights > products_cost : weights > passes_per_tap * products_cost);
+    bool const transforms_allowed = tolerance_ ? transforms_error <= allowed : !wide && !exact;
     if (products && (method_ == KernelMethod::separable || (cheaper && (one || !exact)))) {
-        sum_ = *products;
+        sum_ = products->sum;
+        more_error_ = products->left;
         plan.method =
             one ? text("separable kernel, ", size) : text("sum of ", sum_.terms.size(), " separable kernels, ", size);
     } else if (weights > 0 &&
-               (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && !wide && !exact &&
+               (method_ == KernelMethod::fft || (method_ == KernelMethod::automatic && transforms_allowed &&
                                                  weights > FftCorrelation::cost(r) && module_installed("kissfft")))) {
         if (!module_installed("kissfft")) module_functions("kissfft", "filter kernel --method fft");
         by_fft_ = true;
-        more_error_ = FftCorrelation::error(r);
+        more_error_ = transforms_error;
         cost_ = FftCorrelation::cost(r);
         plan.method = text("Fourier transforms, kernel ", size, ", squares of ", FftCorrelation::edge_for(r),
                            "; directly on a GPU and around what is not finite");

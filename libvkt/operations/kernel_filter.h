@@ -4,6 +4,7 @@
 
 #include "libvkt/operations/fft_correlation.h"
 #include "libvkt/operations/linear_filter.h"
+#include "libvkt/operations/share_of_range.h"
 
 namespace vkt {
 
@@ -17,11 +18,17 @@ struct Kernel {
 /// Error{data} if it is neither, an extent is even, above 129, or a weight is not finite.
 Kernel read_kernel(std::string const& path);
 
+/// A sum of products, and what it lacks of the kernel: a share of the sum of its weights' magnitudes, at most.
+struct KernelProducts {
+    SeparableSum sum;
+    double left = 0;
+};
+
 /// A kernel as a sum of products of three factors, from crosses through the largest elements of what is left: one
 /// product if it is one, and as few sets of x factors as its unfolding has rank. Nothing if what remains is more than
 /// this share of the sum of its magnitudes, summed over all weights, if the sum costs more multiply-adds than this, or
 /// if the products cancel, so that their rounding would be more than four times that of the weights.
-std::optional<SeparableSum> products_of(Kernel const& kernel, double tolerance, double most);
+std::optional<KernelProducts> products_of(Kernel const& kernel, double tolerance, double most);
 
 enum class KernelMethod : std::uint8_t { automatic, direct, separable, fft };
 
@@ -45,6 +52,7 @@ public:
     void check() const override;
     Box footprint(Box const& output, int input) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
+    std::vector<Knob> knobs() const override;
 
 protected:
     void describe(Header const& in, Plan& plan) override;
@@ -54,6 +62,7 @@ private:
     std::string file_;
     bool convolve_ = false;
     KernelMethod method_ = KernelMethod::automatic;
+    std::optional<ShareOfRange> tolerance_; ///< of the largest magnitude times the sum of the weights' magnitudes
     bool by_fft_ = false;
     Index3 dims_;
     std::optional<FftCorrelation> fft_; ///< made when it is needed first

@@ -136,21 +136,10 @@ Moments moments_of(FloatMoments const& m) {
 
 void SliceStatistics::append(BandStatistics const& band, std::int64_t number, DataType type) {
     bool const integer = is_integer(type);
-    Moments const& m = band.moments;
-    if (has_float_moments(type)) { // a band's sums are doubles
-        FloatMoments more;
-        more.finite = m.finite;
-        more.nan = m.nan;
-        more.above = m.positive_infinity;
-        more.below = m.negative_infinity;
-        more.sum = static_cast<double>(m.sum);
-        more.sum_error = static_cast<double>(m.sum_error);
-        more.mean = static_cast<double>(m.mean);
-        more.deviations = static_cast<double>(m.deviations);
-        narrow.append(more);
-    } else {
-        moments.append(m, integer && size_of(type) <= 4);
-    }
+    if (has_float_moments(type))
+        narrow.append(band.narrow);
+    else
+        moments.append(band.moments, integer && size_of(type) <= 4);
     product.multiply(band.product);
     if (!band.range.valid) return;
     if (!range.valid || (integer ? band.range.integer_low < range.integer_low : band.range.low < range.low)) {
@@ -343,8 +332,9 @@ void Statistics::scan_foreground(ConstView part, Execution const& execution) {
     bands_.resize(1); // one row
     if (!origin_.known) origin_ = first_finite(cells);
     band_statistics(cells, origin_, product_map(), bands_.data(), execution);
-    append(bands_.front().moments, is_integer(input_.dtype) && size_of(input_.dtype) <= 4);
-    if (product_map() != nullptr) product_.multiply(bands_.front().product);
+    SliceStatistics all;
+    all.append(bands_.front(), 0, input_.dtype);
+    append(all);
     merge_extremes(part, bands_.front().range);
 }
 

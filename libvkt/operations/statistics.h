@@ -112,6 +112,7 @@ struct MeanOrigin {
 
 /// What neighbouring rows of one slice contribute.
 struct BandStatistics {
+    FloatMoments narrow; ///< of floats of up to 32 bits, `moments` of all others
     Moments moments;
     Range range;
     Product product; ///< of the finite physical values, if asked for

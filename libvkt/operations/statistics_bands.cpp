@@ -13,11 +13,11 @@ void finish_band(FloatBand const& band, bool doubles, double origin, BandStatist
     out.range.valid = band.count > band.nan;
     out.range.low = band.low;
     out.range.high = band.high;
-    Moments& m = out.moments;
     if (!doubles) {
-        m = moments_of(moments_of(band, origin));
+        out.narrow = moments_of(band, origin);
         return;
     }
+    Moments& m = out.moments;
     m = {};
     m.nan = band.nan;
     m.positive_infinity = band.above;

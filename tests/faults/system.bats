@@ -132,7 +132,7 @@ soon_no_leftovers() {
     for reason in EIO ENOSPC EDQUOT; do
         for file in out.raw out.nrrd out.nrrd.gz.vkt out.mhd; do
             status=0
-            with write,pwrite64,writev:error=$reason:when=1 vkt flip x in.nrrd -o $file 2>err || status=$?
+            with write,pwrite64,writev:error=$reason:when=1 vkt flip x in.nrrd -q -o $file 2>err || status=$?
             grep -q INJECTED trace
             [ "$status" -eq 4 ]
             [ ! -e $file ]

@@ -296,7 +296,7 @@ void launch_sample(ConstView in, AnyView out, AffineSampling const& rule, unsign
     Sample<Kernel, C, T> const sample{device_sampling(rule, in, out.box),
                                       {driver::device_rows(in, in.box)},
                                       driver::device_rows(ConstView(out), out.box)};
-    driver::for_each_slanted_voxel(out.dims(), sample, totals, "affine_sample");
+    driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
 }
 
 /// Losses, and the voxels outside.
@@ -339,7 +339,7 @@ void launch_nearest(ConstView in, AnyView out, AffineSampling const& rule, Voxel
     NearestVoxel<U> nearest{device_sampling(rule, in, out.box), driver::device_rows(in, in.box),
                             driver::device_rows(ConstView(out), out.box), U{}};
     std::memcpy(&nearest.background, voxel.data(), sizeof nearest.background);
-    driver::for_each_slanted_voxel(out.dims(), nearest, totals, "affine_nearest");
+    driver::for_each_voxel<driver::SlantedBlock>(out.dims(), nearest, totals, "affine_nearest");
 }
 
 /// Linear in float32, of the types that it holds.
@@ -358,7 +358,7 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  inner(s.inner_y),
                                  inner(s.inner_z),
                                  in.type == out.type};
-    driver::for_each_slanted_voxel(out.dims(), sample, totals, "affine_sample");
+    driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
 }
 
 void sample_single(ConstView in, AnyView out, AffineSampling const& rule, unsigned long long* totals) {

@@ -35,9 +35,9 @@ def gradient(
 ) -> Volume: ...
 def kernel(
     volume: Volume, file: Value, *, convolve: bool = False,
-    method: Literal['auto', 'direct', 'separable', 'fft'] = 'auto', boundary: str = 'mirror',
-    roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    method: Literal['auto', 'direct', 'separable', 'fft'] = 'auto', tolerance: Value | None = None,
+    boundary: str = 'mirror', roi: Value | None = None, dtype: DType | None = None, device: Value = 'auto',
+    threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def laplacian(
     volume: Volume, *, boundary: str = 'mirror', roi: Value | None = None, dtype: DType | None = None,
