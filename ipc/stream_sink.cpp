@@ -293,16 +293,15 @@ void StreamSink::Writer::work() {
         queue_.pop_front();
         busy_ = true;
         lock.unlock();
-        std::exception_ptr failure;
         try {
             write_slab(slab);
+            lock.lock();
+            recycle(std::move(slab));
         } catch (...) {
-            failure = std::current_exception();
+            if (!lock.owns_lock()) lock.lock();
+            failure_ = std::current_exception();
         }
-        lock.lock();
         busy_ = false;
-        recycle(std::move(slab));
-        if (failure) failure_ = failure;
         changed_.notify_all();
         if (failure_) return;
     }

@@ -9,7 +9,10 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <fcntl.h>
+#include <malloc.h>
+#include <new>
 #include <string>
 #include <unistd.h>
 #include <vector>
@@ -23,6 +26,14 @@ void make_threads_sleep(char** argv) {
     ::setenv("OMP_WAIT_POLICY", "passive", 1);
     ::execv("/proc/self/exe", argv);
     // Where that is impossible the threads spin; results are the same.
+}
+
+/// The allocator would put blocks of up to 32 MiB into its heap once it has seen some freed, where what is freed
+/// between others stays resident: memory that is in no plan. A fixed limit turns that off.
+void return_large_blocks() {
+#ifdef M_MMAP_THRESHOLD
+    ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
+#endif
 }
 
 extern "C" void clean_up_and_die(int signal) {
@@ -49,6 +60,21 @@ void handle_signals() {
     std::signal(SIGXFSZ, SIG_IGN);
 }
 
+/// Memory that is missing where no exception may leave (destructors of libraries allocate, too) is no crash.
+[[noreturn]] void end_without_memory() {
+    try {
+        if (std::exception_ptr const failure = std::current_exception()) std::rethrow_exception(failure);
+    } catch (std::bad_alloc const&) {
+        vkt::shell::write_out_of_memory();
+        vkt::remove_temporaries();
+        ::_exit(static_cast<int>(vkt::ErrorKind::resources));
+    } catch (...) {
+        // A fault of the program, which a core dump should show.
+    }
+    __gnu_cxx::__verbose_terminate_handler();
+    std::abort();
+}
+
 /// OpenMP's runtime ends the program where it cannot start a thread, with a line of its own and exit code 1. What was
 /// missing is a resource.
 void watch_for_foreign_exits(bool& finished) {
@@ -67,7 +93,9 @@ int main(int argc, char** argv) {
     static bool finished = false; // looked at after main() has returned
     occupy_standard_streams();
     make_threads_sleep(argv);
+    return_large_blocks();
     handle_signals();
+    std::set_terminate(end_without_memory);
     watch_for_foreign_exits(finished);
     std::vector<std::string> const words(argv + 1, argv + argc);
     int code = 0;

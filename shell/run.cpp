@@ -14,6 +14,7 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
+#include <string_view>
 #include <system_error>
 #include <unistd.h>
 
@@ -28,6 +29,11 @@ bool names_output(std::vector<std::string> const& words) {
 }
 
 } // namespace
+
+void write_out_of_memory() {
+    constexpr std::string_view line = "vkt: out of memory\n";
+    [[maybe_unused]] auto const written = ::write(STDERR_FILENO, line.data(), line.size());
+}
 
 void say_downstream(Invocation const& stage, std::string const& message) {
     bool const streams = stage.yields_volumes() && stage.common().output == "-" && ipc::is_pipe(STDOUT_FILENO);
@@ -66,18 +72,21 @@ int run_words(std::vector<std::string> const& words) {
 }
 
 int guarded(std::string const& stage, std::function<int()> const& body) {
-    Log const log;
-    auto const report = [&](std::string const& message, std::string const& hint) {
-        log.error(stage, message);
-        if (!hint.empty()) log.error(stage, "hint: " + hint);
+    // What cannot be said for want of memory is said as what it is.
+    auto const failed = [&](ErrorKind kind, std::string_view message, std::string_view hint) {
+        try {
+            Log const log;
+            log.error(stage, std::string(message));
+            if (!hint.empty()) log.error(stage, text("hint: ", hint));
+        } catch (std::bad_alloc const&) {
+            write_out_of_memory();
+            kind = ErrorKind::resources;
+        }
+        return static_cast<int>(kind);
     };
     try {
         int const code = body();
-        if (std::fflush(stdout) != 0) {
-            report("cannot write to standard output", "");
-            return static_cast<int>(ErrorKind::io);
-        }
-        return code;
+        return std::fflush(stdout) == 0 ? code : failed(ErrorKind::io, "cannot write to standard output", "");
     } catch (ipc::BrokenPipe const&) {
         // Nobody reads on: leave as any filter would, killed by the signal that says so.
         std::signal(SIGPIPE, SIG_DFL);
@@ -86,19 +95,15 @@ int guarded(std::string const& stage, std::function<int()> const& body) {
     } catch (UpstreamError const&) {
         return static_cast<int>(ErrorKind::data);
     } catch (Error const& e) {
-        report(e.what(), e.hint());
-        return static_cast<int>(e.kind());
+        return failed(e.kind(), e.what(), e.hint());
     } catch (std::bad_alloc const&) {
-        report("out of memory", "lower --memory, or work on a part with 'vkt crop'");
-        return static_cast<int>(ErrorKind::resources);
+        return failed(ErrorKind::resources, "out of memory", "lower --memory, or work on a part with 'vkt crop'");
     } catch (std::system_error const& e) {
-        bool const resources = is_shortage(e);
-        report(resources ? text("cannot start a thread: ", e.code().message()) : e.what(),
-               resources ? "the limits of this shell or job are tight (ulimit -a); fewer --threads need less" : "");
-        return static_cast<int>(resources ? ErrorKind::resources : ErrorKind::failure);
+        if (!is_shortage(e)) return failed(ErrorKind::failure, e.what(), "");
+        return failed(ErrorKind::resources, text("cannot start a thread: ", e.code().message()),
+                      "the limits of this shell or job are tight (ulimit -a); fewer --threads need less");
     } catch (std::exception const& e) {
-        report(e.what(), "");
-        return static_cast<int>(ErrorKind::failure);
+        return failed(ErrorKind::failure, e.what(), "");
     }
 }
 

@@ -106,6 +106,31 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"
     [ $fitted -gt 0 ] && [ $refused -gt 0 ]
 }
 
+# The first blocks are those of constructors before main().
+@test "any block of memory may be refused, once or from then on: exit 5, and a line" {
+    library=$VKT_BUILD/tests/vkt_no_memory.so
+    vkt make noise --dims 64 64 64 -o in.nrrd
+    export OMP_WAIT_POLICY=passive # no second start
+    for command in 'read in.nrrd' 'filter gaussian in.nrrd --sigma 2' 'stats in.nrrd --percentiles 1' 'render in.nrrd -o out.png --force'; do
+        # shellcheck disable=SC2086
+        blocks=$(LD_PRELOAD="$library" VKT_NO_MEMORY_AT=-1 vkt $command 2>&1 >/dev/null | tail -n 1)
+        [ "$blocks" -gt 100 ]
+        refused=0
+        for at in $(seq 40 $((blocks / 25 + 1)) "$blocks"); do
+            for for in 1 1000000; do
+                code=0
+                # shellcheck disable=SC2086
+                LD_PRELOAD="$library" VKT_NO_MEMORY_AT=$at VKT_NO_MEMORY_FOR=$for vkt $command >/dev/null 2>err || code=$?
+                [ $code -eq 0 ] && continue # an optional part, as of a dry run, did without
+                [ $code -eq 5 ] && [ "$(grep -v hint: err | grep -c memory)" -eq 1 ] ||
+                    { echo "$command, $for blocks from the ${at}th of $blocks on: exit $code, $(cat err)" >&2; false; }
+                refused=$((refused + 1))
+            done
+        done
+        [ $refused -gt 20 ]
+    done
+}
+
 # What each thread holds of its own: rows that are filtered and summed, blocks that are compressed.
 @test "as many threads run as the budget has room for, with the same result" {
     vkt make noise --dims 8 8 8 -o tiny.nrrd
