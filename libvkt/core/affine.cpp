@@ -74,6 +74,16 @@ private:
 
 } // namespace
 
+Affine composed(Affine const& outer, Affine const& inner) {
+    Affine result;
+    result.offset = outer(inner.offset);
+    for (std::size_t a = 0; a < 3; ++a) {
+        Vec3 const c = inner.column[a];
+        result.column[a] = outer.column[0] * c.x + outer.column[1] * c.y + outer.column[2] * c.z;
+    }
+    return result;
+}
+
 Affine index_to_world(Geometry const& g) {
     return {{g.direction[0] * g.spacing.x, g.direction[1] * g.spacing.y, g.direction[2] * g.spacing.z}, g.origin};
 }

@@ -17,6 +17,8 @@ struct Affine {
     friend bool operator==(Affine const&, Affine const&) = default;
 };
 
+/// One map after another: first `inner`.
+Affine composed(Affine const& outer, Affine const& inner);
 Affine index_to_world(Geometry const& geometry);
 /// From voxels of one lattice to those of another in the same world. Origins are subtracted before anything else, so
 /// that large ones cost no digits. Throws Error{data} if the directions of `to` are linearly dependent.

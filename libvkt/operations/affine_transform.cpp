@@ -15,17 +15,6 @@ namespace {
 
 constexpr double same_voxel = 1e-6;
 
-/// One map after another: first `inner`.
-Affine composed(Affine const& outer, Affine const& inner) {
-    Affine result;
-    result.offset = outer(inner.offset);
-    for (std::size_t a = 0; a < 3; ++a) {
-        Vec3 const c = inner.column[a];
-        result.column[a] = outer.column[0] * c.x + outer.column[1] * c.y + outer.column[2] * c.z;
-    }
-    return result;
-}
-
 /// A lattice along the same axes as another.
 struct Lattice {
     Index3 dims;

@@ -61,16 +61,6 @@ void set_linear(Affine& map, double const* v) {
         for (int a = 0; a < 3; ++a) map.column[static_cast<std::size_t>(a)][row] = v[3 * row + a];
 }
 
-Affine composed(Affine const& outer, Affine const& inner) {
-    Affine result;
-    result.offset = outer(inner.offset);
-    for (std::size_t a = 0; a < 3; ++a) {
-        Vec3 const c = inner.column[a];
-        result.column[a] = outer.column[0] * c.x + outer.column[1] * c.y + outer.column[2] * c.z;
-    }
-    return result;
-}
-
 Affine about_axis(int axis, double angle) {
     Affine map;
     int const b = (axis + 1) % 3, c = (axis + 2) % 3;
