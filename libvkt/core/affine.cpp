@@ -3,15 +3,13 @@
 #include "libvkt/core/affine.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 
 #include <cmath>
 #include <limits>
 
 namespace vkt {
 namespace {
-
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 Vec3 corner(Vec3 low, Vec3 high, int i) {
     return {(i & 1) != 0 ? high.x : low.x, (i & 2) != 0 ? high.y : low.y, (i & 4) != 0 ? high.z : low.z};

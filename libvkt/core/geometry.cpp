@@ -3,14 +3,13 @@
 #include "libvkt/core/geometry.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 
 #include <cmath>
 
 namespace vkt {
 namespace {
 
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 bool finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 double determinant(Geometry const& g) { return dot(g.direction[0], cross(g.direction[1], g.direction[2])); }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/dicom_module.h"
@@ -37,9 +38,6 @@ constexpr double gap_tolerance = 0.01, slant_tolerance = 0.002;
 
 gdcm::Tag const pixel_data(0x7fe0, 0x0010);
 
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double length(Vec3 a) { return std::sqrt(dot(a, a)); }
 /// As text for messages, to a tenth of a micrometre.
 std::string millimetres(double distance) { return text(std::round(distance * 1e4) / 1e4, " mm"); }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/dicom_module.h"
@@ -43,9 +44,6 @@ constexpr std::uint64_t most_bytes = 0xfffffffe; ///< of pixel data that say the
 constexpr std::int64_t most_pixels = 65535;      ///< along a side
 /// What rounding may have left of right angles.
 constexpr double angle_tolerance = 1e-5;
-
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
 /// With as many digits as there is room for.
 std::string decimal(double value) {

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -47,8 +48,8 @@ std::optional<Conversion> conversion_in(std::string_view pattern) {
     return std::nullopt;
 }
 
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double length(Vec3 v) { return std::hypot(v.x, v.y, v.z); }
+/// Of vectors of any size: squares could overflow.
+double safe_length(Vec3 v) { return std::hypot(v.x, v.y, v.z); }
 
 } // namespace
 
@@ -134,13 +135,13 @@ void complete_directions(Geometry& geometry, std::array<bool, 3> known) {
             helper[static_cast<int>(given)] = -1;
         double const along = helper.x * d[given].x + helper.y * d[given].y + helper.z * d[given].z;
         Vec3 const v = helper - d[given] * along;
-        d[next] = v * (1 / length(v));
+        d[next] = v * (1 / safe_length(v));
         known[next] = true;
     }
     if (count == 1 || count == 2) {
         auto const missing = static_cast<std::size_t>(std::find(known.begin(), known.end(), false) - known.begin());
         Vec3 const v = cross(d[(missing + 1) % 3], d[(missing + 2) % 3]);
-        double const l = length(v);
+        double const l = safe_length(v);
         if (!(l > 1e-9)) throw Error(ErrorKind::data, "the directions of two axes are parallel");
         d[missing] = v * (1 / l);
     }
@@ -148,7 +149,7 @@ void complete_directions(Geometry& geometry, std::array<bool, 3> known) {
 }
 
 void set_axis(Geometry& geometry, int axis, Vec3 vector, std::string const& what) {
-    double const l = length(vector);
+    double const l = safe_length(vector);
     if (!(l > 0) || !std::isfinite(l))
         throw Error(ErrorKind::data, text(what, " of axis ", axis, " is zero or not finite"));
     geometry.spacing[axis] = l;

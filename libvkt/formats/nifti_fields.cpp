@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/frame.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/nrrd_header.h"
@@ -82,9 +83,6 @@ struct WordField {
 constexpr WordField word_fields[] = {{"descrip", &NiftiFields::descrip},
                                      {"aux_file", &NiftiFields::aux_file},
                                      {"intent_name", &NiftiFields::intent_name}};
-
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
 bool is_orthonormal(Geometry const& g) {
     auto const& d = g.direction;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/distance.h"
 
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/operations/kernels/distance.h"
 #include "libvkt/operations/kernels/fill.h"
@@ -38,8 +39,6 @@ std::optional<WholeSpacing> whole_spacing(Vec3 spacing, Index3 dims) {
     }
     return std::nullopt;
 }
-
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 } // namespace
 

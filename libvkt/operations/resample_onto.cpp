@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/resample_onto.h"
 
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/travelled.h"
 #include "libvkt/kernel/border.h"
@@ -50,8 +51,6 @@ bool is_signed_permutation(Affine const& map) {
     Vec3 const& o = map.offset;
     return used == 7 && o.x == std::nearbyint(o.x) && o.y == std::nearbyint(o.y) && o.z == std::nearbyint(o.z);
 }
-
-double length(Vec3 v) { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
 
 std::string_view name_of(Interpolant interpolant) {
     for (InterpolantOf const& entry : interpolants)

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/half.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -52,10 +53,6 @@ Vec3 corner(Mesh const& mesh, std::size_t triangle, std::size_t i) {
     double const* const at = mesh.vertices.data() + 3 * static_cast<std::size_t>(mesh.triangles[3 * triangle + i]);
     return {at[0], at[1], at[2]};
 }
-Vec3 cross(Vec3 const& a, Vec3 const& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-double dot(Vec3 const& a, Vec3 const& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 } // namespace
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/render/annotate.h"
 
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/font.h"
 
@@ -206,17 +207,9 @@ void draw_labels(Canvas& canvas, RenderReport const& report, Color const& ink) {
     });
 }
 
-Vec3 minus(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-Vec3 unit(Vec3 a) {
-    double const length = std::sqrt(dot(a, a));
-    return {a.x / length, a.y / length, a.z / length};
-}
-
 void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
     auto const size = static_cast<int>(std::lround(canvas.size()));
-    Vec3 const way = minus(camera.target, camera.eye);
+    Vec3 const way = camera.target - camera.eye;
     double const height = camera.projection == Projection::orthographic
                               ? camera.height
                               : 2 * std::tan(camera.fov * std::numbers::pi / 360) * std::sqrt(dot(way, way));
@@ -234,7 +227,7 @@ void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
 
 void draw_axes(Canvas& canvas, Camera const& camera, Color const& ink) {
     double const size = canvas.size(), reach = 2.5 * size;
-    Vec3 const forward = unit(minus(camera.target, camera.eye)), right = unit(cross(forward, camera.up)),
+    Vec3 const forward = unit(camera.target - camera.eye), right = unit(cross(forward, camera.up)),
                up = cross(right, forward);
     Point const center{size * 1.5 + reach, size * 1.5 + reach};
     struct Arm {

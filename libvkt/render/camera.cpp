@@ -3,6 +3,7 @@
 #include "libvkt/render/camera.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 
 #include <algorithm>
@@ -19,9 +20,6 @@ namespace {
 
 constexpr double margin = 1.04; // of the picture around the volume
 
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-Vec3 unit(Vec3 a) { return a * (1 / std::sqrt(dot(a, a))); }
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 struct Basis {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/viewer/interaction.h"
 
+#include "libvkt/core/products.h"
 #include "libvkt/core/text.h"
 #include "libvkt/render/colormap.h"
 
@@ -19,11 +20,6 @@ using render::Algorithm;
 using render::Camera;
 using render::Projection;
 using render::RenderSettings;
-
-double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double length(Vec3 a) { return std::sqrt(dot(a, a)); }
-Vec3 unit(Vec3 a) { return a * (1 / length(a)); }
 
 /// Rodrigues' formula; the axis has length 1.
 Vec3 turned(Vec3 v, Vec3 axis, double angle) {
