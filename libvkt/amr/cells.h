@@ -1,9 +1,8 @@
-// Cells of any storage type: dispatch over types, loading into a compute type, storing with rounding and saturation.
+// Cells of any storage type: loading into a compute type, storing with rounding and saturation.
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/half.h"
-#include "libvkt/core/types.h"
+#include "libvkt/core/type_dispatch.h"
 
 #include <cmath>
 #include <cstdint>
@@ -11,35 +10,6 @@
 #include <type_traits>
 
 namespace vkt {
-
-/// Calls function(T{}) with the storage type T of a data type.
-template <class Function> decltype(auto) with_cell_type(DataType type, Function&& function) {
-    switch (type) {
-    case DataType::uint8:
-        return function(std::uint8_t{});
-    case DataType::int8:
-        return function(std::int8_t{});
-    case DataType::uint16:
-        return function(std::uint16_t{});
-    case DataType::int16:
-        return function(std::int16_t{});
-    case DataType::uint32:
-        return function(std::uint32_t{});
-    case DataType::int32:
-        return function(std::int32_t{});
-    case DataType::uint64:
-        return function(std::uint64_t{});
-    case DataType::int64:
-        return function(std::int64_t{});
-    case DataType::float16:
-        return function(Half{});
-    case DataType::float32:
-        return function(float{});
-    case DataType::float64:
-        break;
-    }
-    return function(double{});
-}
 
 /// True if interpolation of this type computes in double: float would lose bits of its values.
 inline bool computes_in_double(DataType type) {

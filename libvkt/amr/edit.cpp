@@ -177,7 +177,7 @@ BrickSequence flip_tree(BrickSequence input, Axis axis, Execution const& executi
             std::int64_t offset = 0;
             for (std::size_t b = first; b < first + count; ++b)
                 offsets.push_back(std::exchange(offset, offset + source->bricks()[b].cells()));
-            with_cell_type(dtype, [&]<class T>(T) {
+            with_type(dtype, [&]<class T>(T) {
 #pragma omp parallel for num_threads(threads) schedule(static)
                 for (std::size_t i = 0; i < count; ++i)
                     reverse_brick(reinterpret_cast<T const*>(from) + offsets[i], reinterpret_cast<T*>(to) + offsets[i],

@@ -39,7 +39,7 @@ std::vector<Segment> segments(std::int64_t begin, std::int64_t end, std::int64_t
 }
 
 void fill_value(AnyView out, double value) {
-    with_cell_type(out.type, [&]<class T>(T) {
+    with_type(out.type, [&]<class T>(T) {
         View<T> const to = out.as<T>();
         T const cell = store_cell<T>(value);
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
@@ -49,7 +49,7 @@ void fill_value(AnyView out, double value) {
 }
 
 void copy_folded(ConstView from, AnyView out, Index3 n, Boundary boundary) {
-    with_cell_type(out.type, [&]<class T>(T) {
+    with_type(out.type, [&]<class T>(T) {
         View<T> const to = out.as<T>();
         View<T const> const source = from.as<T>();
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
@@ -85,7 +85,7 @@ Box lattice_box(LevelLattice const& lattice, Brick const& brick) {
 void CellSurvey::add(BrickTable const& bricks, std::byte const* cells, Execution const& execution) {
     for (ValueRange const& range : brick_ranges(cells, type_, bricks, execution))
         range_ = united(std::array{range_, range});
-    with_cell_type(type_, [&]<class T>(T) {
+    with_type(type_, [&]<class T>(T) {
         if constexpr (is_wide_cell<T>) {
             std::int64_t count = 0;
             for (Brick const& brick : bricks) count += brick.cells();

@@ -377,8 +377,7 @@ Volume refine(Volume const& volume, RefineOptions const& options, Execution cons
         throw Error(ErrorKind::usage, "differences are of a scale or of the gradient, not of both");
     if (options.method != Reconstruction::basis && options.method != Reconstruction::nearest)
         throw Error(ErrorKind::usage, "the tolerance can be promised for basis or nearest reconstruction");
-    return with_cell_type(volume.header().dtype,
-                          [&]<class T>(T) { return Refiner<T>(volume, options, execution).run(); });
+    return with_type(volume.header().dtype, [&]<class T>(T) { return Refiner<T>(volume, options, execution).run(); });
 }
 
 } // namespace vkt

@@ -34,14 +34,13 @@ TreeSampler::TreeSampler(Volume volume) : volume_(std::move(volume)) {
 }
 
 TreeSample TreeSampler::sample(Vec3 position) const {
-    return with_cell_type(volume_.header().dtype,
-                          [&]<class T>(T) { return vkt::sample(view<T>(), position.x, position.y, position.z); });
+    return with_type(volume_.header().dtype,
+                     [&]<class T>(T) { return vkt::sample(view<T>(), position.x, position.y, position.z); });
 }
 
 TreeGradientSample TreeSampler::sample_gradient(Vec3 position) const {
-    return with_cell_type(volume_.header().dtype, [&]<class T>(T) {
-        return vkt::sample_gradient(view<T>(), position.x, position.y, position.z);
-    });
+    return with_type(volume_.header().dtype,
+                     [&]<class T>(T) { return vkt::sample_gradient(view<T>(), position.x, position.y, position.z); });
 }
 
 } // namespace vkt

@@ -246,7 +246,7 @@ struct TileOutput {
     }
 
     void basis_where(TileMemory& work, std::uint8_t const* averaged) const {
-        with_cell_type(job.type, [&]<class T>(T) {
+        with_type(job.type, [&]<class T>(T) {
             if constexpr (is_wide_cell<T>) {
                 basis_of_wide<T>(work, averaged);
             } else if (computes_in_double(job.type)) {
@@ -261,13 +261,13 @@ struct TileOutput {
 
     void average_where(TileMemory& work, std::uint8_t const* averaged) const {
         average(job, work.wide, instructions);
-        with_cell_type(job.type, [&]<class T>(T) { store<T, true>(work.wide, averaged, 1); });
+        with_type(job.type, [&]<class T>(T) { store<T, true>(work.wide, averaged, 1); });
     }
 
     void compute(TileMemory& work) const {
         switch (rule.method) {
         case Reconstruction::nearest:
-            with_cell_type(job.type, [&]<class T>(T) { nearest<T>(); });
+            with_type(job.type, [&]<class T>(T) { nearest<T>(); });
             break;
         case Reconstruction::basis:
             basis_where(work, nullptr);
@@ -345,7 +345,7 @@ std::vector<tile::Source> tile_sources(Volume const& volume) {
     std::size_t const bytes = size_of(volume.header().dtype);
     std::vector<tile::Source> sources(bricks.size());
     tile::Source first;
-    with_cell_type(volume.header().dtype, [&]<class T>(T) {
+    with_type(volume.header().dtype, [&]<class T>(T) {
         if constexpr (is_wide_cell<T>) {
             auto const* const cells = reinterpret_cast<T const*>(data);
             auto const [least, most] = std::minmax_element(cells, cells + volume.header().voxels());

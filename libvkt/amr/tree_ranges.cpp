@@ -54,7 +54,7 @@ std::vector<ValueRange> brick_ranges(Volume const& volume, std::span<std::size_t
     std::vector<ValueRange> ranges(which.size());
     std::byte const* const data = volume.buffer().read(Space::host);
     auto const count = static_cast<std::int64_t>(which.size());
-    with_cell_type(volume.header().dtype, [&]<class T>(T) {
+    with_type(volume.header().dtype, [&]<class T>(T) {
         auto const* const cells = reinterpret_cast<T const*>(data);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
         for (std::int64_t i = 0; i < count; ++i) {
@@ -72,7 +72,7 @@ std::vector<ValueRange> brick_ranges(std::byte const* cells, DataType type, Bric
     std::int64_t offset = 0;
     for (Brick const& brick : bricks) offsets.push_back(std::exchange(offset, offset + brick.cells()));
     std::vector<ValueRange> ranges(bricks.size());
-    with_cell_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         auto const* const values = reinterpret_cast<T const*>(cells);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
         for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i] = range_of(values + offsets[i], bricks[i].cells());

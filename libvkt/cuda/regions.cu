@@ -50,7 +50,7 @@ template <class T> void fill_around(AnyView window, Box const& inside, Index3 di
 } // namespace cuda
 
 void fill_border_on_device(AnyView window, Box const& inside, Index3 dims, Boundary boundary, double border_value) {
-    cuda::for_each_type(window.type, [&]<class T>(T) {
+    with_type(window.type, [&]<class T>(T) {
         cuda::fill_around<T>(window, inside, dims, boundary, cuda::round_to<T>(border_value));
     });
 }

@@ -95,7 +95,7 @@ void sample_tree_on_device(SamplerView<std::byte> const& tree, SampleGrid const&
         positions.step[a] = grid.step[a];
         positions.first[a] = out.box.lower[a];
     }
-    cuda::for_each_type(out.type, [&]<class T>(T) { cuda::sample_all<T>(tree, positions, rule, out); });
+    with_type(out.type, [&]<class T>(T) { cuda::sample_all<T>(tree, positions, rule, out); });
 }
 
 } // namespace vkt

@@ -126,7 +126,7 @@ void map_background(Operation& operation, std::vector<Header> const& inputs, Hea
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         Header const& header = inputs[i];
         double const value = stored_background(header).value_or(header.values.stored(0));
-        with_cell_type(header.dtype, [&]<class T>(T) {
+        with_type(header.dtype, [&]<class T>(T) {
             T const held = store_cell<T>(value);
             std::memcpy(stored[i].data(), &held, sizeof held);
         });
@@ -135,7 +135,7 @@ void map_background(Operation& operation, std::vector<Header> const& inputs, Hea
     std::array<std::byte, sizeof(double)> result{};
     operation.run(views, dense_view(result.data(), output.dtype, cell), execution);
     operation.forget_trial();
-    with_cell_type(output.dtype, [&]<class T>(T) {
+    with_type(output.dtype, [&]<class T>(T) {
         T held;
         std::memcpy(&held, result.data(), sizeof held);
         output.attributes["background"] = to_text(output.values.physical(static_cast<double>(held)));

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/core/type_dispatch.h"
 
 #include <algorithm>
 #include <charconv>
@@ -128,31 +129,12 @@ private:
 } // namespace
 
 std::unique_ptr<ByteStream> decode_text(ByteSource& bytes, DataType type) {
-    switch (type) {
-    case DataType::uint8:
-        return std::make_unique<TextStream<std::uint8_t>>(bytes);
-    case DataType::int8:
-        return std::make_unique<TextStream<std::int8_t>>(bytes);
-    case DataType::uint16:
-        return std::make_unique<TextStream<std::uint16_t>>(bytes);
-    case DataType::int16:
-        return std::make_unique<TextStream<std::int16_t>>(bytes);
-    case DataType::uint32:
-        return std::make_unique<TextStream<std::uint32_t>>(bytes);
-    case DataType::int32:
-        return std::make_unique<TextStream<std::int32_t>>(bytes);
-    case DataType::uint64:
-        return std::make_unique<TextStream<std::uint64_t>>(bytes);
-    case DataType::int64:
-        return std::make_unique<TextStream<std::int64_t>>(bytes);
-    case DataType::float32:
-        return std::make_unique<TextStream<float>>(bytes);
-    case DataType::float64:
-        return std::make_unique<TextStream<double>>(bytes);
-    case DataType::float16:
-        break;
-    }
-    throw Error(ErrorKind::data, text("'", bytes.name(), "': text of float16 samples is not a known encoding"));
+    return with_type(type, [&]<class T>(T) -> std::unique_ptr<ByteStream> {
+        if constexpr (std::is_same_v<T, Half>)
+            throw Error(ErrorKind::data, text("'", bytes.name(), "': text of float16 samples is not a known encoding"));
+        else
+            return std::make_unique<TextStream<T>>(bytes);
+    });
 }
 
 } // namespace vkt

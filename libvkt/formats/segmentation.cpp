@@ -51,7 +51,7 @@ public:
     LabelScanner(Index3 dims, DataType type) : dims_(dims), type_(type) {}
 
     void scan(std::byte const* voxels, std::size_t bytes) {
-        with_cell_type(type_, [&]<class T>(T) {
+        with_type(type_, [&]<class T>(T) {
             if constexpr (std::is_integral_v<T>) scan_as<T>(voxels, bytes);
         });
     }

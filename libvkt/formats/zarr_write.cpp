@@ -159,7 +159,7 @@ void ZarrWriter::take(std::size_t level, std::byte const* voxels, std::size_t n)
 void ZarrWriter::make_slice(std::size_t level, std::byte const* a, std::byte const* b) {
     Index3 const dims = levels_[level].writer.dims();
     std::vector<std::byte> out(static_cast<std::size_t>(half(dims.x) * half(dims.y)) * size_of(header_.dtype));
-    VKT_BACKEND::for_each_type(header_.dtype, [&]<class T>(T) { add_means<T>(a, b, dims, out.data()); });
+    with_type(header_.dtype, [&]<class T>(T) { add_means<T>(a, b, dims, out.data()); });
     take(level + 1, out.data(), out.size());
 }
 

@@ -37,35 +37,6 @@ inline DeviceRows device_rows(ConstView view, Box const& box) {
             view.slice * size};
 }
 
-/// Calls f(T{}) with the storage type, on the device.
-template <class F> __device__ __forceinline__ void with_type(DataType type, F&& f) {
-    switch (type) {
-    case DataType::uint8:
-        return f(std::uint8_t{});
-    case DataType::int8:
-        return f(std::int8_t{});
-    case DataType::uint16:
-        return f(std::uint16_t{});
-    case DataType::int16:
-        return f(std::int16_t{});
-    case DataType::uint32:
-        return f(std::uint32_t{});
-    case DataType::int32:
-        return f(std::int32_t{});
-    case DataType::uint64:
-        return f(std::uint64_t{});
-    case DataType::int64:
-        return f(std::int64_t{});
-    case DataType::float16:
-        return f(Half{});
-    case DataType::float32:
-        return f(float{});
-    case DataType::float64:
-    default: // so that what is set here is set on every way
-        return f(double{});
-    }
-}
-
 /// A voxel as C; Int128 is made of integers only.
 template <class C, class T> __device__ __forceinline__ C as_compute(T v) {
     if constexpr (std::is_same_v<C, Int128> && !std::is_integral_v<T>)

@@ -2,9 +2,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/half.h"
 #include "libvkt/core/losses.h"
-#include "libvkt/core/types.h"
+#include "libvkt/core/type_dispatch.h"
 #include "libvkt/core/wide.h"
 #include "libvkt/kernel/backend.h"
 
@@ -27,34 +26,6 @@ template <class T> using compute_t = typename Compute<T>::type;
 using VoxelBytes = std::array<std::byte, 8>;
 
 namespace VKT_BACKEND {
-
-/// Calls f(T{}) with the storage type.
-template <class F> void for_each_type(DataType type, F&& f) {
-    switch (type) {
-    case DataType::uint8:
-        return f(std::uint8_t{});
-    case DataType::int8:
-        return f(std::int8_t{});
-    case DataType::uint16:
-        return f(std::uint16_t{});
-    case DataType::int16:
-        return f(std::int16_t{});
-    case DataType::uint32:
-        return f(std::uint32_t{});
-    case DataType::int32:
-        return f(std::int32_t{});
-    case DataType::uint64:
-        return f(std::uint64_t{});
-    case DataType::int64:
-        return f(std::int64_t{});
-    case DataType::float16:
-        return f(Half{});
-    case DataType::float32:
-        return f(float{});
-    case DataType::float64:
-        return f(double{});
-    }
-}
 
 /// Calls f(C{}) with the type that kernels compute in for voxels of this type, see Compute.
 template <class F> void with_compute_type(DataType type, F&& f) {
@@ -194,7 +165,7 @@ template <class T, class C> VKT_HD bool is_lost_nan(C v) {
 /// The voxel that stores a value as round_to does.
 inline VoxelBytes voxel_bytes(DataType type, double value) {
     VoxelBytes voxel{};
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         T const stored = round_to<T>(value);
         std::memcpy(voxel.data(), &stored, sizeof stored);
     });

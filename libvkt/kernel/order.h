@@ -46,7 +46,7 @@ template <class T, class K> VKT_HD K from_key(K key) {
 
 /// Keys of n voxels of a type with as many bytes as K; `to` may be where they lie.
 template <class K> inline void load_keys(DataType type, std::byte const* from, K* to, std::int64_t n) {
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
             if (reinterpret_cast<std::byte const*>(to) != from)
                 std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(K));
@@ -57,7 +57,7 @@ template <class K> inline void load_keys(DataType type, std::byte const* from, K
 }
 /// The voxels that have these keys.
 template <class K> inline void store_keys(DataType type, K const* from, std::byte* to, std::int64_t n) {
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
             auto* const voxels = reinterpret_cast<K*>(to);
 #pragma omp simd

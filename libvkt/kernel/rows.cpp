@@ -181,7 +181,7 @@ template <class T> [[maybe_unused]] constexpr bool is_small = false;
 } // namespace
 
 template <class C> void load_row(DataType type, std::byte const* from, C* to, std::int64_t n) {
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         auto const* const in = reinterpret_cast<T const*>(from);
         if constexpr (std::is_same_v<T, C>)
             std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(C));
@@ -196,7 +196,7 @@ template <class C> void load_row(DataType type, std::byte const* from, C* to, st
 
 template <class C> Losses store_row(DataType type, C const* from, std::byte* to, std::int64_t n) {
     Losses losses;
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         auto* const out = reinterpret_cast<T*>(to);
         if constexpr (std::is_same_v<T, C>)
             std::memcpy(to, from, static_cast<std::size_t>(n) * sizeof(C));

@@ -73,7 +73,7 @@ Bins Bins::of_patterns(DataType type) {
 
 double Bins::value_of_pattern(DataType type, std::size_t bits) {
     double value = 0;
-    baseline::for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) <= 2) {
             auto const pattern = static_cast<std::uint16_t>(bits);
             T stored;

@@ -66,7 +66,7 @@ Components::Component of_run(std::int32_t first, std::int32_t beyond, std::int32
 /// A voxel's value, such that equal values have equal keys.
 std::uint64_t key_of(std::byte const* voxel, DataType type) {
     std::uint64_t key = 0;
-    VKT_BACKEND::for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         T v;
         std::memcpy(&v, voxel, sizeof v);
         if constexpr (std::is_integral_v<T>)

@@ -207,8 +207,8 @@ Flooding::Flooding(ConstView values, bool descending, std::uint8_t const* mask, 
         for (std::int64_t y = 0; y < dims_.y; ++y)
             for (std::int64_t x = 0; x < dims_.x; ++x, ++voxel)
                 if (mask == nullptr || mask[voxel] != 0) labels_[at({x, y, z})] = 0;
-    VKT_BACKEND::for_each_type(
-        values.type, [&]<class T>(T) { rank<T, typename KeyOf<sizeof(T)>::type>(values, descending, keep_order); });
+    with_type(values.type,
+              [&]<class T>(T) { rank<T, typename KeyOf<sizeof(T)>::type>(values, descending, keep_order); });
 }
 
 bool Flooding::mark(Index3 voxel, std::uint32_t label) {

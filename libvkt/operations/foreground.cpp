@@ -22,7 +22,7 @@ template <class T> bool equal(T a, T b) {
 ConstView without_background(ConstView part, double background, std::vector<std::byte>& buffer) {
     buffer.resize(static_cast<std::size_t>(part.box.voxels()) * size_of(part.type));
     std::int64_t count = 0;
-    baseline::for_each_type(part.type, [&]<class T>(T) {
+    with_type(part.type, [&]<class T>(T) {
         View<T const> const in = part.as<T>();
         T const hole = store_cell<T>(background);
         T* const kept = reinterpret_cast<T*>(buffer.data());

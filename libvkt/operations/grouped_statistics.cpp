@@ -141,12 +141,12 @@ std::map<std::int64_t, PartialStatistics> block_groups(Beside const& in, Box con
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
         if (by == GroupedBy::y) std::fill(keys.begin(), keys.end(), y);
         if (in.mask)
-            baseline::for_each_type(in.mask->type, [&]<class M>(M) {
+            with_type(in.mask->type, [&]<class M>(M) {
                 M const* const row = reinterpret_cast<M const*>(in.mask->at(box.lower.x, y, z));
                 for (std::size_t i = 0; i < n; ++i) counts[i] = static_cast<double>(row[i]) != 0 ? 1 : 0;
             });
         if (in.labels)
-            baseline::for_each_type(in.labels->type, [&]<class L>(L) {
+            with_type(in.labels->type, [&]<class L>(L) {
                 L const* const row = reinterpret_cast<L const*>(in.labels->at(box.lower.x, y, z));
                 if constexpr (std::is_integral_v<L>)
                     for (std::size_t i = 0; i < n; ++i) keys[i] = static_cast<std::int64_t>(row[i]);
@@ -238,7 +238,7 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     for (std::int64_t first = 0; first < blocks; first += together) {
         std::int64_t const n = std::min(together, blocks - first);
         std::exception_ptr failure;
-        baseline::for_each_type(slab.type, [&]<class T>(T) {
+        with_type(slab.type, [&]<class T>(T) {
 #pragma omp parallel for num_threads(execution.threads) schedule(dynamic) if (n > 1)
             for (std::int64_t i = 0; i < n; ++i) {
                 Box block = box;

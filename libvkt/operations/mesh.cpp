@@ -82,7 +82,7 @@ Plan MakeMesh::plan(std::span<Header const> inputs) {
 }
 
 void MakeMesh::find_labels(ConstView voxels) {
-    baseline::for_each_type(input_.dtype, [&]<class T>(T) {
+    with_type(input_.dtype, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             Box const& box = voxels.box;
             View<T const> const view = voxels.as<T>();

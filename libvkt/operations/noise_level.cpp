@@ -45,7 +45,7 @@ template <class T> std::vector<float> coefficients(ConstView view) {
 
 double noise_level(Volume const& volume) {
     std::vector<float> found =
-        with_cell_type(volume.header().dtype, [&]<class T>(T) { return coefficients<T>(volume.view()); });
+        with_type(volume.header().dtype, [&]<class T>(T) { return coefficients<T>(volume.view()); });
     if (found.empty() || volume.header().voxels() == 1) return 0;
     auto const middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
     std::nth_element(found.begin(), middle, found.end());

@@ -49,7 +49,7 @@ Number ValueText<Number>::read(std::vector<std::string> const& w, std::string_vi
 std::array<std::byte, 8> voxel_bytes(DataType type, Number const& number) {
     if (!is_integer(type) || !number.whole) return baseline::voxel_bytes(type, number.value);
     VoxelBytes voxel{};
-    baseline::for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             Int128 const lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
             T const stored = static_cast<T>(std::clamp(*number.whole, lowest, highest));
@@ -61,7 +61,7 @@ std::array<std::byte, 8> voxel_bytes(DataType type, Number const& number) {
 
 bool fits(DataType type, Number const& number) {
     bool result = true;
-    baseline::for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         result = !baseline::is_clipped<T>(number.value);
         if constexpr (std::is_integral_v<T>)
             if (number.whole)

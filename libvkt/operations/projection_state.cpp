@@ -73,7 +73,7 @@ void ProjectionState::begin(Space space) {
         std::fill_n(memory, bytes(), std::byte{0});
         return;
     }
-    baseline::for_each_type(type == DataType::float16 ? DataType::float32 : type, [&]<class T>(T) {
+    with_type(type == DataType::float16 ? DataType::float32 : type, [&]<class T>(T) {
         T start = kind == Projection::max ? std::numeric_limits<T>::lowest() : std::numeric_limits<T>::max();
         if constexpr (std::is_floating_point_v<T>) start = std::numeric_limits<T>::quiet_NaN();
         std::fill_n(reinterpret_cast<T*>(extremes), pixels(), start);

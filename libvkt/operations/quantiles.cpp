@@ -90,7 +90,7 @@ void Quantiles::begin_pass() {
 }
 
 void Quantiles::add(ConstView slab, int threads) {
-    baseline::for_each_type(type_, [&]<class T>(T) { add_rows<T>(slab, threads); });
+    with_type(type_, [&]<class T>(T) { add_rows<T>(slab, threads); });
 }
 
 template <class T> void Quantiles::add_rows(ConstView slab, int threads) {
@@ -207,7 +207,7 @@ bool Quantiles::end_pass() {
 
 StoredValue Quantiles::value_of(std::uint64_t key) const {
     StoredValue result;
-    baseline::for_each_type(type_, [&]<class T>(T) {
+    with_type(type_, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T> && sizeof(T) == 8)
             result.whole = value_at<T>(key);
         else

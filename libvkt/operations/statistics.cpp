@@ -39,7 +39,7 @@ Index3 find(ConstView slab, Index3 row, Extreme const& extreme) {
         slab = copy.of(slab.part({{slab.box.lower.x, row.y, row.z}, {slab.box.upper.x, end, row.z + 1}}));
     }
     Index3 at;
-    baseline::for_each_type(slab.type, [&]<class T>(T) {
+    with_type(slab.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>)
             at = find_from_row<T>(slab, row, extreme.integer);
         else
@@ -59,7 +59,7 @@ MeanOrigin first_finite(ConstView slab) {
         });
         return origin;
     }
-    baseline::for_each_type(slab.type, [&]<class T>(T) {
+    with_type(slab.type, [&]<class T>(T) {
         View<T const> const in = slab.as<T>();
         Box const b = slab.box;
         for (std::int64_t z = b.lower.z; z < b.upper.z && !origin.known; ++z)

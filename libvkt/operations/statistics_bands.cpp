@@ -76,7 +76,7 @@ void finish_bands(FloatBand const* bands, std::int64_t count, DataType type, Mea
 
 void finish_bands(IntegerBand const* bands, std::int64_t count, DataType type, MeanOrigin const& origin,
                   BandStatistics* out, int threads) {
-    baseline::for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
 #pragma omp parallel for num_threads(threads) if (threads > 1)
             for (std::int64_t b = 0; b < count; ++b) {

@@ -120,7 +120,7 @@ Inside inside_from(Number const& value, Header const& header) {
     bool const from = header.values.slope > 0;
     double const level = header.values == ValueMap{} ? value.value : header.values.stored(value.value);
     Inside inside;
-    baseline::for_each_type(header.dtype, [&]<class T>(T) { inside = bound<T>(level, from); });
+    with_type(header.dtype, [&]<class T>(T) { inside = bound<T>(level, from); });
     return inside;
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 /// Calls f(index, value) for all voxels, x fastest.
 template <class F> void for_each_voxel(ConstView in, F const& f) {
-    VKT_BACKEND::for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         View<T const> const view = in.as<T>();
         std::size_t i = 0;
         for (std::int64_t z = in.box.lower.z; z < in.box.upper.z; ++z)
@@ -33,7 +33,7 @@ void gradient_into(ConstView in, Header const& header, float* to, Execution cons
     Vec3 const h = header.geometry.spacing;
     double const slope = header.values.slope;
     Box const box = in.box;
-    VKT_BACKEND::for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         View<T const> const view = in.as<T>();
         auto const value = [&](std::int64_t x, std::int64_t y, std::int64_t z) {
             return static_cast<double>(view(std::clamp(x, box.lower.x, box.upper.x - 1),

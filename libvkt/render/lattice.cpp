@@ -168,7 +168,7 @@ double Lattice::at(Index3 voxel) const {
 Lattice make_lattice(ConstView voxels, ValueMap const& values, Execution const& execution) {
     Lattice lattice;
     lattice.dims = voxels.dims();
-    with_cell_type(voxels.type, [&]<class T>(T) {
+    with_type(voxels.type, [&]<class T>(T) {
         Range const range = survey<T>(voxels.as<T>(), lattice, values, execution.threads);
         convert<T>(voxels, range, lattice, execution.threads);
     });
@@ -180,7 +180,7 @@ Lattice make_lattice(Header const& header, VoxelReader const& read, Execution co
     Lattice lattice;
     lattice.dims = header.dims;
     bool kept = false;
-    with_cell_type(header.dtype, [&]<class T>(T) {
+    with_type(header.dtype, [&]<class T>(T) {
         if constexpr (is_kept<T>) {
             kept = true;
             T* const all = make_room<T>(header.dims, lattice);

@@ -46,7 +46,7 @@ struct Tree::Survey {
         auto const count = static_cast<std::int64_t>(volume.bricks().size());
         bricks.resize(volume.bricks().size());
         std::byte const* const data = volume.buffer().read(Space::host);
-        with_cell_type(header.dtype, [&]<class T>(T) {
+        with_type(header.dtype, [&]<class T>(T) {
             auto const* const cells = reinterpret_cast<T const*>(data);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
             for (std::int64_t i = 0; i < count; ++i) {
@@ -62,7 +62,7 @@ struct Tree::Survey {
         }
         if (all.empty())
             throw Error(ErrorKind::data, "the volume has no finite voxel", "vkt stats tells what it holds");
-        with_cell_type(header.dtype, [&]<class T>(T) {
+        with_type(header.dtype, [&]<class T>(T) {
             auto const* const cells = reinterpret_cast<T const*>(data);
             narrow = narrowing_of(header.dtype, all, header.voxels(),
                                   [&](std::int64_t i) { return static_cast<double>(cells[i]); });
@@ -82,7 +82,7 @@ struct Tree::Survey {
         auto* const out = reinterpret_cast<float*>(result.buffer().write(Space::host));
         std::byte const* const data = volume.buffer().read(Space::host);
         std::int64_t const n = volume.header().voxels();
-        with_cell_type(volume.header().dtype, [&]<class T>(T) {
+        with_type(volume.header().dtype, [&]<class T>(T) {
             auto const* const cells = reinterpret_cast<T const*>(data);
 #pragma omp parallel for num_threads(execution.threads) schedule(static)
             for (std::int64_t i = 0; i < n; ++i) out[i] = narrow(static_cast<double>(cells[i]));
@@ -157,7 +157,7 @@ Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joine
     auto const count = static_cast<std::int64_t>(bricks.size());
     std::byte const* const data = volume.buffer().read(Space::host);
     Bins bins(survey.all);
-    with_cell_type(header.dtype, [&]<class T>(T) {
+    with_type(header.dtype, [&]<class T>(T) {
         auto const* const all = reinterpret_cast<T const*>(data);
         std::vector<Bins> parts(static_cast<std::size_t>(execution.threads), bins);
 #pragma omp parallel num_threads(execution.threads)

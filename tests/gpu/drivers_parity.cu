@@ -75,7 +75,7 @@ struct Twin {
         slice = row * b.dims().y + gap;
         std::size_t const count = static_cast<std::size_t>(gap + slice * b.dims().z);
         host.resize(count * size_of(t));
-        for_each_type(t, [&]<class T>(T) {
+        with_type(t, [&]<class T>(T) {
             auto const values = awkward<T>(count);
             std::memcpy(host.data(), values.data(), host.size());
         });
@@ -105,7 +105,7 @@ struct Twin {
 
 template <class C> C value_at(ConstView v, std::int64_t x, std::int64_t y, std::int64_t z) {
     C value{};
-    for_each_type(v.type, [&]<class T>(T) {
+    with_type(v.type, [&]<class T>(T) {
         T stored;
         std::memcpy(&stored, v.at(x, y, z), sizeof stored);
         if constexpr (!std::is_same_v<C, Int128> || std::is_integral_v<T>) value = static_cast<C>(stored);
@@ -113,7 +113,7 @@ template <class C> C value_at(ConstView v, std::int64_t x, std::int64_t y, std::
     return value;
 }
 template <class R> void store_at(AnyView v, std::int64_t x, std::int64_t y, std::int64_t z, R value, Losses& losses) {
-    for_each_type(v.type, [&]<class T>(T) {
+    with_type(v.type, [&]<class T>(T) {
         T const stored = round_to<T>(value);
         losses.clipped += is_clipped<T>(value);
         losses.nan += is_lost_nan<T>(value);
@@ -131,7 +131,7 @@ int failures = 0, checks = 0;
 /// NaN is NaN, whatever its bits.
 bool same(DataType type, std::vector<std::byte> const& a, std::vector<std::byte> const& b) {
     bool equal = true;
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         for (std::size_t i = 0; i < a.size(); i += sizeof(T)) {
             T p, q;
             std::memcpy(&p, &a[i], sizeof p);
@@ -209,7 +209,7 @@ template <class C> void pair(DataType from, DataType to, Box const& box, std::in
 
 void sums(DataType type, Box const& box, std::int64_t gap) {
     Twin in(type, box, gap);
-    for_each_type(type, [&]<class T>(T) { // small numbers, whose sum is exact
+    with_type(type, [&]<class T>(T) { // small numbers, whose sum is exact
         for (std::size_t i = 0; i < in.host.size(); i += sizeof(T)) {
             T const v = round_to<T>(static_cast<double>(i / sizeof(T) % 101));
             std::memcpy(&in.host[i], &v, sizeof v);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/core/half.h"
+#include "libvkt/core/type_dispatch.h"
 #include "libvkt/core/volume.h"
 
 #include <cstring>
@@ -17,45 +17,6 @@ inline Header header_of(Index3 dims, DataType type) {
     header.dims = dims;
     header.dtype = type;
     return header;
-}
-
-/// Calls f(T{}) for a storage type, apart from the library's own dispatch.
-template <class F> void with_type(DataType type, F&& f) {
-    switch (type) {
-    case DataType::uint8:
-        f(std::uint8_t{});
-        break;
-    case DataType::int8:
-        f(std::int8_t{});
-        break;
-    case DataType::uint16:
-        f(std::uint16_t{});
-        break;
-    case DataType::int16:
-        f(std::int16_t{});
-        break;
-    case DataType::uint32:
-        f(std::uint32_t{});
-        break;
-    case DataType::int32:
-        f(std::int32_t{});
-        break;
-    case DataType::uint64:
-        f(std::uint64_t{});
-        break;
-    case DataType::int64:
-        f(std::int64_t{});
-        break;
-    case DataType::float16:
-        f(Half{});
-        break;
-    case DataType::float32:
-        f(float{});
-        break;
-    case DataType::float64:
-        f(double{});
-        break;
-    }
 }
 
 /// Uniform noise: integers over 0…100 (all positive), floats over [0, 100).

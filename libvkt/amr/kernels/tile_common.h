@@ -3,13 +3,13 @@
 #pragma once
 
 #include "libvkt/amr/kernels/tile.h"
-#include "libvkt/core/half.h"
+#include "libvkt/core/type_dispatch.h"
 
 // Nothing here may have external linkage: the same function compiled for another instruction set must not replace it.
 namespace {
 
 using vkt::DataType;
-using vkt::Half;
+using vkt::with_type;
 namespace tile = vkt::tile;
 
 inline float madd(float a, float b, float c) {
@@ -34,30 +34,7 @@ template <class T, class C> inline void load_cells(std::byte const* cells, std::
 
 /// Converts n consecutive cells of a brick, from cell `first` on.
 template <class C> inline void load_cells(DataType type, std::byte const* cells, std::int64_t first, int n, C* to) {
-    switch (type) {
-    case DataType::uint8:
-        return load_cells<std::uint8_t>(cells, first, n, to);
-    case DataType::int8:
-        return load_cells<std::int8_t>(cells, first, n, to);
-    case DataType::uint16:
-        return load_cells<std::uint16_t>(cells, first, n, to);
-    case DataType::int16:
-        return load_cells<std::int16_t>(cells, first, n, to);
-    case DataType::uint32:
-        return load_cells<std::uint32_t>(cells, first, n, to);
-    case DataType::int32:
-        return load_cells<std::int32_t>(cells, first, n, to);
-    case DataType::uint64:
-        return load_cells<std::uint64_t>(cells, first, n, to);
-    case DataType::int64:
-        return load_cells<std::int64_t>(cells, first, n, to);
-    case DataType::float16:
-        return load_cells<Half>(cells, first, n, to);
-    case DataType::float32:
-        return load_cells<float>(cells, first, n, to);
-    case DataType::float64:
-        return load_cells<double>(cells, first, n, to);
-    }
+    with_type(type, [&]<class T>(T) { load_cells<T>(cells, first, n, to); });
 }
 
 /// The same as the job asks for it.

@@ -145,7 +145,7 @@ struct StripPlaces {
 /// to[i] becomes the voxel so many voxels from a view's first: loads one by one, since hardware that gathers is rare
 /// and not faster.
 void gather(ConstView const& in, std::int64_t const* index, std::int64_t offset, std::int32_t n, double* to) {
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         T const* const data = reinterpret_cast<T const*>(in.data) + offset;
         for (std::int32_t i = 0; i < n; ++i) to[i] = static_cast<double>(data[index[i]]);
     });
@@ -186,7 +186,7 @@ double sample_anywhere(ConstView const& in, PositionRow const& at, double x, Aff
         }
     }
     double value[n][n][n];
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         T const* const data = reinterpret_cast<T const*>(in.data);
         for (int k = 0; k < n; ++k)
             for (int j = 0; j < n; ++j)
@@ -206,7 +206,7 @@ template <class Kernel, int N> struct StripConvolution {
         weights(places.fx, n, wx);
         bool zeros = weights(places.fy, n, wy);
         zeros = weights(places.fz, n, wz) || zeros;
-        for_each_type(in.type, [&]<class T>(T) {
+        with_type(in.type, [&]<class T>(T) {
             constexpr int first = 1 - N / 2;
             T const* const data = reinterpret_cast<T const*>(in.data) + first * (1 + in.row + in.slice);
             for (std::int32_t s = 0; s < n; ++s) {
@@ -313,7 +313,7 @@ void sample_row(ConstView const& in, PositionRow const& at, XRange range, Affine
 
 /// Calls f(T{}) with the storage type, which float holds.
 template <class F> void for_each_single_type(DataType type, F&& f) {
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) <= 2 || std::is_same_v<T, float>) f(T{});
     });
 }

@@ -71,7 +71,7 @@ template <class C> bool is_exact(ArithmeticOp op, C a, C b, C r) {
 ExactNumber exact_operand(ExactOperand const& operand, std::int64_t x, std::int64_t y, std::int64_t z) {
     ExactNumber result = operand.exact_number;
     if (operand.view == nullptr) return result;
-    for_each_type(operand.view->type, [&]<class T>(T) {
+    with_type(operand.view->type, [&]<class T>(T) {
         T const voxel = *reinterpret_cast<T const*>(operand.view->at(x, y, z));
         if constexpr (std::is_integral_v<T>)
             result = ExactNumber::of(
@@ -168,7 +168,7 @@ template <class C> void settled(SettledTask const& task, AnyView out, Losses& lo
                 for (std::int64_t i = 0; i < m; ++i) result[i] = Combined<op, C>::of(u[i], v[i]);
             });
             Losses stored = store_row(out.type, static_cast<C const*>(result), out.at(begin, y, z), m);
-            for_each_type(out.type, [&]<class T>(T) {
+            with_type(out.type, [&]<class T>(T) {
                 settle_row<T>(task, u, v, static_cast<C const*>(result), m, out, {begin, y, z}, stored);
             });
             mine += stored;

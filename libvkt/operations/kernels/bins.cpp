@@ -43,7 +43,7 @@ void count_rows(View<T const> in, Box const& box, BinRule const& rule, std::int6
 
 void count_bins(ConstView in, BinRule const& rule, std::int64_t* counters, Execution const& execution) {
     Box const box = driver::dense(in.box, in) && !in.box.empty() ? driver::as_one_row(in.box) : in.box;
-    for_each_type(in.type, [&]<class T>(T) { count_rows<T>(in.as<T>(), box, rule, counters, execution); });
+    with_type(in.type, [&]<class T>(T) { count_rows<T>(in.as<T>(), box, rule, counters, execution); });
 }
 
 } // namespace VKT_BACKEND

@@ -20,7 +20,7 @@ struct RuleSlot {
 } // namespace
 
 void count_bins(ConstView in, BinRule const& rule, std::int64_t* counters, Execution const&) {
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         std::vector<std::uint64_t> counts;
         driver::count_on_device<T>(in, {in.box, {1, 1, 1}}, RuleSlot{rule}, static_cast<std::size_t>(rule.count) + 1,
                                    counts);

@@ -59,7 +59,7 @@ void pack_bits(ConstView in, BitRule rule, std::optional<double> zero, std::uint
     if (in.box.empty()) return;
     Index3 const n = in.dims();
     std::int64_t const words = bit_words(n.x);
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         auto const stored = static_cast<Comparable<T>>(zero.value_or(0));
         View<T const> const view = in.as<T>();
         auto const pack = [&](std::int64_t begin, std::int64_t end) {

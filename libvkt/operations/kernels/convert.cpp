@@ -70,7 +70,7 @@ struct MappedFloats {
         for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i)
             inside += (from[i] >= first ? 1 : 0) & (from[i] <= last ? 1 : 0);
         Losses losses;
-        for_each_type(type, [&]<class T>(T) {
+        with_type(type, [&]<class T>(T) {
             if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
                 auto* const to = reinterpret_cast<T*>(out);
                 if (inside == n) return map_row(n, map, from, to);

@@ -312,7 +312,7 @@ template <class C> void correlate_terms(ConstView in, AnyView out, SeparableSum 
     if (sum.parts > most_parts) throw Error(ErrorKind::failure, "a filter of more parts than are known");
     if (NearSum<C>::fits(sum)) {
         NearSum<C> const near(sum);
-        return for_each_type(in.type, [&]<class T>(T) { launch_near<C, T>(in, out, near, losses); });
+        return with_type(in.type, [&]<class T>(T) { launch_near<C, T>(in, out, near, losses); });
     }
     Index3 const r = sum.radius(), n = out.dims();
     Index3 const rows{n.x, n.y + 2 * r.y, n.z + 2 * r.z}, columns{n.x, n.y, rows.z};
@@ -475,7 +475,7 @@ void correlate_any(ConstView in, AnyView out, DenseKernel const& kernel, Losses&
             cube.weight[tap.at.x + 1 + 3 * (tap.at.y + 1) + 9 * (tap.at.z + 1)] = static_cast<C>(tap.weight);
         cube.offset = offset;
         bool const gaps = kernel.taps.size() < 27 && !is_integer(in.type);
-        return for_each_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
+        return with_type(in.type, [&]<class T>(T) { launch_cube<C, T>(in, out, cube, gaps, losses); });
     }
     std::vector<DeviceTap<C>> taps;
     for (Tap const& tap : kernel.taps)

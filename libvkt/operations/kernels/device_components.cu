@@ -549,7 +549,7 @@ void component_bits(DeviceComponents& components, ConstView rows, std::optional<
     Index3 const n = components.dims;
     components.bits.reserve(static_cast<std::size_t>((n.x + 31) / 32 * n.y * n.z) * 4);
     driver::DeviceLosses const counts;
-    for_each_type(rows.type, [&]<class T>(T) { pack<T>(components, rows, zero, counts.get()); });
+    with_type(rows.type, [&]<class T>(T) { pack<T>(components, rows, zero, counts.get()); });
     if (is_integer(rows.type)) return;
     Losses found;
     counts.add_to(found);

@@ -328,7 +328,7 @@ template <class T> void rows_of_type(ConstView in, AnyView out, DistanceRows& ro
 
 void distance_rows(ConstView in, AnyView out, DistanceRows& rows, Execution const&) {
     if (out.box.empty()) return;
-    for_each_type(in.type, [&]<class T>(T) { rows_of_type<T>(in, out, rows); });
+    with_type(in.type, [&]<class T>(T) { rows_of_type<T>(in, out, rows); });
 }
 
 void distance_pass(AnyView out, DistancePass const& pass, Execution const&) {

@@ -15,7 +15,7 @@ void run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, Any
 void gaussian_run(GaussianPasses const& passes, GaussianPlanes& planes, ConstView in, AnyView out, Losses& losses,
                   Execution const& execution) {
     if (out.box.empty()) return;
-    for_each_type(out.type, [&]<class T>(T) {
+    with_type(out.type, [&]<class T>(T) {
         if constexpr (std::is_same_v<compute_t<T>, double>)
             run<T, double>(passes, planes, in, out, losses, execution);
         else if (passes.wide)

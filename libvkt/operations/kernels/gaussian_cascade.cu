@@ -239,7 +239,7 @@ void gaussian_cascade_run(CascadePasses const& passes, CascadePlanes& planes, Co
                           Execution const&) {
     planes.held = false;
     if (out.box.empty()) return;
-    for_each_type(out.type, [&]<class T>(T) {
+    with_type(out.type, [&]<class T>(T) {
         if constexpr (std::is_same_v<compute_t<T>, double>)
             run<T, double>(passes, in, out);
         else if (passes.direct->wide)

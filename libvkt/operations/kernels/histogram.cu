@@ -155,7 +155,7 @@ void count_in_bins(ConstView in, Bins const& bins, BrickGrid const& grid, std::u
         driver::DeviceList<std::int32_t> const table(bins.table());
         driver::count_on_device<std::uint16_t>(in, grid, TableSlot{table.get()}, bins.slots(), found);
     } else {
-        for_each_type(in.type, [&]<class T>(T) {
+        with_type(in.type, [&]<class T>(T) {
             if constexpr (std::is_integral_v<T> && sizeof(T) == 8) {
                 if (bins.wide()) return count_whole<T>(in, bins, grid, found);
             }

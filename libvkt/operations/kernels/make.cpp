@@ -166,7 +166,7 @@ void make_marschner_lobb(AnyView out, MarschnerLobbField const& field, Execution
 void make_noise(AnyView out, NoiseField const& field, Execution const& execution) {
     Losses losses;
     Int128 low = 0, count = 0;
-    for_each_type(out.type, [&]<class T>(T) {
+    with_type(out.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             low = static_cast<Int128>(round_to<T>(field.low));
             count = static_cast<Int128>(round_to<T>(field.high)) - low + 1;

@@ -40,7 +40,7 @@ template <class K> K highest_number(DataType type) {
 /// The pixel of the two keys in the middle, which are the same one of an odd number: their mean as the type has it.
 template <class K> void store_median(DataType type, K lower, K upper, bool odd, std::byte* to) {
     K const keys[2] = {lower, upper};
-    for_each_type(type, [&]<class T>(T) {
+    with_type(type, [&]<class T>(T) {
         if constexpr (sizeof(T) == sizeof(K)) {
             K stored[2];
             T voxels[2];

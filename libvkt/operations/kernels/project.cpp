@@ -603,7 +603,7 @@ void finish_pixels(ProjectionState const& state, std::size_t at, std::int64_t n,
 void project_add(ProjectionState& state, ConstView slab, Execution const& execution) {
     if (slab.box.empty()) return;
     slab.box.lower == Index3{} ? state.begin(Space::host) : state.use(Space::host);
-    for_each_type(slab.type, [&]<class T>(T) {
+    with_type(slab.type, [&]<class T>(T) {
         switch (state.kind) {
         case Projection::max:
         case Projection::min:

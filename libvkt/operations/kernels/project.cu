@@ -286,7 +286,7 @@ struct Finish {
         if (kind == Projection::max || kind == Projection::min) {
             if (out.type == DataType::float16)
                 return driver::store_value(out.type, to, reinterpret_cast<float const*>(image.extremes)[p], counts);
-            return driver::with_type(out.type, [&]<class T>(T) {
+            return with_type(out.type, [&]<class T>(T) {
                 *reinterpret_cast<T*>(to) = reinterpret_cast<T const*>(image.extremes)[p];
             });
         }
@@ -313,7 +313,7 @@ struct Finish {
 void project_add(ProjectionState& state, ConstView slab, Execution const&) {
     if (slab.box.empty()) return;
     slab.box.lower == Index3{} ? state.begin(Space::device) : state.use(Space::device);
-    for_each_type(slab.type, [&]<class T>(T) {
+    with_type(slab.type, [&]<class T>(T) {
         switch (state.kind) {
         case Projection::max:
             return add_lines<Extreme<T, true>, T>(state, slab);

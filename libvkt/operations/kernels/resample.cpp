@@ -192,8 +192,8 @@ void weighted(ConstView from, AnyView out, WeightedSum const& sum, Losses& losse
                 upper = std::max(upper, sum.x.first[o] + sum.x.start[o + 1] - sum.x.start[o]);
             }
             columns.resize(static_cast<std::size_t>(upper - lower + 1)); // pairs read one beyond, with weight 0
-            for_each_type(from.type,
-                          [&]<class T>(T) { sum_rows(from.as<T>(), sum, y, z, lower, upper - lower, columns.data()); });
+            with_type(from.type,
+                      [&]<class T>(T) { sum_rows(from.as<T>(), sum, y, z, lower, upper - lower, columns.data()); });
             double* values = columns.data();
             if (!sum.x_identity) {
                 sum_columns(sum.x, x0, x1, columns.data(), lower, row.data());
@@ -251,7 +251,7 @@ void resample_nearest(ConstView in, AnyView out, WeightedSum const& sum, Executi
 }
 
 void resample_halved(ConstView in, AnyView out, Index3 factors, Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
+    with_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
 }
 
 void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {

@@ -108,7 +108,7 @@ void weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch
     scratch.reserve(static_cast<std::size_t>(out.box.voxels()) * sizeof(double));
     AnyView const wide = dense_view(scratch.write(Space::device), DataType::float64, out.box, Space::device);
     weighted_to_double<T>(in.as<T>(), wide.as<double>(), out.box, sum, execution);
-    for_each_type(out.type, [&]<class U>(U) {
+    with_type(out.type, [&]<class U>(U) {
         store_doubles<U>(ConstView(wide).as<double>(), out.as<U>(), out.box, losses, execution);
     });
 }
@@ -120,7 +120,7 @@ void resample_nearest(ConstView in, AnyView out, WeightedSum const& sum, Executi
 }
 
 void resample_halved(ConstView in, AnyView out, Index3 factors, Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
+    with_type(in.type, [&]<class T>(T) { halved<T>(in.as<T>(), out.as<T>(), out.box, factors, execution); });
 }
 
 void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution const& execution) {
@@ -130,7 +130,7 @@ void resample_whole(ConstView in, AnyView out, WeightedSum const& sum, Execution
 
 void resample_weighted(ConstView in, AnyView out, WeightedSum const& sum, Buffer& scratch, Losses& losses,
                        Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, losses, execution); });
+    with_type(in.type, [&]<class T>(T) { weighted<T>(in, out, sum, scratch, losses, execution); });
 }
 
 } // namespace VKT_BACKEND

@@ -316,7 +316,7 @@ private:
 } // namespace
 
 void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const& execution) {
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             if (state.sums == ScanSums::whole)
                 return Scanner<std::uint64_t, 1>(state, in, out).template run<T>(losses, execution);

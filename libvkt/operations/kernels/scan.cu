@@ -283,7 +283,7 @@ template <class A, class T> void scan_slab_of(ScanState& state, ConstView in, An
 
 void scan_slab(ScanState& state, ConstView in, AnyView out, Losses& losses, Execution const&) {
     if (out.box.empty()) return;
-    for_each_type(in.type, [&]<class T>(T) {
+    with_type(in.type, [&]<class T>(T) {
         if constexpr (std::is_integral_v<T>) {
             if (state.sums == ScanSums::whole) return scan_slab_of<std::uint64_t, T>(state, in, out, losses);
             if (state.sums == ScanSums::wide) return scan_slab_of<Int128, T>(state, in, out, losses);

@@ -469,7 +469,7 @@ void bands_of(ConstView slab, MeanOrigin const& origin, ValueMap const* product_
 
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
                      Execution const& execution) {
-    for_each_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, product_map, bands, execution.threads); });
+    with_type(slab.type, [&]<class T>(T) { bands_of<T>(slab, origin, product_map, bands, execution.threads); });
 }
 
 void slice_statistics(ConstView, MeanOrigin const&, ValueMap const*, SliceStatistics*, Execution const&) {

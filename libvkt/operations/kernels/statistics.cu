@@ -618,14 +618,13 @@ Bands bands_in(ConstView slab) {
 
 void band_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, BandStatistics* bands,
                      Execution const& execution) {
-    for_each_type(slab.type, [&]<class T>(T) {
-        bands_of<T>(slab, bands_in(slab), origin, product_map, bands, execution.threads);
-    });
+    with_type(slab.type,
+              [&]<class T>(T) { bands_of<T>(slab, bands_in(slab), origin, product_map, bands, execution.threads); });
 }
 
 void slice_statistics(ConstView slab, MeanOrigin const& origin, ValueMap const* product_map, SliceStatistics* slices,
                       Execution const&) {
-    for_each_type(slab.type, [&]<class T>(T) {
+    with_type(slab.type, [&]<class T>(T) {
         if constexpr (sizeof(T) <= 4) slices_of<T>(slab, bands_in(slab), origin, product_map, slices);
     });
 }

@@ -259,7 +259,7 @@ void emit_triangles(SurfaceSlab const& slab, std::int64_t y, std::int64_t s) {
 
 void surface_bits(SurfaceSlab const& slab, Inside const& inside, Execution const& execution) {
     if (slab.voxels.box.empty()) return;
-    for_each_type(slab.voxels.type, [&]<class T>(T) {
+    with_type(slab.voxels.type, [&]<class T>(T) {
         using C = Comparable<T>;
         C at;
         std::memcpy(&at, inside.at.data(), sizeof at);
@@ -313,7 +313,7 @@ void surface_count(SurfaceSlab const& slab, Execution const& execution) {
 void surface_emit(SurfaceSlab const& slab, Inside const& inside, Execution const& execution) {
     ConstView const& any = slab.voxels.data != nullptr ? slab.voxels : slab.last;
     std::int64_t const ny = slab.lattice.y, count = ny * (slab.lattice.z - 1);
-    for_each_type(any.type, [&]<class T>(T) {
+    with_type(any.type, [&]<class T>(T) {
         Places<T> const places(slab, inside);
         for_each_item(threads_for(execution, count * slab.lattice.x), count, [&](std::int64_t begin, std::int64_t end) {
             for (std::int64_t r = begin; r < end; ++r) {

@@ -50,7 +50,7 @@ struct InsideIntegers : Inside<float> {
 
     bool takes_stored(DataType, DataType) const { return true; }
     Losses stored_row(std::int64_t n, std::byte* to, std::byte const* in) const {
-        for_each_type(type, [&]<class T>(T) {
+        with_type(type, [&]<class T>(T) {
             if constexpr (std::is_integral_v<T> && sizeof(T) <= 2) {
                 constexpr float lowest = std::numeric_limits<T>::lowest(), highest = std::numeric_limits<T>::max();
                 float const first = std::ceil(std::max(low, lowest)), last = std::floor(std::min(high, highest));
