@@ -5,6 +5,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/engine/operation.h"
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <string>
@@ -15,7 +16,7 @@ namespace vkt::shell {
 /// A figure for one thread and for all of them.
 using ByThreads = std::array<double, 2>;
 
-/// Seconds of an operation a voxel: fixed + per_cost * Plan::cost, for voxels of so many bytes.
+/// Seconds of an operation that is under way, a voxel: fixed + per_cost * Plan::cost, for voxels of so many bytes.
 struct OperationRate {
     std::string operation;
     int bytes = 4; ///< of the voxels it was measured with: 2 (uint16) or 4 (float32)
@@ -37,6 +38,25 @@ struct Calibration {
     /// Seconds to read a file of such a volume, or to write it.
     double reading(Header const& header) const;
     double writing(Header const& header) const;
+};
+
+/// Seconds of a pipeline within one process, of those of its stages. A thread reads ahead and one writes behind, so
+/// that these overlap with what is computed, as far as there are processors.
+class Prediction {
+public:
+    explicit Prediction(int processors) : processors_(std::max(1, processors)) {}
+
+    void read(double seconds);
+    /// `waits`: it needs all of its input, so that it begins when what comes before has ended.
+    void compute(double seconds, int threads, bool waits);
+    void write(double seconds);
+    double seconds() const;
+
+private:
+    int processors_;
+    double ended_ = 0; ///< what has ended before the rest begins
+    double reading_ = 0, computing_ = 0, writing_ = 0;
+    double busy_ = 0; ///< of all processors together
 };
 
 /// Measures, in about two seconds.

@@ -81,8 +81,12 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
         plan.output.kind != Kind::structured ||
         std::any_of(inputs.begin(), inputs.end(), [](Header const& h) { return h.kind != Kind::structured; });
     if (!trees && execution.device != Device::gpu)
-        if (Calibration const* const known = calibration())
-            predict(stage.stage(), known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads));
+        if (Calibration const* const known = calibration()) {
+            double const seconds = known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads);
+            bool const waits = plan.whole || plan.scans || plan.access == Access::random;
+            prediction()->compute(seconds, execution.threads, waits);
+            tell_seconds(stage.stage(), seconds);
+        }
 }
 
 Calibration const* Runner::calibration() {
@@ -90,15 +94,19 @@ Calibration const* Runner::calibration() {
     return calibration_ ? &*calibration_ : nullptr;
 }
 
-void Runner::predict(std::string const& stage, double seconds) {
-    ++predictions_;
-    predicted_ += seconds;
+Prediction* Runner::prediction() {
+    if (!prediction_ && calibration() != nullptr) prediction_.emplace(calibration()->threads);
+    return prediction_ ? &*prediction_ : nullptr;
+}
+
+void Runner::tell_seconds(std::string const& stage, double seconds) {
     log_.answer(text(stage, ":   about ", short_number(seconds), " s on this machine\n"));
 }
 
 void Runner::tell_prediction() const {
-    if (predictions_ > 0 && calibration_)
-        log_.answer(text(last_.stage(), ":   all stages: about ", short_number(predicted_ + calibration_->start),
+    if (prediction_)
+        log_.answer(text(last_.stage(), ":   all stages: about ",
+                         short_number(prediction_->seconds() + calibration_->start),
                          " s, the start of the program included\n"));
 }
 
@@ -195,12 +203,14 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (dry_run_ || stage.common().explain || last_.common().explain)
-            source = std::make_unique<Announced>(
-                std::move(source), [this, name = stage.stage(), execution](Header const& h) {
-                    log_.answer(opener_plan_text(name, h, execution));
-                    if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured)
-                        predict(name, known->reading(h));
-                });
+            source = std::make_unique<Announced>(std::move(source), [this, name = stage.stage(),
+                                                                     execution](Header const& h) {
+                log_.answer(opener_plan_text(name, h, execution));
+                if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured) {
+                    prediction()->read(known->reading(h));
+                    tell_seconds(name, known->reading(h));
+                }
+            });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);

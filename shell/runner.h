@@ -65,8 +65,10 @@ public:
     Log const& log() const { return log_; }
     /// None without one that was kept of this machine and build.
     Calibration const* calibration();
+    /// Of the stages that were planned so far; null without a calibration.
+    Prediction* prediction();
     /// Tells how long a stage will take.
-    void predict(std::string const& stage, double seconds);
+    void tell_seconds(std::string const& stage, double seconds);
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
     std::string format(std::string const& input) const {
@@ -103,8 +105,7 @@ private:
     bool dry_run_ = false, window_ = false;
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
-    int predictions_ = 0;
-    double predicted_ = 0;                            ///< seconds of all stages
+    std::optional<Prediction> prediction_;
     std::string lossy_, lost_;                        ///< what --strict refuses; what was told last
     std::vector<std::function<void()>> late_reports_; ///< to what takes them once
     std::string format_;                              ///< of the file opened last

@@ -36,8 +36,10 @@ void StageContext::plan(Header const& header, std::string const& output) {
     if (whole) held = invocation_.consumer()->bytes_held(header);
     runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
     if (invocation_.verb().name == "write" && header.kind == Kind::structured)
-        if (Calibration const* const known = runner_.calibration())
-            runner_.predict(invocation_.stage(), known->writing(header));
+        if (Calibration const* const known = runner_.calibration()) {
+            runner_.prediction()->write(known->writing(header));
+            runner_.tell_seconds(invocation_.stage(), known->writing(header));
+        }
     explain(header);
 }
 
