@@ -110,6 +110,7 @@ double copy_rate(int threads) {
     std::vector<char> from(bytes * static_cast<std::size_t>(threads), 1), to(from.size());
     auto const work = [&] {
         std::vector<std::thread> all;
+        all.reserve(static_cast<std::size_t>(threads));
         for (int t = 0; t < threads; ++t)
             all.emplace_back([&, t] {
                 std::size_t const at = static_cast<std::size_t>(t) * bytes;
@@ -126,6 +127,7 @@ double scan_rate(int threads) {
     std::vector<std::uint64_t> sums(static_cast<std::size_t>(threads));
     auto const work = [&] {
         std::vector<std::thread> all;
+        all.reserve(static_cast<std::size_t>(threads));
         for (int t = 0; t < threads; ++t)
             all.emplace_back([&, t] {
                 auto const at = static_cast<std::ptrdiff_t>(static_cast<std::size_t>(t) * words);
