@@ -48,6 +48,17 @@ for t in "uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 floa
         assert (got["low"], got["high"]) == (3.25, 77.75)'
 }
 
+@test "large volumes, in rows of odd length" {
+    py '
+r = np.random.default_rng(7)
+noise = r.integers(0, 65536, (63, 181, 201), np.uint16)
+for v, lo, hi in (noise.astype(np.uint8), 0, 255), (noise.view(np.int16), -3000, 4000), (noise.astype("float32"), 20, 60000):
+    save(v, "l")
+    h = histogram(f"l_201x181x63_{v.dtype}.raw", "--range", f"{lo}:{hi}", "--threads", "2")
+    counts, _ = np.histogram(v, 256, (lo, hi))
+    assert h["counts"] == counts.tolist() and h["under"] == (v < lo).sum() and h["over"] == (v > hi).sum(), v.dtype'
+}
+
 @test "bins of integers are exact fractions" {
     py '
 r = np.random.default_rng(3)

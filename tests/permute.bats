@@ -27,6 +27,20 @@ EOF
     done
 }
 
+@test "volumes larger than tiles in all directions, and than what is written past the caches" {
+    python_with numpy
+    /usr/bin/python3 - <<'EOF'
+import numpy as np, subprocess
+for dims, dtype in ((131, 261, 259), "uint8"), ((131, 261, 101), "float64"), ((40, 131, 260), "uint16"):
+    a = np.random.default_rng(1).integers(0, 256, dims[::-1]).astype(dtype)
+    name = f"l_{'x'.join(map(str, dims))}_{dtype}.raw"
+    a.tofile(name)
+    for order, axes in ("zyx", (2, 1, 0)), ("yxz", (0, 2, 1)), ("zxy", (1, 2, 0)):
+        got = subprocess.run(["vkt", "permute", order, name, "--format", "raw"], check=True, capture_output=True).stdout
+        assert got == a.transpose(axes).tobytes(), (name, order)
+EOF
+}
+
 @test "slab heights, threads, pipes and a small budget make no difference; there and back is the volume" {
     for order in zyx:zyx yzx:zxy yxz:yxz xzy:xzy; do
         vkt permute ${order%:*} v_131x47x29_int16.raw | raw >want.raw

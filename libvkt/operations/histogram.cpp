@@ -241,6 +241,7 @@ Plan Histogram::plan(std::span<Header const> inputs) {
     plan.cost = 4;
     plan.state_bytes =
         (static_cast<std::size_t>(bin_count_) + (by_pattern_ ? 65536 : 0) + 3) * 8 * 3 + ends_->state_bytes();
+    if (size_of(input_.dtype) <= 2) plan.state_bytes += std::size_t{4} << 18; // threads count words
     return plan;
 }
 

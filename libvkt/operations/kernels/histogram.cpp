@@ -3,8 +3,10 @@
 #include "libvkt/operations/kernels/histogram.h"
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/lanes.h"
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -80,7 +82,11 @@ struct SingleRule {
     float low = 0, high = 0;     ///< the first and the last voxel in the range
     float near = 1;              ///< as doubtful_share
     float last = 0;              ///< bin
-    bool usable = false;         ///< few voxels are doubtful, and there is no value map
+    /// The same in parts of a bin, of which it has 2^shift, so that all of them together are less than 2^24: whole
+    /// numbers are compared with less effort.
+    std::int32_t shift = 8, fine_near = 0;
+    float fine_scale = 1, fine_offset = 0, fine_most = 0;
+    bool usable = false; ///< few voxels are doubtful, and there is no value map
 
     SingleRule(Rule const& rule, DataType type) {
         if (type != DataType::float32 || rule.slope != 1 || rule.intercept != 0 || rule.scale != 1) return;
@@ -97,6 +103,13 @@ struct SingleRule {
         double const off = (3 * far + rule.count) * 0x1p-23;
         near = static_cast<float>(off);
         last = static_cast<float>(rule.count - 1);
+        while (std::int64_t{rule.count} << (shift + 1) <= 1 << 24) ++shift;
+        auto const parts = static_cast<float>(std::int32_t{1} << shift);
+        fine_scale = scale * parts;
+        fine_offset = offset * parts;
+        fine_most = static_cast<float>(rule.count) * parts;
+        // The numbers are rounded down.
+        fine_near = static_cast<std::int32_t>(std::min(std::ceil(off * static_cast<double>(parts)), 0x1p24)) + 1;
         // Nothing here may get lost below the least normal number, nor beyond the largest.
         usable = off < 0x1p-6 && rule.per_unit > 0x1p-60 && rule.per_unit < 0x1p60 && first > -0x1p60 && end < 0x1p60;
     }
@@ -126,34 +139,54 @@ void place_with_care(Rule const& rule, SingleRule const& single, float const* fr
         if (to[i] < count) to[i] = correct(static_cast<double>(from[i]), to[i], rule.edges, count);
 }
 
-/// Guesses the slots of m values; true if all of them are in the range and well within bins: as far from the middle of
-/// one as that allows. What is below the range or NaN is taken for -1, which is as far from the first as what is above
-/// is from the last.
-bool place_clear(SingleRule const& single, float const* from, std::int32_t m, std::int32_t* to) {
-    float const scale = single.scale, offset = single.offset, last = single.last;
-    float farthest = 0;
-#pragma omp simd reduction(max : farthest)
-    for (std::int32_t i = 0; i < m; ++i) {
-        float at = from[i] * scale - offset;
-        at = at > -1 ? at : -1;
-        auto const k = static_cast<std::int32_t>(at < last ? at : last);
-        float const beside = at - static_cast<float>(k) - 0.5f, distance = beside < 0 ? -beside : beside;
-        farthest = distance > farthest ? distance : farthest;
-        to[i] = k;
+constexpr std::int64_t part = 16; ///< floats that are looked at together
+
+/// Guesses the slots of a part. `nearest` becomes less than clear() wants if some of them are outside of the range or
+/// not well within bins: what is below the range or NaN is taken for its lower end, what is above it for the upper one,
+/// which are edges.
+void place_part(SingleRule const& single, float const* from, std::int32_t* to, Lanes<std::int32_t>& nearest) {
+    Lanes<float> const zero{}, most = zero + single.fine_most;
+    std::int32_t const shift = single.shift, near = single.fine_near + (std::int32_t{1} << (shift - 1));
+#pragma GCC unroll 4
+    for (std::int64_t i = 0; i < part; i += lane_count<float>) {
+        Lanes<float> at = load_lanes(from + i) * single.fine_scale - single.fine_offset;
+        at = at > zero ? at : zero; // NaN becomes 0
+        at = at < most ? at : most;
+        auto const fine = __builtin_convertvector(at, Lanes<std::int32_t>);
+        store_lanes<std::int32_t>(to + i, fine >> shift);
+        Lanes<std::int32_t> const beyond = (fine + near) << (32 - shift);
+        nearest = beyond < nearest ? beyond : nearest;
     }
-    return farthest <= 0.5f - single.near;
+}
+bool clear(SingleRule const& single, Lanes<std::int32_t> nearest) {
+    std::int32_t const least = (2 * single.fine_near - (std::int32_t{1} << (single.shift - 1))) << (32 - single.shift);
+    bool all = true;
+    for (std::int64_t i = 0; i < lane_count<std::int32_t>; ++i) all = all && nearest[i] >= least;
+    return all;
 }
 
-void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots) {
+/// Calls beside(i) after every part, i voxels having been placed before it.
+template <class Beside>
+void place(Rule const& rule, SingleRule const& single, float const* values, std::int64_t n, std::int32_t* slots,
+           Beside beside) {
     // Most blocks are clear, and no more is looked at then; of the others, most parts are.
-    constexpr std::int64_t block = 256, part = 16;
+    constexpr std::int64_t block = 8 * part;
+    Lanes<std::int32_t> const farthest = Lanes<std::int32_t>{} + std::numeric_limits<std::int32_t>::max();
     for (std::int64_t begin = 0; begin < n; begin += block) {
-        std::int64_t const end = std::min(n, begin + block);
-        if (place_clear(single, values + begin, static_cast<std::int32_t>(end - begin), slots + begin)) continue;
-        for (std::int64_t i = begin; i < end; i += part) {
-            auto const m = static_cast<std::int32_t>(std::min(part, end - i));
-            if (!place_clear(single, values + i, m, slots + i)) place_with_care(rule, single, values + i, m, slots + i);
+        std::int64_t const end = std::min(n, begin + block), whole = begin + (end - begin) / part * part;
+        Lanes<std::int32_t> nearest = farthest;
+        for (std::int64_t i = begin; i < whole; i += part) {
+            place_part(single, values + i, slots + i, nearest);
+            beside(i);
         }
+        bool const all = clear(single, nearest);
+        for (std::int64_t i = begin; i < whole && !all; i += part) {
+            nearest = farthest;
+            place_part(single, values + i, slots + i, nearest);
+            if (!clear(single, nearest)) place_with_care(rule, single, values + i, part, slots + i);
+        }
+        if (whole < end)
+            place_with_care(rule, single, values + whole, static_cast<std::int32_t>(end - whole), slots + whole);
     }
 }
 
@@ -219,26 +252,48 @@ public:
         for (; i + 1 < n; ++i) a[at(i)] += weight;
     }
 
-    /// The same of voxels that count once, of which there may be 2^32: slot_of(v[i]) is the slot of voxel i. More sets,
-    /// of smaller counters, whose places the compiler knows, and several voxels in a load: what takes the time then is
-    /// the one store a cycle that a processor makes.
+    // Voxels that count once, of which there may be 2^32. More sets, of smaller counters, whose places the compiler
+    // knows, and several voxels in a load: what takes the time then is the one store a cycle that a processor makes.
+
+    /// slot_of(v[i]) is the slot of voxel i.
     template <class V, class SlotOf> void add_ones(std::int64_t n, V const* v, SlotOf slot_of) {
-        constexpr std::int64_t in_word = 8 / sizeof(V);
-        ones_.resize(8 * apart);
-        std::uint32_t* const to = ones_.data();
+        std::uint32_t* const to = ones();
         std::int64_t i = 0;
-        for (; i + 8 <= n; i += 8)
-#pragma GCC unroll 8
-            for (std::int64_t word = 0; word < 8; word += in_word) {
-                std::uint64_t bits;
-                std::memcpy(&bits, v + i + word, sizeof bits);
-#pragma GCC unroll 8
-                for (std::int64_t k = 0; k < in_word; ++k)
-                    ++to[(word + k) * apart + slot_of(static_cast<V>(bits >> (8 * sizeof(V) * k)))];
-            }
+        for (; i + 8 <= n; i += 8) add_eight(to, v + i, slot_of);
         for (; i < n; ++i) ++to[slot_of(v[i])];
     }
+    std::uint32_t* ones() {
+        ones_.resize(8 * apart);
+        return ones_.data();
+    }
+    template <class V, class SlotOf> static void add_eight(std::uint32_t* to, V const* v, SlotOf slot_of) {
+        constexpr std::int64_t in_word = 8 / sizeof(V);
+#pragma GCC unroll 8
+        for (std::int64_t word = 0; word < 8; word += in_word) {
+            std::uint64_t bits;
+            std::memcpy(&bits, v + word, sizeof bits);
+#pragma GCC unroll 8
+            for (std::int64_t k = 0; k < in_word; ++k)
+                ++to[(word + k) * apart + slot_of(static_cast<V>(bits >> (8 * sizeof(V) * k)))];
+        }
+    }
     bool takes_ones() const { return slots_ <= most_in_ones; }
+
+    /// Adds what was counted of words to the counters of their slots, or of their two bytes where there is no table.
+    void add_words(std::uint32_t const* counts, std::int32_t const* slot_of_word) {
+        for (std::size_t high = 0; high < 256; ++high) {
+            std::uint64_t sum = 0;
+            for (std::size_t low = 0; low < 256; ++low) {
+                std::uint32_t const count = counts[256 * high + low];
+                if (slot_of_word == nullptr)
+                    counters_[low] += count;
+                else if (count != 0)
+                    counters_[static_cast<std::size_t>(slot_of_word[256 * high + low])] += count;
+                sum += count;
+            }
+            if (slot_of_word == nullptr) counters_[high] += sum;
+        }
+    }
 
     /// `place` is the slot of each counter, or null where they are the slots.
     void add_to(std::uint64_t* counts, bool shared, std::int32_t const* place) const {
@@ -270,16 +325,87 @@ private:
 /// Voxels of one byte have a counter for each of their patterns.
 bool by_byte(Bins const& bins, DataType type) { return !bins.table().empty() && size_of(type) == 1; }
 
+/// Calls f(from, m, x, y, z) for pieces of the item's rows.
+template <class F> void for_each_piece(ConstView in, Item const& item, F const& f) {
+    std::int64_t const x0 = item.box.lower.x, n = item.box.dims().x, rows = item.box.dims().y;
+    for (std::int64_t row = item.begin; row < item.end; ++row) {
+        std::int64_t const y = item.box.lower.y + row % rows, z = item.box.lower.z + row / rows;
+        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
+            std::int64_t const m = std::min(row_piece, n - begin);
+            std::byte const* const from = in.at(x0 + begin, y, z);
+            f(from, m, x0 + begin, y, z);
+        }
+    }
+}
+
+/// Voxels of two bytes that count once, or pairs of voxels of one, by their patterns: neither is looked up, and a pair
+/// takes one store. Those of a volume are few, so that most of their counters stay in the nearest cache.
+void count_words(ConstView in, Bins const& bins, Item const& item, Counters& counters) {
+    // Kept from slab to slab: memory that is fresh would take as long as counting in it.
+    thread_local std::vector<std::uint32_t> kept;
+    kept.assign(65536, 0);
+    std::uint32_t* const counts = kept.data();
+    bool const bytes = size_of(in.type) == 1;
+    for_each_piece(in, item, [&](std::byte const* from, std::int64_t m, auto...) {
+        read_ahead(from, static_cast<std::size_t>(m) * size_of(in.type));
+        std::int64_t const words = bytes ? m / 2 : m;
+        std::int64_t i = 0;
+        for (; i + 4 <= words; i += 4) {
+            std::uint64_t bits;
+            std::memcpy(&bits, from + 2 * i, sizeof bits);
+#pragma GCC unroll 4
+            for (int k = 0; k < 4; ++k) ++counts[static_cast<std::uint16_t>(bits >> (16 * k))];
+        }
+        for (; i < words; ++i) {
+            std::uint16_t word;
+            std::memcpy(&word, from + 2 * i, sizeof word);
+            ++counts[word];
+        }
+        if (bytes && m % 2 != 0) counters.add(1, 1, 1, 1, [&](std::int64_t) { return static_cast<int>(from[m - 1]); });
+    });
+    counters.add_words(counts, bytes ? nullptr : bins.table().data());
+}
+/// From how many voxels on that is worth while.
+constexpr std::int64_t worth_words = std::int64_t{1} << 18;
+
+/// Voxels of float32 that count once. A piece is counted while the next one is placed, part by part: the one waits for
+/// stores, the other for arithmetic.
+void count_floats(ConstView in, Rule const& rule, SingleRule const& single, Item const& item, Counters& counters) {
+    alignas(64) Slots slots[2];
+    std::uint32_t* const ones = counters.ones();
+    std::int64_t placed = 0;
+    int now = 0;
+    auto const slot = [](std::int32_t s) { return s; };
+    for_each_piece(in, item, [&](std::byte const* from, std::int64_t m, auto...) {
+        std::int32_t const* const before = slots[1 - now];
+        std::int64_t counted = 0;
+        place(rule, single, reinterpret_cast<float const*>(from), m, slots[now], [&](std::int64_t i) {
+            __builtin_prefetch(reinterpret_cast<float const*>(from) + row_piece + i);
+            if (i + part > placed) return;
+            Counters::add_eight(ones, before + i, slot);
+            Counters::add_eight(ones, before + i + 8, slot);
+            counted = i + part;
+        });
+        counters.add_ones(placed - counted, before + counted, slot);
+        placed = m;
+        now = 1 - now;
+    });
+    counters.add_ones(placed, static_cast<std::int32_t const*>(slots[1 - now]), slot);
+}
+
 void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickGrid const& grid, Item const& item,
                 Counters& counters) {
-    std::int64_t const x0 = item.box.lower.x, n = item.box.dims().x, rows = item.box.dims().y;
+    std::int64_t const x0 = item.box.lower.x, n = item.box.dims().x;
     auto const weight = [](std::int64_t w) { return static_cast<std::uint64_t>(w); };
     std::int64_t const first = grid.share(0, x0, item.brick.x), last = grid.share(0, x0 + n - 1, item.brick.x),
                        whole = grid.bricks.x;
     std::int32_t const* const table = rule.bins.table().data();
     bool const by_table = !rule.bins.table().empty(), wide = rule.bins.wide();
     bool const bytes = by_byte(rule.bins, in.type), in_single = single.usable && in.type == DataType::float32;
-    bool const ones = grid.count() == 1 && item.box.voxels() >> 32 == 0 && counters.takes_ones();
+    bool const once = grid.count() == 1 && item.box.voxels() >> 32 == 0, ones = once && counters.takes_ones();
+    if (once && by_table && (item.end - item.begin) * n >= worth_words)
+        return count_words(in, rule.bins, item, counters);
+    if (ones && in_single) return count_floats(in, rule, single, item, counters);
     auto const add = [&](std::int64_t m, std::uint64_t left, std::uint64_t full, std::uint64_t right, auto const* v,
                          auto slot_of) {
         if (ones)
@@ -287,16 +413,13 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
         else
             counters.add(m, left, full, right, [=](std::int64_t i) { return slot_of(v[i]); });
     };
-    for (std::int64_t row = item.begin; row < item.end; ++row) {
-        std::int64_t const y = item.box.lower.y + row % rows, z = item.box.lower.z + row / rows;
-        std::int64_t const share = grid.share(1, y, item.brick.y) * grid.share(2, z, item.brick.z);
-        // Pieces within a row end in voxels of full weight.
-        for (std::int64_t begin = 0; begin < n; begin += row_piece) {
-            std::int64_t const m = std::min(row_piece, n - begin);
-            std::uint64_t const left = weight(share * (begin == 0 ? first : whole)),
-                                right = weight(share * (begin + m == n ? last : whole)), full = weight(share * whole);
-            std::byte const* const from = in.at(x0 + begin, y, z);
+    for_each_piece(
+        in, item, [&](std::byte const* from, std::int64_t m, std::int64_t x, std::int64_t y, std::int64_t z) {
             read_ahead(from, static_cast<std::size_t>(m) * size_of(in.type));
+            std::int64_t const share = grid.share(1, y, item.brick.y) * grid.share(2, z, item.brick.z);
+            // Pieces within a row end in voxels of full weight.
+            std::uint64_t const left = weight(share * (x == x0 ? first : whole)),
+                                right = weight(share * (x + m == x0 + n ? last : whole)), full = weight(share * whole);
             if (bytes) {
                 auto const* const voxels = reinterpret_cast<std::uint8_t const*>(from);
                 add(m, left, full, right, voxels, [](std::uint8_t v) { return v; });
@@ -306,20 +429,19 @@ void count_item(ConstView in, Rule const& rule, SingleRule const& single, BrickG
             } else {
                 alignas(64) Slots slots;
                 if (in_single) {
-                    place(rule, single, reinterpret_cast<float const*>(from), m, slots);
+                    place(rule, single, reinterpret_cast<float const*>(from), m, slots, [](std::int64_t) {});
                 } else if (wide) {
                     alignas(64) Int128 values[row_piece];
                     load_row(in.type, from, values, m);
                     place(rule, values, m, slots);
                 } else {
                     alignas(64) double values[row_piece];
-                    place(rule, driver::row_of<double>(in, x0 + begin, y, z, m, values), m, slots);
+                    place(rule, driver::row_of<double>(in, x, y, z, m, values), m, slots);
                 }
                 add(m, left, full, right, static_cast<std::int32_t const*>(slots),
                     [](std::int32_t slot) { return slot; });
             }
-        }
-    }
+        });
 }
 
 /// The parts of bricks in a slab; those with more rows than a thread's share are cut.
@@ -327,7 +449,8 @@ std::vector<Item> items_of(Box const& slab, BrickGrid const& grid, std::size_t s
     std::vector<Item> items;
     std::int64_t bricks = 0;
     for_each_brick(slab, grid, [&](Index3, Box const&) { ++bricks; });
-    std::int64_t const wanted = std::int64_t{4} * threads;
+    // Bricks end where they do; a single one is cut as threads share it.
+    std::int64_t const wanted = grid.count() == 1 ? threads : std::int64_t{4} * threads;
     for_each_brick(slab, grid, [&](Index3 brick, Box const& box) {
         std::int64_t const rows = box.dims().y * box.dims().z;
         // Adding up counters must not cost more than counting.
