@@ -148,4 +148,8 @@ print(refusal["repeat"])' >again.sh
     fails_with 2 "one of a pipeline" vkt stress
     fails_with 2 "one of a pipeline" vkt stress --list --volume single
     fails_with 2 "filter gaussian" vkt stress 'filter gausian --sigma 1'
+    fails_with 2 "leave out -o" vkt stress 'flip x -o x.nrrd' --volume single
+    vkt stress 'flip x' --volume single -n 2>plan >out
+    grep -q "'flip x' would run on single" plan
+    [ ! -s out ]
 }
