@@ -51,6 +51,10 @@ public:
         if (request_.pipeline.empty()) return write_volume();
         request_.volumes = volumes_.empty() ? hard_volume_names() : split(volumes_, ',');
         for (auto const& name : request_.volumes) hard_volume(name);
+        if (context.dry_run()) {
+            context.note(text("'", request_.pipeline, "' would run on ", join(request_.volumes, ", ")));
+            return 0;
+        }
         return tell(stress(request_, context), context);
     }
 

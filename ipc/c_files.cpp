@@ -10,6 +10,7 @@
 #include "libvkt/formats/request.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/formats/stack.h"
+#include "libvkt/formats/stream_reader.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -28,9 +29,7 @@ std::unique_ptr<Source> open_any(std::string const& path, ReadOptions const& opt
     // A series opens its files one after another, when the call has long had these options.
     return open_path(path, [options, &call](std::string const& one) -> std::unique_ptr<Source> {
         auto bytes = open_bytes(one);
-        bool const looked_at = !options.describes() && !bytes->directory();
-        if (!looked_at || !ipc::is_stream(bytes->peek(ipc::magic.size())))
-            return open_volume(std::move(bytes), options);
+        if (options.describes() || !holds_stream(bytes)) return open_volume(std::move(bytes), options);
         ipc::StreamOptions stream;
         if (ProgressMonitor* const monitor = call.monitor()) stream.waiting = [monitor] { monitor->poll(0, 1); };
         return std::make_unique<ipc::StreamSource>(std::move(bytes), stream);

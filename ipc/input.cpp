@@ -39,7 +39,9 @@ std::size_t Input::read(void* to, std::size_t n) {
     ahead_used_ += done;
     while (done < n) {
         wait();
-        ssize_t const got = ::read(bytes_->descriptor(), target + done, n - done);
+        // What was compressed as a whole has no descriptor.
+        ssize_t const got = bytes_->decoded() ? static_cast<ssize_t>(bytes_->read(target + done, n - done))
+                                              : ::read(bytes_->descriptor(), target + done, n - done);
         if (got < 0 && errno == EINTR) continue;
         if (got < 0) throw Error(ErrorKind::io, text("cannot read ", name(), ": ", std::strerror(errno)));
         if (got == 0) break;

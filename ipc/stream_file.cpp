@@ -5,6 +5,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/wrapper.h"
 #include "libvkt/io/shared_memory.h"
 
 namespace vkt::ipc {
@@ -41,13 +42,20 @@ bool is_stream_file(std::string const& path, std::string const& format) {
     if (is_segment(path) && format == "vkt")
         throw Error(ErrorKind::usage, text("--format vkt: '", path, "' is shared memory and no file"),
                     text("a file of that name is ./", path));
-    return format == "vkt" || (format.empty() && !is_segment(path) && lower_case(path).ends_with(".vkt"));
+    return format == "vkt" ||
+           (format.empty() && !is_segment(path) && lower_case(without_wrapper(path)).ends_with(".vkt"));
 }
 
 std::unique_ptr<Sink> create_stream_file(std::string const& path, bool force, bool checksum) {
     StreamOptions options;
     options.checksum = checksum;
-    return std::make_unique<StreamFile>(path, force, options);
+    Wrapper const wrapper = wrapper_of_name(path);
+    if (wrapper == Wrapper::none) return std::make_unique<StreamFile>(path, force, options);
+    WriteOptions own;
+    own.force = force;
+    return wrapping_sink(path, wrapper, own, [options](std::string const& inner) {
+        return std::make_unique<StreamFile>(inner, false, options);
+    });
 }
 
 } // namespace vkt::ipc

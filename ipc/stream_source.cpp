@@ -10,6 +10,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/engine/cut.h"
+#include "libvkt/formats/stream_reader.h"
 #include "libvkt/kernel/border.h"
 
 #include <algorithm>
@@ -37,6 +38,13 @@ struct Piece {
     Space space = Space::host;          ///< which may be a GPU's
     std::shared_ptr<SlotLease> lease{}; ///< that keeps them there
 };
+
+[[maybe_unused]] bool const registered = [] {
+    set_stream_reader({magic.size(), is_stream, [](std::unique_ptr<ByteSource> bytes) -> std::unique_ptr<Source> {
+                           return std::make_unique<StreamSource>(std::move(bytes), StreamOptions{});
+                       }});
+    return true;
+}();
 
 } // namespace
 

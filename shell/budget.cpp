@@ -2,30 +2,55 @@
 // SPDX-License-Identifier: MIT
 #include "shell/budget.h"
 
-#include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/budget.h"
 #include "libvkt/engine/travelled.h"
 #include "libvkt/engine/tunable.h"
 #include "libvkt/formats/format.h"
+#include "libvkt/formats/stack.h"
+#include "shell/command.h"
 
 #include <cmath>
 
 namespace vkt::shell {
 namespace {
 
-Header header_of_file(std::string const& path) {
-    auto bytes = open_bytes(path);
-    std::unique_ptr<Source> source;
-    if (!bytes->directory() && ipc::is_stream(bytes->peek(ipc::magic.size())))
-        source = std::make_unique<ipc::StreamSource>(std::move(bytes), ipc::StreamOptions{});
-    else
-        source = open_volume(std::move(bytes), {});
-    if (!source->next_volume()) throw Error(ErrorKind::data, text("'", path, "' holds no volume"));
-    Header header = source->header();
-    mark_as_given(header);
-    return header;
-}
+/// Lets what begins a pipeline open its files, to look at the first header.
+class FirstLook : public Context {
+public:
+    explicit FirstLook(Invocation const& stage) : common_(stage.common()) {}
+    Execution const& execution() const override { return execution_; }
+    StageInfo stage_info() const override { return {}; }
+    bool json() const override { return false; }
+    bool quiet() const override { return true; }
+    bool verbose() const override { return false; }
+    std::string const& output() const override { return common_.output; }
+    bool force() const override { return false; }
+    bool dry_run() const override { return true; }
+    bool trust_paths() const override { return common_.trust_paths; }
+    bool window() const override { return false; }
+    void print(std::string const&) override {}
+    void note(std::string const&) override {}
+    void plan(Header const&, std::string const&) override {}
+    void lossy(std::string const&) override {}
+    std::function<void(std::string const&)> detail() override {
+        return [](std::string const&) {};
+    }
+    std::string format(std::string const&) const override { return {}; }
+    std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override {
+        if (path == "-")
+            throw Error(ErrorKind::usage,
+                        "--tolerance: the pipeline begins with no file, so that nobody knows its type",
+                        "write what comes in to a file first, or begin with vkt read FILE");
+        ReadOptions options = stated;
+        options.trust_paths = options.trust_paths || trust_paths();
+        return open_path(path, [options](std::string const& one) { return open_volume(open_bytes(one), options); });
+    }
+
+private:
+    Common const& common_;
+    Execution execution_ = default_execution();
+};
 
 struct SetKnob {
     Invocation* stage;
@@ -71,11 +96,14 @@ public:
 
 private:
     static Header read(Invocation const& stage) {
-        if (stage.inputs().size() != 1 || stage.inputs().front() == "-")
-            throw Error(ErrorKind::usage,
-                        "--tolerance: the pipeline begins with no file, so that nobody knows its type",
-                        "write what comes in to a file first, or begin with vkt read FILE");
-        return header_of_file(stage.inputs().front());
+        FirstLook look(stage);
+        auto const source = stage.opener() != nullptr
+                                ? stage.opener()->open(look)
+                                : look.open(stage.inputs().empty() ? "-" : stage.inputs().front(), {});
+        if (!source->next_volume()) throw Error(ErrorKind::data, "--tolerance: the pipeline begins with no volume");
+        Header header = source->header();
+        mark_as_given(header);
+        return header;
     }
     [[noreturn]] static void refuse(Invocation const& stage) {
         throw Error(ErrorKind::usage, text("--tolerance: '", stage.verb().name, "' takes more than what comes to it"),

@@ -10,6 +10,7 @@
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/stack.h"
+#include "libvkt/formats/stream_reader.h"
 #include "libvkt/io/output_file.h"
 #include "libvkt/operations/reference_volume.h"
 #include "shell/calibration.h"
@@ -128,7 +129,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     bool const directory = bytes->directory(); // there are no bytes to look at
     // What nobody described may be a stream as well as a file.
     bool const described = stated.describes();
-    if (!described && !directory && ipc::is_stream(bytes->peek(ipc::magic.size()))) {
+    if (!described && holds_stream(bytes)) {
         ipc::StreamOptions options;
         options.stage = stage.stage();
         // A window shows what is there before all of it is.

@@ -88,6 +88,11 @@ public:
             if (!words.empty() && words.front() == "vkt") words.erase(words.begin());
             if (words.empty()) throw Error(ErrorKind::usage, text("an empty stage in '", request.pipeline, "'"));
             find_verb(words);
+            for (auto const& word : words)
+                if (word == "-o" || word.starts_with("--output"))
+                    throw Error(ErrorKind::usage,
+                                text("'", join(words, " "), "': vkt stress itself looks at the output"),
+                                text("leave out ", word));
             std::vector<std::string> quoted;
             for (auto const& word : words) quoted.push_back(shell_quoted(word));
             stages_.push_back(join(quoted, " "));

@@ -444,7 +444,8 @@ assert abs(a - b).max() <= 1, abs(a - b).max()"
     run sh "$VKT_ROOT/examples/amr-zoom.sh" 20k --blocks 400 --levels 5
     [ "$status" -eq 0 ] || { echo "$output" >&2; false; }
     [[ "$output" == *"whole volume"* && "$output" == *"region"* ]]
-    [ -s whole.nrrd ] && [ -s zoom.nrrd ]
+    [ -s whole.nrrd ]
+    [ -s zoom.nrrd ]
     for picture in whole zoom whole-tree zoom-tree; do
         [ "$(pixels $picture.png | head -n 1)" = "512 512 8 2" ]
     done
@@ -529,7 +530,8 @@ EOF
     kill -KILL $stage
     exec 9>&-
     run wait $stage
-    [ ! -e out.vkt ] && [ -z "$(ls -A spool)" ]
+    [ ! -e out.vkt ]
+    [ -z "$(ls -A spool)" ]
     [ "$(ls)" = "$(printf 'pipes\nspool\nt.vkt')" ]
 }
 
@@ -608,20 +610,25 @@ END
         vkt resample $tree.vkt --method nearest --scale 1 -o $tree.npy -q
         vkt resample plt0000$tree --method nearest --scale 1 | vkt diff - <(vkt resample $tree.vkt --method nearest --scale 1)
         /usr/bin/python3 plotfile.py plt0000$tree $tree.npy "$(vkt info $tree.vkt | sed -n 's/^dtype *//p')" >$tree.said
-        vkt write plt0000$tree plt1 && diff -r plt0000$tree plt1 && rm -r plt1 # by its name, and the same again
+        vkt write plt0000$tree plt1
+        diff -r plt0000$tree plt1
+        rm -r plt1 # by its name, and the same again
     done
     [ "$(cat a.said)" = "dens 0.75 1.875 2.0 32.75 17.875 130.0 2" ]
     vkt info plt0000a | grep -q 'attribute *time: 0.25'
     fails_with 4 "the directory exists" vkt write a.vkt plt0000a --format amrex
-    vkt write b.vkt plt0000a --format amrex --force -q && diff -r plt0000a plt0000b
-    touch plt0000a/notes && fails_with 4 "it holds files that are no plotfile" vkt write b.vkt plt0000a --format amrex --force
+    vkt write b.vkt plt0000a --format amrex --force -q
+    diff -r plt0000a plt0000b
+    touch plt0000a/notes
+    fails_with 4 "it holds files that are no plotfile" vkt write b.vkt plt0000a --format amrex --force
     fails_with 2 "vkt refine" vkt make ramp --dims 4 4 4 --dtype float32 -o plt9
     fails_with 2 "not float16" bash -c 'vkt convert b.vkt --dtype float16 | vkt write plt9'
     fails_with 2 "leaf blocks cover" bash -c 'vkt crop b.vkt --roi 0:20,:,: | vkt write plt9'
     fails_with 2 "cuts cells" bash -c 'vkt make sphere --dims 64 48 48 --edge coverage | vkt refine --tolerance 0.01 --block-size 5 | vkt write plt9'
     fails_with 3 "plotfiles do not hold the map of values, units, the attribute content, the history" bash -c \
         'vkt set b.vkt --units K --slope 2 | vkt write - plt9 --strict'
-    mkdir d && mkfifo pipe
+    mkdir d
+    mkfifo pipe
     for signal in KILL TERM; do
         vkt write pipe d/plt9 -q &
         writer=$!
@@ -634,7 +641,8 @@ END
         for _ in $(seq 100); do [ -n "$(ls -A d)" ] || break; sleep 0.05; done
         [ -z "$(ls -A d)" ] || { find d >&2; false; }
     done
-    [ ! -e plt9 ] && [ -z "$(find . -name '.*vkt-*')" ]
+    [ ! -e plt9 ]
+    [ -z "$(find . -name '.*vkt-*')" ]
     mkdir small
     mount -t tmpfs -o size=64k tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
     failed=0

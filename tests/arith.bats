@@ -285,8 +285,10 @@ for t in ("float32", "float64"):
     for t in uint8 int8 uint16 int16 uint32 int32 uint64 int64 float16 float32 float64; do
         vkt make noise --dims 7 5 3 --dtype float64 --seed 1 --low -3 --high 200 | vkt convert --dtype $t -q -o a_$t.vkt
         vkt make noise --dims 7 5 3 --dtype float64 --seed 2 --low 0 --high 120 | vkt convert --dtype $t -q -o b_$t.vkt
-        vkt fill a_$t.vkt --roi 0:3,0:2,: --value 7 -o t.vkt && mv t.vkt a_$t.vkt
-        vkt fill b_$t.vkt --roi 1:5,0:2,: --value 7 -o t.vkt && mv t.vkt b_$t.vkt
+        vkt fill a_$t.vkt --roi 0:3,0:2,: --value 7 -o t.vkt
+        mv t.vkt a_$t.vkt
+        vkt fill b_$t.vkt --roi 1:5,0:2,: --value 7 -o t.vkt
+        mv t.vkt b_$t.vkt
         for op in gt ge lt le eq ne and or absdiff pow; do vkt arith $op a_$t.vkt b_$t.vkt -q | raw >$op.$t; done
         for op in not abs neg sqrt exp log; do vkt arith $op a_$t.vkt -q | raw >$op.$t; done
         vkt arith clamp a_$t.vkt 5 90 -q | raw >clamp.$t

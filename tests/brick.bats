@@ -118,7 +118,9 @@ for n, (dims, size, ghost) in enumerate([((37, 5, 1), (16, 16, 16), (2, 2, 2)), 
     vkt brick s.nrrd --size 8 | vkt merge -o t.nrrd
     vkt info s.nrrd --json | grep -v history >a.json
     vkt info t.nrrd --json | grep -v history >b.json
-    grep -q '"slope": 2' b.json && grep -q nobody b.json && grep -q HU b.json
+    grep -q '"slope": 2' b.json
+    grep -q nobody b.json
+    grep -q HU b.json
     # Several volumes, one after the other.
     cp part.nrrd s0.nrrd
     vkt flip x v.nrrd -o s1.nrrd
@@ -214,29 +216,40 @@ assert raw("median.nrrd") == whole.tobytes()'
 @test "what does not fit is refused, with the name of the brick" {
     py "save(noise('uint8', (12, 12, 12), 1), 'v'); save(noise('uint8', (12, 12, 12), 2), 'w', (1, 1, 1), (50, 0, 0))"
     fresh() { rm -rf d && vkt brick v.nrrd --size 6 --ghost 1 -o d; }
-    fresh && rm d/brick_003.nrrd
+    fresh
+    rm d/brick_003.nrrd
     fails_with 3 "'d/brick_003.nrrd' is missing" vkt merge d -o x.nrrd
     rm d/bricks.json
     fails_with 3 "a brick is missing before 'd/brick_004.nrrd'" vkt merge d -o x.nrrd
-    fresh && truncate -s -5 d/brick_007.nrrd
+    fresh
+    truncate -s -5 d/brick_007.nrrd
     fails_with 3 "brick_007.nrrd" vkt merge d -o x.nrrd
-    fresh && vkt convert d/brick_002.nrrd --dtype int16 -o d/brick_002.nrrd --force
+    fresh
+    vkt convert d/brick_002.nrrd --dtype int16 -o d/brick_002.nrrd --force
     fails_with 3 "'d/brick_002.nrrd' is no brick of this volume: its type is int16" vkt merge d -o x.nrrd
-    fresh && vkt set d/brick_002.nrrd --spacing 2,1,1 -o d/brick_002.nrrd --force
+    fresh
+    vkt set d/brick_002.nrrd --spacing 2,1,1 -o d/brick_002.nrrd --force
     fails_with 3 "'d/brick_002.nrrd' does not lie where its brick belongs" vkt merge d -o x.nrrd
-    fresh && vkt flip x d/brick_002.nrrd -o d/brick_002.nrrd --force
+    fresh
+    vkt flip x d/brick_002.nrrd -o d/brick_002.nrrd --force
     fails_with 3 "'d/brick_002.nrrd' does not lie where its brick belongs" vkt merge d -o x.nrrd
-    fresh && vkt crop d/brick_002.nrrd --roi 1:,:,: -o d/brick_002.nrrd --force
+    fresh
+    vkt crop d/brick_002.nrrd --roi 1:,:,: -o d/brick_002.nrrd --force
     fails_with 3 "brick_002.nrrd': it has 6 7 7 voxels, its place 7 7 7" vkt merge d -o x.nrrd
-    fresh && cp d/brick_001.nrrd d/brick_002.nrrd
+    fresh
+    cp d/brick_001.nrrd d/brick_002.nrrd
     fails_with 3 "'d/brick_002.nrrd' is a foreign brick: it holds the voxels 6:12,0:6,0:6" vkt merge d -o x.nrrd
-    fresh && cp d/brick_001.nrrd d/more.nrrd
+    fresh
+    cp d/brick_001.nrrd d/more.nrrd
     fails_with 3 "'d/more.nrrd' is a foreign brick: bricks.json does not list it" vkt merge d -o x.nrrd
     rm d/bricks.json
     fails_with 3 "overlap" vkt merge d -o x.nrrd
-    fresh && vkt brick w.nrrd --size 6 --ghost 1 -o e && cp e/brick_004.nrrd d/
+    fresh
+    vkt brick w.nrrd --size 6 --ghost 1 -o e
+    cp e/brick_004.nrrd d/
     fails_with 3 "'d/brick_004.nrrd' does not lie where its brick belongs" vkt merge d -o x.nrrd
-    fresh && cp v.nrrd d/brick_000.nrrd
+    fresh
+    cp v.nrrd d/brick_000.nrrd
     fails_with 3 "'d/brick_000.nrrd' has 12 12 12 voxels" vkt merge d -o x.nrrd
     fails_with 3 "v.nrrd, brick 1' is no brick: it does not say where it belongs" vkt merge v.nrrd -o x.nrrd
     printf '{"format": "vkt bricks 1", "dims": [1,2]}' >bad.json
@@ -262,17 +275,25 @@ assert raw("median.nrrd") == whole.tobytes()'
 
 @test "a directory appears whole or not at all, and only what brick wrote is replaced" {
     py "save(noise('uint8', (30, 20, 12), 1), 'v')"
-    vkt brick v.nrrd --size 8 -o 'a b/' 2>/dev/null && vkt merge 'a b' | vkt diff v.nrrd
+    vkt brick v.nrrd --size 8 -o 'a b/' 2>/dev/null
+    vkt merge 'a b' | vkt diff v.nrrd
     fails_with 4 "the directory exists" vkt brick v.nrrd --size 9 -o 'a b'
-    vkt brick v.nrrd --size 9 -o 'a b' --force && vkt merge 'a b' | vkt diff v.nrrd
+    vkt brick v.nrrd --size 9 -o 'a b' --force
+    vkt merge 'a b' | vkt diff v.nrrd
     touch 'a b/notes.txt'
     fails_with 4 "it holds files that are no bricks" vkt brick v.nrrd --size 9 -o 'a b' --force
     [ -e 'a b/notes.txt' ]
     [ -e 'a b/brick_000.nrrd' ]
-    mkdir empty && vkt brick v.nrrd --size 9 -o empty && vkt merge empty | vkt diff v.nrrd
-    ln -s empty link && vkt brick v.nrrd --size 10 -o link --force && [ -L link ] && vkt merge empty | vkt diff v.nrrd
+    mkdir empty
+    vkt brick v.nrrd --size 9 -o empty
+    vkt merge empty | vkt diff v.nrrd
+    ln -s empty link
+    vkt brick v.nrrd --size 10 -o link --force
+    [ -L link ]
+    vkt merge empty | vkt diff v.nrrd
     fails_with 4 "make the directory 'no/where' first" vkt brick v.nrrd --size 9 -o no/where/bricks
-    touch plain && fails_with 4 "it is no directory" vkt brick v.nrrd --size 9 -o plain --force
+    touch plain
+    fails_with 4 "it is no directory" vkt brick v.nrrd --size 9 -o plain --force
     fails_with 2 "lies in the directory that would be replaced" vkt brick empty/brick_000.nrrd -o empty --force
     # An upstream that fails, and one that is cut off.
     head -c 3000 <(vkt read v.nrrd) >cut.vkt
@@ -292,7 +313,8 @@ assert raw("median.nrrd") == whole.tobytes()'
         wait $writer || true
         exec 7>&-
         for _ in $(seq 100); do [ -n "$(find . -name '.none*')" ] || break; sleep 0.05; done
-        [ ! -e none ] && [ -z "$(find . -name '.none*')" ]
+        [ ! -e none ]
+        [ -z "$(find . -name '.none*')" ]
         rm pipe
     done
 }
@@ -315,11 +337,13 @@ assert raw("median.nrrd") == whole.tobytes()'
     # What the history tells can be run.
     vkt brick v.nrrd --size 20 --ghost 3 | vkt filter median | vkt merge -o m.nrrd
     vkt history m.nrrd --as-shell >again.sh
-    grep -q 'vkt brick' again.sh && grep -q 'vkt merge' again.sh
+    grep -q 'vkt brick' again.sh
+    grep -q 'vkt merge' again.sh
     bash -c "$(cat again.sh)" | vkt diff m.nrrd
     # A dry run tells of bricks and moves no voxel.
     vkt brick v.nrrd --size 40 -o n -n 2>plan
-    grep -q '40x40x40' plan && [ ! -e n ]
+    grep -q '40x40x40' plan
+    [ ! -e n ]
     vkt brick v.nrrd --size 40 -n 2>/dev/null | vkt merge -n 2>plan >/dev/null
     grep -q '64x60x50' plan
 }

@@ -195,7 +195,8 @@ PY
     vkt make ramp --dims 9 8 7 -o ramp.nrrd
     vkt crop ramp.nrrd --roi 1::2,::3,2::2 | vkt diff - <(vkt crop ramp.nrrd --roi 1:,:,2: | vkt crop --roi ::2,::3,::2)
     vkt crop v.nrrd --roi ::2,:,: | vkt history --as-shell | grep -q -- '--roi ::2,:,:'
-    vkt read v.nrrd --roi ::2,:,: -o half.nrrd && vkt history half.nrrd | grep -q 'crop --roi 0:11:2,0:8,0:6\|--roi ::2,:,:'
+    vkt read v.nrrd --roi ::2,:,: -o half.nrrd
+    vkt history half.nrrd | grep -q 'crop --roi 0:11:2,0:8,0:6\|--roi ::2,:,:'
     fails_with 2 'a step of 0' vkt crop v.nrrd --roi ::0,:,: -o no.nrrd
     fails_with 2 'vkt flip reverses' vkt crop v.nrrd --roi ::-1,:,: -o no.nrrd
     fails_with 2 'with steps is no box' vkt stats v.nrrd --roi ::2,:,:

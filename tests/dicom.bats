@@ -345,9 +345,12 @@ for code in "uint8 int8 uint16 int16".split():
             assert numpy.allclose(numpy.array(image.GetDirection()).reshape(3, 3).T, [[0.8, 0.6, 0], [0, 0, -1], [-0.6, 0.8, 0]])
 END
     /usr/bin/python3 written.py
-    vkt write a.vkt one.dcm.gz && vkt diff a.vkt one.dcm.gz
-    vkt write a.vkt some --format dicom && vkt diff a.vkt some # a name without its end
-    vkt read a.vkt --slab 1 | vkt crop --roi :,:,2:3 -o thin/ && vkt crop a.vkt --roi :,:,2:3 | vkt diff - thin
+    vkt write a.vkt one.dcm.gz
+    vkt diff a.vkt one.dcm.gz
+    vkt write a.vkt some --format dicom
+    vkt diff a.vkt some # a name without its end
+    vkt read a.vkt --slab 1 | vkt crop --roi :,:,2:3 -o thin/
+    vkt crop a.vkt --roi :,:,2:3 | vkt diff - thin
     python_with SimpleITK # the rest of the test, which ran
 }
 
@@ -355,10 +358,12 @@ END
     vkt make ramp --dims 9 8 7 --dtype float32 -o f.vkt
     fails_with 2 "8 or 16 bits in a pixel, not float32" vkt write f.vkt f.dcm
     fails_with 2 "vkt convert --dtype uint16 --range minmax" vkt write f.vkt f/
-    vkt convert f.vkt --dtype uint16 --range minmax -o w.dcm 2>err && vkt diff f.vkt w.dcm --tolerance 0.01
+    vkt convert f.vkt --dtype uint16 --range minmax -o w.dcm 2>err
+    vkt diff f.vkt w.dcm --tolerance 0.01
     grep -q 'all digits of the map of values' err
     vkt set <(vkt convert f.vkt --dtype uint16) --attribute space=LPS --slope 2 -o u.vkt
-    vkt write u.vkt u/ && vkt diff u.vkt u
+    vkt write u.vkt u/
+    vkt diff u.vkt u
     fails_with 2 "no sheared lattices" vkt write <(vkt set u.vkt --direction 1,0,0,0.6,0.8,0,0,0,1) s/
     fails_with 2 "no sheared lattices" vkt write <(vkt set u.vkt --direction 1,0,0,0,1,0,0,0.6,0.8) s.dcm
     fails_with 2 "65535 by 65535" vkt make constant --dims 65536 1 1 --dtype uint8 -o s.dcm
@@ -366,9 +371,12 @@ END
     fails_with 2 "name it like out_%04d.dcm" vkt write <(vkt read u.vkt && vkt read u.vkt) s.dcm
     fails_with 2 "not compressed" vkt write u.vkt s.dcm --compress
     fails_with 4 "the directory exists" vkt write u.vkt u/
-    vkt flip x u.vkt -o u/ --force && vkt flip x u.vkt | vkt flip z | vkt diff - u # to the right-handed lattice
-    vkt flip x u -o u/ --force && vkt flip z u.vkt | vkt flip z | vkt diff - u # read and replaced at once
-    touch u/notes && fails_with 4 "it holds files that are no DICOM files" vkt write u.vkt u/ --force
+    vkt flip x u.vkt -o u/ --force
+    vkt flip x u.vkt | vkt flip z | vkt diff - u # to the right-handed lattice
+    vkt flip x u -o u/ --force
+    vkt flip z u.vkt | vkt flip z | vkt diff - u # read and replaced at once
+    touch u/notes
+    fails_with 4 "it holds files that are no DICOM files" vkt write u.vkt u/ --force
     said='DICOM files do not hold all digits of the map of values, labels, the attributes note patient name, what stood in the JSON file beside, the error, the history: not kept'
     vkt filter gaussian u.vkt --sigma 1 | vkt set --slope 0.12345678901234567 --attribute note=x --attribute 'sidecar={"a":1}' --attribute Segment0_Name=liver \
         --attribute 'patient name=Secret^Person' -o rich.vkt
@@ -376,10 +384,14 @@ END
     vkt write rich.vkt rich/ 2>err
     grep -qx "vkt write: $said" err
     run ! grep -qra 'Secret' rich
-    [ ! -e s ] && [ ! -e s.dcm ] && [ ! -e strict ] && [ -z "$(find . -name '.*vkt-*')" ]
+    [ ! -e s ]
+    [ ! -e s.dcm ]
+    [ ! -e strict ]
+    [ -z "$(find . -name '.*vkt-*')" ]
     # Killed in the middle of a series, and of a file.
     for out in d/none/ d/none.dcm; do
-        mkdir -p d && mkfifo pipe
+        mkdir -p d
+        mkfifo pipe
         vkt write pipe $out &
         writer=$!
         exec 7>pipe

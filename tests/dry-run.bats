@@ -21,7 +21,8 @@ setup_more() {
     for command in 'diff - v.nrrd' dump stats 'render -o x.png' 'write x.nrrd' info; do
         # shellcheck disable=SC2086
         vkt read v.nrrd -n 2>/dev/null | vkt $command >out 2>plan || { cat plan >&2; false; }
-        [ ! -e x.png ] && [ ! -e x.nrrd ]
+        [ ! -e x.png ]
+        [ ! -e x.nrrd ]
         [ "$command" = info ] || grep -q "^vkt ${command%% *}: " plan || { echo "$command" >&2; cat plan >&2; false; }
         [ "$command" = info ] || [ ! -s out ] || { echo "$command:" >&2; cat out >&2; false; }
     done
@@ -89,7 +90,8 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"; }
     vkt resample holes.vkt --scale 1 --background -5 -o values.nrrd
     vkt info mask.nrrd | grep -q 'uint8'
     vkt stats mask.nrrd --json >s
-    grep -q '"min": 0' s && grep -q '"max": 1' s
+    grep -q '"min": 0' s
+    grep -q '"max": 1' s
     # A hole is what has the background and nothing else has.
     vkt arith mul mask.nrrd 1 --dtype float32 | vkt arith add - 0 -o m.nrrd
     vkt arith sub mask.nrrd 1 --dtype float32 | vkt arith mul - 5 -o expected.nrrd

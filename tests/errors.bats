@@ -97,7 +97,8 @@ END
 @test "a budget is divided among the stages, the result keeps to it, and more of it costs less" {
     vkt make noise --seed 4 --dims 30 30 30 --dtype uint8 -o in.nrrd
     pipeline='convert in.nrrd --dtype float32 | filter gaussian --sigma 2 | filter gaussian --sigma 4 --boundary clamp'
-    vkt pipe "$pipeline | convert --dtype float64" -o loose.nrrd --tolerance 5 2>loose
+    vkt write in.nrrd in.vkt.gz
+    vkt pipe "read in.vkt.gz | ${pipeline/in.nrrd/-} | convert --dtype float64" -o loose.nrrd --tolerance 5 2>loose
     vkt pipe "$pipeline" -o tight.nrrd --tolerance 0.001 -v 2>tight
     grep -q 'filter gaussian --tolerance' tight
     grep -q 'the result is within' tight
@@ -129,5 +130,7 @@ END
     fails_with 2 "at best" vkt pipe --tolerance 0.1 'filter gaussian b_8x7x6_uint8.raw --sigma 1 | flip x'
     fails_with 2 "float volume" vkt pipe --tolerance 0.1 'filter gaussian f_8x7x6_float32.raw --sigma 1 | flip x'
     fails_with 2 "begins with no file" vkt pipe --tolerance 0.1 'flip x | flip y' <b_8x7x6_uint8.raw
+    fails_with 2 "begins with no file" vkt pipe --tolerance 0.1 'read - | flip y' <b_8x7x6_uint8.raw
+    fails_with 4 "absent" vkt pipe --tolerance 0.1 'read absent.nrrd | flip y'
     fails_with 2 "at best" vkt pipe --tolerance 0.1 'filter gaussian b_8x7x6_uint8.raw --sigma 1 --tolerance 1% | flip x'
 }

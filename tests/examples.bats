@@ -132,7 +132,8 @@ assert 5 < before and after > 2 * before, (before, after)'
 @test "real volumes where they are, a word where they are not" {
     mkdir -p empty
     VKT_DATA=$PWD/empty run --separate-stderr sh examples/clahe.sh absent
-    [ "$status" -eq 0 ] && [[ "$stderr" == *"there is no $PWD/empty/"* ]]
+    [ "$status" -eq 0 ]
+    [[ "$stderr" == *"there is no $PWD/empty/"* ]]
     cmp absent/clahe-after.png clahe-after.png
     needs_data nrrd/template_T2.nrrd
     needs_data raw/stent_128x128x256_int16.raw
@@ -187,9 +188,11 @@ assert v.min() == 0 and v.max() == 255 and 0.004 < (v == 255).mean() < 0.02, (v 
     prepare out -j3 -s SPACING=2
     [ "$(changed)" -eq 8 ]
     # Results below the input are no inputs.
-    prepare in/out -j3 -s && prepare in/out -j3 -s | grep -q 'prepared 4 volumes'
+    prepare in/out -j3 -s
+    prepare in/out -j3 -s | grep -q 'prepared 4 volumes'
     run make -f examples/prepare/Makefile IN=in
-    [ "$status" -eq 2 ] && [[ "$output" == *"IN=DIRECTORY OUT=DIRECTORY"* ]]
+    [ "$status" -eq 2 ]
+    [[ "$output" == *"IN=DIRECTORY OUT=DIRECTORY"* ]]
     run make -f examples/prepare/Makefile IN=empty OUT=out
     [ "$status" -eq 2 ] && [[ "$output" == *"no volumes below"* ]]
 }

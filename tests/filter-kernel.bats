@@ -210,7 +210,11 @@ print(3, 3, 3, *(0.5 * np.arange(27) - 3), file=open('k.txt', 'w'))"
     vkt filter kernel k.txt v_13x11x7_float32.raw | vkt write - --format raw >b.raw
     cmp a.raw b.raw
     vkt filter kernel <(cat k.txt) v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw
+    vkt write k.nrrd k.vkt
+    vkt write k.nrrd k.zarr
+    for kernel in k.vkt k.zarr; do vkt filter kernel $kernel v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw; done
     vkt filter kernel <(cat k.nrrd) v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw
+    vkt filter kernel <(vkt read k.nrrd) v_13x11x7_float32.raw | vkt write - --format raw | cmp - b.raw
 }
 
 @test "values are physical; NaN and infinities stay within the kernel" {
@@ -279,6 +283,11 @@ for name in 'gaps', 'cube3', 'cube5':
     fails_with 3 'more than 3 weights' vkt filter kernel more.txt v_13x11x7_uint8.raw -o o.vkt
     echo '3 1 1  1 2 1e400' >inf.txt
     run ! vkt filter kernel inf.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '3 1 1  1 nan 2' >nan.txt
+    fails_with 3 "'nan' is not a number" vkt filter kernel nan.txt v_13x11x7_uint8.raw -o o.vkt
+    echo '99999999 3 1  1' >far.txt
+    fails_with 3 'extents 99999999 x 3 x 1' vkt filter kernel far.txt v_13x11x7_uint8.raw -o o.vkt
+    fails_with 2 '--tolerance 1%' vkt filter kernel dense.txt v_13x11x7_uint8.raw --tolerance inf -o o.vkt
     echo '3 1 1  1 2-3 1' >word.txt
     fails_with 3 "'2-3' is not a number" vkt filter kernel word.txt v_13x11x7_uint8.raw -o o.vkt
     fails_with 4 'absent.txt' vkt filter kernel absent.txt v_13x11x7_uint8.raw -o o.vkt

@@ -57,7 +57,8 @@ END
     export SLURM_ARRAY_TASK_ID=0 SLURM_ARRAY_TASK_MIN=0 SLURM_ARRAY_TASK_COUNT=1
     run sh "$VKT_ROOT/examples/slurm/filter-array.sh" in out
     [ "$status" -eq 1 ]
-    [ "$(ls out | wc -l)" -eq 7 ] && [ ! -e out/broken.nrrd ]
+    [ "$(ls out | wc -l)" -eq 7 ]
+    [ ! -e out/broken.nrrd ]
     mkdir empty
     run sh "$VKT_ROOT/examples/slurm/filter-array.sh" empty out
     [ "$status" -eq 1 ]

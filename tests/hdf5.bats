@@ -258,7 +258,8 @@ END
     for what in spacing origin direction slope intercept units; do
         diff <(vkt info h.h5 --json | grep "\"$what\"") <(vkt info h.nrrd --json | grep "\"$what\"")
     done
-    vkt info h.h5 | grep -q 'note: kept' && vkt history h.h5 --as-shell | grep -q 'flip y'
+    vkt info h.h5 | grep -q 'note: kept'
+    vkt history h.h5 --as-shell | grep -q 'flip y'
     /usr/bin/python3 - <<'END'
 from common import *
 with h5py.File("h.h5", "r+") as f:
@@ -276,7 +277,9 @@ END
     fails_with 2 'names no dataset' vkt read int16.h5 -o 'x.h5:/a//b'
     vkt read int16.h5 | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.h5
-    [ ! -e two.h5 ] && [ ! -e cut.h5 ] && [ ! -e x.h5 ]
+    [ ! -e two.h5 ]
+    [ ! -e cut.h5 ]
+    [ ! -e x.h5 ]
     [ -z "$(find . -name '.*vkt-*')" ]
     vkt stack int16.h5 int16.h5 -o 'n%d.h5' && vkt diff n1.h5 int16.h5
 }

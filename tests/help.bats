@@ -32,7 +32,7 @@ load helper
 
 @test "finds by a word" {
     vkt help --search mirror | grep -q '^ *flip'
-    vkt help --search threshold-of-nothing >out 2>&1 && false
+    run -1 vkt help --search threshold-of-nothing
     [ "$(vkt help --search MIRROR)" = "$(vkt help --search mirror)" ]
 }
 

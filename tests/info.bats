@@ -107,7 +107,7 @@ END
         "write|evil.nrrd|$name/x.nrrd" "write|$name|evil.nrrd" "render|evil.nrrd|-o|$name" "make|$name"; do
         IFS='|' read -r -d '' -a words <<<"$run" || true
         words[-1]=${words[-1]%$'\n'}
-        vkt "${words[@]}" >out 2>err && { echo "no error of $run" >&2; false; }
+        if vkt "${words[@]}" >out 2>err; then echo "no error of $run" >&2; false; fi
         only_shown err
         run ! grep -q '^vkt info: all is well' err
     done
@@ -149,6 +149,7 @@ if os.path.exists("standard_input"): assert json.load(open("standard_input"))["l
 END
     done
     # Of a series each its own.
-    cp -r "$VKT_DATA/amr/plt_eb_3d" plt1 && cp -r plt1 plt2
+    cp -r "$VKT_DATA/amr/plt_eb_3d" plt1
+    cp -r plt1 plt2
     vkt info 'plt*' --json | python3 -c 'import json, sys; assert [len(v["level_list"]) for v in json.load(sys.stdin)] == [2, 2]'
 }

@@ -21,9 +21,17 @@ else
     echo 'skip clang-format is not installed' >>"$report"
 fi
 
-# In bats "! command" fails a test only as its last line; "run ! command" does anywhere.
+# In bats "! command" fails a test only as its last line, "run ! command" does anywhere; so does the first part of "a && b".
+cannot_fail=0
 if git ls-files -co --exclude-standard -- '*.bats' | xargs -r grep -nE '^[[:space:]]+! ' | grep -v '||'; then
     echo 'these lines cannot fail: write run !'
+    cannot_fail=1
+fi
+if ! git ls-files -co --exclude-standard -- '*.bats' | xargs -r python3 tests/chains.py; then
+    echo 'these lines cannot fail by what stands before &&: write two lines'
+    cannot_fail=1
+fi
+if [ "$cannot_fail" = 1 ]; then
     echo 'fail bats lines that cannot fail' >>"$report"
 else
     echo 'pass bats lines that cannot fail' >>"$report"

@@ -127,13 +127,15 @@ END
 @test "examples of every command run" {
     vkt help --list >verbs
     bad=
-    mkdir scratch && cd scratch
+    mkdir scratch
+    cd scratch
     while read -r verb; do
         # shellcheck disable=SC2086
         vkt $verb --examples >../examples || { bad="$bad$verb: --examples fails"; continue; }
         while IFS= read -r line; do
             [ -n "$line" ] || continue
-            rm -rf ./* && cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
+            rm -rf ./*
+            cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
             vkt make sphere --dims 8 8 8 --dtype uint8 -o engine_8x8x8_uint8.raw
             if ! timeout 120 bash -c "$line" >../out 2>../err </dev/null; then
                 bad="$bad$verb: $line

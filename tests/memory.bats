@@ -200,7 +200,10 @@ EOF
         # shellcheck disable=SC2086
         case $command in
         stats* | histogram*) vkt ${command/@/$1} ;;
-        *) vkt ${command/@/$1} -o out.vkt --force && "$VKT_ROOT/tests/tree_content.py" out.vkt ;;
+        *)
+            vkt ${command/@/$1} -o out.vkt --force || return
+            "$VKT_ROOT/tests/tree_content.py" out.vkt
+            ;;
         esac
     }
     while read -r command; do

@@ -105,19 +105,23 @@ assert d.shape == (3, 5, 6, 7) and d.tobytes() == subprocess.check_output('vkt s
     vkt make noise --dims 7 6 5 --dtype int16 --seed 3 | vkt set --spacing 0.1,0.2,0.3 --origin -1,2,1e3 --voxel-mapping 0 3 --units HU --attribute 'space units="nm" "nm" "nm"' -o v.nrrd
     vkt write v.nrrd v.mrc
     vkt diff v.mrc v.nrrd
-    vkt write v.nrrd v.mrc.gz && vkt diff v.mrc.gz v.nrrd
+    vkt write v.nrrd v.mrc.gz
+    vkt diff v.mrc.gz v.nrrd
     for what in spacing origin slope intercept units attributes direction; do
         diff <(vkt info v.mrc --json | grep "\"$what\"") <(vkt info v.nrrd --json | grep "\"$what\"")
     done
     vkt history v.mrc --as-shell | grep -q 'make noise'
-    vkt permute zxy v.nrrd -o p.mrc && vkt permute zxy v.nrrd | vkt diff - p.mrc
+    vkt permute zxy v.nrrd -o p.mrc
+    vkt permute zxy v.nrrd | vkt diff - p.mrc
     /usr/bin/python3 -c "
 import struct
 h = open('p.mrc', 'rb').read(1024)
 assert struct.unpack_from('<3i', h, 64) == (3, 1, 2), struct.unpack_from('<3i', h, 64)
 h = open('v.mrc', 'rb').read(1024)
 assert [round(x, 4) for x in struct.unpack_from('<3f', h, 40)] == [7, 12, 15] and b'values are ' in h"
-    vkt flip x v.nrrd -o f.mrc && vkt flip x v.nrrd | vkt diff - f.mrc && grep -qa 'axes are turned' f.mrc
+    vkt flip x v.nrrd -o f.mrc
+    vkt flip x v.nrrd | vkt diff - f.mrc
+    grep -qa 'axes are turned' f.mrc
     fails_with 2 'MRC cannot hold float64' vkt convert v.nrrd --dtype float64 -o no.mrc
     [ ! -e no.mrc ]
 }

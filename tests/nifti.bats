@@ -291,7 +291,10 @@ END
     fails_with 4 "p.img" vkt write p.hdr out.nrrd
     fails_with 3 "NAME.img beside NAME.hdr" vkt write - out.nrrd <p.hdr
     # A pair whose voxels lead elsewhere is not followed.
-    mkdir d && vkt write a.nii d/q.hdr && mv d/q.img elsewhere.img && ln -s ../elsewhere.img d/q.img
+    mkdir d
+    vkt write a.nii d/q.hdr
+    mv d/q.img elsewhere.img
+    ln -s ../elsewhere.img d/q.img
     fails_with 3 "leads out of its directory" vkt info d/q.hdr
     vkt diff a.nii d/q.hdr --trust-paths
 }

@@ -110,6 +110,7 @@ END
     vkt write a.nrrd twice.nrrd.gz --compress
     gzip -dc twice.nrrd.gz | grep -aq 'encoding: raw'
     fails_with 2 "detached" vkt write a.nrrd d.nhdr.gz
-    cp "$VKT_ROOT/README.md" readme && gzip readme
+    cp "$VKT_ROOT/README.md" readme
+    gzip readme
     fails_with 3 "readme.gz" vkt info readme.gz
 }

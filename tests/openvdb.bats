@@ -50,8 +50,10 @@ dense() { vkt read "$1" | vkt resample --method nearest; }
     vkt convert sphere.nrrd --dtype float32 | vkt set --slope 2 --intercept -10 --units HU --attribute patient=none -o mapped.nrrd
     vkt write mapped.nrrd mapped.vdb
     vkt info mapped.vdb --json >info.json
-    grep -q '"slope": 2.0' info.json && grep -q '"intercept": -10.0' info.json
-    grep -q '"units": "HU"' info.json && grep -q '"patient":"none"' info.json
+    grep -q '"slope": 2.0' info.json
+    grep -q '"intercept": -10.0' info.json
+    grep -q '"units": "HU"' info.json
+    grep -q '"patient":"none"' info.json
     # Stored zeros are left out, which stand for -10.
     grep -q '"background":"-10' info.json
     dense mapped.vdb | vkt diff - mapped.nrrd

@@ -28,7 +28,8 @@ setup_more() {
     [ "$(dpkg-deb -f "$debs"/vkt_*.deb Version)" = "$version-1" ]
     # The command needs what it links to; modules recommend.
     dpkg-deb -f "$debs"/vkt_*.deb Depends >needed
-    grep -q 'libc6' needed && grep -q 'libpng16' needed
+    grep -q 'libc6' needed
+    grep -q 'libpng16' needed
     run ! grep -E 'openvdb|hdf5|libgdcm|libtiff|glfw|, ,' needed
     for module in $(vkt --version | sed -n 's/^modules: *//p'); do
         [ -e "$root"/usr/lib*/vkt/vkt_"$module".so ]
@@ -38,7 +39,9 @@ setup_more() {
     done
     dpkg-deb -f "$debs"/libvkt-dev_*.deb Depends | grep -qF "vkt (= $version-1)"
     dpkg-deb -c "$debs"/libvkt-dev_*.deb >files
-    grep -q 'usr/include/libvkt/core/volume.h' files && grep -q 'cmake/vkt/vktConfig.cmake' files && grep -q 'libvkt.so ->' files
+    grep -q 'usr/include/libvkt/core/volume.h' files
+    grep -q 'cmake/vkt/vktConfig.cmake' files
+    grep -q 'libvkt.so ->' files
     run ! grep -q 'usr/bin' files
 }
 
@@ -67,10 +70,10 @@ setup_more() {
     run ! bash -c "vkt --version | grep '^missing'"
     for module in $(vkt --version | sed -n 's/^modules: *//p'); do
         case $module in
-        tiff) vkt write v.nrrd v.tif && vkt diff v.tif v.nrrd ;;
-        hdf5) vkt write v.nrrd v.h5 && vkt diff v.h5 v.nrrd ;;
-        openvdb) vkt write v.nrrd v.vdb && vkt info v.vdb ;;
-        blosc) vkt write v.nrrd v.zarr --codec blosc && vkt diff v.zarr v.nrrd ;;
+        tiff) vkt write v.nrrd v.tif; vkt diff v.tif v.nrrd ;;
+        hdf5) vkt write v.nrrd v.h5; vkt diff v.h5 v.nrrd ;;
+        openvdb) vkt write v.nrrd v.vdb; vkt info v.vdb ;;
+        blosc) vkt write v.nrrd v.zarr --codec blosc; vkt diff v.zarr v.nrrd ;;
         esac
     done
     gzip -dc "$root/usr/share/man/man1/vkt-crop.1.gz" | diff - "$VKT_ROOT/man/vkt-crop.1"
@@ -132,7 +135,8 @@ assert (v.apply("flip", axis="x").array == v.array[:, :, ::-1]).all()'
 
 @test "recipes name options, packages and files that there are" {
     recipe="$VKT_ROOT/libvkt/cmake/spack/packages/vkt/package.py"
-    /usr/bin/python3 -m py_compile "$recipe" && rm -rf "${recipe%/*}/__pycache__"
+    /usr/bin/python3 -m py_compile "$recipe"
+    rm -rf "${recipe%/*}/__pycache__"
     for part in $(sed -n 's/^ *parts = (\(.*\))/\1/p' "$recipe" | tr -d '",'); do
         grep -qi "^option(VKT_$part " "$VKT_ROOT/CMakeLists.txt" || { echo "$part" >&2; false; }
         grep -q "variant(\"$part\"" "$recipe"

@@ -99,6 +99,6 @@ EOF
             --timing -o out.nrrd --force
         # shellcheck disable=SC2154  # set by run
         read_mib=$(tail -n 1 <<<"$stderr" | grep -o '[0-9.]* MiB' | head -n 1 | cut -d ' ' -f 1)
-        awk -v read="$read_mib" 'BEGIN { exit !(read > 14 && read < 1.6 * 14.1) }' || fail "$turn: $read_mib MiB of 14.1"
+        awk -v read="$read_mib" 'BEGIN { exit !(read > 14 && read < 1.6 * 14.1) }' || { echo "$turn: $read_mib MiB of 14.1" >&2; false; }
     done
 }

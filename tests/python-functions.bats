@@ -87,6 +87,8 @@ refused(None, "too many", lambda: vkt.flip(volume, "x", "y"))
 refused(None, "volumes", lambda: vkt.stats(volumes=volume))
 refused(2, "not ndarray", lambda: vkt.filter.gaussian(volume.array, sigma=2))
 refused(2, "takes no volume in memory", lambda: vkt.resample(volume, like=volume))
+vkt.crop(volume, roi="1:,:,:").write("grid.vkt")
+assert vkt.resample(volume, like="grid.vkt").dims == vkt.read("grid.vkt").dims
 refused(2, "by how much", lambda: vkt.rotate(volume))
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")

@@ -36,7 +36,8 @@ self_contained() {
 
 @test "the package with its library inside works where it was put, with nothing else" {
     [ "$(ls "$site")" = vkt ]
-    [ -e "$site/vkt/__init__.pyi" ] && [ -e "$site/vkt/py.typed" ]
+    [ -e "$site/vkt/__init__.pyi" ]
+    [ -e "$site/vkt/py.typed" ]
     env -i PATH=/usr/bin PYTHONPATH="$site" /usr/bin/python3 -W error - <<'EOF2'
 import vkt, os
 v = vkt.read("volume.nrrd")

@@ -195,11 +195,11 @@ assert 10240 <= total < 10240 + 65536, total'
     command -v strace >/dev/null || skip "strace is not installed"
     truncate -s 512M big.raw
     printf 'NRRD0004\ntype: ushort\ndimension: 3\nsizes: 512 1024 512\nencoding: raw\nendian: little\n' >head
-    { cat head && printf '\n' && cat big.raw; } | dd of=big.nrrd bs=1M iflag=fullblock conv=sparse status=none
-    { cat head && printf 'data file: big.raw\n\n'; } >big.nhdr
+    { cat head; printf '\n'; cat big.raw; } | dd of=big.nrrd bs=1M iflag=fullblock conv=sparse status=none
+    { cat head; printf 'data file: big.raw\n\n'; } >big.nhdr
     printf 'ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = 512 1024 512\nElementType = MET_USHORT\n' >head
-    { cat head && printf 'ElementDataFile = LOCAL\n' && cat big.raw; } | dd of=big.mha bs=1M iflag=fullblock conv=sparse status=none
-    { cat head && printf 'ElementDataFile = big.raw\n'; } >big.mhd
+    { cat head; printf 'ElementDataFile = LOCAL\n'; cat big.raw; } | dd of=big.mha bs=1M iflag=fullblock conv=sparse status=none
+    { cat head; printf 'ElementDataFile = big.raw\n'; } >big.mhd
     for name in big.nrrd big.nhdr big.mha big.mhd; do
         strace -f -y -e trace=read,pread64,preadv,mmap -o trace vkt read $name --roi :,10:20,7 -o part.raw --force
         [ "$(stat -c %s part.raw)" -eq 10240 ]

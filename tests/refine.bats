@@ -84,9 +84,9 @@ masked = (smooth + rng.normal(0, 5, smooth.shape)); masked[:40] = 0; masked.asty
         # shellcheck disable=SC2086
         vkt refine large.nrrd --tolerance 10 $words -o tree.vkt --force 2>said
         method=basis
-        [[ "$words" = *nearest* ]] && method=nearest
+        if [[ "$words" = *nearest* ]]; then method=nearest; fi
         vkt resample tree.vkt --scale 1 --method $method --dtype float32 | vkt diff large.nrrd - --tolerance 10.001
-        [[ "$words" = *dtype* ]] && vkt info tree.vkt | grep -q uint8
+        if [[ "$words" = *dtype* ]]; then vkt info tree.vkt | grep -q uint8; fi
         grep -q 'bricks, .* with their places instead of' said
     done
     # The error of what is found later travels, too.

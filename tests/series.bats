@@ -38,7 +38,7 @@ values() { vkt write - --format raw; }
             one $n | eval "vkt $line" | vkt write want.nrrd --force
             vkt diff got_$number.nrrd want.nrrd --json >diff.json
             grep -q '"max_abs": 0' diff.json && grep -q '"same_geometry": true' diff.json ||
-                { echo "$line, volume $number" && cat diff.json; false; } >&2
+                { echo "$line, volume $number"; cat diff.json; false; } >&2
             number=$((number + 1))
         done
         [ ! -e got_3.nrrd ]
@@ -107,7 +107,8 @@ assert [v["dims"] for v in json.load(sys.stdin)] == 3 * [[6, 5, 4]]'
 }
 
 @test "if a volume is bad the command fails, and files that were complete remain" {
-    head -c 100 step_9.raw >short && mv short step_9.raw
+    head -c 100 step_9.raw >short
+    mv short step_9.raw
     set +e
     vkt read 'step_*.raw' --dims 6 5 4 --dtype uint16 -o 'out_%d.nrrd'
     code=$?

@@ -194,7 +194,9 @@ assert info["attributes"]["note"] == "kept" and info["history"]["command"][0] ==
 
 @test "a segment holds one volume, a numbered name one for each" {
     vkt flip x in.nrrd -o flipped.nrrd
-    mkdir series && cp in.nrrd series/0.nrrd && cp flipped.nrrd series/1.nrrd
+    mkdir series
+    cp in.nrrd series/0.nrrd
+    cp flipped.nrrd series/1.nrrd
     fails_with 2 "a segment holds one volume" vkt read 'series/*.nrrd' -o shm:$seg
     [ -z "$(left)" ]
     vkt read 'series/*.nrrd' -o shm:$seg.%d

@@ -26,7 +26,8 @@ raw() { vkt write "${1:--}" - --format raw; }
     vkt read a --spacing 0.5,0.5,2 | vkt info | grep -qx 'spacing    0.5 0.5 2'
     vkt read 'a/slice%04d.png' | vkt history --as-shell | grep -q 'vkt read a/slice%04d.png'
     # Numbers without leading zeros, from any number on, with gaps, and others beside them.
-    mkdir b && for i in 8 9 10 12; do vkt slice uint8.nrrd --z $((i % 5)) -o b/s$i.png; done
+    mkdir b
+    for i in 8 9 10 12; do vkt slice uint8.nrrd --z $((i % 5)) -o b/s$i.png; done
     touch b/notes.txt b/s.png.bak
     vkt read 'b/s%d.png' | raw | cmp - <(for i in 3 4 0 2; do vkt slice uint8.nrrd --z $i | raw; done)
     fails_with 4 "no file matches 'b/t%d.png'" vkt read 'b/t%d.png'

@@ -43,10 +43,13 @@ s = np.load('series.npy')
 assert s.shape == (3, 6, 7, 9) and (s[0] == v).all() and (s[1] == v[:, :, ::-1]).all() and (s[2] == v).all()"
     vkt stack v.nrrd f.nrrd -o two.nrrd
     vkt split two.nrrd -o 'part%d.nrrd'
-    vkt diff part0.nrrd v.nrrd && vkt diff part1.nrrd f.nrrd && [ ! -e part2.nrrd ]
+    vkt diff part0.nrrd v.nrrd
+    vkt diff part1.nrrd f.nrrd
+    [ ! -e part2.nrrd ]
     vkt read two.nrrd | vkt split --along series | vkt diff - two.nrrd
     [ "$(vkt split two.nrrd --along z | vkt info | grep -c '^dims       9 7 1')" -eq 12 ]
-    vkt crop v.nrrd --roi :,:,:2 -o a.nrrd && vkt crop v.nrrd --roi :,:,2: -o b.nrrd
+    vkt crop v.nrrd --roi :,:,:2 -o a.nrrd
+    vkt crop v.nrrd --roi :,:,2: -o b.nrrd
     vkt stack a.nrrd b.nrrd --along z | vkt diff - v.nrrd
     vkt stack v.nrrd v.nrrd --along z --force-uniform | vkt info | grep -qx 'dims       9 7 12'
     vkt stack a.nrrd - --along z <b.nrrd | vkt diff - v.nrrd
@@ -83,7 +86,10 @@ for k in range(6): assert (tifffile.imread(f's{k}.tif') == v[k]).all()"
 @test "info and stats tell of many files by their names" {
     vkt flip x v.nrrd -o f.mha
     vkt info v.nrrd f.mha >info
-    [ "$(grep -c '^name ' info)" -eq 2 ] && grep -q '^name  *f.mha$' info && grep -q '^format  *metaimage$' info && grep -q '^format  *nrrd$' info
+    [ "$(grep -c '^name ' info)" -eq 2 ]
+    grep -q '^name  *f.mha$' info
+    grep -q '^format  *metaimage$' info
+    grep -q '^format  *nrrd$' info
     vkt info v.nrrd f.mha --json | /usr/bin/python3 -c "
 import json, sys
 a, b = json.load(sys.stdin)

@@ -123,7 +123,7 @@ print(refusal["repeat"])' >again.sh
     while read -r kind; do
         vkt stress --volume noise-float32 --damage "$kind" >"$kind.vkt"
         run ! cmp -s whole.vkt "$kind.vkt"
-        vkt read "$kind.vkt" >/dev/null 2>error && { echo "$kind passes" >&2; return 1; }
+        if vkt read "$kind.vkt" >/dev/null 2>error; then echo "$kind passes" >&2; false; fi
         head -1 error | sed 's/^/'"$kind"': /' >>errors
     done <kinds
     [ ! -s cut-0%.vkt ]
@@ -148,4 +148,8 @@ print(refusal["repeat"])' >again.sh
     fails_with 2 "one of a pipeline" vkt stress
     fails_with 2 "one of a pipeline" vkt stress --list --volume single
     fails_with 2 "filter gaussian" vkt stress 'filter gausian --sigma 1'
+    fails_with 2 "leave out -o" vkt stress 'flip x -o x.nrrd' --volume single
+    vkt stress 'flip x' --volume single -n 2>plan >out
+    grep -q "'flip x' would run on single" plan
+    [ ! -s out ]
 }

@@ -56,7 +56,8 @@ expressions=('v * 2 + 1' 'v - a' 'v * a / b' '-v^2 + 2^3^2' '3 - -v - 1' 'v ** 0
         for text in "${expressions[@]}"; do
             # shellcheck disable=SC2046
             vkt transform " $text" $(inputs "$type" "$text") --dtype float64 --format raw -o out.raw --force 2>/dev/null
-            echo "$type $text" && mv out.raw "$type $(tr '/* ' '|%_' <<<"$text").out"
+            echo "$type $text"
+            mv out.raw "$type $(tr '/* ' '|%_' <<<"$text").out"
         done
     done >list
     /usr/bin/python3 - <<'EOF'

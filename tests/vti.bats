@@ -123,8 +123,10 @@ END
 </ImageData></VTKFile>
 END
     [ "$(vkt dump two.vti | tr -d '\n' | grep -o '{ .*')" = '{  [0] {1.0, 2.0, 3.0, 4.0}  [1] {5.0, 6.0, 7.0, 8.0}}' ]
-    sed 's/7$/7 9/' two.vti >many.vti && fails_with 3 "more values" vkt stats many.vti
-    sed 's/^8/ /' two.vti >few.vti && fails_with 3 "few" vkt stats few.vti
+    sed 's/7$/7 9/' two.vti >many.vti
+    fails_with 3 "more values" vkt stats many.vti
+    sed 's/^8/ /' two.vti >few.vti
+    fails_with 3 "few" vkt stats few.vti
     sed 's/2 3 0 1 0 0"><P/2 2 0 1 0 0"><P/' two.vti >gap.vti && fails_with 3 "do not fill" vkt stats gap.vti
 }
 
@@ -137,7 +139,9 @@ END
     done
     vkt make noise --dims 9 8 7 --dtype int16 | vkt set --slope 0.5 --intercept -7 --units HU --attribute 'who=a < b & "c"' -o h.vti
     vkt info h.vti --json >info
-    grep -q '"slope": 0.5' info && grep -q '"units": "HU"' info && grep -q 'a < b &' info
+    grep -q '"slope": 0.5' info
+    grep -q '"units": "HU"' info
+    grep -q 'a < b &' info
     vkt history h.vti | grep -q noise
     vkt make noise --dims 9 8 7 --dtype float16 -o f.vkt
     fails_with 2 "cannot hold float16" vkt write f.vkt f.vti
@@ -201,7 +205,9 @@ END
         [ ! -s err ]
         vkt write $type.nrrd $type.pvti
         vkt write $type.nrrd c_$type.pvti --compress
-        vkt diff $type.nrrd $type.vtk && vkt diff $type.nrrd $type.pvti && vkt diff $type.nrrd c_$type.pvti
+        vkt diff $type.nrrd $type.vtk
+        vkt diff $type.nrrd $type.pvti
+        vkt diff $type.nrrd c_$type.pvti
         vkt write $type.nrrd $type.raw
     done
     /usr/bin/python3 - <<'END'
@@ -237,7 +243,8 @@ END
     vkt diff t.pvti int16.nrrd
     touch t/other
     fails_with 4 'no pieces' vkt write t.vkt t.pvti --force
-    vkt make noise --dims 9 8 1 -o one.pvti && vkt make noise --dims 9 8 1 | vkt diff - one.pvti
+    vkt make noise --dims 9 8 1 -o one.pvti
+    vkt make noise --dims 9 8 1 | vkt diff - one.pvti
     [ -z "$(find . -name '.*vkt-*')" ]
 }
 

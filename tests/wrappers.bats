@@ -41,6 +41,24 @@ tool_of() { case "$1" in gz) echo gzip ;; bz2) echo bzip2 ;; xz) echo xz ;; zst)
     done
 }
 
+@test "streams, of several volumes or bricks too" {
+    vkt flip x v.nrrd | cat <(vkt read v.nrrd) - >two.vkt
+    vkt make amr --blocks 40 -o tree.vkt
+    for end in gz bz2 xz zst; do
+        "$(tool_of $end)" -c two.vkt >s.vkt.$end
+        vkt info s.vkt.$end | grep -c '^volume' | grep -qx 2
+        vkt split s.vkt.$end -o 's%d.nrrd' --force
+        vkt diff s0.nrrd v.nrrd
+        cat s.vkt.$end | vkt split - --along series -o 'p%d.nrrd' --force
+        vkt diff p1.nrrd <(vkt flip x v.nrrd)
+        vkt write tree.vkt t.vkt.$end
+        "$(tool_of $end)" -dc t.vkt.$end | cmp - tree.vkt
+        head -c 700 s.vkt.$end >cut.vkt.$end
+        fails_with 3 'ended early' vkt write cut.vkt.$end x.nrrd
+    done
+    [ -z "$(find . -name '.*vkt*')" ]
+}
+
 @test "what is written is what the tools decompress, the same for any number of threads" {
     vkt make noise --dims 90 80 70 --dtype uint16 --seed 6 -o n.nrrd
     for format in nrrd mha nii npy tif vti raw; do

@@ -128,7 +128,8 @@ assert info["history"]["command"][0] == "read", info'
 @test "an input that lies in several files is not overwritten" {
     vkt read ramp.vkt -o a.nhdr
     vkt read ramp.vkt -o c.mhd
-    mkdir kept && cp a.* c.* kept
+    mkdir kept
+    cp a.* c.* kept
     ln a.nhdr other.nhdr
     fails_with 2 "not in one step" vkt convert a.nhdr --dtype uint8 -o a.nhdr --force
     fails_with 2 "not in one step" vkt convert a.nhdr --dtype uint8 -o other.nhdr --force
@@ -222,7 +223,8 @@ print(f"{name}{h:08x}")')
 }
 
 @test "what goes wrong leaves nothing" {
-    mkdir d && cd d
+    mkdir d
+    cd d
     for n in 0 10 100 300 $(($(stat -c %s ../ramp.vkt) - 1)); do
         for name in a.nrrd a.nhdr a.mha a.mhd a.raw a.vkt a.raw.gz; do
             head -c "$n" ../ramp.vkt >../cut
@@ -395,7 +397,8 @@ sys.exit("\n".join(map(str, failed)) or 0)
 END
     /usr/bin/python3 table.py a.nrrd b.nhdr c.mha d.nii e.mrc f.npy g.npz h.raw i.tif j.vti k.pvti l.vtk m.vdb n.dcm o/ p.h5 q.zarr r.zarr.zip analyze.hdr \
         s.png t.pgm u.pfm v.exr w.vkt x.nrrd.gz y.seg.nrrd
-    vkt write rich.vkt 'z%02d.png' --strict 2>err && [ "$(wc -l <err)" -eq 1 ] # one line for many files, and no loss of a picture
+    vkt write rich.vkt 'z%02d.png' --strict 2>err
+    [ "$(wc -l <err)" -eq 1 ] # one line for many files, and no loss of a picture
     fails_with 3 "numpy files do not hold the place" vkt read rich.vkt -o strict.npy --strict
     run --separate-stderr vkt make ramp --dims 4 4 4 -o plain.npy
     [ -z "$stderr" ]

@@ -156,16 +156,20 @@ END
     for what in spacing origin direction slope intercept units; do
         diff <(vkt info h.zarr --json | grep "\"$what\"") <(vkt info h.nrrd --json | grep "\"$what\"")
     done
-    vkt info h.zarr | grep -q 'note: kept' && vkt history h.zarr --as-shell | grep -q 'flip y'
+    vkt info h.zarr | grep -q 'note: kept'
+    vkt history h.zarr --as-shell | grep -q 'flip y'
     # Whole or nothing, and only Zarr stores are replaced.
     fails_with 4 'exists' vkt write int16.nrrd h.zarr
-    vkt write uint8.nrrd h.zarr --force && vkt diff h.zarr uint8.nrrd
-    mkdir other.zarr && touch other.zarr/precious
+    vkt write uint8.nrrd h.zarr --force
+    vkt diff h.zarr uint8.nrrd
+    mkdir other.zarr
+    touch other.zarr/precious
     fails_with 4 'no Zarr stores' vkt write uint8.nrrd other.zarr --force
     [ -e other.zarr/precious ]
     vkt read int16.nrrd | head -c 100000 >cut.vkt
     fails_with 3 'ended early' vkt read cut.vkt -o cut.zarr
-    [ ! -e cut.zarr ] && [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
+    [ ! -e cut.zarr ]
+    [ -z "$(find . -maxdepth 1 -name '.*vkt-*')" ]
     fails_with 2 'write one each' vkt stack int16.nrrd int16.nrrd -o two.zarr
     fails_with 2 '--pyramid is for Zarr' vkt write int16.nrrd x.nrrd --pyramid
     [ ! -e two.zarr ]
@@ -293,7 +297,8 @@ for codec, names in (("zstd", ("Zstd",)), ("gzip", ("GZip",)), ("blosc", ("Blosc
 END
     vkt set int16.vkt --spacing 0.5,1,3 --origin 4,5,6 --units HU --attribute note=kept | vkt flip y | vkt write h.zarr --zarr-version 3 --chunk 16 --shard 32
     vkt set int16.vkt --spacing 0.5,1,3 --origin 4,5,6 --units HU --attribute note=kept | vkt flip y | vkt diff - h.zarr
-    vkt info h.zarr | grep -q 'note: kept' && vkt history h.zarr --as-shell | grep -q 'flip y'
+    vkt info h.zarr | grep -q 'note: kept'
+    vkt history h.zarr --as-shell | grep -q 'flip y'
     fails_with 2 'is not 2 or 3' vkt write int16.vkt x.zarr --zarr-version 4
     fails_with 2 'has no shards' vkt write int16.vkt x.zarr --shard 64
     fails_with 2 'is smaller than --chunk' vkt write int16.vkt x.zarr --zarr-version 3 --shard 16 --chunk 32

@@ -159,7 +159,7 @@ public:
         gdcm::Trace::ErrorOff();
         if (options.compress)
             throw Error(ErrorKind::usage, "DICOM files are not compressed by vkt", "leave out --compress");
-        if (lower_case(path).ends_with(".dcm") || path == "-")
+        if (options.one_file || lower_case(path).ends_with(".dcm") || path == "-")
             file_.emplace(path, options.force);
         else
             folder_.emplace(path, options.force, only_dicom, "DICOM files");

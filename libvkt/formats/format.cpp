@@ -15,6 +15,7 @@
 #include "libvkt/formats/nrrd_header.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/refusals.h"
+#include "libvkt/formats/stream_reader.h"
 #include "libvkt/formats/wrapper.h"
 #include "libvkt/formats/zarr_array.h"
 #include "libvkt/io/shared_memory.h"
@@ -97,6 +98,11 @@ bool holds_bare_voxels(Format const& format) {
     return format.slices || format.name == "raw" || format.name == "numpy" || format.name == "npz";
 }
 
+StreamReader& stream_reader() {
+    static StreamReader reader;
+    return reader;
+}
+
 bool is_detached_name(std::string const& name) {
     std::string const lower = lower_case(name);
     return lower.ends_with(".nhdr") || lower.ends_with(".mhd") || lower.ends_with(".hdr") || lower.ends_with(".img");
@@ -120,6 +126,8 @@ std::string writable_extensions() {
     std::vector<std::string> all;
     for (auto const& format : formats())
         if (format.create) all.insert(all.end(), format.extensions.begin(), format.extensions.end());
+    std::sort(all.begin(), all.end()); // some share one
+    all.erase(std::unique(all.begin(), all.end()), all.end());
     return join(all, " ");
 }
 
@@ -224,7 +232,24 @@ std::vector<Format> const& formats() {
     return list;
 }
 
+void set_stream_reader(StreamReader reader) { stream_reader() = reader; }
+
+bool holds_stream(std::unique_ptr<ByteSource>& bytes) {
+    StreamReader const& reader = stream_reader();
+    if (reader.recognise == nullptr || bytes->directory() || is_segment(bytes->name())) return false;
+    if (reader.recognise(bytes->peek(reader.magic_bytes))) return true;
+    Wrapper const wrapper = wrapper_of(bytes->peek(16));
+    if (wrapper == Wrapper::none) return false;
+    std::vector<std::byte> const head = unwrapped_head(bytes->peek(packed_head_bytes), reader.magic_bytes);
+    // Of a damaged beginning the name tells what it was to be.
+    bool const named = head.empty() && lower_case(without_wrapper(bytes->name())).ends_with(".vkt");
+    if (!named && !reader.recognise(head)) return false;
+    bytes = unwrapped(std::move(bytes), wrapper);
+    return true;
+}
+
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
+    if (!options.describes() && holds_stream(bytes)) return stream_reader().open(std::move(bytes));
     Format const* format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
     if (!options.variable.empty() && (one_only || format->slices))
@@ -273,6 +298,7 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
     return wrapping_sink(path, wrapper, options, [format, options](std::string const& inner) {
         WriteOptions own = options;
         own.force = false;
+        own.one_file = true;
         return format->create(inner, own);
     });
 }

@@ -46,8 +46,9 @@ struct ZarrLayout {
 };
 
 struct WriteOptions {
-    std::string format; ///< forces a format by name; empty: by the file's extension
-    bool force = false; ///< overwrite an existing file
+    std::string format;    ///< forces a format by name; empty: by the file's extension
+    bool force = false;    ///< overwrite an existing file
+    bool one_file = false; ///< DICOM: a file whatever it is called, as the temporary one of NAME.dcm.gz is
     bool compress = false;
     /// Sparse formats: voxels of this stored value are not kept; by default what the volume names as its background, or
     /// 0.

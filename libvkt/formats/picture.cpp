@@ -33,13 +33,13 @@ public:
                         text("--compress: ", name, " files are compressed in their own way, or not at all"));
     }
     void begin(Header const& header) override {
-        refuse_bricks(header, text("a ", name_, " file"));
+        refuse_bricks(header, one_file());
         if (header.dims.z != 1)
-            throw Error(ErrorKind::usage, text("a ", name_, " file holds one slice, the volume has ", header.dims.z),
+            throw Error(ErrorKind::usage, text(one_file(), " holds one slice, the volume has ", header.dims.z),
                         "all of them: -o slice%04d.png; one of them: vkt slice");
         check_type(header.dtype);
         if (std::exchange(begun_, true))
-            throw Error(ErrorKind::usage, text("the input holds several volumes, a ", name_, " file holds one"),
+            throw Error(ErrorKind::usage, text("the input holds several volumes, ", one_file(), " holds one"),
                         "give a place for the number: -o slice-%04d.png");
         if (header.dims.x > most_pixels || header.dims.y > most_pixels)
             throw Error(ErrorKind::usage, text("a picture of ", header.dims.x, " by ", header.dims.y,
@@ -58,11 +58,13 @@ protected:
     virtual void check_type(DataType type) const {
         if (type != DataType::uint8 && type != DataType::uint16)
             throw Error(
-                ErrorKind::usage, text("a ", name_, " file holds uint8 or uint16, not ", type),
+                ErrorKind::usage, text(one_file(), " holds uint8 or uint16, not ", type),
                 "map values to 256 levels: --range LO:HI of 'vkt slice', or vkt convert --dtype uint8 --range p1:p99");
     }
     virtual void begin_picture(Index3 dims, DataType type) = 0;
     virtual void put_row(std::byte const* pixels) = 0;
+
+    std::string one_file() const { return text(name_[0] == 'O' ? "an " : "a ", name_, " file"); }
 
     OutputFile file_;
     std::size_t row_ = 0; ///< bytes
@@ -295,7 +297,7 @@ protected:
         constexpr DataType exact[] = {DataType::uint8, DataType::int8,    DataType::uint16,
                                       DataType::int16, DataType::float16, DataType::float32};
         if (std::find(std::begin(exact), std::end(exact), type) == std::end(exact))
-            throw Error(ErrorKind::usage, text("a ", name_, " file holds what float32 can, not ", type),
+            throw Error(ErrorKind::usage, text(one_file(), " holds what float32 can, not ", type),
                         "vkt convert --dtype float32 rounds");
     }
     void begin_picture(Index3 dims, DataType type) override {

@@ -36,7 +36,7 @@ bool looks_like_text(ByteSource& bytes) {
     std::string_view const extension = std::string_view(bytes.name()).substr(bytes.name().find_last_of('.') + 1);
     if (extension == "raw") return false;
     auto const head = bytes.peek(256);
-    std::string_view const allowed = "0123456789+-.eE# \t\r\n";
+    std::string_view const allowed = "0123456789+-.eE# \t\r\nnaifNAIF";
     bool comment = false;
     for (std::byte const byte : head) {
         auto const c = static_cast<char>(byte);
@@ -65,8 +65,7 @@ Kernel read_text(ByteSource& bytes) {
             if (numbers.size() == 3) {
                 for (int axis = 0; axis < 3; ++axis) {
                     double const n = numbers[static_cast<std::size_t>(axis)];
-                    kernel.dims[axis] = n >= 1 && n <= 1e6 ? static_cast<std::int64_t>(n) : 0;
-                    if (static_cast<double>(kernel.dims[axis]) != n) kernel.dims[axis] = 0;
+                    kernel.dims[axis] = std::abs(n) < 1e15 && n == std::floor(n) ? static_cast<std::int64_t>(n) : 0;
                 }
                 check_dims(bytes.name(), kernel.dims);
                 wanted = 3 + static_cast<std::size_t>(kernel.dims.x * kernel.dims.y * kernel.dims.z);
@@ -101,8 +100,8 @@ Kernel read_volume(std::unique_ptr<ByteSource> bytes, std::string const& path) {
 
 Kernel read_kernel(std::string const& path) {
     auto bytes = open_bytes(path);
-    if (bytes->directory()) refuse(path, "it is a directory");
-    Kernel kernel = looks_like_text(*bytes) ? read_text(*bytes) : read_volume(std::move(bytes), path);
+    bool const is_text = !bytes->directory() && looks_like_text(*bytes);
+    Kernel kernel = is_text ? read_text(*bytes) : read_volume(std::move(bytes), path);
     for (double const weight : kernel.weights)
         if (!std::isfinite(weight)) refuse(path, "not all of its weights are finite numbers");
     return kernel;
