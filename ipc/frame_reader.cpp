@@ -5,6 +5,7 @@
 #include "ipc/descriptor.h"
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/stream_reader.h"
 
 #include <algorithm>
 #include <array>
@@ -13,6 +14,7 @@
 namespace vkt::ipc {
 namespace {
 
+static_assert(stream_magic_bytes == magic.size());
 constexpr std::size_t largest_text = std::size_t{256} << 20; ///< JSON payloads beyond this are refused
 
 } // namespace

@@ -39,13 +39,6 @@ struct Piece {
     std::shared_ptr<SlotLease> lease{}; ///< that keeps them there
 };
 
-[[maybe_unused]] bool const registered = [] {
-    set_stream_reader({magic.size(), is_stream, [](std::unique_ptr<ByteSource> bytes) -> std::unique_ptr<Source> {
-                           return std::make_unique<StreamSource>(std::move(bytes), StreamOptions{});
-                       }});
-    return true;
-}();
-
 } // namespace
 
 class StreamSource::Reader {
@@ -465,3 +458,12 @@ std::optional<Volume> StreamSource::take_whole() { return reader_->take_whole();
 std::shared_ptr<StreamRecord const> StreamSource::record() const { return reader_->record(); }
 
 } // namespace vkt::ipc
+
+namespace vkt {
+
+bool begins_stream(std::span<std::byte const> head) { return ipc::is_stream(head); }
+std::unique_ptr<Source> open_stream(std::unique_ptr<ByteSource> bytes) {
+    return std::make_unique<ipc::StreamSource>(std::move(bytes), ipc::StreamOptions{});
+}
+
+} // namespace vkt

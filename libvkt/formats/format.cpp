@@ -98,11 +98,6 @@ bool holds_bare_voxels(Format const& format) {
     return format.slices || format.name == "raw" || format.name == "numpy" || format.name == "npz";
 }
 
-StreamReader& stream_reader() {
-    static StreamReader reader;
-    return reader;
-}
-
 bool is_detached_name(std::string const& name) {
     std::string const lower = lower_case(name);
     return lower.ends_with(".nhdr") || lower.ends_with(".mhd") || lower.ends_with(".hdr") || lower.ends_with(".img");
@@ -232,24 +227,21 @@ std::vector<Format> const& formats() {
     return list;
 }
 
-void set_stream_reader(StreamReader reader) { stream_reader() = reader; }
-
 bool holds_stream(std::unique_ptr<ByteSource>& bytes) {
-    StreamReader const& reader = stream_reader();
-    if (reader.recognise == nullptr || bytes->directory() || is_segment(bytes->name())) return false;
-    if (reader.recognise(bytes->peek(reader.magic_bytes))) return true;
+    if (bytes->directory() || is_segment(bytes->name())) return false;
+    if (begins_stream(bytes->peek(stream_magic_bytes))) return true;
     Wrapper const wrapper = wrapper_of(bytes->peek(16));
     if (wrapper == Wrapper::none) return false;
-    std::vector<std::byte> const head = unwrapped_head(bytes->peek(packed_head_bytes), reader.magic_bytes);
+    std::vector<std::byte> const head = unwrapped_head(bytes->peek(packed_head_bytes), stream_magic_bytes);
     // Of a damaged beginning the name tells what it was to be.
     bool const named = head.empty() && lower_case(without_wrapper(bytes->name())).ends_with(".vkt");
-    if (!named && !reader.recognise(head)) return false;
+    if (!named && !begins_stream(head)) return false;
     bytes = unwrapped(std::move(bytes), wrapper);
     return true;
 }
 
 std::unique_ptr<Source> open_volume(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
-    if (!options.describes() && holds_stream(bytes)) return stream_reader().open(std::move(bytes));
+    if (!options.describes() && holds_stream(bytes)) return open_stream(std::move(bytes));
     Format const* format = &format_of(*bytes, options);
     bool const one_only = format->name == "raw" || format->name == "shm" || format->in_gzip; // headers with voxels
     if (!options.variable.empty() && (one_only || format->slices))
