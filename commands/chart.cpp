@@ -53,6 +53,7 @@ public:
     bool reports() const override { return true; }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        if (csv_ && context.json()) throw Error(ErrorKind::usage, "--csv and --json: the report has one form");
         Source& source = *inputs.front();
         if (!source.next_volume()) throw Error(ErrorKind::data, "the input holds no volume");
         if (source.header().dry_run) throw PlannedOnly();

@@ -166,6 +166,7 @@ END
     head -c 24 out.png | tail -c 8 | cmp - <(printf '\0\0\004\260\0\0\003\040')
     fails_with 2 "nothing in the pipeline" vkt chart 'render --render-algo implicit-iso' phantom.nrrd --threads 1
     fails_with 2 "nothing comes after" vkt chart 'render | flip x' phantom.nrrd
+    fails_with 2 "the report has one form" vkt chart 'filter gaussian --sigma 2' phantom.nrrd --csv --json
 }
 
 @test "more paths make less noise, against paths of their own" {

@@ -264,6 +264,8 @@ C
     cc -shared -fPIC none.c -o none.so -ldl
     vkt refine block_24x18x30_uint8.raw --tolerance 1 -o tree.vkt
     vkt render tree.vkt --size 16 -o a.png
+    fails_with 2 "the volume is a grid and has none" vkt render block_24x18x30_uint8.raw --tree bricks --size 16 -o b.png
+    fails_with 2 "--tree: 'brick' is not one of" vkt render tree.vkt --tree brick --size 16 -o b.png
     fails_with 5 "out of memory" env LD_PRELOAD="$PWD/none.so" vkt render tree.vkt --tree bricks --size 16 --threads 2 -o b.png
     [ ! -e b.png ]
 }

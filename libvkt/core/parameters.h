@@ -212,7 +212,9 @@ template <class E> struct ValueText<E, std::enable_if_t<std::is_enum_v<E> && !st
         for (auto const& entry : EnumNames<E>::all()) names.emplace_back(entry.second);
         return names;
     }
-    static E read(std::vector<std::string> const& w, std::string_view name) { return parse_enum<E>(w.front(), name); }
+    static E read(std::vector<std::string> const& w, std::string_view name) {
+        return parse_enum<E>(w.front(), text("--", name));
+    }
     static std::vector<std::string> write(E v) { return {enum_name(v)}; }
 };
 template <class T> struct ValueText<std::optional<T>> {

@@ -103,8 +103,8 @@ void Refine::parameters(Parameters& p) {
     p.option("metric", metric, "WHAT", "what may differ so much: value, gradient or transfer");
     p.option("transfer", transfer, "FILE",
              "with --metric transfer: the transfer function, a JSON file or the JSON itself");
-    p.option("block-size", block, "N", "cells of a block along each axis, 1 to 64 (8), or auto: the best of 4, 8, 16");
-    p.option("levels", levels, "N", "most levels, 1 to 16 (8)");
+    p.option("block-size", block, "N", "cells of a block along each axis, 1 to 64, or auto: the best of 4, 8, 16");
+    p.option("levels", levels, "N", "most levels, 1 to 16");
     p.option("method", method, "METHOD", "the reconstruction that keeps to the tolerance: basis or nearest");
     p.option("dtype", dtype, "TYPE", "auto: store cells in the smallest type that a quarter of the tolerance allows");
     p.option("background", background, "VALUE", "leave out blocks that stay within the tolerance of this value");

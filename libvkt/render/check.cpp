@@ -58,7 +58,7 @@ void check(RenderSettings const& s) {
     auto const positive = [](double v) { return v >= 0 && std::isfinite(v); };
     if (!positive(s.goal.noise) || !positive(s.goal.tolerance) || !positive(s.goal.seconds))
         refuse("errors to stop at and seconds must be positive");
-    if (!positive(s.shortcut)) refuse("--leave-out must be 0 or greater");
+    if (!positive(s.shortcut)) refuse("--leave-out must be a finite number, 0 or greater");
     if (s.parts < 1 || s.part < 1 || s.part > s.parts) refuse(text("there is no part ", s.part, " of ", s.parts));
     if (int const strips = (s.height + tile_side - 1) / tile_side; s.parts > strips)
         refuse(text("a picture of ", s.height, " rows has at most ", strips, " parts, of ", tile_side, " rows each"));

@@ -59,6 +59,9 @@ std::size_t tree_bytes(Header const& header) {
 } // namespace
 
 void check_memory(Header const& header, Execution const& execution, TreeDrawing tree, bool copied) {
+    if (tree == TreeDrawing::bricks && header.kind == Kind::structured)
+        throw Error(ErrorKind::usage, "--tree bricks: the volume is a grid and has none",
+                    "vkt refine makes bricks of it");
     std::size_t const bytes = bytes_to_draw(header, tree, copied);
     if (bytes <= execution.memory) return;
     throw Error(ErrorKind::resources,

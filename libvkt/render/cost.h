@@ -11,8 +11,8 @@
 
 namespace vkt::render {
 
-/// Throws Error{resources} if drawing such a volume takes more than the budget. Small integers of files are read to
-/// where rays sample them; `copied`: they are somewhere else before.
+/// Throws Error{resources} if drawing such a volume takes more than the budget, Error{usage} for bricks of a grid.
+/// Small integers of files are read to where rays sample them; `copied`: they are somewhere else before.
 void check_memory(Header const& header, Execution const& execution, TreeDrawing tree = TreeDrawing::automatic,
                   bool copied = false);
 
