@@ -11,6 +11,7 @@
 #include "shell/terminal.h"
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -31,6 +32,8 @@ bool names_output(std::vector<std::string> const& words) {
 } // namespace
 
 void write_out_of_memory() {
+    static std::atomic_flag said; // each thread may miss some
+    if (said.test_and_set()) return;
     constexpr std::string_view line = "vkt: out of memory\n";
     [[maybe_unused]] auto const written = ::write(STDERR_FILENO, line.data(), line.size());
 }

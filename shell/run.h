@@ -23,7 +23,7 @@ void say_downstream(Invocation const& stage, std::string const& message);
 
 /// Runs a body, prints its error in one line, returns the exit code: the one place where errors end.
 int guarded(std::string const& stage, std::function<int()> const& body);
-/// The line of an error that there is no memory to put together; takes none itself.
+/// The line of an error that there is no memory to put together, once; takes none itself.
 void write_out_of_memory();
 
 } // namespace vkt::shell
