@@ -32,7 +32,7 @@ void make_threads_sleep(char** argv) {
 /// between others stays resident: memory that is in no plan. A fixed limit turns that off.
 void return_large_blocks() {
 #ifdef M_MMAP_THRESHOLD
-    ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
+    ::mallopt(M_MMAP_THRESHOLD, 128 << 10);
 #endif
 }
 

@@ -11,7 +11,6 @@
 #include "shell/terminal.h"
 
 #include <algorithm>
-#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -32,10 +31,11 @@ bool names_output(std::vector<std::string> const& words) {
 } // namespace
 
 void write_out_of_memory() {
-    static std::atomic_flag said; // each thread may miss some
-    if (said.test_and_set()) return;
-    constexpr std::string_view line = "vkt: out of memory\n";
-    [[maybe_unused]] auto const written = ::write(STDERR_FILENO, line.data(), line.size());
+    // Several threads may miss some: who comes second waits until the line is out, and does not end the process before.
+    [[maybe_unused]] static auto const written = [] {
+        constexpr std::string_view line = "vkt: out of memory\n";
+        return ::write(STDERR_FILENO, line.data(), line.size());
+    }();
 }
 
 void say_downstream(Invocation const& stage, std::string const& message) {

@@ -279,8 +279,14 @@ public:
     }
     bool takes_ones() const { return slots_ <= most_in_ones; }
 
+    /// A counter, all 0, for each pattern of 16 bits.
+    std::uint32_t* words() {
+        words_.assign(65536, 0);
+        return words_.data();
+    }
     /// Adds what was counted of words to the counters of their slots, or of their two bytes where there is no table.
-    void add_words(std::uint32_t const* counts, std::int32_t const* slot_of_word) {
+    void add_words(std::int32_t const* slot_of_word) {
+        std::uint32_t const* const counts = words_.data();
         for (std::size_t high = 0; high < 256; ++high) {
             std::uint64_t sum = 0;
             for (std::size_t low = 0; low < 256; ++low) {
@@ -319,7 +325,7 @@ private:
     std::size_t slots_;
     int sets_;
     std::vector<std::uint64_t> counters_;
-    std::vector<std::uint32_t> ones_;
+    std::vector<std::uint32_t> ones_, words_;
 };
 
 /// Voxels of one byte have a counter for each of their patterns.
@@ -341,10 +347,7 @@ template <class F> void for_each_piece(ConstView in, Item const& item, F const& 
 /// Voxels of two bytes that count once, or pairs of voxels of one, by their patterns: neither is looked up, and a pair
 /// takes one store. Those of a volume are few, so that most of their counters stay in the nearest cache.
 void count_words(ConstView in, Bins const& bins, Item const& item, Counters& counters) {
-    // Kept from slab to slab: memory that is fresh would take as long as counting in it.
-    thread_local std::vector<std::uint32_t> kept;
-    kept.assign(65536, 0);
-    std::uint32_t* const counts = kept.data();
+    std::uint32_t* const counts = counters.words();
     bool const bytes = size_of(in.type) == 1;
     for_each_piece(in, item, [&](std::byte const* from, std::int64_t m, auto...) {
         read_ahead(from, static_cast<std::size_t>(m) * size_of(in.type));
@@ -363,7 +366,7 @@ void count_words(ConstView in, Bins const& bins, Item const& item, Counters& cou
         }
         if (bytes && m % 2 != 0) counters.add(1, 1, 1, 1, [&](std::int64_t) { return static_cast<int>(from[m - 1]); });
     });
-    counters.add_words(counts, bytes ? nullptr : bins.table().data());
+    counters.add_words(bytes ? nullptr : bins.table().data());
 }
 /// From how many voxels on that is worth while.
 constexpr std::int64_t worth_words = std::int64_t{1} << 18;
