@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "shell/budget.h"
 
+#include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/budget.h"
 #include "libvkt/engine/travelled.h"
@@ -142,8 +143,7 @@ std::vector<std::string> divide_budget(std::deque<Invocation>& stages, double to
         throw Error(ErrorKind::usage, text("--tolerance ", tolerance, " is not a finite number >= 0"));
     Planner planner(stages);
     std::vector<SetKnob> const knobs = knobs_of(planner);
-    std::vector<std::size_t> counts;
-    for (auto const& knob : knobs) counts.push_back(knob.knob.values.size());
+    std::vector<std::size_t> const counts = collect(knobs, [](SetKnob const& set) { return set.knob.values.size(); });
     VolumeError least = VolumeError::lost("");
     auto const evaluate = [&](Settings const& settings) {
         for (std::size_t k = 0; k < knobs.size(); ++k) set(knobs[k], settings[k]);

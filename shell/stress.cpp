@@ -93,9 +93,7 @@ public:
                     throw Error(ErrorKind::usage,
                                 text("'", join(words, " "), "': vkt stress itself looks at the output"),
                                 text("leave out ", word));
-            std::vector<std::string> quoted;
-            for (auto const& word : words) quoted.push_back(shell_quoted(word));
-            stages_.push_back(join(quoted, " "));
+            stages_.push_back(join(collect(words, [](std::string const& word) { return shell_quoted(word); }), " "));
         }
         fs::create_directory(scratch_.path() + "/out");
         fs::create_directory(scratch_.path() + "/tmp");
@@ -169,8 +167,9 @@ private:
 
     void tell(std::vector<Finding>& told, Finding finding, std::string const& cause) {
         auto const [place, fresh] = causes_.emplace(cause, told.size());
-        Finding& known = fresh ? told.emplace_back(std::move(finding)) : told[place->second];
-        if (!fresh && known.volume != finding.volume) ++known.more;
+        if (fresh) return void(told.emplace_back(std::move(finding)));
+        Finding& known = told[place->second];
+        if (known.volume != finding.volume) ++known.more;
     }
 
     void write(Volume const& volume, std::string const& path) {

@@ -58,6 +58,7 @@ template <class T> void ranges(LatticeView const& lattice, Index3 dims, CellGrid
     };
     auto const n = static_cast<std::size_t>(dims.x + 2);
     std::vector<Row> own; // made here, where it may be said that there is no memory
+    own.reserve(static_cast<std::size_t>(threads));
     for (int t = 0; t < threads; ++t)
         own.push_back({std::vector<T>(n), std::vector<T>(n), std::vector<std::uint8_t>(n)});
 #pragma omp parallel num_threads(threads)

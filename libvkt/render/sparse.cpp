@@ -151,7 +151,7 @@ private:
         Levels3 const level = levels_of(pixel(image_.pixels, x, y));
         int longest = 0;
         while (longest < most_) {
-            drawing_.draw(scenes_[static_cast<std::size_t>(longest + 1)], tile, coarse_.data(), counters);
+            drawing_.draw(scenes_[static_cast<std::size_t>(longest) + 1], tile, coarse_.data(), counters);
             if (!(apart(levels_of(pixel(coarse_, x, y)), level) <= step_share * tolerance_)) break;
             ++longest;
         }
