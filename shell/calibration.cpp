@@ -64,7 +64,7 @@ std::vector<Case> cases() {
     return {{"arith", {{"arith", "mul", "-", "2"}}},
             {"convert", {{"convert", "--dtype", "float32"}, {"convert", "--dtype", "uint8"}}},
             {"filter gaussian", {{"filter", "gaussian", "--sigma", "0.7"}, {"filter", "gaussian", "--sigma", "2.5"}}},
-            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 112},
+            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 128},
             {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "1.25"}}},
             {"rotate", {{"rotate", "--angle", "30"}}, false, 96},
             {"flip", {{"flip", "x"}}},
