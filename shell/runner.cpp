@@ -208,8 +208,9 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
                                                                      execution](Header const& h) {
                 log_.answer(opener_plan_text(name, h, execution));
                 if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured) {
-                    prediction()->read(known->reading(h));
-                    tell_seconds(name, known->reading(h));
+                    double const seconds = known->reading(h);
+                    prediction()->read(seconds);
+                    tell_seconds(name, seconds);
                 }
             });
     } else {

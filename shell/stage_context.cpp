@@ -37,8 +37,9 @@ void StageContext::plan(Header const& header, std::string const& output) {
     runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
     if (invocation_.verb().name == "write" && header.kind == Kind::structured)
         if (Calibration const* const known = runner_.calibration()) {
-            runner_.prediction()->write(known->writing(header));
-            runner_.tell_seconds(invocation_.stage(), known->writing(header));
+            double const seconds = known->writing(header);
+            runner_.prediction()->write(seconds);
+            runner_.tell_seconds(invocation_.stage(), seconds);
         }
     explain(header);
 }

@@ -133,7 +133,7 @@ void complete_directions(Geometry& geometry, std::array<bool, 3> known) {
             helper[static_cast<int>(next)] = 1;
         else
             helper[static_cast<int>(given)] = -1;
-        double const along = helper.x * d[given].x + helper.y * d[given].y + helper.z * d[given].z;
+        double const along = dot(helper, d[given]);
         Vec3 const v = helper - d[given] * along;
         d[next] = v * (1 / safe_length(v));
         known[next] = true;

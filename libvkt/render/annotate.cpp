@@ -212,7 +212,7 @@ void draw_scale_bar(Canvas& canvas, Camera const& camera, Color const& ink) {
     Vec3 const way = camera.target - camera.eye;
     double const height = camera.projection == Projection::orthographic
                               ? camera.height
-                              : 2 * std::tan(camera.fov * std::numbers::pi / 360) * std::sqrt(dot(way, way));
+                              : 2 * std::tan(camera.fov * std::numbers::pi / 360) * length(way);
     double const per_pixel = height / canvas.height();
     double const length = round_length(per_pixel * canvas.width() / 4);
     if (!(length > 0)) return;

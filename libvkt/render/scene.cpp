@@ -1,5 +1,6 @@
 // The camera, the light and the part that is shown, in the lattice.
 // SPDX-License-Identifier: MIT
+#include "libvkt/core/products.h"
 #include "libvkt/render/categories.h"
 #include "libvkt/render/render.h"
 #include "libvkt/render/world.h"
@@ -74,8 +75,8 @@ SceneView Renderer::scene_of(RenderSettings const& settings, Appearance const& a
         {metric(0, 0, 1), metric(1, 1, 1), metric(2, 2, 1), metric(0, 1, 2), metric(0, 2, 2), metric(1, 2, 2)}};
     if (settings.light_direction) {
         Vec3 const v = *settings.light_direction;
-        double const length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
-        Double3 const toward{v.x / length, v.y / length, v.z / length};
+        double const size = length(v);
+        Double3 const toward{v.x / size, v.y / size, v.z / size};
         constexpr double anywhere = std::numeric_limits<double>::infinity();
         scene.lamp = {true, settings.shadows, toward, scene.to_lattice * toward};
         scene.ways[0] = light_way(scene, toward, anywhere);
