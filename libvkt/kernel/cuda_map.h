@@ -5,6 +5,7 @@
 #include "libvkt/kernel/cuda_packs.h"
 
 #include <algorithm>
+#include <concepts>
 #include <type_traits>
 #include <utility>
 
@@ -23,6 +24,14 @@ template <int inputs> struct Inputs { DeviceRows rows[inputs > 0 ? inputs : 1]; 
 template <class F>
 concept IsLong = requires {
     requires F::is_long;
+};
+
+/// A functor that takes the voxels of a pack together, so that what it does is chosen once for all of them:
+/// pack(in, out) with in[inputs][N]. False from it: they are to be taken one by one.
+template <class F, class C, int inputs, int N, class R>
+concept TakesPacks = inputs >
+0 && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], R (&out)[N]) {
+    { f.pack(in, out) } -> std::same_as<bool>;
 };
 
 /// There is one copy of a long functor in a kernel, not one for each of the thread's voxels.
@@ -45,6 +54,16 @@ __device__ __forceinline__ auto evaluate(F const& f, double x, double y, double 
 template <class C, bool At, int inputs, class F>
 using ResultOf = decltype(evaluate<C, At>(std::declval<F const&>(), 0.0, 0.0, 0.0, std::declval<C const*>(),
                                           std::declval<LossCounts&>(), std::make_index_sequence<inputs>{}));
+
+/// Whether a functor says that voxel n of pack k has no result.
+template <class C, class F, int all, int K, int N, std::size_t... i>
+__device__ __forceinline__ bool undefined(F const& f, C const (&values)[all][K][N], int k, int n,
+                                          std::index_sequence<i...>) {
+    if constexpr (CountsUndefined<F, decltype(values[i][k][n])...>)
+        return f.undefined(values[i][k][n]...);
+    else
+        return false;
+}
 
 /// Packs that a thread has in registers at once: the switches over the types and the arithmetic of addresses are paid
 /// by many voxels.
@@ -104,8 +123,19 @@ __global__ void __launch_bounds__(block_threads, sizeof(C) == 4 ? 4 : 3)
             for (int k = 0; k < K; ++k) {
                 auto const begin = static_cast<double>(lower.x + x + at[k]);
                 LossCounts own;
+                bool taken = false;
+                if constexpr (!At && TakesPacks<F, C, inputs, N, Result>) {
+                    C pack[inputs][N];
 #pragma unroll
-                for (int n = 0; n < N; ++n) {
+                    for (int i = 0; i < inputs; ++i)
+#pragma unroll
+                        for (int n = 0; n < N; ++n) pack[i][n] = values[i][k][n];
+                    taken = f.pack(pack, results[k]);
+#pragma unroll
+                    for (int n = 0; n < N && taken; ++n) own.undefined += undefined<C>(f, values, k, n, all) ? 1 : 0;
+                }
+#pragma unroll
+                for (int n = 0; n < N && !taken; ++n) {
                     C voxel[inputs + 1];
 #pragma unroll
                     for (int i = 0; i < inputs; ++i) voxel[i] = values[i][k][n];

@@ -147,34 +147,4 @@ void stencil(Execution const&, AnyView out, Losses& losses, Index3 radius, F con
     counts.add_to(losses);
 }
 
-namespace driver {
-
-/// Columns made anew for every voxel: there are registers for them, and no second pass.
-template <class C, class F, int radius> struct ColumnsOfVoxel {
-    F f;
-
-    struct Made {
-        using Value = C;
-        C values[(2 * radius + 1) * F::columns];
-        __device__ __forceinline__ C operator()(int dx, int which) const {
-            return values[(dx + radius) * F::columns + which];
-        }
-    };
-    __device__ __forceinline__ C operator()(Window<C> const& window) const {
-        Made made;
-#pragma unroll
-        for (int dx = -radius; dx <= radius; ++dx)
-            f.column([&](int x, int dy, int dz) { return window(dx + x, dy, dz); },
-                     made.values + (dx + radius) * F::columns);
-        return f.combine(made);
-    }
-};
-
-} // namespace driver
-
-template <class C, class F>
-void column_stencil(Execution const& execution, AnyView out, Losses& losses, Index3 radius, F const& f, ConstView in) {
-    stencil<C>(execution, out, losses, radius, driver::ColumnsOfVoxel<C, F, F::radius>{f}, in);
-}
-
 } // namespace vkt::VKT_BACKEND

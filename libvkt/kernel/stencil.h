@@ -5,7 +5,7 @@
 #include "libvkt/kernel/kernel.h"
 
 #ifdef __CUDACC__
-#include "libvkt/kernel/cuda_stencil.h"
+#include "libvkt/kernel/cuda_columns.h"
 #else
 #include "libvkt/kernel/cpu_stencil.h"
 #endif

@@ -5,6 +5,7 @@
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/kernel/kernel.h"
 #include "libvkt/operations/kernels/interpolants.h"
+#include "libvkt/operations/kernels/still_axis.h"
 
 #include <algorithm>
 #include <cstring>
@@ -243,13 +244,14 @@ template <class T> struct LinearSample {
         Fraction const fx(px.rest), fy(py.rest), fz(pz.rest);
         float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
                                        fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
-        if (typed_out)
-            *reinterpret_cast<T*>(any.out.at(x, y, z)) = round_to<T>(value); // no less and no more than voxels are
-        else
-            driver::store_value(any.out.type, any.out.at(x, y, z), value, counts);
+        store(any.out.at(x, y, z), value, counts);
     }
-
-private:
+    __device__ __forceinline__ void store(std::byte* to, float value, driver::LossCounts& counts) const {
+        if (typed_out)
+            *reinterpret_cast<T*>(to) = round_to<T>(value); // no less and no more than voxels are
+        else
+            driver::store_value(any.out.type, to, value, counts);
+    }
     struct Part {
         int index;
         float rest;
@@ -275,6 +277,94 @@ private:
         }
     };
 };
+
+/// Slices along the axis that stays, y or z: a thread looks up its place in the plane once for all of its slices, of
+/// which it needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
+struct Slices {
+    int axis = 2;
+    std::int64_t shift = 0; ///< of the input's slices against those of the output
+};
+constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
+
+template <class T>
+__global__ void __launch_bounds__(256)
+    slices_kernel(driver::Blocks blocks, Index3 n, Slices slices, __grid_constant__ LinearSample<T> const sample,
+                  unsigned long long* totals) {
+    // Warps of 8 by 4 voxels, four of them side by side and two rows of them.
+    unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    std::int64_t const x = (static_cast<std::int64_t>(blockIdx.x % blocks.across) * 4 + warp % 4) * plane_x + lane % 8,
+                       row = (static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * 2 + warp / 4) *
+                                 plane_rows +
+                             lane / 8,
+                       first = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * plane_slices;
+    bool const by_z = slices.axis == 2;
+    std::int64_t const end = min(first + plane_slices, by_z ? n.z : n.y);
+    driver::LossCounts counts;
+    if (x < n.x && row < (by_z ? n.y : n.z)) {
+        DeviceSampling const& s = sample.any.s;
+        PositionRow const centre = by_z ? row_of(s.map, {}, s.first.y + row, s.first.z + first)
+                                        : row_of(s.map, {}, s.first.y + first, s.first.z + row);
+        auto const column = static_cast<double>(s.first.x + x);
+        using Sampler = LinearSample<T>;
+        auto const px = Sampler::part(centre.x, column), pw = Sampler::part(by_z ? centre.y : centre.z, column);
+        bool const inner = static_cast<unsigned>(px.index) < sample.inner_x &&
+                           static_cast<unsigned>(pw.index) < (by_z ? sample.inner_y : sample.inner_z);
+        std::int64_t const across = by_z ? sample.row : sample.slice, along = by_z ? sample.slice : sample.row,
+                           begin = (by_z ? s.first.z : s.first.y) + slices.shift; // of the input, at slice 0
+        std::int64_t const there = by_z ? s.dims.z : s.dims.y;
+        typename Sampler::Fraction const fx(px.rest), fw(pw.rest);
+        auto const* const near =
+            sample.origin + static_cast<std::int64_t>(pw.index) * across + px.index * static_cast<int>(sizeof(T));
+        driver::DeviceRows const& out = sample.any.out;
+        auto const one = [&](std::int64_t slice) { sample(x, by_z ? row : slice, by_z ? slice : row, counts); };
+        for (std::int64_t slice = first; slice < end; slice += slices_at_once) {
+            if (!inner || slice + slices_at_once > end || begin + slice < 0 || begin + slice + slices_at_once > there) {
+                for (std::int64_t k = slice; k < end && k < slice + slices_at_once; ++k) one(k);
+                continue;
+            }
+            float v[slices_at_once][4];
+#pragma unroll
+            for (int k = 0; k < slices_at_once; ++k) {
+                std::byte const* const from = near + (begin + slice + k) * along;
+                auto const *const a = reinterpret_cast<T const*>(from), *const b =
+                                                                            reinterpret_cast<T const*>(from + across);
+                v[k][0] = static_cast<float>(a[0]);
+                v[k][1] = static_cast<float>(a[1]);
+                v[k][2] = static_cast<float>(b[0]);
+                v[k][3] = static_cast<float>(b[1]);
+            }
+#pragma unroll
+            for (int k = 0; k < slices_at_once; ++k) {
+                if constexpr (!std::is_integral_v<T>) {
+                    float odd = 0; // NaN, if one of them is not finite
+#pragma unroll
+                    for (float const value : v[k]) odd = __fmaf_rn(value, 0.0F, odd);
+                    if (odd != 0) {
+                        one(slice + k);
+                        continue;
+                    }
+                }
+                float const value = fw.between(fx.between(v[k][0], v[k][1]), fx.between(v[k][2], v[k][3]));
+                sample.store(by_z ? out.at(x, row, slice + k) : out.at(x, slice + k, row), value, counts);
+            }
+        }
+    }
+    driver::add_counts(counts, totals);
+}
+
+template <class T>
+void launch_slices(Index3 n, Slices const& slices, LinearSample<T> const& sample, unsigned long long* totals) {
+    auto const blocks_for = [](std::int64_t voxels, int of) { return (voxels + of - 1) / of; };
+    bool const by_z = slices.axis == 2;
+    std::int64_t const across = blocks_for(n.x, 4 * plane_x), along = blocks_for(by_z ? n.y : n.z, 2 * plane_rows),
+                       all = across * along * blocks_for(by_z ? n.z : n.y, plane_slices);
+    if (all > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::Blocks const blocks{static_cast<unsigned>(across), static_cast<unsigned>(along),
+                                static_cast<unsigned>(all)};
+    slices_kernel<T><<<blocks.all, 256>>>(blocks, n, slices, sample, totals);
+    check_launch("affine_sample");
+}
 
 /// True if a thread may count in 32 bits wherever the output's positions are and the input's voxels lie.
 bool counts_in_32_bits(AffineSampling const& rule, ConstView const& in, Box const& out) {
@@ -358,6 +448,8 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  inner(s.inner_y),
                                  inner(s.inner_z),
                                  in.type == out.type};
+    if (StillAxis const still = still_axis(rule.map); still.axis >= 0)
+        return launch_slices(out.dims(), {still.axis, still.shift}, sample, totals);
     driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
 }
 

@@ -74,6 +74,35 @@ template <class C> struct Operands {
     }
     VKT_HD C operator()(C v0, C v1, C v2) const { return evaluate(v0, v1, v2); }
 
+    /// The voxels of a pack, of operations whose code is short: chosen once for all of them.
+    template <int inputs, int N> VKT_HD bool pack(C const (&in)[inputs][N], C (&out)[N]) const {
+        if constexpr (std::is_floating_point_v<C>) {
+            if (!is_short(op)) return false;
+            C u[N], v[N], w[N];
+            for (int n = 0; n < N; ++n) {
+                u[n] = operand(in, first, a, n);
+                v[n] = operand(in, second, b, n);
+                w[n] = operand(in, third, c, n);
+            }
+            if (op == ArithmeticOp::clamp || op == ArithmeticOp::where) {
+                for (int n = 0; n < N; ++n) out[n] = chosen(u[n], v[n], w[n]);
+                return true;
+            }
+            if (!map_a.identity)
+                for (int n = 0; n < N; ++n) u[n] = map_a.of(u[n]);
+            if (!map_b.identity)
+                for (int n = 0; n < N; ++n) v[n] = map_b.of(v[n]);
+            with_short_op(op, [&]<ArithmeticOp o>() {
+                for (int n = 0; n < N; ++n) out[n] = combined<o>(u[n], v[n]);
+            });
+            if (!result.identity)
+                for (int n = 0; n < N; ++n) out[n] = stored(out[n]);
+            return true;
+        } else {
+            return false;
+        }
+    }
+
     VKT_HD bool undefined(C v0) const { return counts_zeros && (second == 0 ? v0 : b) == C(0); }
     VKT_HD bool undefined(C, C v1) const { return counts_zeros && v1 == C(0); }
     VKT_HD bool undefined(C, C, C) const { return false; }
@@ -98,6 +127,11 @@ template <class C> struct Operands {
     }
 
 private:
+    template <int inputs, int N> static VKT_HD C operand(C const (&in)[inputs][N], int volume, C number, int n) {
+        C value = number;
+        for (int i = 0; i < inputs; ++i) value = volume == i ? in[i][n] : value;
+        return value;
+    }
     static C const* mapped_row(std::int64_t n, Line<C> const map, C const* from, C* to) {
 #pragma omp simd
         for (std::int64_t i = 0; i < n; ++i) to[i] = map.of(from[i]);

@@ -77,8 +77,12 @@ template <ArithmeticOp op, class C> struct Combined {
     }
 };
 
-/// Calls f.template operator()<op>().
-template <class F> VKT_HD void with_op(ArithmeticOp op, F&& f) {
+/// Operations of a few instructions.
+VKT_HD bool is_short(ArithmeticOp op) {
+    return op != ArithmeticOp::pow && op != ArithmeticOp::exp && op != ArithmeticOp::log;
+}
+/// Calls f.template operator()<op>() for those, clamp and where excepted.
+template <class F> VKT_HD void with_short_op(ArithmeticOp op, F&& f) {
     using enum ArithmeticOp;
     switch (op) {
     case add:
@@ -95,8 +99,6 @@ template <class F> VKT_HD void with_op(ArithmeticOp op, F&& f) {
         return f.template operator()<max>();
     case absdiff:
         return f.template operator()<absdiff>();
-    case pow:
-        return f.template operator()<pow>();
     case gt:
         return f.template operator()<gt>();
     case ge:
@@ -121,14 +123,17 @@ template <class F> VKT_HD void with_op(ArithmeticOp op, F&& f) {
         return f.template operator()<neg>();
     case sqrt:
         return f.template operator()<sqrt>();
-    case exp:
-        return f.template operator()<exp>();
-    case log:
-        return f.template operator()<log>();
-    case clamp:
-    case where:
+    default:
         return;
     }
+}
+/// The same for all.
+template <class F> VKT_HD void with_op(ArithmeticOp op, F&& f) {
+    using enum ArithmeticOp;
+    if (op == pow) return f.template operator()<pow>();
+    if (op == exp) return f.template operator()<exp>();
+    if (op == log) return f.template operator()<log>();
+    with_short_op(op, f);
 }
 
 /// The same for an operation that is known only when it runs: called, since packs of voxels times operations are more

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 namespace vkt::VKT_BACKEND {
@@ -356,8 +357,9 @@ template <class C> struct Cube {
     C offset;
 };
 
-/// A thread goes through slices, each of whose nine neighbours it loads once for the three voxels that they belong to.
-constexpr int cube_x = 32, cube_y = 8, cube_slices = 32;
+/// A thread goes through slices of a column of voxels; of each slice it loads what lies around them once, for all the
+/// voxels whose neighbour it is.
+constexpr int cube_x = 64, cube_y = 4, cube_rows = 4, cube_slices = 32;
 
 /// The same for one voxel, in the same order; weights of 0 take no part, whatever the voxel is.
 template <class C, class T>
@@ -379,34 +381,44 @@ __global__ void __launch_bounds__(cube_x* cube_y)
     cube_kernel(driver::DeviceRows in, driver::DeviceRows out, Index3 n, unsigned across, unsigned along,
                 __grid_constant__ Cube<C> const cube, unsigned long long* totals) {
     std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % across) * cube_x + threadIdx.x,
-                       y = static_cast<std::int64_t>(blockIdx.x / across % along) * cube_y + threadIdx.y,
+                       y = (static_cast<std::int64_t>(blockIdx.x / across % along) * cube_y + threadIdx.y) * cube_rows,
                        z0 = static_cast<std::int64_t>(blockIdx.x / across / along) * cube_slices;
     driver::LossCounts counts;
     if (x < n.x && y < n.y) {
         std::int64_t const end = z0 + cube_slices < n.z ? z0 + cube_slices : n.z;
+        int const rows = n.y - y < cube_rows ? static_cast<int>(n.y - y) : cube_rows;
         std::byte const* from = in.at(x, y, z0 - 1);
-        C above = 0, middle = 0; // sums of the voxels of this slice, and of the one before, so far
+        C above[cube_rows] = {}, middle[cube_rows] = {}; // sums for this slice and for the one before, so far
         for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice) {
-            C v[9];
+            C v[cube_rows + 2][3];
+            std::byte const* row = from - in.row;
 #pragma unroll
-            for (int j = 0; j < 3; ++j)
+            for (int j = 0; j < cube_rows + 2; ++j) {
 #pragma unroll
-                for (int i = 0; i < 3; ++i)
-                    v[j * 3 + i] = static_cast<C>(reinterpret_cast<T const*>(from + (j - 1) * in.row)[i - 1]);
-            C below = middle, here = above, next = 0; // results at z - 1, z and z + 1
-#pragma unroll
-            for (int k = 0; k < 9; ++k) {
-                below = madd(cube.weight[18 + k], v[k], below);
-                here = madd(cube.weight[9 + k], v[k], here);
-                next = madd(cube.weight[k], v[k], next);
+                for (int i = 0; i < 3; ++i) v[j][i] = static_cast<C>(reinterpret_cast<T const*>(row)[i - 1]);
+                if (j <= rows) row += in.row; // there are no more
             }
-            if (z > z0) {
-                if (Gaps && !(below - below == 0)) below = cube_at<C, T>(from - in.slice, in, cube);
+#pragma unroll
+            for (int r = 0; r < cube_rows; ++r) {
+                C below = middle[r], here = above[r], next = 0; // results at z - 1, z and z + 1
+#pragma unroll
+                for (int k = 0; k < 9; ++k) {
+                    C const value = v[r + k / 3][k % 3];
+                    below = madd(cube.weight[18 + k], value, below);
+                    here = madd(cube.weight[9 + k], value, here);
+                    next = madd(cube.weight[k], value, next);
+                }
+                middle[r] = here;
+                above[r] = next;
+                if (z == z0 - 1 || z == z0 || r >= rows) continue;
+                if (Gaps && !(below - below == 0)) below = cube_at<C, T>(from - in.slice + r * in.row, in, cube);
                 C const sum = cube.offset != 0 ? below + cube.offset : below;
-                driver::store_value(out.type, out.at(x, y, z - 1), sum, counts);
+                std::byte* const to = out.at(x, y + r, z - 1);
+                if (std::is_same_v<T, C> && out.type == in.type)
+                    *reinterpret_cast<C*>(to) = sum;
+                else
+                    driver::store_value(out.type, to, sum, counts);
             }
-            middle = here;
-            above = next;
         }
     }
     driver::add_counts(counts, totals);
@@ -415,7 +427,8 @@ __global__ void __launch_bounds__(cube_x* cube_y)
 template <class C, class T>
 void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, bool gaps, Losses& losses) {
     Index3 const n = out.dims();
-    std::int64_t const across = (n.x + cube_x - 1) / cube_x, along = (n.y + cube_y - 1) / cube_y,
+    constexpr int deep = cube_y * cube_rows;
+    std::int64_t const across = (n.x + cube_x - 1) / cube_x, along = (n.y + deep - 1) / deep,
                        blocks = across * along * ((n.z + cube_slices - 1) / cube_slices);
     if (blocks > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");

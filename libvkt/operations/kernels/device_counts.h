@@ -2,38 +2,16 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/cuda_voxels.h"
-#include "libvkt/operations/kernels/histogram.h"
+#include "libvkt/operations/kernels/device_lane_counts.h"
 
-#include <algorithm>
 #include <bit>
-#include <cstdint>
-#include <vector>
 
 namespace vkt::VKT_BACKEND::driver {
 
-/// Rows are cut into segments; a warp takes one after the other.
-inline constexpr std::int64_t count_segment = 2048;
 inline constexpr int count_ahead = 4;
 inline constexpr unsigned most_shared_counters = 10240;       ///< of 32 bits
 inline constexpr unsigned most_packed_counters = 65536 + 256; ///< of 16 bits, which a block counts no more voxels than
 inline constexpr unsigned packed_threads = 1024;              ///< of such a block: no other has room beside it
-
-/// What one block of threads counts.
-struct CountItem {
-    std::int64_t counters = 0;        ///< index of the brick's first one
-    std::int64_t x = 0, y = 0, z = 0; ///< the brick's first voxel in the view
-    std::int64_t nx = 0, ny = 0;      ///< voxels in a row, rows in a slice
-    std::int64_t begin = 0, end = 0;  ///< segments of the rows, row after row
-    std::int64_t brick_y = 0, brick_z = 0;
-    std::int64_t first = 1, last = 1; ///< weights of the ends of rows
-};
-
-/// Weights of rows: where the grid begins in the view, and how it is cut.
-struct CountGrid {
-    Index3 before; ///< voxels between the grid's first and the view's
-    Index3 dims, bricks;
-};
 
 /// Equal voxels that follow one another are added at once.
 template <class Add> struct CountRun {
@@ -189,42 +167,6 @@ void launch_count(DeviceRows const& in, std::vector<CountItem> const& items, Cou
     check_launch("count");
 }
 
-/// The parts of bricks in a slab, each no more than 32 bits count.
-inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid, std::size_t slots, Index3 lower,
-                                          bool packed) {
-    std::vector<CountItem> items;
-    double const weight =
-        static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
-    constexpr std::int64_t least = 32768, blocks = 8192;
-    for_each_brick(slab, grid, [&](Index3 brick, Box const& box) {
-        std::int64_t const nx = box.dims().x, segments = (nx + count_segment - 1) / count_segment,
-                           total = segments * box.dims().y * box.dims().z;
-        std::int64_t const voxels = std::max({least, box.voxels() / blocks, static_cast<std::int64_t>(4 * slots)});
-        double const held = (packed ? 65535.0 : 0x1p31 / weight) / static_cast<double>(std::min(nx, count_segment));
-        std::int64_t const each = std::clamp<std::int64_t>(voxels / std::min(nx, count_segment), 1,
-                                                           std::max<std::int64_t>(1, static_cast<std::int64_t>(held)));
-        for (std::int64_t begin = 0; begin < total; begin += each) {
-            CountItem item;
-            item.counters =
-                (brick.x + grid.bricks.x * (brick.y + grid.bricks.y * brick.z)) * static_cast<std::int64_t>(slots);
-            Index3 const at = box.lower - lower;
-            item.x = at.x;
-            item.y = at.y;
-            item.z = at.z;
-            item.nx = nx;
-            item.ny = box.dims().y;
-            item.begin = begin;
-            item.end = std::min(begin + each, total);
-            item.brick_y = brick.y;
-            item.brick_z = brick.z;
-            item.first = grid.share(0, box.lower.x, brick.x);
-            item.last = grid.share(0, box.upper.x - 1, brick.x);
-            items.push_back(item);
-        }
-    });
-    return items;
-}
-
 /// Adds to counts[brick * slots + slot_of(v)] the weights of the voxels of `in` that lie in the grid.
 template <class T, class SlotOf>
 void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::size_t slots,
@@ -257,12 +199,17 @@ void count_on_device(ConstView in, BrickGrid grid, SlotOf const& slot_of, std::s
     // Short rows leave lanes idle, the more the wider what each of them loads.
     bool const short_rows = slab.dims().x / grid.bricks.x < 32 * wide;
     constexpr int small = sizeof(T) >= 4 ? wide : narrow;
-    if (packed)
-        launch_count<T, wide, true>(rows, items, cut, slot_of, static_cast<unsigned>(slots), 1, counters);
+    auto const count = static_cast<unsigned>(slots);
+    auto const equal = static_cast<unsigned long long>(grid.count()); // the weight of every voxel, if it is the same
+    if (is_even(grid) && lane_bytes(slots) <= most_lane_bytes)
+        short_rows ? launch_count_lanes<T, small>(rows, items, slot_of, count, equal, counters)
+                   : launch_count_lanes<T, wide>(rows, items, slot_of, count, equal, counters);
+    else if (packed)
+        launch_count<T, wide, true>(rows, items, cut, slot_of, count, 1, counters);
     else if (short_rows)
-        launch_count<T, small, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+        launch_count<T, small, false>(rows, items, cut, slot_of, count, copies, counters);
     else
-        launch_count<T, wide, false>(rows, items, cut, slot_of, static_cast<unsigned>(slots), copies, counters);
+        launch_count<T, wide, false>(rows, items, cut, slot_of, count, copies, counters);
     copy_to_host(counts.data(), memory.get(), counts.size() * sizeof(std::uint64_t));
 }
 

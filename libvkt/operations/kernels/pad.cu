@@ -43,12 +43,18 @@ std::array<Box, 6> shell(Box const& all, Box const& inside) {
     return parts;
 }
 
+/// For what lies beside rows: no lane without a voxel.
+using Narrow = driver::BlockShape<8, 32, 1, 1>;
+
 template <class U> void pad(ConstView in, AnyView out, PadRule const& rule, Box const& inside) {
     Padded<U> padded{in.as<U>(), out.as<U>(), {}, rule.below, rule.dims, rule.boundary, U{}};
     std::memcpy(&padded.border, rule.border.data(), sizeof padded.border);
     auto const fill = [&](Box const& box) {
         padded.lower = box.lower;
-        driver::for_each_voxel(box.dims(), padded, nullptr, "pad_box");
+        if (box.dims().x <= Narrow::x)
+            driver::for_each_voxel<Narrow>(box.dims(), padded, nullptr, "pad_box");
+        else
+            driver::for_each_voxel(box.dims(), padded, nullptr, "pad_box");
     };
     if (inside.empty()) return fill(out.box);
     for (Box const& part : shell(out.box, inside)) fill(part);

@@ -4,12 +4,18 @@
 
 #include "libvkt/kernel/kernel.h"
 
+#include <cstdlib>
+
 namespace vkt::VKT_BACKEND {
 namespace {
 
 constexpr int tile_rows = 8;
-/// Voxels along both edges of a tile: 64 bytes at least, so that what is read and written are whole sectors.
-template <class U> constexpr int tile_edge = sizeof(U) == 1 ? 64 : 32;
+/// Voxels along both edges of a tile: 64 bytes at least, so that what is read and written are whole sectors, and 256
+/// where there is room.
+template <class U> constexpr int tile_edge = sizeof(U) == 8 ? 32 : 64;
+/// Tiles one behind the other that are turned at the same time where their rows lie nearer to one another than those of
+/// a tile, which are in as many pages of memory.
+constexpr unsigned tiles_deep = 8;
 
 /// `own` is the axis of the output that is the input's x; `other` the third one. Strides in voxels.
 template <class U> struct Tiles {
@@ -17,16 +23,18 @@ template <class U> struct Tiles {
     U* to;
     std::int64_t from_x, from_other, to_own, to_other; ///< the input's strides along output x and other
     std::int64_t nx, own, other;
-    bool back; ///< the input's rows are reversed
-    unsigned across, down;
+    bool back;                   ///< the input's rows are reversed
+    unsigned across, down, deep; ///< tiles; of them behind one another in a group
 };
 
 template <class U> __global__ void __launch_bounds__(tile_edge<U>* tile_rows) turn_kernel(Tiles<U> const t) {
     constexpr int edge = tile_edge<U>;
     __shared__ U tile[edge][edge + (sizeof(U) == 1 ? 4 : sizeof(U) == 2 ? 2 : 1)];
-    std::int64_t const i0 = static_cast<std::int64_t>(blockIdx.x % t.across) * edge,
-                       j0 = static_cast<std::int64_t>(blockIdx.x / t.across % t.down) * edge,
-                       k = blockIdx.x / t.across / t.down;
+    unsigned const front = blockIdx.x / t.deep;
+    std::int64_t const i0 = static_cast<std::int64_t>(front % t.across) * edge,
+                       j0 = static_cast<std::int64_t>(front / t.across % t.down) * edge,
+                       k = static_cast<std::int64_t>(front / t.across / t.down) * t.deep + blockIdx.x % t.deep;
+    if (k >= t.other) return; // the whole block
     U const* const from = t.from + k * t.from_other;
     U* const to = t.to + k * t.to_other;
     int const column = static_cast<int>(threadIdx.x);
@@ -43,11 +51,13 @@ template <class U> __global__ void __launch_bounds__(tile_edge<U>* tile_rows) tu
 template <class U> void turn(Tiles<U> tiles) {
     constexpr int edge = tile_edge<U>;
     std::int64_t const across = (tiles.nx + edge - 1) / edge, down = (tiles.own + edge - 1) / edge;
-    if (across > 0x7fffffff / down || tiles.other > 0x7fffffff / (across * down))
+    tiles.deep = std::abs(tiles.from_other) < std::abs(tiles.from_x) ? tiles_deep : 1;
+    std::int64_t const all = (tiles.other + tiles.deep - 1) / tiles.deep * tiles.deep;
+    if (across > 0x7fffffff / down || all > 0x7fffffff / (across * down))
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
     tiles.across = static_cast<unsigned>(across);
     tiles.down = static_cast<unsigned>(down);
-    turn_kernel<U><<<static_cast<unsigned>(across * down * tiles.other), dim3(edge, tile_rows)>>>(tiles);
+    turn_kernel<U><<<static_cast<unsigned>(across * down * all), dim3(edge, tile_rows)>>>(tiles);
     check_launch("permute_box");
 }
 
@@ -77,7 +87,7 @@ template <class U> void permute(ConstView in, AnyView out, std::array<int, 3> ax
     }
     bool const along_y = axes[1] == 0;
     turn<U>({from, to, step[0], along_y ? step[2] : step[1], along_y ? out.row : out.slice,
-             along_y ? out.slice : out.row, m.x, along_y ? m.y : m.z, along_y ? m.z : m.y, mirror.x, 0, 0});
+             along_y ? out.slice : out.row, m.x, along_y ? m.y : m.z, along_y ? m.z : m.y, mirror.x, 0, 0, 1});
 }
 
 } // namespace

@@ -92,14 +92,26 @@ template <class T> __device__ double shift_of(DeviceBand<T> const& band, Lane co
 template <class T, class F, class Tail>
 __device__ void for_lane(DeviceBand<T> const& band, Lane const& lane, F const& f, Tail const& tail) {
     constexpr int together = 8;
+    auto const load = [](T(&v)[together], T const* from) {
+#pragma unroll
+        for (int k = 0; k < together; ++k) v[k] = from[k * lanes];
+    };
     std::int64_t const whole = band.length / lanes * lanes;
     for (std::int64_t r = 0; r < band.rows; ++r) {
         T const* const row = band.voxels + r * band.pitch;
         std::int64_t i = lane.index;
-        for (; i + (together - 1) * lanes < whole; i += together * lanes) {
+        constexpr int step = together * lanes;
+        // Those that come next are on their way while the ones before are added.
+        T next[together];
+        bool more = i + step - lanes < whole;
+        if (more) load(next, row + i);
+        while (more) {
             T v[together];
 #pragma unroll
-            for (int k = 0; k < together; ++k) v[k] = row[i + k * lanes];
+            for (int k = 0; k < together; ++k) v[k] = next[k];
+            i += step;
+            more = i + step - lanes < whole;
+            if (more) load(next, row + i);
             f(v);
         }
         for (; i < whole; i += lanes) {

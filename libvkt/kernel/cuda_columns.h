@@ -1,0 +1,96 @@
+// column_stencil on a GPU: every lane makes the column of its voxels, and has those beside it from its neighbours.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/kernel/cuda_stencil.h"
+
+#include <type_traits>
+
+namespace vkt::VKT_BACKEND {
+
+namespace driver {
+
+/// A warp a row of a block, which goes through slices.
+constexpr int column_rows = 8, column_slices = 32;
+
+/// What compilers compare in one instruction.
+template <class C> using Compared = std::conditional_t<std::is_integral_v<C> && (sizeof(C) < 4), int, C>;
+
+/// Voxels around the middle of a column, [dz][dy].
+template <class V, int radius> struct ColumnWindow {
+    using Value = V;
+    V values[2 * radius + 1][2 * radius + 1];
+    __device__ __forceinline__ V operator()(int, int dy, int dz) const { return values[dz + radius][dy + radius]; }
+};
+/// What is made of the columns around a voxel.
+template <class V, int radius, int columns> struct ColumnsAround {
+    using Value = V;
+    V values[(2 * radius + 1) * columns];
+    __device__ __forceinline__ V operator()(int dx, int which) const { return values[(dx + radius) * columns + which]; }
+};
+
+template <class C, class F>
+__global__ void __launch_bounds__(32 * column_rows)
+    columns_kernel(DeviceRows in, DeviceRows out, Index3 n, unsigned across, unsigned along, F f,
+                   unsigned long long* totals) {
+    using V = Compared<C>;
+    constexpr int radius = F::radius, inner = 32 - 2 * radius, edge = 2 * radius + 1;
+    int const lane = static_cast<int>(threadIdx.x);
+    std::int64_t const x = static_cast<std::int64_t>(blockIdx.x % across) * inner + lane - radius,
+                       y = static_cast<std::int64_t>(blockIdx.x / across % along) * column_rows + threadIdx.y,
+                       z0 = static_cast<std::int64_t>(blockIdx.x / across / along) * column_slices;
+    LossCounts counts;
+    if (y < n.y) { // the whole warp
+        std::int64_t const end = z0 + column_slices < n.z ? z0 + column_slices : n.z;
+        bool const stores = lane >= radius && lane < 32 - radius && x < n.x;
+        std::byte const* from = in.at(x < n.x + radius ? x : n.x + radius - 1, y - radius, z0 - radius);
+        with_type(in.type, [&]<class T>(T) {
+            if constexpr (std::is_integral_v<C> && sizeof(T) != sizeof(C)) return; // no keys of this size
+            ColumnWindow<V, radius> window;
+            for (std::int64_t z = z0 - radius; z < end + radius; ++z, from += in.slice) {
+#pragma unroll
+                for (int k = 0; k + 1 < edge; ++k)
+#pragma unroll
+                    for (int j = 0; j < edge; ++j) window.values[k][j] = window.values[k + 1][j];
+#pragma unroll
+                for (int j = 0; j < edge; ++j)
+                    window.values[edge - 1][j] = neighbour_of<C, T>(reinterpret_cast<T const*>(from + j * in.row));
+                if (z < z0 + radius) continue;
+                V own[F::columns];
+                f.column(window, own);
+                ColumnsAround<V, radius, F::columns> made;
+#pragma unroll
+                for (int dx = -radius; dx <= radius; ++dx)
+#pragma unroll
+                    for (int k = 0; k < F::columns; ++k)
+                        made.values[(dx + radius) * F::columns + k] =
+                            dx == 0 ? own[k] : __shfl_sync(~0u, own[k], lane + dx);
+                auto const result = static_cast<C>(f.combine(made));
+                if (stores) store_result(out.type, out.at(x, y, z - radius), result, counts);
+            }
+        });
+    }
+    add_counts(counts, totals);
+}
+
+} // namespace driver
+
+template <class C, class F>
+void column_stencil(Execution const&, AnyView out, Losses& losses, Index3, F const& f, ConstView in) {
+    if (out.box.empty()) return;
+    Index3 const n = out.dims();
+    constexpr int inner = 32 - 2 * F::radius;
+    std::int64_t const across = (n.x + inner - 1) / inner,
+                       along = (n.y + driver::column_rows - 1) / driver::column_rows,
+                       blocks = across * along * ((n.z + driver::column_slices - 1) / driver::column_slices);
+    if (blocks > 0x7fffffff)
+        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::DeviceLosses const counts;
+    driver::columns_kernel<C><<<static_cast<unsigned>(blocks), dim3(32, driver::column_rows)>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
+        static_cast<unsigned>(across), static_cast<unsigned>(along), f, counts.get());
+    check_launch("column_stencil");
+    counts.add_to(losses);
+}
+
+} // namespace vkt::VKT_BACKEND
