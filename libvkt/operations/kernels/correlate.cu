@@ -388,16 +388,25 @@ __global__ void __launch_bounds__(cube_x* cube_y)
         std::int64_t const end = z0 + cube_slices < n.z ? z0 + cube_slices : n.z;
         int const rows = n.y - y < cube_rows ? static_cast<int>(n.y - y) : cube_rows;
         std::byte const* from = in.at(x, y, z0 - 1);
-        C above[cube_rows] = {}, middle[cube_rows] = {}; // sums for this slice and for the one before, so far
-        for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice) {
-            C v[cube_rows + 2][3];
-            std::byte const* row = from - in.row;
+        T voxels[cube_rows + 2][3]; // of the next slice: they are on their way while sums are made
+        auto const load = [&](std::byte const* at) {
+            std::byte const* row = at - in.row;
 #pragma unroll
             for (int j = 0; j < cube_rows + 2; ++j) {
 #pragma unroll
-                for (int i = 0; i < 3; ++i) v[j][i] = static_cast<C>(reinterpret_cast<T const*>(row)[i - 1]);
+                for (int i = 0; i < 3; ++i) voxels[j][i] = reinterpret_cast<T const*>(row)[i - 1];
                 if (j <= rows) row += in.row; // there are no more
             }
+        };
+        load(from);
+        C above[cube_rows] = {}, middle[cube_rows] = {}; // sums for this slice and for the one before, so far
+        for (std::int64_t z = z0 - 1; z <= end; ++z, from += in.slice) {
+            C v[cube_rows + 2][3];
+#pragma unroll
+            for (int j = 0; j < cube_rows + 2; ++j)
+#pragma unroll
+                for (int i = 0; i < 3; ++i) v[j][i] = static_cast<C>(voxels[j][i]);
+            if (z < end) load(from + in.slice);
 #pragma unroll
             for (int r = 0; r < cube_rows; ++r) {
                 C below = middle[r], here = above[r], next = 0; // results at z - 1, z and z + 1

@@ -5,6 +5,8 @@
 #include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/operations/kernels/count_items.h"
 
+#include <concepts>
+
 namespace vkt::VKT_BACKEND::driver {
 
 inline constexpr unsigned lane_threads = 128, lane_warps = lane_threads / 32;
@@ -49,6 +51,25 @@ __device__ __forceinline__ void add_lanes(unsigned* warp, unsigned rows, unsigne
     __syncwarp();
 }
 
+/// What finds a slot may have a guess without branches, which says when it is none.
+template <class SlotOf, class T>
+concept Guesses = requires(SlotOf const& slot_of, T voxel, bool& doubtful) {
+    { slot_of.guess(voxel, doubtful) } -> std::same_as<int>;
+};
+
+/// The slots of the voxels of a pack.
+template <class T, int N, class SlotOf>
+__device__ __forceinline__ void find_slots(SlotOf const& slot_of, Words const& words, int (&slots)[N]) {
+    bool doubtful = !Guesses<SlotOf, T>;
+    if constexpr (Guesses<SlotOf, T>) {
+#pragma unroll
+        for (int n = 0; n < N; ++n) slots[n] = slot_of.guess(voxel_of<T>(words, n), doubtful);
+    }
+    if (!doubtful) return;
+#pragma unroll
+    for (int n = 0; n < N; ++n) slots[n] = slot_of(voxel_of<T>(words, n));
+}
+
 /// Voxels all of the same weight.
 template <class T, int N, class SlotOf>
 __global__ void __launch_bounds__(lane_threads)
@@ -62,9 +83,9 @@ __global__ void __launch_bounds__(lane_threads)
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     unsigned *const totals = lane_memory, *const of_warp = lane_memory + rows * (4 + 32 * warp);
     auto* const mine = reinterpret_cast<unsigned char*>(of_warp + lane);
-    auto const count = [&](T voxel) {
-        auto const slot = static_cast<unsigned>(slot_of(voxel));
-        ++mine[(slot & ~3u) * 32 + (slot & 3u)];
+    auto const count = [&](int slot) {
+        auto const s = static_cast<unsigned>(slot);
+        ++mine[(s & ~3u) * 32 + (s & 3u)];
     };
     std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
     int counted = 0; // segments since the bytes were cleared
@@ -84,12 +105,15 @@ __global__ void __launch_bounds__(lane_threads)
 #pragma unroll
             for (int k = 0; k < ahead; ++k) loaded[k] = load(i + step * k);
 #pragma unroll
-            for (int k = 0; k < ahead; ++k)
+            for (int k = 0; k < ahead; ++k) {
+                int slots_of_pack[N];
+                find_slots<T>(slot_of, loaded[k], slots_of_pack);
 #pragma unroll
-                for (int v = 0; v < N; ++v) count(voxel_of<T>(loaded[k], v));
+                for (int v = 0; v < N; ++v) count(slots_of_pack[v]);
+            }
         }
         for (; i < n; i += step)
-            for (int k = i; k < i + N && k < n; ++k) count(reinterpret_cast<T const*>(from)[k]);
+            for (int k = i; k < i + N && k < n; ++k) count(slot_of(reinterpret_cast<T const*>(from)[k]));
         if (++counted == lane_segments) {
             add_lanes(of_warp, rows, lane, totals);
             counted = 0;

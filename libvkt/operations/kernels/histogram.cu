@@ -27,30 +27,51 @@ struct TableSlot {
     VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
 };
 
+/// float32 with a positive slope: the place among the bins in float32, and where that lies near an edge, the least
+/// float32 beyond it. There are no others to ask.
+struct FloatSlot {
+    template <class T> using is_cheap = std::true_type;
+    float const* first; ///< count + 1: the least that is not below each edge; above it, for the last one
+    int count;
+    float factor, summand, unsure; ///< by how much a place may be off
+
+    /// The slot, unless `doubtful` becomes true.
+    __device__ __forceinline__ int guess(float voxel, bool& doubtful) const {
+        Position const p = position_of(voxel);
+        doubtful = doubtful || !(fabsf(p.at - p.edge) > unsure); // NaN too
+        return slot(p.edge > p.limited ? p.index - 1 : p.index);
+    }
+    __device__ __forceinline__ int operator()(float voxel) const {
+        Position const p = position_of(voxel);
+        if (fabsf(p.at - p.edge) > unsure) return slot(p.edge > p.limited ? p.index - 1 : p.index);
+        if (voxel != voxel) return count + 2;
+        if (p.index < 0 || p.index > count) return slot(p.index);
+        return slot(voxel >= first[p.index] ? p.index : p.index - 1);
+    }
+
+private:
+    struct Position {
+        float at, limited, edge; ///< the edge next to it
+        int index;
+    };
+    __device__ __forceinline__ Position position_of(float voxel) const {
+        // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
+        // conversions take four times as long.
+        float const at = madd(voxel, factor, summand), limited = fminf(fmaxf(at, -2.0f), static_cast<float>(count + 2)),
+                    shifted = limited + driver::rounding;
+        return {at, limited, shifted - driver::rounding,
+                __float_as_int(shifted) - static_cast<int>(driver::rounding_bits)};
+    }
+    __device__ __forceinline__ int slot(int bin) const { return bin < 0 ? count : bin < count ? bin : count + 1; }
+};
+
 struct ValueSlot {
-    template <class T> using is_cheap = std::is_same<T, float>;
+    template <class T> using is_cheap = std::false_type;
     double const* edges;
-    float const* first; ///< the least float32 that is not below each edge
     int count;
     double slope, intercept, scale, scaled_low, per_unit, low, high, near;
-    float factor, summand, unsure; ///< the position among the bins in float32, and by how much it may be off
 
     template <class T> VKT_DEVICE int operator()(T voxel) const {
-        if constexpr (std::is_same_v<T, float>) {
-            // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
-            // conversions take four times as long. Beyond 2^22 nothing is within.
-            float const position = madd(voxel, factor, summand), shifted = position + driver::rounding,
-                        near_edge = shifted - driver::rounding;
-            bool const within = position >= 0 && position < static_cast<float>(count);
-            int const k = __float_as_int(shifted) - static_cast<int>(driver::rounding_bits);
-            if (fabsf(position - near_edge) > unsure) {
-                if (within) return near_edge > position ? k - 1 : k;
-                if (position < -1) return count; // NaN is none of these
-                if (position > static_cast<float>(count) + 1) return count + 1;
-            } else if (within && k > 0 && k < count) {
-                return voxel >= first[k] ? k : k - 1;
-            }
-        }
         auto const stored = static_cast<double>(voxel);
         double value = slope * stored + intercept;
         if (!(value - value == 0) && stored - stored == 0) value = fma(slope, stored, intercept);
@@ -87,7 +108,8 @@ struct WholeSlot {
     }
 };
 
-/// The least float32 whose value is not below each edge, by bisection of all of them; the slope is positive.
+/// The least float32 whose value is not below each edge, above the last one, by bisection of all of them; the slope is
+/// positive.
 std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const& map) {
     constexpr std::int64_t infinity = 0x7f800000; // in the order of values; -0 follows 0 from below
     auto const float_at = [](std::int64_t place) {
@@ -96,11 +118,12 @@ std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const
         return std::bit_cast<float>(bits);
     };
     std::vector<float> first;
-    for (double const edge : edges) {
+    for (double const& edge : edges) {
         std::int64_t low = -infinity, high = infinity; // what is not below the edge begins in (low, high]
         while (high - low > 1) {
             std::int64_t const middle = low + (high - low) / 2;
-            bool const reached = map.slope * static_cast<double>(float_at(middle)) + map.intercept >= edge;
+            double const value = map.slope * static_cast<double>(float_at(middle)) + map.intercept;
+            bool const reached = &edge == &edges.back() ? value > edge : value >= edge;
             (reached ? high : low) = middle;
         }
         first.push_back(float_at(high));
@@ -111,28 +134,25 @@ std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const
 template <class T>
 void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::vector<std::uint64_t>& counts) {
     std::vector<double> const edges(bins.edges(), bins.edges() + bins.count() + 1);
+    if constexpr (std::is_same_v<T, float>) {
+        double const factor = bins.map().slope * bins.scale() * bins.per_unit(),
+                     summand = (bins.map().intercept * bins.scale() - bins.scaled_low()) * bins.per_unit();
+        // Of values within the bins neither product nor summand is larger than the latter and the number of bins
+        // together.
+        double const unsure = 0x1p-15 + (std::abs(summand) + bins.count()) * 0x1p-21;
+        bool const trusted = bins.map().slope > 0 && !bins.far() && unsure < 0.25 && std::abs(factor) > 0x1p-100 &&
+                             std::abs(factor) < 0x1p100;
+        if (trusted) {
+            driver::DeviceList<float> const first(first_floats(edges, bins.map()));
+            FloatSlot const slot{first.get(), bins.count(), static_cast<float>(factor), static_cast<float>(summand),
+                                 static_cast<float>(unsure)};
+            return driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
+        }
+    }
     driver::DeviceList<double> const list(edges);
-    double const factor = bins.map().slope * bins.scale() * bins.per_unit(),
-                 summand = (bins.map().intercept * bins.scale() - bins.scaled_low()) * bins.per_unit();
-    // Of values within the bins neither product nor summand is larger than the latter and the number of bins together.
-    double const unsure = 0x1p-15 + (std::abs(summand) + bins.count()) * 0x1p-21;
-    bool const trusted = std::is_same_v<T, float> && bins.map().slope > 0 && !bins.far() && unsure < 0.25 &&
-                         std::abs(factor) > 0x1p-100 && std::abs(factor) < 0x1p100;
-    driver::DeviceList<float> const first(trusted ? first_floats(edges, bins.map()) : std::vector<float>{});
-    ValueSlot const slot{list.get(),
-                         first.get(),
-                         bins.count(),
-                         bins.map().slope,
-                         bins.map().intercept,
-                         bins.scale(),
-                         bins.scaled_low(),
-                         bins.per_unit(),
-                         edges.front(),
-                         edges.back(),
-                         bins.far() ? 1 : 0x1p-16,
-                         trusted ? static_cast<float>(factor) : std::nanf(""),
-                         static_cast<float>(summand),
-                         static_cast<float>(unsure)};
+    ValueSlot const slot{
+        list.get(),        bins.count(),    bins.map().slope, bins.map().intercept, bins.scale(),
+        bins.scaled_low(), bins.per_unit(), edges.front(),    edges.back(),         bins.far() ? 1 : 0x1p-16};
     driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
 }
 
