@@ -222,8 +222,11 @@ template <class T> struct LinearSample {
         auto const column = static_cast<double>(any.s.first.x + x);
         Part const px = part(centre.x, column), py = part(centre.y, column), pz = part(centre.z, column);
         if (!(static_cast<unsigned>(px.index) < inner_x && static_cast<unsigned>(py.index) < inner_y &&
-              static_cast<unsigned>(pz.index) < inner_z))
+              static_cast<unsigned>(pz.index) < inner_z)) {
+            if (is_far(px.index, inner_x) || is_far(py.index, inner_y) || is_far(pz.index, inner_z))
+                return store_background(any.out.at(x, y, z), counts);
             return any(x, y, z, counts);
+        }
         auto const* const near = reinterpret_cast<T const*>(
             origin + static_cast<std::int64_t>(pz.index) * slice + static_cast<std::int64_t>(py.index) * row +
             static_cast<std::int64_t>(px.index) * static_cast<int>(sizeof(T)));
@@ -245,6 +248,14 @@ template <class T> struct LinearSample {
         float const value = fz.between(fy.between(fx.between(v[0], v[1]), fx.between(v[2], v[3])),
                                        fy.between(fx.between(v[4], v[5]), fx.between(v[6], v[7])));
         store(any.out.at(x, y, z), value, counts);
+    }
+    /// A voxel further than half of one beyond a face, by the whole below its position; no rule continues the volume.
+    __device__ __forceinline__ bool is_far(int index, unsigned inner) const {
+        return !any.s.bounded && (index < -1 || index > static_cast<int>(inner));
+    }
+    __device__ __forceinline__ void store_background(std::byte* to, driver::LossCounts& counts) const {
+        ++counts.undefined;
+        driver::store_value(any.out.type, to, static_cast<float>(any.s.background), counts);
     }
     __device__ __forceinline__ void store(std::byte* to, float value, driver::LossCounts& counts) const {
         if (typed_out)
@@ -278,150 +289,95 @@ template <class T> struct LinearSample {
     };
 };
 
-/// Slices along the axis that stays, y or z. A block has a square of voxels of the plane, whose places in it are the
-/// same in all slices: it brings the part of a slice that they lie in into shared memory, where neighbours cost less
-/// than the lines of a cache that a slanted row meets, while it samples the one before. The same bits as LinearSample,
-/// to which is left what lies elsewhere.
+/// Slices along the axis that stays, y or z: a thread looks up its place in the plane once for all of its slices, of
+/// which it needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
 struct Slices {
     int axis = 2;
     std::int64_t shift = 0; ///< of the input's slices against those of the output
-    Box there;              ///< voxels of the input at hand
 };
-constexpr int square = 32, square_threads = 256, square_slices = 32;
-constexpr int part_edge = 48, part_pitch = part_edge + 1; ///< voxels of the input around a square that is turned
-
-/// Warps of 8 by 4 voxels, of which a thread has four, 8 rows apart.
-constexpr int square_voxels = square * square / square_threads;
+constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
 
 template <class T>
-__global__ void __launch_bounds__(square_threads, 3)
+__global__ void __launch_bounds__(256)
     slices_kernel(driver::Blocks blocks, Index3 n, Slices slices, __grid_constant__ LinearSample<T> const sample,
                   unsigned long long* totals) {
-    using Sampler = LinearSample<T>;
-    __shared__ float parts[2][part_edge * part_pitch];
-    bool const by_z = slices.axis == 2;
+    // Warps of 8 by 4 voxels, four of them side by side and two rows of them.
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    std::int64_t const x0 = static_cast<std::int64_t>(blockIdx.x % blocks.across) * square,
-                       row0 = static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * square,
-                       first = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * square_slices;
-    std::int64_t const rows = by_z ? n.y : n.z, end = min(first + square_slices, by_z ? n.z : n.y),
-                       x = x0 + warp % 4 * 8 + lane % 8;
-    int const row = static_cast<int>(warp / 4 * 4 + lane / 8);
-    DeviceSampling const& s = sample.any.s;
-    auto const centre_of = [&](std::int64_t r) {
-        return by_z ? row_of(s.map, {}, s.first.y + r, s.first.z + first)
-                    : row_of(s.map, {}, s.first.y + first, s.first.z + r);
-    };
-    // The voxel of the input from which on the part reaches: that of the least position of a corner.
-    int const inner_w = static_cast<int>(by_z ? sample.inner_y : sample.inner_z);
-    int low_x = 1 << 30, low_w = 1 << 30;
-    for (int corner = 0; corner < 4; ++corner) {
-        PositionRow const at = centre_of(row0 + corner / 2 * (square - 1));
-        auto const column = static_cast<double>(s.first.x + x0 + corner % 2 * (square - 1));
-        low_x = min(low_x, Sampler::part(at.x, column).index);
-        low_w = min(low_w, Sampler::part(by_z ? at.y : at.z, column).index);
-    }
-    // Rounding may take a voxel in between one voxel further.
-    low_x -= 1;
-    low_w -= 1;
-    int at[square_voxels];
-    float rest_x[square_voxels], rest_w[square_voxels];
-    bool inner[square_voxels];
-#pragma unroll
-    for (int k = 0; k < square_voxels; ++k) {
-        PositionRow const centre = centre_of(row0 + row + 8 * k);
-        auto const column = static_cast<double>(s.first.x + x);
-        auto const px = Sampler::part(centre.x, column), pw = Sampler::part(by_z ? centre.y : centre.z, column);
-        inner[k] = static_cast<unsigned>(px.index) < sample.inner_x && pw.index >= 0 && pw.index < inner_w;
-        at[k] = inner[k] ? (pw.index - low_w) * part_pitch + px.index - low_x : 0;
-        rest_x[k] = px.rest;
-        rest_w[k] = pw.rest;
-    }
-    std::int64_t const across = by_z ? sample.row : sample.slice, along = by_z ? sample.slice : sample.row,
-                       begin = (by_z ? s.first.z : s.first.y) + slices.shift; // of the input, at slice 0
-    Index3 const &least = slices.there.lower, &limit = slices.there.upper;
-    constexpr int rows_of_warp = part_edge / (square_threads / 32), pieces = (part_edge + 31) / 32;
-    float next[rows_of_warp][pieces];
-    auto const load = [&](std::int64_t slice) {
-        std::byte const* const from = sample.origin + (begin + slice) * along;
-#pragma unroll
-        for (int j = 0; j < rows_of_warp; ++j) {
-            int const w = low_w + static_cast<int>(warp) + j * (square_threads / 32);
-            bool const row_there = w >= (by_z ? least.y : least.z) && w < (by_z ? limit.y : limit.z);
-#pragma unroll
-            for (int i = 0; i < pieces; ++i) {
-                int const column = low_x + static_cast<int>(lane) + 32 * i;
-                bool const inside = row_there && column >= least.x && column < limit.x; // else nobody looks at it
-                next[j][i] = inside ? static_cast<float>(reinterpret_cast<T const*>(from + w * across)[column]) : 0.0F;
-            }
-        }
-    };
-    auto const keep = [&](float* part) {
-#pragma unroll
-        for (int j = 0; j < rows_of_warp; ++j)
-#pragma unroll
-            for (int i = 0; i < pieces; ++i)
-                if (lane + 32 * i < part_edge)
-                    part[(warp + j * (square_threads / 32)) * part_pitch + lane + 32 * i] = next[j][i];
-    };
-    auto const is_there = [&](std::int64_t slice) {
-        return slice < end && begin + slice >= (by_z ? least.z : least.y) && begin + slice < (by_z ? limit.z : limit.y);
-    };
+    std::int64_t const x = (static_cast<std::int64_t>(blockIdx.x % blocks.across) * 4 + warp % 4) * plane_x + lane % 8,
+                       row = (static_cast<std::int64_t>(blockIdx.x / blocks.across % blocks.along) * 2 + warp / 4) *
+                                 plane_rows +
+                             lane / 8,
+                       first = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * plane_slices;
+    bool const by_z = slices.axis == 2;
+    std::int64_t const end = min(first + plane_slices, by_z ? n.z : n.y);
     driver::LossCounts counts;
-    if (is_there(first)) load(first);
-    for (std::int64_t slice = first; slice < end; ++slice) {
-        bool const has_part = is_there(slice); // the same for all threads
-        float* const part = parts[slice % 2];
-        if (has_part) keep(part);
-        __syncthreads();
-        if (is_there(slice + 1)) load(slice + 1);
-        unsigned left = 0; // voxels that are none among finite ones
-#pragma unroll
-        for (int k = 0; k < square_voxels; ++k) {
-            std::int64_t const r = row0 + row + 8 * k;
-            if (x >= n.x || r >= rows) continue;
-            float const* const near = part + at[k];
-            float const a = near[0], b = near[1], c = near[part_pitch], d = near[part_pitch + 1];
-            float odd = 0; // NaN, if one of them is not finite
-            if constexpr (!std::is_integral_v<T>)
-                odd = __fmaf_rn(a, 0.0F, __fmaf_rn(b, 0.0F, __fmaf_rn(c, 0.0F, __fmaf_rn(d, 0.0F, 0.0F))));
-            if (has_part && inner[k] && odd == 0) {
-                typename Sampler::Fraction const fx(rest_x[k]), fw(rest_w[k]);
-                sample.store(by_z ? sample.any.out.at(x, r, slice) : sample.any.out.at(x, slice, r),
-                             fw.between(fx.between(a, b), fx.between(c, d)), counts);
-            } else {
-                left |= 1u << k;
+    if (x < n.x && row < (by_z ? n.y : n.z)) {
+        DeviceSampling const& s = sample.any.s;
+        PositionRow const centre = by_z ? row_of(s.map, {}, s.first.y + row, s.first.z + first)
+                                        : row_of(s.map, {}, s.first.y + first, s.first.z + row);
+        auto const column = static_cast<double>(s.first.x + x);
+        using Sampler = LinearSample<T>;
+        auto const px = Sampler::part(centre.x, column), pw = Sampler::part(by_z ? centre.y : centre.z, column);
+        unsigned const inner_w = by_z ? sample.inner_y : sample.inner_z;
+        bool const inner =
+                       static_cast<unsigned>(px.index) < sample.inner_x && static_cast<unsigned>(pw.index) < inner_w,
+                   far = sample.is_far(px.index, sample.inner_x) || sample.is_far(pw.index, inner_w);
+        std::int64_t const across = by_z ? sample.row : sample.slice, along = by_z ? sample.slice : sample.row,
+                           begin = (by_z ? s.first.z : s.first.y) + slices.shift; // of the input, at slice 0
+        std::int64_t const there = by_z ? s.dims.z : s.dims.y;
+        typename Sampler::Fraction const fx(px.rest), fw(pw.rest);
+        auto const* const near =
+            sample.origin + static_cast<std::int64_t>(pw.index) * across + px.index * static_cast<int>(sizeof(T));
+        driver::DeviceRows const& out = sample.any.out;
+        auto const one = [&](std::int64_t slice) { sample(x, by_z ? row : slice, by_z ? slice : row, counts); };
+        for (std::int64_t slice = first; far && slice < end; ++slice)
+            sample.store_background(by_z ? out.at(x, row, slice) : out.at(x, slice, row), counts);
+        for (std::int64_t slice = first; !far && slice < end; slice += slices_at_once) {
+            if (!inner || slice + slices_at_once > end || begin + slice < 0 || begin + slice + slices_at_once > there) {
+                for (std::int64_t k = slice; k < end && k < slice + slices_at_once; ++k) one(k);
+                continue;
             }
-        }
-        for (; left != 0; left &= left - 1) {
-            std::int64_t const r = row0 + row + 8 * (__ffs(static_cast<int>(left)) - 1);
-            sample(x, by_z ? r : slice, by_z ? slice : r, counts);
+            float v[slices_at_once][4];
+#pragma unroll
+            for (int k = 0; k < slices_at_once; ++k) {
+                std::byte const* const from = near + (begin + slice + k) * along;
+                auto const *const a = reinterpret_cast<T const*>(from), *const b =
+                                                                            reinterpret_cast<T const*>(from + across);
+                v[k][0] = static_cast<float>(a[0]);
+                v[k][1] = static_cast<float>(a[1]);
+                v[k][2] = static_cast<float>(b[0]);
+                v[k][3] = static_cast<float>(b[1]);
+            }
+#pragma unroll
+            for (int k = 0; k < slices_at_once; ++k) {
+                if constexpr (!std::is_integral_v<T>) {
+                    float odd = 0; // NaN, if one of them is not finite
+#pragma unroll
+                    for (float const value : v[k]) odd = __fmaf_rn(value, 0.0F, odd);
+                    if (odd != 0) {
+                        one(slice + k);
+                        continue;
+                    }
+                }
+                float const value = fw.between(fx.between(v[k][0], v[k][1]), fx.between(v[k][2], v[k][3]));
+                sample.store(by_z ? out.at(x, row, slice + k) : out.at(x, slice + k, row), value, counts);
+            }
         }
     }
     driver::add_counts(counts, totals);
-}
-
-/// True if all that a square is sampled from has room in a part.
-bool fits_part(Affine const& map, Slices const& slices) {
-    int const other = slices.axis == 2 ? 1 : 2;
-    auto const reach = [&](int to) {
-        return (square - 1) * (std::abs(map.column[0][to]) + std::abs(map.column[static_cast<std::size_t>(other)][to]));
-    };
-    return std::max(reach(0), reach(other)) <
-           part_edge - 4; // a floor, the next voxel, and one for rounding on each side
 }
 
 template <class T>
 void launch_slices(Index3 n, Slices const& slices, LinearSample<T> const& sample, unsigned long long* totals) {
     auto const blocks_for = [](std::int64_t voxels, int of) { return (voxels + of - 1) / of; };
     bool const by_z = slices.axis == 2;
-    std::int64_t const across = blocks_for(n.x, square), along = blocks_for(by_z ? n.y : n.z, square),
-                       all = across * along * blocks_for(by_z ? n.z : n.y, square_slices);
+    std::int64_t const across = blocks_for(n.x, 4 * plane_x), along = blocks_for(by_z ? n.y : n.z, 2 * plane_rows),
+                       all = across * along * blocks_for(by_z ? n.z : n.y, plane_slices);
     if (all > 0x7fffffff)
         throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
     driver::Blocks const blocks{static_cast<unsigned>(across), static_cast<unsigned>(along),
                                 static_cast<unsigned>(all)};
-    slices_kernel<T><<<blocks.all, square_threads>>>(blocks, n, slices, sample, totals);
+    slices_kernel<T><<<blocks.all, 256>>>(blocks, n, slices, sample, totals);
     check_launch("affine_sample");
 }
 
@@ -507,9 +463,8 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  inner(s.inner_y),
                                  inner(s.inner_z),
                                  in.type == out.type};
-    StillAxis const still = still_axis(rule.map);
-    Slices const slices{still.axis, still.shift, in.box};
-    if (still.axis >= 0 && fits_part(rule.map, slices)) return launch_slices(out.dims(), slices, sample, totals);
+    if (StillAxis const still = still_axis(rule.map); still.axis >= 0)
+        return launch_slices(out.dims(), {still.axis, still.shift}, sample, totals);
     driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
 }
 

@@ -51,24 +51,11 @@ __device__ __forceinline__ void add_lanes(unsigned* warp, unsigned rows, unsigne
     __syncwarp();
 }
 
-/// What finds a slot may have a guess without branches, which says when it is none.
-template <class SlotOf, class T>
-concept Guesses = requires(SlotOf const& slot_of, T voxel, bool& doubtful) {
-    { slot_of.guess(voxel, doubtful) } -> std::same_as<int>;
+/// What finds a slot may look it up in a table of floats, which is copied into shared memory.
+template <class SlotOf>
+concept HasTable = requires(SlotOf const& slot_of) {
+    { slot_of.table() } -> std::same_as<float const*>;
 };
-
-/// The slots of the voxels of a pack.
-template <class T, int N, class SlotOf>
-__device__ __forceinline__ void find_slots(SlotOf const& slot_of, Words const& words, int (&slots)[N]) {
-    bool doubtful = !Guesses<SlotOf, T>;
-    if constexpr (Guesses<SlotOf, T>) {
-#pragma unroll
-        for (int n = 0; n < N; ++n) slots[n] = slot_of.guess(voxel_of<T>(words, n), doubtful);
-    }
-    if (!doubtful) return;
-#pragma unroll
-    for (int n = 0; n < N; ++n) slots[n] = slot_of(voxel_of<T>(words, n));
-}
 
 /// Voxels all of the same weight.
 template <class T, int N, class SlotOf>
@@ -79,10 +66,20 @@ __global__ void __launch_bounds__(lane_threads)
     CountItem const item = items[blockIdx.x];
     unsigned const rows = lane_rows(slots), words = rows * (4 + lane_threads);
     for (unsigned i = threadIdx.x; i < words; i += lane_threads) lane_memory[i] = 0;
+    if constexpr (HasTable<SlotOf>)
+        for (unsigned i = threadIdx.x; i < slot_of.table_size(); i += lane_threads)
+            reinterpret_cast<float*>(lane_memory + words)[i] = slot_of.table()[i];
     __syncthreads();
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     unsigned *const totals = lane_memory, *const of_warp = lane_memory + rows * (4 + 32 * warp);
     auto* const mine = reinterpret_cast<unsigned char*>(of_warp + lane);
+    float* const table = reinterpret_cast<float*>(lane_memory + words);
+    auto const slot_at = [&](T voxel) {
+        if constexpr (HasTable<SlotOf>)
+            return slot_of(voxel, table);
+        else
+            return slot_of(voxel);
+    };
     auto const count = [&](int slot) {
         auto const s = static_cast<unsigned>(slot);
         ++mine[(s & ~3u) * 32 + (s & 3u)];
@@ -107,13 +104,14 @@ __global__ void __launch_bounds__(lane_threads)
 #pragma unroll
             for (int k = 0; k < ahead; ++k) {
                 int slots_of_pack[N];
-                find_slots<T>(slot_of, loaded[k], slots_of_pack);
+#pragma unroll
+                for (int v = 0; v < N; ++v) slots_of_pack[v] = slot_at(voxel_of<T>(loaded[k], v));
 #pragma unroll
                 for (int v = 0; v < N; ++v) count(slots_of_pack[v]);
             }
         }
         for (; i < n; i += step)
-            for (int k = i; k < i + N && k < n; ++k) count(slot_of(reinterpret_cast<T const*>(from)[k]));
+            for (int k = i; k < i + N && k < n; ++k) count(slot_at(reinterpret_cast<T const*>(from)[k]));
         if (++counted == lane_segments) {
             add_lanes(of_warp, rows, lane, totals);
             counted = 0;
@@ -129,7 +127,7 @@ template <class T, int N, class SlotOf>
 void launch_count_lanes(DeviceRows const& in, std::vector<CountItem> const& items, SlotOf const& slot_of,
                         unsigned slots, unsigned long long weight, unsigned long long* counters) {
     DeviceList<CountItem> const list(items);
-    auto const bytes = static_cast<int>(lane_bytes(slots));
+    auto const bytes = static_cast<int>(lane_bytes(slots) + (HasTable<SlotOf> ? slots * sizeof(float) : 0));
     cudaFuncSetAttribute(count_lanes_kernel<T, N, SlotOf>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
     count_lanes_kernel<T, N, SlotOf>
         <<<static_cast<unsigned>(items.size()), lane_threads, static_cast<unsigned>(bytes)>>>(in, list.get(), slot_of,

@@ -27,42 +27,27 @@ struct TableSlot {
     VKT_DEVICE int operator()(std::uint16_t v) const { return table[v]; }
 };
 
-/// float32 with a positive slope: the place among the bins in float32, and where that lies near an edge, the least
-/// float32 beyond it. There are no others to ask.
+/// float32 with a positive slope: the edge next to a voxel is guessed in float32, and the least float32 beyond that
+/// edge tells on which side of it the voxel lies. There are no others to ask, and no branches.
 struct FloatSlot {
     template <class T> using is_cheap = std::true_type;
     float const* first; ///< count + 1: the least that is not below each edge; above it, for the last one
     int count;
-    float factor, summand, unsure; ///< by how much a place may be off
+    float factor, summand;
 
-    /// The slot, unless `doubtful` becomes true.
-    __device__ __forceinline__ int guess(float voxel, bool& doubtful) const {
-        Position const p = position_of(voxel);
-        doubtful = doubtful || !(fabsf(p.at - p.edge) > unsure); // NaN too
-        return slot(p.edge > p.limited ? p.index - 1 : p.index);
-    }
-    __device__ __forceinline__ int operator()(float voxel) const {
-        Position const p = position_of(voxel);
-        if (fabsf(p.at - p.edge) > unsure) return slot(p.edge > p.limited ? p.index - 1 : p.index);
-        if (voxel != voxel) return count + 2;
-        if (p.index < 0 || p.index > count) return slot(p.index);
-        return slot(voxel >= first[p.index] ? p.index : p.index - 1);
-    }
-
-private:
-    struct Position {
-        float at, limited, edge; ///< the edge next to it
-        int index;
-    };
-    __device__ __forceinline__ Position position_of(float voxel) const {
+    __device__ __forceinline__ float const* table() const { return first; }
+    __device__ __forceinline__ unsigned table_size() const { return static_cast<unsigned>(count) + 1; }
+    /// With a copy of the table that is nearer.
+    __device__ __forceinline__ int operator()(float voxel, float const* near) const {
         // What is added leaves no room for a fraction, and lets the sum's bits count: the hardware's roundings and
         // conversions take four times as long.
-        float const at = madd(voxel, factor, summand), limited = fminf(fmaxf(at, -2.0f), static_cast<float>(count + 2)),
-                    shifted = limited + driver::rounding;
-        return {at, limited, shifted - driver::rounding,
-                __float_as_int(shifted) - static_cast<int>(driver::rounding_bits)};
+        float const at = fminf(fmaxf(madd(voxel, factor, summand), 0.0f), static_cast<float>(count));
+        int const edge = __float_as_int(at + driver::rounding) - static_cast<int>(driver::rounding_bits),
+                  bin = voxel >= near[edge] ? edge : edge - 1;
+        int const slot = bin < 0 ? count : bin < count ? bin : count + 1;
+        return voxel == voxel ? slot : count + 2;
     }
-    __device__ __forceinline__ int slot(int bin) const { return bin < 0 ? count : bin < count ? bin : count + 1; }
+    __device__ __forceinline__ int operator()(float voxel) const { return (*this)(voxel, first); }
 };
 
 struct ValueSlot {
@@ -138,14 +123,13 @@ void count_values(ConstView in, Bins const& bins, BrickGrid const& grid, std::ve
         double const factor = bins.map().slope * bins.scale() * bins.per_unit(),
                      summand = (bins.map().intercept * bins.scale() - bins.scaled_low()) * bins.per_unit();
         // Of values within the bins neither product nor summand is larger than the latter and the number of bins
-        // together.
+        // together. Nearer than a half the guess has to be.
         double const unsure = 0x1p-15 + (std::abs(summand) + bins.count()) * 0x1p-21;
         bool const trusted = bins.map().slope > 0 && !bins.far() && unsure < 0.25 && std::abs(factor) > 0x1p-100 &&
                              std::abs(factor) < 0x1p100;
         if (trusted) {
             driver::DeviceList<float> const first(first_floats(edges, bins.map()));
-            FloatSlot const slot{first.get(), bins.count(), static_cast<float>(factor), static_cast<float>(summand),
-                                 static_cast<float>(unsure)};
+            FloatSlot const slot{first.get(), bins.count(), static_cast<float>(factor), static_cast<float>(summand)};
             return driver::count_on_device<T>(in, grid, slot, bins.slots(), counts);
         }
     }
