@@ -41,7 +41,7 @@ inline std::vector<CountItem> count_items(Box const& slab, BrickGrid const& grid
     std::vector<CountItem> items;
     double const weight =
         static_cast<double>(grid.bricks.x) * static_cast<double>(grid.bricks.y) * static_cast<double>(grid.bricks.z);
-    constexpr std::int64_t least = 32768, blocks = 8192;
+    constexpr std::int64_t least = 32768, blocks = 4096;
     for_each_brick(slab, grid, [&](Index3 brick, Box const& box) {
         std::int64_t const nx = box.dims().x, segments = (nx + count_segment - 1) / count_segment,
                            total = segments * box.dims().y * box.dims().z;

@@ -102,14 +102,24 @@ std::vector<float> first_floats(std::vector<double> const& edges, ValueMap const
                                               : std::uint32_t{0x80000000} | static_cast<std::uint32_t>(-place);
         return std::bit_cast<float>(bits);
     };
+    auto const place_of = [](float v) {
+        auto const bits = std::bit_cast<std::uint32_t>(v);
+        return (bits >> 31) != 0 ? -static_cast<std::int64_t>(bits & 0x7fffffff) : static_cast<std::int64_t>(bits);
+    };
     std::vector<float> first;
     for (double const& edge : edges) {
-        std::int64_t low = -infinity, high = infinity; // what is not below the edge begins in (low, high]
+        auto const reached = [&](std::int64_t place) {
+            double const value = map.slope * static_cast<double>(float_at(place)) + map.intercept;
+            return &edge == &edges.back() ? value > edge : value >= edge;
+        };
+        // What is not below the edge begins in (low, high]: mostly near the edge itself, mapped back.
+        std::int64_t low = -infinity, high = infinity;
+        std::int64_t const guess = place_of(static_cast<float>((edge - map.intercept) / map.slope));
+        for (std::int64_t const near : {guess - 4, guess + 4})
+            if (near > low && near < high) (reached(near) ? high : low) = near;
         while (high - low > 1) {
             std::int64_t const middle = low + (high - low) / 2;
-            double const value = map.slope * static_cast<double>(float_at(middle)) + map.intercept;
-            bool const reached = &edge == &edges.back() ? value > edge : value >= edge;
-            (reached ? high : low) = middle;
+            (reached(middle) ? high : low) = middle;
         }
         first.push_back(float_at(high));
     }
