@@ -414,3 +414,83 @@ END
     umount small
     [ $failed -eq 0 ]
 }
+
+@test "times of enhanced frames, rescaling of 32 bits, copies, a DICOMDIR, detectors, tables of values" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import shutil
+rng = numpy.random.default_rng(13)
+data = rng.integers(0, 4000, (6, 8, 9)).astype("u2")
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+# Frames of two times at three places, in any order.
+order = rng.permutation(6)
+d = base("times.dcm", data[order]); d.NumberOfFrames = 6
+shared = Dataset(); shared.PlaneOrientationSequence = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]); shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1])
+d.SharedFunctionalGroupsSequence = Sequence([shared])
+frames = []
+for i in order:
+    f = Dataset(); f.PlanePositionSequence = item(ImagePositionPatient=[1, 2, float(4 * (i % 3))])
+    f.FrameContentSequence = item(TemporalPositionIndex=int(i // 3 + 1)); frames.append(f)
+d.PerFrameFunctionalGroupsSequence = Sequence(frames); d.save_as("times.dcm")
+assert voxels("times.dcm").tobytes() == data.tobytes() and len(infos("times.dcm")) == 2
+# What float32 does not hold.
+deep = rng.integers(2**30, 2**31, (3, 8, 9)).astype("u4")
+slices("deep", deep, numpy.arange(3), bits=32)
+for k in range(3):
+    d = pydicom.dcmread(f"deep/{k}"); d.RescaleSlope = 1 + d.ImagePositionPatient[2]; d.RescaleIntercept = 0.5; d.save_as(f"deep/{k}")
+got = voxels("deep").reshape(deep.shape); place = infos("deep")[0]["origin"][2]
+assert got.dtype == "float64" and numpy.array_equal(got, deep * (1.0 + place + numpy.arange(3))[:, None, None] + 0.5)
+# The same image twice is there once; another one in the same place is another volume.
+slices("copies", data, numpy.arange(6)); shutil.copy("copies/3", "copies/again")
+assert voxels("copies").tobytes() == data.tobytes()
+# Nuclear medicine: the detector says where its frames lie.
+d = base("nm.dcm", data, modality="NM"); d.NumberOfFrames, d.PixelSpacing, d.SpacingBetweenSlices = 6, [2, 1], 3
+d.DetectorInformationSequence = item(ImagePositionPatient=[1, 2, 3], ImageOrientationPatient=[1, 0, 0, 0, 0, -1]); d.save_as("nm.dcm")
+i = infos("nm.dcm")[0]
+assert i["origin"] == [1, 2, 3] and i["spacing"] == [1, 2, 3] and i["direction"] == [[1, 0, 0], [0, 0, -1], [0, 1, 0]], i
+d = base("table.dcm", data[0]); del d.RescaleSlope, d.RescaleIntercept
+d.ModalityLUTSequence = item(LUTDescriptor=[4096, 0, 16], ModalityLUTType="US", LUTData=bytes(8192)); d.ModalityLUTSequence[0]["LUTData"].VR = "OW"; d.save_as("table.dcm")
+d = base("mosaic.dcm", data[0], modality="MR"); d.ImageType = ["ORIGINAL", "PRIMARY", "M", "MOSAIC"]; d.save_as("mosaic.dcm")
+# Discs: an index, and images in folders beside it, by names that may have got small letters.
+os.makedirs("disc/images/ct")
+records = []
+for k in range(6):
+    shutil.copy(f"copies/{k}", f"disc/images/ct/im{k}")
+    r = Dataset(); r.OffsetOfTheNextDirectoryRecord, r.RecordInUseFlag, r.OffsetOfReferencedLowerLevelDirectoryEntity = 0, 0xffff, 0
+    r.DirectoryRecordType, r.ReferencedFileID = "IMAGE", ["IMAGES", "CT", f"IM{k}"]; records.append(r)
+d = base("x", data[0])
+for name in ("Rows", "Columns", "PixelData", "SamplesPerPixel", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "PhotometricInterpretation"): delattr(d, name)
+d.file_meta.MediaStorageSOPClassUID = "1.2.840.10008.1.3.10"; d.DirectoryRecordSequence = Sequence(records); d.save_as("disc/DICOMDIR")
+assert voxels("disc/DICOMDIR").tobytes() == data.tobytes() == voxels("disc").tobytes()
+records[2].ReferencedFileID = ["..", "..", "copies", "2"]; d.save_as("disc/out")
+os.remove("disc/images/ct/im%d" % max(range(6), key=lambda k: pydicom.dcmread(f"copies/{k}").ImagePositionPatient[2]))
+END
+    vkt info copies | grep -q 'not read *1 copy of images that are there already'
+    vkt info table.dcm | grep -q 'not read *the modality LUT, which says what its values mean'
+    vkt info mosaic.dcm | grep -q 'not read *the places of slices in a mosaic'
+    vkt info disc/DICOMDIR | grep -q 'not read *1 file named by the DICOMDIR, but not there'
+    fails_with 3 "leads out of its directory" vkt info disc/out
+}
+
+@test "black that is the largest value: as stored, as pydicom has it; SimpleITK turns it round" {
+    python_with SimpleITK
+    /usr/bin/python3 - <<'END'
+from common import *
+import SimpleITK
+data = numpy.random.default_rng(14).integers(0, 4000, (3, 8, 9)).astype("u2")
+slices("f", data, numpy.arange(3), bits=12)
+for k in range(3):
+    d = pydicom.dcmread(f"f/{k}"); d.PhotometricInterpretation = "MONOCHROME1"; d.save_as(f"f/{k}")
+place = sorted(range(3), key=lambda k: pydicom.dcmread(f"f/{k}").ImagePositionPatient[2])
+got = voxels("f").reshape(data.shape)
+assert numpy.array_equal(got, numpy.stack([pydicom.dcmread(f"f/{k}").pixel_array for k in place]))
+i = infos("f")[0]
+assert i["attributes"]["photometric"] == "min is white" and i["slope"] == 1 and i["intercept"] == -1024, i
+reader = SimpleITK.ImageSeriesReader(); reader.SetFileNames(reader.GetGDCMSeriesFileNames("f"))
+turned = SimpleITK.GetArrayFromImage(reader.Execute())
+assert numpy.array_equal(turned, 4095 - got.astype("i4") - 1024)
+END
+}

@@ -7,6 +7,7 @@
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/dicom_module.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/raw_source.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmGlobal.h>
@@ -26,6 +27,8 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <tuple>
+#include <type_traits>
 
 namespace vkt::dicom {
 namespace {
@@ -45,7 +48,8 @@ std::string millimetres(double distance) { return text(std::round(distance * 1e4
 struct Slice {
     std::string file; ///< its name in the folder, or empty for the file itself
     std::int64_t frame = 0, frames = 1;
-    std::string series, series_number, modality, photometric, rescale_type, units;
+    std::string series, series_number, modality, photometric, rescale_type, units, uid;
+    bool table = false, mosaic = false; ///< values have a modality LUT; slices stand side by side in an image
     std::int64_t columns = 0, rows = 0, bits = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
     Vec3 position, across{1, 0, 0}, down{0, 1, 0};
@@ -84,6 +88,17 @@ std::int64_t element_short(gdcm::DataSet const& set, std::uint16_t group, std::u
     if (value == nullptr || value->GetLength() < 2) return otherwise;
     std::uint16_t number = 0;
     std::memcpy(&number, value->GetPointer(), 2);
+    return number;
+}
+
+/// The same of four bytes.
+std::optional<std::uint32_t> element_long(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return std::nullopt;
+    gdcm::ByteValue const* const value = set.GetDataElement(tag).GetByteValue();
+    if (value == nullptr || value->GetLength() != 4) return std::nullopt;
+    std::uint32_t number = 0;
+    std::memcpy(&number, value->GetPointer(), 4);
     return number;
 }
 
@@ -135,8 +150,7 @@ void read_group(gdcm::DataSet const& group, Slice& slice) {
                                {0x0028, 0x9145}})
         if (auto const item = first_item(group, g, e)) read_plane(*item, slice);
     if (auto const item = first_item(group, 0x0020, 0x9111)) // frame content
-        if (auto const index = element_numbers(*item, 0x0020, 0x9128); index.size() == 1)
-            slice.time = static_cast<std::int64_t>(index[0]);
+        if (auto const index = element_long(*item, 0x0020, 0x9128)) slice.time = std::int64_t{*index};
 }
 
 class DicomFiles : public GridsParser {
@@ -147,6 +161,7 @@ public:
         gdcm::Trace::ErrorOff();
         std::error_code error;
         folder_ = fs::is_directory(path_, error);
+        base_ = path_;
     }
 
     ParsedGrids open(GridsChoice const& choice) override;
@@ -156,7 +171,7 @@ private:
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
     }
-    std::string full(std::string const& file) const { return file.empty() ? path_ : path_ + "/" + file; }
+    std::string full(std::string const& file) const { return file.empty() ? path_ : base_ + "/" + file; }
     std::string shown(Slice const& s) const {
         return text(s.file.empty() ? path_ : s.file, s.frames > 1 ? text(" frame ", s.frame) : "");
     }
@@ -164,7 +179,10 @@ private:
     std::string forced() const { return text("vkt read ", shell_quoted(path_), " --force-uniform | ..."); }
     bool read_file(std::string const& file);
     void check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const;
-    void list_files(std::vector<std::string>& not_read);
+    bool note_records(gdcm::DataSet const& set);
+    void list_files(bool trust_paths, std::vector<std::string>& not_read);
+    void list_records(bool trust_paths, std::vector<std::string>& not_read);
+    void read_files(std::vector<std::string> const& names, std::vector<std::string>& not_read);
     std::vector<std::vector<Slice>> groups() const;
     void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
     void place(bool force_uniform, Header& header) const;
@@ -174,9 +192,10 @@ private:
     template <class T>
     void copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample, std::byte* to) const;
 
-    std::string path_;
-    bool folder_ = false;
-    std::vector<Slice> all_, slices_; ///< found; those of the volumes, one volume after another
+    std::string path_, base_;          ///< base_: where names of files begin
+    bool folder_ = false;              ///< several files
+    std::vector<std::string> records_; ///< the files that a DICOMDIR names
+    std::vector<Slice> all_, slices_;  ///< found; those of the volumes, one volume after another
     Index3 dims_;
     std::int64_t samples_ = 1;
     bool physical_ = false; ///< slopes differ between slices: values are made physical
@@ -254,7 +273,7 @@ bool DicomFiles::read_file(std::string const& file) {
     s.file = file;
     s.columns = element_short(set, 0x0028, 0x0011, 0);
     s.rows = element_short(set, 0x0028, 0x0010, 0);
-    if (s.columns == 0 || s.rows == 0) return false; // a report, a directory
+    if (s.columns == 0 || s.rows == 0) return note_records(set); // a report, a directory
     s.samples = element_short(set, 0x0028, 0x0002, 1);
     s.bits = element_short(set, 0x0028, 0x0100, 16);
     s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
@@ -272,6 +291,9 @@ bool DicomFiles::read_file(std::string const& file) {
     s.modality = element_text(set, 0x0008, 0x0060);
     s.photometric = element_text(set, 0x0028, 0x0004);
     s.units = element_text(set, 0x0054, 0x1001);
+    s.uid = element_text(set, 0x0008, 0x0018);
+    s.table = first_item(set, 0x0028, 0x3000).has_value();
+    s.mosaic = element_text(set, 0x0008, 0x0008).find("MOSAIC") != std::string::npos;
     auto const whole = [&](std::uint16_t group, std::uint16_t element) {
         auto const v = element_numbers(set, group, element);
         return v.size() == 1 ? static_cast<std::int64_t>(std::clamp(v[0], -1e15, 1e15)) : std::int64_t{0};
@@ -283,6 +305,8 @@ bool DicomFiles::read_file(std::string const& file) {
     if (all_.size() + static_cast<std::size_t>(s.frames) > most_files) fail("holds more images than vkt reads at once");
     check_pixels(stream, reader.GetFile(), s);
     read_plane(set, s);
+    if (!s.placed) // of nuclear medicine, where the frames of a detector lie
+        if (auto const detector = first_item(set, 0x0054, 0x0022)) read_plane(*detector, s);
     // Doses have a slope and places of frames of their own: distances from the first, or, if that is not 0, along z.
     if (auto const v = element_numbers(set, 0x3004, 0x000e); v.size() == 1 && v[0] != 0) s.slope = v[0];
     if (s.units.empty()) s.units = element_text(set, 0x3004, 0x0002);
@@ -311,10 +335,29 @@ bool DicomFiles::read_file(std::string const& file) {
     return true;
 }
 
-void DicomFiles::list_files(std::vector<std::string>& not_read) {
+/// Of a DICOMDIR, the files that it names. It is no image itself.
+bool DicomFiles::note_records(gdcm::DataSet const& set) {
+    auto const records = sequence(set, 0x0004, 0x1220);
+    for (std::size_t i = 1; records != nullptr && i <= records->GetNumberOfItems(); ++i) {
+        gdcm::DataSet const& record = records->GetItem(i).GetNestedDataSet();
+        std::string const name = element_text(record, 0x0004, 0x1500);
+        std::vector<std::string> parts = split(name, '\\');
+        for (std::string& part : parts) part = std::string(trimmed(part));
+        if (!name.empty() && records_.size() < most_files) records_.push_back(join(parts, "/"));
+    }
+    return false;
+}
+
+void DicomFiles::list_files(bool trust_paths, std::vector<std::string>& not_read) {
     if (!folder_) {
-        if (!read_file("")) fail("holds no image");
-        return;
+        if (read_file("")) return;
+        if (records_.empty()) fail("holds no image");
+        std::error_code error;
+        fs::path const place = fs::read_symlink(path_, error); // it is handed over open
+        base_ = (error ? fs::path(path_) : place).parent_path().string();
+        if (base_.empty()) base_ = ".";
+        folder_ = true;
+        return list_records(trust_paths, not_read);
     }
     std::vector<std::string> names;
     std::error_code error;
@@ -322,10 +365,50 @@ void DicomFiles::list_files(std::vector<std::string>& not_read) {
         if (entry.is_regular_file(error)) names.push_back(entry.path().filename());
     if (names.size() > most_files) fail("holds more files than vkt reads at once");
     std::sort(names.begin(), names.end());
-    std::int64_t others = 0;
-    for (std::string const& name : names)
-        if (!read_file(name)) ++others;
+    read_files(names, not_read);
+    if (all_.empty() && !records_.empty()) {
+        not_read.clear();
+        list_records(trust_paths, not_read);
+    }
     if (all_.empty()) fail("holds no DICOM images");
+}
+
+/// Names are those of a disc, whose files may have got small letters since.
+void DicomFiles::list_records(bool trust_paths, std::vector<std::string>& not_read) {
+    std::vector<std::string> names;
+    std::int64_t absent = 0;
+    std::error_code error;
+    for (std::string const& name : records_) {
+        bool found = false;
+        for (std::string const& spelt : {name, lower_case(name)}) {
+            if (found || !fs::exists(beside(base_ + "/DICOMDIR", spelt, trust_paths), error)) continue;
+            names.push_back(spelt);
+            found = true;
+        }
+        if (!found) ++absent;
+    }
+    read_files(names, not_read);
+    if (absent > 0)
+        not_read.push_back(text(absent, absent == 1 ? " file" : " files", " named by the DICOMDIR, but not there"));
+    if (all_.empty()) fail("its DICOMDIR names no image that is there", "read the folder with the images itself");
+}
+
+void DicomFiles::read_files(std::vector<std::string> const& names, std::vector<std::string>& not_read) {
+    std::int64_t others = 0, copies = 0;
+    std::set<std::tuple<std::string, std::string, std::int64_t>> seen;
+    for (std::string const& name : names) {
+        std::size_t const before = all_.size();
+        if (!read_file(name)) {
+            ++others;
+            continue;
+        }
+        Slice const& image = all_[before];
+        if (image.uid.empty() || seen.insert({image.uid, image.series, image.instance}).second) continue;
+        all_.resize(before);
+        ++copies;
+    }
+    if (copies > 0)
+        not_read.push_back(text(copies, copies == 1 ? " copy" : " copies", " of images that are there already"));
     if (others > 0) not_read.push_back(text(others, " files that are no DICOM images"));
 }
 
@@ -450,7 +533,7 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
 ParsedGrids DicomFiles::open(GridsChoice const& choice) {
     std::string const& variable = choice.variable;
     ParsedGrids grids;
-    list_files(grids.not_read);
+    list_files(choice.trust_paths, grids.not_read);
     std::vector<std::vector<Slice>> series = groups();
     // Named by the number of the series; what has none, or shares it, by place.
     std::vector<std::string> names;
@@ -485,22 +568,28 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
                    : first.bits <= 16 ? (first.is_signed ? DataType::int16 : DataType::uint16)
                                       : (first.is_signed ? DataType::int32 : DataType::uint32);
     if (physical_) {
-        header.dtype = DataType::float32;
+        bool const wide = first.bits > 16; // whose values float32 does not hold
+        header.dtype = wide ? DataType::float64 : DataType::float32;
         double largest = 0;
         for (Slice const& s : series[chosen])
             largest =
                 std::max(largest, std::ldexp(std::abs(s.slope), static_cast<int>(s.bits)) + std::abs(s.intercept));
         header.error.kind = largest < 1e38 ? Certainty::bound : Certainty::unknown; // of rounding to that
-        header.error.at_most = largest < 1e38 ? largest * 0x1p-23 : 0;
+        header.error.at_most = largest < 1e38 ? largest * (wide ? 0x1p-52 : 0x1p-23) : 0;
     } else {
         header.values = {first.slope, first.intercept};
     }
     if (!first.modality.empty()) header.attributes["modality"] = first.modality;
     if (first.photometric == "MONOCHROME1") header.attributes["photometric"] = "min is white";
     if (first.photometric == "PALETTE COLOR") header.attributes["photometric"] = "palette";
-    header.units = !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
-                   : first.modality == "CT"    ? "HU"
-                                               : first.units;
+    if (first.table) grids.not_read.push_back("the modality LUT, which says what its values mean: they are as stored");
+    if (first.mosaic)
+        grids.not_read.push_back(
+            "the places of slices in a mosaic: they stand side by side, dcm2niix takes them apart");
+    header.units = first.table                   ? ""
+                   : !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
+                   : first.modality == "CT"      ? "HU"
+                                                 : first.units;
     if (choice.personal) tell_personal(first.file, grids);
     header = in_utf8(std::move(header));
     return grids;
@@ -564,7 +653,7 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     held_ = false;
     gdcm::ImageReader reader;
     reader.SetFileName(full(slice.file).c_str());
-    std::string const name = slice.file.empty() ? path_ : path_ + "/" + slice.file;
+    std::string const name = full(slice.file);
     auto const refuse = [&](std::string const& what) {
         throw Error(ErrorKind::data, text("'", name, "': damaged: ", what));
     };
@@ -610,8 +699,9 @@ void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box
             std::memcpy(&value, frame + static_cast<std::size_t>(at) * sizeof(T), sizeof(T));
             std::int64_t const place = (y - box.lower.y) * size.x + (x - box.lower.x);
             if (physical_) {
-                auto const real = static_cast<float>(slice.slope * static_cast<double>(value) + slice.intercept);
-                std::memcpy(to + place * 4, &real, 4);
+                using Real = std::conditional_t<(sizeof(T) > 2), double, float>;
+                auto const real = static_cast<Real>(slice.slope * static_cast<double>(value) + slice.intercept);
+                std::memcpy(to + place * static_cast<std::int64_t>(sizeof real), &real, sizeof real);
             } else {
                 std::memcpy(to + static_cast<std::size_t>(place) * sizeof(T), &value, sizeof(T));
             }
@@ -630,7 +720,9 @@ void DicomFiles::read(std::int64_t volume, Box const& box, std::byte* to) {
             fail("ended early: a frame is missing");
         char const* const frame = all.data() + frame_bytes * static_cast<std::size_t>(slice.frame);
         std::byte* const there =
-            to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (physical_ ? 4 : bytes);
+            to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (!physical_  ? bytes
+                                                                                  : bytes > 2 ? 8
+                                                                                              : 4);
         if (bytes == 1)
             slice.is_signed ? copy_rows<std::int8_t>(slice, frame, box, sample, there)
                             : copy_rows<std::uint8_t>(slice, frame, box, sample, there);
