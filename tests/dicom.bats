@@ -5,7 +5,7 @@ load helper
 setup_more() {
     python_with pydicom numpy
     cat >common.py <<'END'
-import json, os, subprocess, sys, numpy, pydicom
+import json, os, subprocess, sys, numpy, pydicom, pydicom.encaps
 from pydicom.dataset import Dataset, FileDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import generate_uid, ExplicitVRLittleEndian, ImplicitVRLittleEndian, ExplicitVRBigEndian, RLELossless
@@ -492,5 +492,28 @@ assert i["attributes"]["photometric"] == "min is white" and i["slope"] == 1 and 
 reader = SimpleITK.ImageSeriesReader(); reader.SetFileNames(reader.GetGDCMSeriesFileNames("f"))
 turned = SimpleITK.GetArrayFromImage(reader.Execute())
 assert numpy.array_equal(turned, 4095 - got.astype("i4") - 1024)
+END
+}
+
+@test "signs of twelve encoded bits; luma and colour differences are the colours that pydicom makes of them" {
+    /usr/bin/python3 - <<'END'
+from common import *
+from pydicom.pixel_data_handlers.util import convert_color_space
+rng = numpy.random.default_rng(15)
+data = rng.integers(-2048, 2048, (8, 9)).astype("i2")
+d = base("rle.dcm", data & numpy.int16(0xfff), bits=12); d.compress(RLELossless); d.save_as("rle.dcm")
+assert voxels("rle.dcm").tobytes() == data.tobytes()
+# By JPEG-LS, which has no signs: (arange(30) * 50 - 700) & 0xfff.
+import base64
+ramp = (numpy.arange(30).reshape(5, 6) * 50 - 700).astype("i2")
+d = base("jls.dcm", ramp, bits=12, syntax=pydicom.uid.JPEGLSLossless)
+d.PixelData = pydicom.encaps.encapsulate([base64.b64decode("/9j/6AAgU1BJRkYAAgAAAQAAAAUAAAAGChAGAQAAASwAAAEs/+gACAAAAAH/2P/3AAsQAAUABgEBEQD/+AANAf//ABIAQwEUAED/2gAIAQEAAAAAAaHjHGGX5dreWIyRimCXoyZWrgAAAADSwAgCAAC1cAMsRci1GLK0WIrSpKUwAP/Z")]); d["PixelData"].is_undefined_length = True; d["PixelData"].VR = "OB"; d.save_as("jls.dcm")
+assert voxels("jls.dcm").tobytes() == ramp.tobytes()
+colours = rng.integers(0, 256, (2, 8, 9, 3)).astype("u1")
+want = numpy.ascontiguousarray(numpy.moveaxis(convert_color_space(colours, "YBR_FULL", "RGB"), -1, 0))
+for planar in (0, 1):
+    d = base("ybr.dcm", colours[0, ..., 0], bits=8); d.SamplesPerPixel, d.PhotometricInterpretation, d.PlanarConfiguration, d.NumberOfFrames = 3, "YBR_FULL", planar, 2
+    d.PixelData = (numpy.moveaxis(colours, -1, 1) if planar else colours).tobytes(); d.save_as("ybr.dcm")
+    assert voxels("ybr.dcm").tobytes() == want.tobytes(), planar
 END
 }

@@ -50,7 +50,7 @@ struct Slice {
     std::int64_t frame = 0, frames = 1;
     std::string series, series_number, modality, photometric, rescale_type, units, uid;
     bool table = false, mosaic = false; ///< values have a modality LUT; slices stand side by side in an image
-    std::int64_t columns = 0, rows = 0, bits = 0, samples = 1, instance = 0, time = 0;
+    std::int64_t columns = 0, rows = 0, bits = 0, stored = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
     Vec3 position, across{1, 0, 0}, down{0, 1, 0};
     double spacing_across = 1, spacing_down = 1;
@@ -277,8 +277,8 @@ bool DicomFiles::read_file(std::string const& file) {
     s.samples = element_short(set, 0x0028, 0x0002, 1);
     s.bits = element_short(set, 0x0028, 0x0100, 16);
     s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
-    std::int64_t const stored = element_short(set, 0x0028, 0x0101, s.bits),
-                       high = element_short(set, 0x0028, 0x0102, stored - 1);
+    s.stored = element_short(set, 0x0028, 0x0101, s.bits);
+    std::int64_t const stored = s.stored, high = element_short(set, 0x0028, 0x0102, stored - 1);
     if (stored <= high && high < s.bits) // GDCM masks the lowest bits all the same
         fail(text(folder_ ? text("'", file, "': ") : "", "its values do not end with the lowest bit (Bits Stored is ",
                   stored, ", High Bit ", high, "), which is not read"));
@@ -647,6 +647,24 @@ bool DicomFiles::single_bits(gdcm::DataSet const& set, Slice const& slice) {
     return true;
 }
 
+/// Luma and two differences of colour as red, green and blue (PS3.3, C.7.6.3.1.2): the three bytes of a pixel are
+/// `apart` from one another.
+void luma_to_rgb(std::vector<char>& pixels, std::size_t apart) {
+    auto const rounded = [](double v) {
+        return static_cast<char>(static_cast<unsigned char>(std::clamp(std::floor(v + 0.5), 0.0, 255.0)));
+    };
+    for (std::size_t group = 0; group + 3 * apart <= pixels.size(); group += 3 * apart)
+        for (std::size_t i = group; i < group + apart; ++i) {
+            auto const value = [&](std::size_t k) {
+                return static_cast<double>(static_cast<unsigned char>(pixels[i + k * apart]));
+            };
+            double const luma = value(0), blue = value(1) - 128, red = value(2) - 128;
+            pixels[i] = rounded(luma + 1.402 * red);
+            pixels[i + apart] = rounded(luma - 0.114 * 1.772 / 0.587 * blue - 0.299 * 1.402 / 0.587 * red);
+            pixels[i + 2 * apart] = rounded(luma + 1.772 * blue);
+        }
+}
+
 /// All frames of the file, decoded; the last one is kept.
 std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     if (held_ && held_file_ == slice.file) return pixels_;
@@ -679,6 +697,11 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     pixels_.resize(image.GetBufferLength());
     if (!image.GetBuffer(pixels_.data())) refuse("its pixels cannot be decoded");
     planar_ = image.GetPlanarConfiguration() == 1;
+    gdcm::PhotometricInterpretation const colours = image.GetPhotometricInterpretation();
+    if ((colours == gdcm::PhotometricInterpretation::YBR_FULL ||
+         colours == gdcm::PhotometricInterpretation::YBR_FULL_422) &&
+        slice.samples == 3 && slice.bits == 8)
+        luma_to_rgb(pixels_, planar_ ? static_cast<std::size_t>(slice.columns * slice.rows) : 1);
     auto const bytes = static_cast<std::size_t>((slice.bits + 7) / 8);
     if (pixels_.size() < static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * slice.frames) * bytes)
         refuse("it ended early");
@@ -691,12 +714,16 @@ template <class T>
 void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample,
                            std::byte* to) const {
     Index3 const size = box.dims();
+    // The sign stands in the highest bit that is stored, and codecs do not carry it on.
+    auto const width = static_cast<std::int64_t>(8 * sizeof(T));
+    int const unused = slice.stored > 0 && slice.stored < width ? static_cast<int>(width - slice.stored) : 0;
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
         for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
             std::int64_t const pixel = y * slice.columns + x;
             std::int64_t const at = planar_ ? sample * slice.columns * slice.rows + pixel : pixel * samples_ + sample;
             T value{};
             std::memcpy(&value, frame + static_cast<std::size_t>(at) * sizeof(T), sizeof(T));
+            if constexpr (std::is_signed_v<T>) value = static_cast<T>(static_cast<T>(value << unused) >> unused);
             std::int64_t const place = (y - box.lower.y) * size.x + (x - box.lower.x);
             if (physical_) {
                 using Real = std::conditional_t<(sizeof(T) > 2), double, float>;
