@@ -16,9 +16,9 @@ def voxels(name, *options):
     raw = subprocess.check_output(f"vkt read {name} {' '.join(options)} | vkt write - --format raw", shell=True)
     return numpy.frombuffer(raw, infos(name, *options)[0]["dtype"])
 series, study = generate_uid(), generate_uid()
-def base(path, pixels, uid=None, number=4, bits=16, syntax=ExplicitVRLittleEndian, slope=1, intercept=-1024, modality="CT"):
+def base(path, pixels, uid=None, number=4, bits=16, syntax=ExplicitVRLittleEndian, slope=1, intercept=-1024, modality="CT", sop="1.2.840.10008.5.1.4.1.1.2"):
     meta = pydicom.dataset.FileMetaDataset()
-    meta.MediaStorageSOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
+    meta.MediaStorageSOPClassUID = sop
     meta.MediaStorageSOPInstanceUID = generate_uid()
     meta.TransferSyntaxUID = syntax
     d = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
@@ -516,4 +516,41 @@ for planar in (0, 1):
     d.PixelData = (numpy.moveaxis(colours, -1, 1) if planar else colours).tobytes(); d.save_as("ybr.dcm")
     assert voxels("ybr.dcm").tobytes() == want.tobytes(), planar
 END
+}
+
+@test "pixels that GDCM decodes otherwise: big-endian words of four bytes and pairs of one, runs of colours, doses of one frame; a preamble of TIFF" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(16)
+deep = rng.integers(0, 2**32, (3, 8, 9)).astype("u4")
+d = base("deep.dcm", deep, bits=32, syntax=ExplicitVRBigEndian); d.NumberOfFrames = 3; d.save_as("deep.dcm")
+assert voxels("deep.dcm").tobytes() == deep.tobytes()
+odd = rng.integers(0, 256, (3, 3, 5)).astype("u1") # frames do not end with a word
+d = base("odd.dcm", odd, bits=8, syntax=ExplicitVRBigEndian); d.NumberOfFrames = 3
+d.PixelData = numpy.frombuffer(odd.tobytes() + b"\0", "u2").byteswap().tobytes(); d["PixelData"].VR = "OW"; d.save_as("odd.dcm")
+assert voxels("odd.dcm").tobytes() == odd.tobytes()
+for code in ("u1", "u2"):
+    for frames in (1, 2):
+        colours = rng.integers(0, 256 ** int(code[1]) // 2, (frames, 8, 9, 3)).astype(code)
+        colours[:, :, 3:7] = colours[:, :, 3:4] # some runs
+        d = base("rle.dcm", colours[0, ..., 0], bits=8 * int(code[1])); d.SamplesPerPixel, d.PhotometricInterpretation, d.PlanarConfiguration, d.NumberOfFrames = 3, "RGB", 0, frames
+        d.PixelData = colours.tobytes(); d.compress(RLELossless); d.save_as("rle.dcm")
+        assert voxels("rle.dcm").tobytes() == numpy.moveaxis(colours, -1, 0).tobytes(), (code, frames)
+good = open("rle.dcm", "rb").read(); at = good.rfind(b"\xfe\xff\x00\xe0") + 8
+open("bad.dcm", "wb").write(good[:at + 4] + b"\xff\xff\xff\x7f" + good[at + 8:])
+open("runs.dcm", "wb").write(good[:at + 64] + b"\x7f" * (len(good) - at - 72) + good[-8:])
+# A dose of one frame, which says so by saying nothing.
+d = base("dose.dcm", deep[0], bits=32, modality="RTDOSE", sop="1.2.840.10008.5.1.4.1.1.481.2")
+del d.RescaleSlope, d.RescaleIntercept
+d.DoseGridScaling, d.FrameIncrementPointer = "1e-06", 0x3004000c; d.save_as("dose.dcm")
+assert voxels("dose.dcm").tobytes() == deep[0].tobytes() and infos("dose.dcm")[0]["slope"] == 1e-6
+# Scanners of GE begin their files with a directory of TIFF, which may lead nowhere.
+slices("tiff", deep.astype("u2"), numpy.arange(3))
+for k in range(3):
+    b = bytearray(open(f"tiff/{k}", "rb").read()); b[:8] = b"II*\0\xf4\x05\x08\0"; open(f"tiff/{k}", "wb").write(b)
+assert voxels("tiff").tobytes() == deep.astype("u2").tobytes() and voxels("tiff/0").size == 72
+END
+    vkt info tiff/0 | grep -q '^format *dicom$'
+    fails_with 3 "its runs of bytes are no frame" vkt stats bad.dcm
+    fails_with 3 "its runs of bytes are no frame" vkt stats runs.dcm
 }

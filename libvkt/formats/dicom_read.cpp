@@ -52,6 +52,10 @@ struct Slice {
     bool table = false, mosaic = false; ///< values have a modality LUT; slices stand side by side in an image
     std::int64_t columns = 0, rows = 0, bits = 0, stored = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
+    /// Where its pixels begin in the file, if no library needs to decode them: as they are, or in runs, one fragment
+    /// for each frame.
+    std::int64_t pixels_at = -1;
+    bool runs = false, big_endian = false, words = false, planar = false;
     Vec3 position, across{1, 0, 0}, down{0, 1, 0};
     double spacing_across = 1, spacing_down = 1;
     std::optional<double> spacing_slices;
@@ -178,7 +182,7 @@ private:
     /// How to have what is refused.
     std::string forced() const { return text("vkt read ", shell_quoted(path_), " --force-uniform | ..."); }
     bool read_file(std::string const& file);
-    void check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const;
+    void check_pixels(std::istream& stream, gdcm::File const& file, Slice& slice) const;
     bool note_records(gdcm::DataSet const& set);
     void list_files(bool trust_paths, std::vector<std::string>& not_read);
     void list_records(bool trust_paths, std::vector<std::string>& not_read);
@@ -188,7 +192,11 @@ private:
     void place(bool force_uniform, Header& header) const;
     void tell_personal(std::string const& file, ParsedGrids& grids) const;
     std::vector<char> const& pixels(Slice const& slice);
+    std::span<char const> frame_of(Slice const& slice);
+    void read_plain(std::istream& stream, Slice const& slice);
+    bool read_runs(std::istream& stream, Slice const& slice);
     bool single_bits(gdcm::DataSet const& set, Slice const& slice);
+    void to_colours(Slice const& slice);
     template <class T>
     void copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample, std::byte* to) const;
 
@@ -200,6 +208,7 @@ private:
     std::int64_t samples_ = 1;
     bool physical_ = false; ///< slopes differ between slices: values are made physical
     std::string held_file_;
+    std::int64_t held_frame_ = -1; ///< -1: all of them
     bool held_ = false;
     std::vector<char> pixels_;
     bool planar_ = false;
@@ -207,7 +216,7 @@ private:
 
 /// GDCM takes zeros for what a file that was cut short lacks. The stream is behind the head of the pixel data, where
 /// GDCM leaves it; the four bytes before it are their length.
-void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const {
+void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slice& slice) const {
     gdcm::TransferSyntax const syntax = file.GetHeader().GetDataSetTransferSyntax();
     // Places in a deflated file are none in what it holds.
     if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) return;
@@ -234,13 +243,22 @@ void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slic
     std::uint32_t const length = word(at - 4, false);
     constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
     if (length != undefined) {
-        bool const halved = element_text(file.GetDataSet(), 0x0028, 0x0004).ends_with("_422"); // two chroma share one
+        std::string const colours = element_text(file.GetDataSet(), 0x0028, 0x0004);
+        bool const halved = colours.ends_with("_422") || colours.ends_with("_420"); // some share their chroma
         double const needed = static_cast<double>(slice.columns * slice.rows) * static_cast<double>(slice.frames) *
                               static_cast<double>(halved ? 2 : slice.samples) * static_cast<double>(slice.bits) / 8;
         if (static_cast<double>(length) < needed) refuse("it has fewer pixels than it says");
         if (length > size - at) refuse(text("pixels of ", std::int64_t{length}, " bytes, ", size - at, " found"));
+        std::array<char, 2> type{};
+        stream.seekg(at - 8);
+        stream.read(type.data(), type.size());
+        slice.words = word(at - 12, true) != 0x7fe00010 || std::string_view(type.data(), 2) != "OB";
+        slice.big_endian = big;
+        if (!halved && (slice.bits == 8 || slice.bits == 16 || slice.bits == 32)) slice.pixels_at = at;
         return;
     }
+    slice.runs = syntax == gdcm::TransferSyntax::RLELossless;
+    if (slice.runs && slice.bits % 8 == 0 && slice.bits <= 32) slice.pixels_at = at;
     while (true) {
         if (size - at < 8) refuse("its encoded pixels have no end");
         std::uint32_t const tag = word(at, true), bytes = word(at + 4, false);
@@ -277,6 +295,7 @@ bool DicomFiles::read_file(std::string const& file) {
     s.samples = element_short(set, 0x0028, 0x0002, 1);
     s.bits = element_short(set, 0x0028, 0x0100, 16);
     s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
+    s.planar = element_short(set, 0x0028, 0x0006, 0) == 1;
     s.stored = element_short(set, 0x0028, 0x0101, s.bits);
     std::int64_t const stored = s.stored, high = element_short(set, 0x0028, 0x0102, stored - 1);
     if (stored <= high && high < s.bits) // GDCM masks the lowest bits all the same
@@ -669,6 +688,7 @@ void luma_to_rgb(std::vector<char>& pixels, std::size_t apart) {
 std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     if (held_ && held_file_ == slice.file) return pixels_;
     held_ = false;
+    held_frame_ = -1;
     gdcm::ImageReader reader;
     reader.SetFileName(full(slice.file).c_str());
     std::string const name = full(slice.file);
@@ -698,10 +718,9 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     if (!image.GetBuffer(pixels_.data())) refuse("its pixels cannot be decoded");
     planar_ = image.GetPlanarConfiguration() == 1;
     gdcm::PhotometricInterpretation const colours = image.GetPhotometricInterpretation();
-    if ((colours == gdcm::PhotometricInterpretation::YBR_FULL ||
-         colours == gdcm::PhotometricInterpretation::YBR_FULL_422) &&
-        slice.samples == 3 && slice.bits == 8)
-        luma_to_rgb(pixels_, planar_ ? static_cast<std::size_t>(slice.columns * slice.rows) : 1);
+    if (colours == gdcm::PhotometricInterpretation::YBR_FULL ||
+        colours == gdcm::PhotometricInterpretation::YBR_FULL_422)
+        to_colours(slice);
     auto const bytes = static_cast<std::size_t>((slice.bits + 7) / 8);
     if (pixels_.size() < static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * slice.frames) * bytes)
         refuse("it ended early");
@@ -710,11 +729,111 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     return pixels_;
 }
 
+void DicomFiles::to_colours(Slice const& slice) {
+    if (slice.samples == 3 && slice.bits == 8)
+        luma_to_rgb(pixels_, planar_ ? static_cast<std::size_t>(slice.columns * slice.rows) : 1);
+}
+
+/// A frame as it lies in the file, in this machine's byte order.
+void DicomFiles::read_plain(std::istream& stream, Slice const& slice) {
+    std::int64_t const size = slice.columns * slice.rows * slice.samples * slice.bits / 8, first = size * slice.frame;
+    // Bytes of words of two in the other order: those of pairs are exchanged.
+    bool const pairs = slice.big_endian && slice.bits == 8 && slice.words;
+    std::int64_t const before = pairs ? first % 2 : 0, more = pairs ? (before + size) % 2 : 0;
+    pixels_.resize(static_cast<std::size_t>(before + size + more));
+    stream.seekg(slice.pixels_at + first - before);
+    stream.read(pixels_.data(), std::ssize(pixels_));
+    if (stream.gcount() < before + size) pixels_.clear(); // it has become shorter
+    std::size_t const element = pairs ? 2 : slice.big_endian ? static_cast<std::size_t>(slice.bits / 8) : 1;
+    if (element > 1) swap_bytes(reinterpret_cast<std::byte*>(pixels_.data()), pixels_.size() / element, element);
+    if (!pixels_.empty()) {
+        pixels_.erase(pixels_.begin(), pixels_.begin() + before);
+        pixels_.resize(static_cast<std::size_t>(size));
+    }
+    planar_ = slice.planar && slice.samples > 1;
+}
+
+/// Runs of bytes (PackBits), which become every `step`th of those of `to`, as many as there is room for.
+bool unpack_runs(std::span<unsigned char const> from, std::span<char> to, std::size_t step) {
+    std::size_t in = 0, out = 0;
+    while (out < to.size()) {
+        if (in == from.size()) return false;
+        unsigned const control = from[in++];
+        if (control == 128) continue;
+        bool const literal = control < 128;
+        std::size_t const n = literal ? control + 1 : 257 - control;
+        if (from.size() - in < (literal ? n : 1)) return false;
+        for (std::size_t i = 0; i < n && out < to.size(); ++i, out += step)
+            to[out] = static_cast<char>(from[in + (literal ? i : 0)]);
+        in += literal ? n : 1;
+    }
+    return true;
+}
+
+/// A frame out of its fragment: a segment for each byte of a sample, the highest first, one sample after another
+/// (PS3.5, annex G). They become planes.
+bool DicomFiles::read_runs(std::istream& stream, Slice const& slice) {
+    auto const number = [](unsigned char const* b) {
+        return b[0] | std::uint32_t{b[1]} << 8 | std::uint32_t{b[2]} << 16 | std::uint32_t{b[3]} << 24;
+    };
+    std::int64_t at = slice.pixels_at;
+    std::uint32_t bytes = 0;
+    for (std::int64_t i = 0; i <= slice.frame + 1; ++i) { // the first item is a table of the others
+        std::array<unsigned char, 8> head{};
+        stream.seekg(at);
+        stream.read(reinterpret_cast<char*>(head.data()), head.size());
+        bytes = number(head.data() + 4);
+        if (!stream || number(head.data()) != 0xe000fffe) return false; // item, in the order of its bytes
+        at += 8 + (i <= slice.frame ? std::int64_t{bytes} : 0);
+    }
+    std::vector<unsigned char> fragment(bytes);
+    stream.read(reinterpret_cast<char*>(fragment.data()), std::ssize(fragment));
+    constexpr std::size_t head = 64;
+    auto const width = static_cast<std::size_t>(slice.bits / 8),
+               n = static_cast<std::size_t>(slice.columns * slice.rows);
+    std::size_t const segments = static_cast<std::size_t>(slice.samples) * width;
+    if (!stream || fragment.size() < head || segments > 15 || number(fragment.data()) != segments) return false;
+    pixels_.resize(n * segments);
+    for (std::size_t i = 0; i < segments; ++i) {
+        std::size_t const begin = number(fragment.data() + 4 + 4 * i),
+                          end = i + 1 < segments ? number(fragment.data() + 8 + 4 * i) : fragment.size();
+        if (begin < head || begin > end || end > fragment.size()) return false;
+        std::size_t const sample = i / width, byte = width - 1 - i % width;
+        std::span<char> const plane = std::span(pixels_).subspan(sample * n * width, n * width);
+        if (!unpack_runs(std::span(fragment).subspan(begin, end - begin), plane.subspan(byte), width)) return false;
+    }
+    planar_ = true;
+    return true;
+}
+
+/// The pixels of one frame.
+std::span<char const> DicomFiles::frame_of(Slice const& slice) {
+    auto const bytes = static_cast<std::size_t>(slice.bits <= 8 ? 1 : slice.bits <= 16 ? 2 : 4);
+    auto const size = static_cast<std::size_t>(slice.columns * slice.rows * slice.samples) * bytes;
+    if (slice.pixels_at < 0) {
+        std::vector<char> const& all = pixels(slice);
+        if (all.size() < size * static_cast<std::size_t>(slice.frame + 1)) fail("ended early: a frame is missing");
+        return std::span(all).subspan(size * static_cast<std::size_t>(slice.frame), size);
+    }
+    if (held_ && held_file_ == slice.file && held_frame_ == slice.frame) return pixels_;
+    held_ = false;
+    std::ifstream stream(full(slice.file), std::ios::binary);
+    if (slice.runs && !read_runs(stream, slice))
+        throw Error(ErrorKind::data, text("'", full(slice.file), "': damaged: its runs of bytes are no frame"));
+    if (!slice.runs) read_plain(stream, slice);
+    if (pixels_.size() != size) throw Error(ErrorKind::data, text("'", full(slice.file), "' has become shorter"));
+    if (slice.photometric == "YBR_FULL") to_colours(slice);
+    held_file_ = slice.file;
+    held_frame_ = slice.frame;
+    held_ = true;
+    return pixels_;
+}
+
 template <class T>
 void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample,
                            std::byte* to) const {
     Index3 const size = box.dims();
-    // The sign stands in the highest bit that is stored, and codecs do not carry it on.
+    // The sign stands in the highest bit that is stored, above which anything may be.
     auto const width = static_cast<std::int64_t>(8 * sizeof(T));
     int const unused = slice.stored > 0 && slice.stored < width ? static_cast<int>(width - slice.stored) : 0;
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
@@ -723,7 +842,8 @@ void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box
             std::int64_t const at = planar_ ? sample * slice.columns * slice.rows + pixel : pixel * samples_ + sample;
             T value{};
             std::memcpy(&value, frame + static_cast<std::size_t>(at) * sizeof(T), sizeof(T));
-            if constexpr (std::is_signed_v<T>) value = static_cast<T>(static_cast<T>(value << unused) >> unused);
+            // Shifted out at the top and back: with the sign, or with zeros instead of what else was there (overlays).
+            value = static_cast<T>(static_cast<T>(value << unused) >> unused);
             std::int64_t const place = (y - box.lower.y) * size.x + (x - box.lower.x);
             if (physical_) {
                 using Real = std::conditional_t<(sizeof(T) > 2), double, float>;
@@ -741,11 +861,7 @@ void DicomFiles::read(std::int64_t volume, Box const& box, std::byte* to) {
     for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
         Slice const& slice = slices_[static_cast<std::size_t>(volume / samples_ * dims_.z + z)];
         auto const bytes = static_cast<std::size_t>(slice.bits <= 8 ? 1 : slice.bits <= 16 ? 2 : 4);
-        auto const frame_bytes = static_cast<std::size_t>(slice.columns * slice.rows * samples_) * bytes;
-        std::vector<char> const& all = pixels(slice);
-        if (all.size() < frame_bytes * static_cast<std::size_t>(slice.frame + 1))
-            fail("ended early: a frame is missing");
-        char const* const frame = all.data() + frame_bytes * static_cast<std::size_t>(slice.frame);
+        char const* const frame = frame_of(slice).data();
         std::byte* const there =
             to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (!physical_  ? bytes
                                                                                   : bytes > 2 ? 8
