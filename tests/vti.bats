@@ -352,6 +352,9 @@ w = vtkXMLImageDataWriter(); w.SetFileName("times.vti"); w.SetInputData(picture)
 w.Start(); w.WriteNextTime(0); w.WriteNextTime(1); w.Stop()
 END
     vkt info a.vtk | grep -q "not read *array 'words' of type string"
+    # Version 1.0 has blank lines.
+    printf '# vtk DataFile Version 1.0\nx\n\nASCII\n\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nASPECT_RATIO 1 1 1\n\nPOINT_DATA 4\nSCALARS s char\n\nLOOKUP_TABLE default\n1 0 1 1\n' >old.vtk
+    [ "$(vkt stats old.vtk --json | tr -d ' \n' | grep -o '"sum":3')" = '"sum":3' ]
     fails_with 3 "holds 2 time steps in one file, which is not read" vkt info times.vti
     printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nPOINT_DATA 4\nSCALARS s bit\n1 0 1 1\n' >bits.vtk
     fails_with 3 "holds no array of numbers, but array 's' of type bit, which is not read" vkt info bits.vtk

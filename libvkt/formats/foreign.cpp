@@ -78,9 +78,9 @@ constexpr Ending endings[] = {
     {".vsi", {"an Olympus image", bioformats}},
     {".dm3", {"a DigitalMicrograph image", "make MRC of it: dm2mrc in.dm3 out.mrc"}},
     {".dm4", {"a DigitalMicrograph image", "make MRC of it: dm2mrc in.dm4 out.mrc"}},
-    {".vtr", {"a VTK rectilinear grid", "in ParaView: Resample To Image, saved as .vti"}},
-    {".vts", {"a VTK structured grid", "in ParaView: Resample To Image, saved as .vti"}},
-    {".vtu", {"a VTK unstructured grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".vtr", {"a VTK XML file of a rectilinear grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".vts", {"a VTK XML file of a structured grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".vtu", {"a VTK XML file of an unstructured grid", "in ParaView: Resample To Image, saved as .vti"}},
     {".fits", {"a FITS file", "in Python: numpy.save(\"out.npy\", astropy.io.fits.getdata(\"in.fits\"))"}},
     {".fit", {"a FITS file", "in Python: numpy.save(\"out.npy\", astropy.io.fits.getdata(\"in.fit\"))"}},
 };

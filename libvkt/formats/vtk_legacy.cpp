@@ -87,8 +87,9 @@ public:
     void read() {
         std::string const first = line();
         if (!first.starts_with(magic)) fail("does not begin as a VTK file does");
-        line(); // a title
-        std::string const form = lower_case(trimmed(line()));
+        line();                         // a title
+        auto const kind = next_words(); // old files have blank lines before it
+        std::string const form = kind ? lower_case(kind->front()) : "";
         if (form != "ascii" && form != "binary") fail("is neither ASCII nor BINARY");
         ascii_ = form == "ascii";
         while (auto const words = next_words()) statement(*words);
