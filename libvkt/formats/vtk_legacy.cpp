@@ -226,11 +226,14 @@ private:
         } else if (key == "scalars") {
             if (words.size() < 3) fail("SCALARS needs a name and a type");
             std::int64_t const components = words.size() > 3 ? integer(words[3]) : 1;
-            // A table follows in its own line, which old files leave out.
-            auto const ahead = bytes_.peek(12);
-            if (ahead.size() == 12 &&
-                lower_case(std::string_view(reinterpret_cast<char const*>(ahead.data()), 12)) == "lookup_table")
+            // A table follows in its own line, which old files leave out, or put behind a blank one.
+            auto const ahead = bytes_.peek(64);
+            std::string_view const next(reinterpret_cast<char const*>(ahead.data()), ahead.size());
+            std::size_t const begin = std::min(next.find_first_not_of(" \t\r\n"), next.size());
+            if (lower_case(next.substr(begin, 12)) == "lookup_table") {
+                bytes_.skip(static_cast<std::int64_t>(begin));
                 line();
+            }
             array(words[1], words[2], components);
         } else if (key == "global_ids" || key == "pedigree_ids" || key == "edge_flags") {
             if (words.size() < 3) fail(text(words[0], " needs a name and a type"));
