@@ -5,7 +5,7 @@ load helper
 setup_more() {
     python_with pydicom numpy
     cat >common.py <<'END'
-import json, os, subprocess, sys, numpy, pydicom
+import json, os, subprocess, sys, numpy, pydicom, pydicom.encaps
 from pydicom.dataset import Dataset, FileDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import generate_uid, ExplicitVRLittleEndian, ImplicitVRLittleEndian, ExplicitVRBigEndian, RLELossless
@@ -16,9 +16,9 @@ def voxels(name, *options):
     raw = subprocess.check_output(f"vkt read {name} {' '.join(options)} | vkt write - --format raw", shell=True)
     return numpy.frombuffer(raw, infos(name, *options)[0]["dtype"])
 series, study = generate_uid(), generate_uid()
-def base(path, pixels, uid=None, number=4, bits=16, syntax=ExplicitVRLittleEndian, slope=1, intercept=-1024, modality="CT"):
+def base(path, pixels, uid=None, number=4, bits=16, syntax=ExplicitVRLittleEndian, slope=1, intercept=-1024, modality="CT", sop="1.2.840.10008.5.1.4.1.1.2"):
     meta = pydicom.dataset.FileMetaDataset()
-    meta.MediaStorageSOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
+    meta.MediaStorageSOPClassUID = sop
     meta.MediaStorageSOPInstanceUID = generate_uid()
     meta.TransferSyntaxUID = syntax
     d = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
@@ -413,4 +413,144 @@ END
     done
     umount small
     [ $failed -eq 0 ]
+}
+
+@test "times of enhanced frames, rescaling of 32 bits, copies, a DICOMDIR, detectors, tables of values" {
+    /usr/bin/python3 - <<'END'
+from common import *
+import shutil
+rng = numpy.random.default_rng(13)
+data = rng.integers(0, 4000, (6, 8, 9)).astype("u2")
+def item(**kw):
+    s = Dataset()
+    for k, v in kw.items(): setattr(s, k, v)
+    return Sequence([s])
+# Frames of two times at three places, in any order.
+order = rng.permutation(6)
+d = base("times.dcm", data[order]); d.NumberOfFrames = 6
+shared = Dataset(); shared.PlaneOrientationSequence = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]); shared.PixelMeasuresSequence = item(PixelSpacing=[2, 1])
+d.SharedFunctionalGroupsSequence = Sequence([shared])
+frames = []
+for i in order:
+    f = Dataset(); f.PlanePositionSequence = item(ImagePositionPatient=[1, 2, float(4 * (i % 3))])
+    f.FrameContentSequence = item(TemporalPositionIndex=int(i // 3 + 1)); frames.append(f)
+d.PerFrameFunctionalGroupsSequence = Sequence(frames); d.save_as("times.dcm")
+assert voxels("times.dcm").tobytes() == data.tobytes() and len(infos("times.dcm")) == 2
+# What float32 does not hold.
+deep = rng.integers(2**30, 2**31, (3, 8, 9)).astype("u4")
+slices("deep", deep, numpy.arange(3), bits=32)
+for k in range(3):
+    d = pydicom.dcmread(f"deep/{k}"); d.RescaleSlope = 1 + d.ImagePositionPatient[2]; d.RescaleIntercept = 0.5; d.save_as(f"deep/{k}")
+got = voxels("deep").reshape(deep.shape); place = infos("deep")[0]["origin"][2]
+assert got.dtype == "float64" and numpy.array_equal(got, deep * (1.0 + place + numpy.arange(3))[:, None, None] + 0.5)
+# The same image twice is there once; another one in the same place is another volume.
+slices("copies", data, numpy.arange(6)); shutil.copy("copies/3", "copies/again")
+assert voxels("copies").tobytes() == data.tobytes()
+# Nuclear medicine: the detector says where its frames lie.
+d = base("nm.dcm", data, modality="NM"); d.NumberOfFrames, d.PixelSpacing, d.SpacingBetweenSlices = 6, [2, 1], 3
+d.DetectorInformationSequence = item(ImagePositionPatient=[1, 2, 3], ImageOrientationPatient=[1, 0, 0, 0, 0, -1]); d.save_as("nm.dcm")
+i = infos("nm.dcm")[0]
+assert i["origin"] == [1, 2, 3] and i["spacing"] == [1, 2, 3] and i["direction"] == [[1, 0, 0], [0, 0, -1], [0, 1, 0]], i
+d = base("table.dcm", data[0]); del d.RescaleSlope, d.RescaleIntercept
+d.ModalityLUTSequence = item(LUTDescriptor=[4096, 0, 16], ModalityLUTType="US", LUTData=bytes(8192)); d.ModalityLUTSequence[0]["LUTData"].VR = "OW"; d.save_as("table.dcm")
+d = base("mosaic.dcm", data[0], modality="MR"); d.ImageType = ["ORIGINAL", "PRIMARY", "M", "MOSAIC"]; d.save_as("mosaic.dcm")
+# Discs: an index, and images in folders beside it, by names that may have got small letters.
+os.makedirs("disc/images/ct")
+records = []
+for k in range(6):
+    shutil.copy(f"copies/{k}", f"disc/images/ct/im{k}")
+    r = Dataset(); r.OffsetOfTheNextDirectoryRecord, r.RecordInUseFlag, r.OffsetOfReferencedLowerLevelDirectoryEntity = 0, 0xffff, 0
+    r.DirectoryRecordType, r.ReferencedFileID = "IMAGE", ["IMAGES", "CT", f"IM{k}"]; records.append(r)
+d = base("x", data[0])
+for name in ("Rows", "Columns", "PixelData", "SamplesPerPixel", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "PhotometricInterpretation"): delattr(d, name)
+d.file_meta.MediaStorageSOPClassUID = "1.2.840.10008.1.3.10"; d.DirectoryRecordSequence = Sequence(records); d.save_as("disc/DICOMDIR")
+assert voxels("disc/DICOMDIR").tobytes() == data.tobytes() == voxels("disc").tobytes()
+records[2].ReferencedFileID = ["..", "..", "copies", "2"]; d.save_as("disc/out")
+os.remove("disc/images/ct/im%d" % max(range(6), key=lambda k: pydicom.dcmread(f"copies/{k}").ImagePositionPatient[2]))
+END
+    vkt info copies | grep -q 'not read *1 copy of images that are there already'
+    vkt info table.dcm | grep -q 'not read *the modality LUT, which says what its values mean'
+    vkt info mosaic.dcm | grep -q 'not read *the places of slices in a mosaic'
+    vkt info disc/DICOMDIR | grep -q 'not read *1 file named by the DICOMDIR, but not there'
+    fails_with 3 "leads out of its directory" vkt info disc/out
+}
+
+@test "black that is the largest value: as stored, as pydicom has it; SimpleITK turns it round" {
+    python_with SimpleITK
+    /usr/bin/python3 - <<'END'
+from common import *
+import SimpleITK
+data = numpy.random.default_rng(14).integers(0, 4000, (3, 8, 9)).astype("u2")
+slices("f", data, numpy.arange(3), bits=12)
+for k in range(3):
+    d = pydicom.dcmread(f"f/{k}"); d.PhotometricInterpretation = "MONOCHROME1"; d.save_as(f"f/{k}")
+place = sorted(range(3), key=lambda k: pydicom.dcmread(f"f/{k}").ImagePositionPatient[2])
+got = voxels("f").reshape(data.shape)
+assert numpy.array_equal(got, numpy.stack([pydicom.dcmread(f"f/{k}").pixel_array for k in place]))
+i = infos("f")[0]
+assert i["attributes"]["photometric"] == "min is white" and i["slope"] == 1 and i["intercept"] == -1024, i
+reader = SimpleITK.ImageSeriesReader(); reader.SetFileNames(reader.GetGDCMSeriesFileNames("f"))
+turned = SimpleITK.GetArrayFromImage(reader.Execute())
+assert numpy.array_equal(turned, 4095 - got.astype("i4") - 1024)
+END
+}
+
+@test "signs of twelve encoded bits; luma and colour differences are the colours that pydicom makes of them" {
+    /usr/bin/python3 - <<'END'
+from common import *
+from pydicom.pixel_data_handlers.util import convert_color_space
+rng = numpy.random.default_rng(15)
+data = rng.integers(-2048, 2048, (8, 9)).astype("i2")
+d = base("rle.dcm", data & numpy.int16(0xfff), bits=12); d.compress(RLELossless); d.save_as("rle.dcm")
+assert voxels("rle.dcm").tobytes() == data.tobytes()
+# By JPEG-LS, which has no signs: (arange(30) * 50 - 700) & 0xfff.
+import base64
+ramp = (numpy.arange(30).reshape(5, 6) * 50 - 700).astype("i2")
+d = base("jls.dcm", ramp, bits=12, syntax=pydicom.uid.JPEGLSLossless)
+d.PixelData = pydicom.encaps.encapsulate([base64.b64decode("/9j/6AAgU1BJRkYAAgAAAQAAAAUAAAAGChAGAQAAASwAAAEs/+gACAAAAAH/2P/3AAsQAAUABgEBEQD/+AANAf//ABIAQwEUAED/2gAIAQEAAAAAAaHjHGGX5dreWIyRimCXoyZWrgAAAADSwAgCAAC1cAMsRci1GLK0WIrSpKUwAP/Z")]); d["PixelData"].is_undefined_length = True; d["PixelData"].VR = "OB"; d.save_as("jls.dcm")
+assert voxels("jls.dcm").tobytes() == ramp.tobytes()
+colours = rng.integers(0, 256, (2, 8, 9, 3)).astype("u1")
+want = numpy.ascontiguousarray(numpy.moveaxis(convert_color_space(colours, "YBR_FULL", "RGB"), -1, 0))
+for planar in (0, 1):
+    d = base("ybr.dcm", colours[0, ..., 0], bits=8); d.SamplesPerPixel, d.PhotometricInterpretation, d.PlanarConfiguration, d.NumberOfFrames = 3, "YBR_FULL", planar, 2
+    d.PixelData = (numpy.moveaxis(colours, -1, 1) if planar else colours).tobytes(); d.save_as("ybr.dcm")
+    assert voxels("ybr.dcm").tobytes() == want.tobytes(), planar
+END
+}
+
+@test "pixels that GDCM decodes otherwise: big-endian words of four bytes and pairs of one, runs of colours, doses of one frame; a preamble of TIFF" {
+    /usr/bin/python3 - <<'END'
+from common import *
+rng = numpy.random.default_rng(16)
+deep = rng.integers(0, 2**32, (3, 8, 9)).astype("u4")
+d = base("deep.dcm", deep, bits=32, syntax=ExplicitVRBigEndian); d.NumberOfFrames = 3; d.save_as("deep.dcm")
+assert voxels("deep.dcm").tobytes() == deep.tobytes()
+odd = rng.integers(0, 256, (3, 3, 5)).astype("u1") # frames do not end with a word
+d = base("odd.dcm", odd, bits=8, syntax=ExplicitVRBigEndian); d.NumberOfFrames = 3
+d.PixelData = numpy.frombuffer(odd.tobytes() + b"\0", "u2").byteswap().tobytes(); d["PixelData"].VR = "OW"; d.save_as("odd.dcm")
+assert voxels("odd.dcm").tobytes() == odd.tobytes()
+for code in ("u1", "u2"):
+    for frames in (1, 2):
+        colours = rng.integers(0, 256 ** int(code[1]) // 2, (frames, 8, 9, 3)).astype(code)
+        colours[:, :, 3:7] = colours[:, :, 3:4] # some runs
+        d = base("rle.dcm", colours[0, ..., 0], bits=8 * int(code[1])); d.SamplesPerPixel, d.PhotometricInterpretation, d.PlanarConfiguration, d.NumberOfFrames = 3, "RGB", 0, frames
+        d.PixelData = colours.tobytes(); d.compress(RLELossless); d.save_as("rle.dcm")
+        assert voxels("rle.dcm").tobytes() == numpy.moveaxis(colours, -1, 0).tobytes(), (code, frames)
+good = open("rle.dcm", "rb").read(); at = good.rfind(b"\xfe\xff\x00\xe0") + 8
+open("bad.dcm", "wb").write(good[:at + 4] + b"\xff\xff\xff\x7f" + good[at + 8:])
+open("runs.dcm", "wb").write(good[:at + 64] + b"\x7f" * (len(good) - at - 72) + good[-8:])
+# A dose of one frame, which says so by saying nothing.
+d = base("dose.dcm", deep[0], bits=32, modality="RTDOSE", sop="1.2.840.10008.5.1.4.1.1.481.2")
+del d.RescaleSlope, d.RescaleIntercept
+d.DoseGridScaling, d.FrameIncrementPointer = "1e-06", 0x3004000c; d.save_as("dose.dcm")
+assert voxels("dose.dcm").tobytes() == deep[0].tobytes() and infos("dose.dcm")[0]["slope"] == 1e-6
+# Scanners of GE begin their files with a directory of TIFF, which may lead nowhere.
+slices("tiff", deep.astype("u2"), numpy.arange(3))
+for k in range(3):
+    b = bytearray(open(f"tiff/{k}", "rb").read()); b[:8] = b"II*\0\xf4\x05\x08\0"; open(f"tiff/{k}", "wb").write(b)
+assert voxels("tiff").tobytes() == deep.astype("u2").tobytes() and voxels("tiff/0").size == 72
+END
+    vkt info tiff/0 | grep -q '^format *dicom$'
+    fails_with 3 "its runs of bytes are no frame" vkt stats bad.dcm
+    fails_with 3 "its runs of bytes are no frame" vkt stats runs.dcm
 }

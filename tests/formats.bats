@@ -230,6 +230,10 @@ END
     "$unu" make -i a.raw -t short -s 5 6 7 -e raw -en little -sp 0.5 1.5 2 -o plain.nrrd
     "$unu" join -a 0 -incr -i plain.nrrd plain.nrrd -o channels.nrrd
     fails_with 3 "axis 0 holds 2 values for each voxel" vkt info channels.nrrd
+    # The command that a refusal names makes a sequence of it.
+    fails_with 3 "or make it a sequence: unu permute -p 1 2 3 0 | unu axinfo -a 3 -k list" vkt info channels.nrrd
+    "$unu" permute -p 1 2 3 0 -i channels.nrrd | "$unu" axinfo -a 3 -k list | vkt info --json | tr -d ' \n' | grep -o '"dims"' >dims
+    [ "$(grep -c . dims)" -eq 2 ]
     [[ "$stderr" == *"unu slice -a 0"* ]]
     "$unu" join -a 3 -incr -i plain.nrrd plain.nrrd -o times.nrrd
     [ "$(vkt read times.nrrd | vkt write - --format raw | wc -c)" -eq 840 ]

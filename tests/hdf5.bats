@@ -303,3 +303,104 @@ for name, want in (("big", a), ("little", a[:1]), ("many", a[:1]), ("series", a)
         assert got == want[:, z0:z1, y0:y1, x0:x1].tobytes(), (name, x0)
 END
 }
+
+@test "what NetCDF and MATLAB say of numbers: signs, limits of cells, times, parts; integers of any width; MINC is named" {
+    /usr/bin/python3 - <<'END'
+from common import *
+data = numpy.arange(-60, 60, dtype="i2").reshape(4, 5, 6)
+def scale(f, name, values, **attributes):
+    f[name] = values; f[name].make_scale(name); f[name].attrs.update(attributes)
+def attach(f, name, *scales):
+    for i, s in enumerate(scales): f[name].dims[i].attach_scale(f[s])
+with h5py.File("n.nc", "w") as f:
+    scale(f, "lev", numpy.array([10.0, 20, 30, 40]), bounds="lev_bnds"); scale(f, "lat", numpy.arange(5.0)); scale(f, "lon", numpy.arange(6.0))
+    f["lev_bnds"] = numpy.zeros((4, 2))
+    f["v"] = data; f["v"].attrs.update({"_Unsigned": "true", "_FillValue": numpy.int16(-1), "scale_factor": 0.5}); attach(f, "v", "lev", "lat", "lon")
+i = infos("n.nc")[0] # the limits are no variable to choose from
+assert i["dtype"] == "uint16" and voxels("n.nc") == data.tobytes() and i["attributes"]["_FillValue"] == "65535" and i["spacing"] == [1, 1, 10], i
+with h5py.File("t.nc", "w") as f:
+    scale(f, "step", numpy.array([0.0, 6, 12, 18]), units="hours since 2000-01-01"); scale(f, "lat", numpy.arange(5.0)); scale(f, "lon", numpy.arange(6.0))
+    f["v"] = data; attach(f, "v", "step", "lat", "lon")
+i = infos("t.nc")
+assert len(i) == 4 and i[1]["dims"] == [6, 5, 1] and i[1]["attributes"]["sequence position"] == "6" and voxels("t.nc") == data.tobytes(), i
+# Twelve bits of sixteen, in the middle; three bytes.
+space = h5py.h5s.create_simple(data.shape)
+for name, kind, size, precision, offset in (("a", h5py.h5t.STD_I16BE, 2, 12, 3), ("b", h5py.h5t.STD_I32LE, 3, 24, 0), ("c", h5py.h5t.STD_I64BE, 8, 40, 0)):
+    t = kind.copy(); t.set_precision(precision); t.set_size(size); t.set_offset(offset)
+    for chunks in (None, (2, 3, 4)):
+        with h5py.File("w.h5", "w") as f:
+            how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            if chunks: how.set_chunk(chunks)
+            h5py.h5d.create(f.id, name.encode(), t, space, how).write(h5py.h5s.ALL, h5py.h5s.ALL, data.astype("i8"))
+        assert voxels("w.h5") == data.astype({"a": "i2", "b": "i4", "c": "i8"}[name]).tobytes(), (name, chunks)
+with h5py.File("m.mat", "w") as f:
+    f["volume"] = data
+    for name in ("#refs#/a", "#refs#/b", "#subsystem#/MCOS"): f[name] = numpy.zeros((2, 2))
+    f["nothing"] = numpy.zeros((2, 3), "u8"); f["nothing"].attrs["MATLAB_empty"] = numpy.uint8(1)
+    f["words"] = numpy.zeros((3, 3), "u2"); f["words"].attrs["MATLAB_class"] = numpy.bytes_("char")
+assert voxels("m.mat") == data.tobytes()
+with h5py.File("i.mnc", "w") as f: f["minc-2.0/image/0/image"] = data
+assert voxels("i.mnc:/minc-2.0/image/0/image") == data.tobytes()
+END
+    fails_with 3 "is a MINC file, which is not read" vkt info i.mnc
+}
+
+@test "filters of others: LZF, Zstandard, LZ4, bzip2, Blosc, bitshuffle; those that nobody has are named" {
+    # Chunks as the filters' own code writes them, in files that list the filters.
+    /usr/bin/python3 - <<'END'
+from common import *
+import bz2, struct
+rng = numpy.random.default_rng(3)
+data = numpy.cumsum(rng.integers(-3, 4, (7, 12, 13)), axis=2).astype("i4")
+for more in ({}, {"shuffle": True}, {"shuffle": True, "fletcher32": True}):
+    for values in (data, rng.integers(-2**31, 2**31, data.shape).astype(">i4")):
+        with h5py.File("lzf.h5", "w") as f: f.create_dataset("a", data=values, chunks=(3, 5, 7), compression="lzf", **more)
+        assert voxels("lzf.h5") == values.astype("i4").tobytes(), more
+def by_hand(name, id, settings, encode):
+    """One chunk, and a filter that this library does not have: it may be left out, so that the file can be made."""
+    with h5py.File(name, "w") as f:
+        how = h5py.h5p.create(h5py.h5p.DATASET_CREATE); how.set_chunk(data.shape); how.set_filter(id, h5py.h5z.FLAG_OPTIONAL, settings)
+        h5py.h5d.create(f.id, b"a", h5py.h5t.STD_I32LE, h5py.h5s.create_simple(data.shape), how).write_direct_chunk((0, 0, 0), encode(data.tobytes()))
+def bitshuffled(plain, element=4, block=2048):
+    """Bit k of byte j of all elements, by numpy."""
+    a = numpy.frombuffer(plain, "u1").reshape(-1, element); n = len(a) // 8 * 8; out = b""
+    for at in range(0, n, block):
+        bits = numpy.unpackbits(a[at:min(at + block, n)], axis=1, bitorder="little")
+        out += numpy.packbits(bits.T, axis=1, bitorder="little").tobytes()
+    return out + a[n:].tobytes()
+by_hand("bz2.h5", 307, (9,), bz2.compress)
+by_hand("bitshuffle.h5", 32008, (0, 4, 4, 0, 0), bitshuffled)
+by_hand("stored.h5", 32004, (), lambda b: struct.pack(">QI", len(b), 1000) + b"".join(struct.pack(">I", len(b[i:i + 1000])) + b[i:i + 1000] for i in range(0, len(b), 1000)))
+for name in ("bz2", "bitshuffle", "stored"): assert voxels(name + ".h5") == data.tobytes(), name
+for name in ("bz2", "bitshuffle", "stored"):
+    bad = open(name + ".h5", "rb").read()
+    at = bad.find(b"BZh9") if name == "bz2" else bad.find(bitshuffled(data.tobytes())[:64]) if name == "bitshuffle" else bad.find(struct.pack(">QI", data.nbytes, 1000)) + 12
+    open(name + "-bad.h5", "wb").write(bad[:at] + bytes([255] * 40) + bad[at + 40:])
+by_hand("zfp.h5", 32013, (1, 2), lambda b: b); by_hand("none.h5", 400, (), lambda b: b)
+END
+    fails_with 3 "cannot be read" vkt stats bz2-bad.h5
+    fails_with 3 "cannot be read" vkt stats stored-bad.h5
+    vkt stats bitshuffle-bad.h5 # other bits are other numbers
+    fails_with 3 "compressed by filter 32013 (zfp), which is not read" vkt info zfp.h5
+    fails_with 3 "compressed by filter 400, which is not read" vkt info none.h5
+}
+
+@test "filters of others, as hdf5plugin writes them" {
+    # Its h5py is another one than Debian's.
+    PYTHONPATH="$VKT_BUILD/hdf5plugin" /usr/bin/python3 -c 'import hdf5plugin' 2>/dev/null || skip "no hdf5plugin: pip install --target $VKT_BUILD/hdf5plugin hdf5plugin"
+    PYTHONPATH="$PWD:$VKT_BUILD/hdf5plugin" /usr/bin/python3 - <<'END'
+from common import *
+import hdf5plugin as p
+rng = numpy.random.default_rng(4)
+for code in ("u1", "<i2", ">u2", "<f4", "<f8"):
+    for values in (numpy.cumsum(rng.normal(size=(17, 33, 41)), axis=2) * 50, rng.integers(0, 256, (17, 33, 41))):
+        values = values.astype(code)
+        for how in (p.Zstd(), p.LZ4(), p.LZ4(nbytes=512), p.BZip2(), p.Blosc(cname="lz4"), p.Blosc(cname="zstd", shuffle=2), p.Blosc(cname="blosclz", shuffle=0),
+                    p.Bitshuffle(cname="none"), p.Bitshuffle(cname="lz4"), p.Bitshuffle(nelems=64, cname="lz4"), p.Bitshuffle(cname="zstd")):
+            for chunks in ((17, 33, 41), (4, 16, 16), (2, 1, 3)):
+                with h5py.File("f.h5", "w") as f: f.create_dataset("a", data=values, chunks=chunks, **how)
+                assert voxels("f.h5") == values.astype(values.dtype.newbyteorder("=")).tobytes(), (code, how, chunks)
+with h5py.File("f.h5", "w") as f: f.create_dataset("a", data=values, chunks=(4, 16, 16), **p.Blosc2())
+END
+    fails_with 3 "compressed by filter 32026 (blosc2), which is not read" vkt info f.h5
+}

@@ -78,6 +78,19 @@ END
     vkt diff be_i2_pair.img be_i2_pair.hdr
 }
 
+@test "pairs whose names are in capitals" {
+    /usr/bin/python3 -c '
+import nibabel, numpy
+nibabel.save(nibabel.Nifti1Pair(numpy.arange(60, dtype="i2").reshape(5, 4, 3), numpy.eye(4)), "pair.img")'
+    cp pair.hdr HEAD.HDR
+    cp pair.img HEAD.IMG
+    vkt diff pair.hdr HEAD.HDR
+    vkt diff pair.hdr HEAD.IMG
+    cp pair.hdr MIXED.HDR # of two makers
+    cp pair.img MIXED.img
+    vkt diff pair.hdr MIXED.HDR
+}
+
 @test "qform, sform, both, neither, shear, mirrored, with slopes and units" {
     /usr/bin/python3 - <<'END'
 import nibabel, numpy

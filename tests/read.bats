@@ -245,6 +245,12 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     fails_with 3 "is a NetCDF file" vkt info d.bin
     printf '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">' >e.bin
     fails_with 3 "is a VTK XML file" vkt info e.bin
+    # What does not say it in its first bytes, by its name, and what makes of it something that is read.
+    printf '\000\000\000\001' | gzip >m.mgz
+    fails_with 3 "'m.mgz' is a FreeSurfer volume, a format that vkt does not read" vkt info m.mgz
+    fails_with 3 "mri_convert" vkt info m.mgz
+    printf '<?xml version="1.0"?>\n<VTKFile type="RectilinearGrid">' >r.vtr
+    fails_with 3 "in ParaView: Resample To Image" vkt info r.vtr
     printf 'nothing known' >f.bin
     fails_with 3 "vkt read f.bin --dims X Y Z --dtype TYPE" vkt info f.bin
 }

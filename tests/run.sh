@@ -107,6 +107,10 @@ if [ "${VKT_PACKAGES:-install}" = install ]; then
     [ -d build/peers/zarr ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers zarr mrcfile ||
         echo 'zarr and mrcfile could not be installed'
+    # Filters of HDF5, with an h5py of their own.
+    [ -d build/hdf5plugin/hdf5plugin ] ||
+        /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/hdf5plugin hdf5plugin ||
+        echo 'hdf5plugin could not be installed'
     # Judges of the Python package and of segmentations.
     [ -d build/peers/slicerio ] ||
         /usr/bin/python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --target build/peers slicerio npe2 mypy scikit-build-core ||

@@ -291,3 +291,71 @@ assert voxels(sys.argv[1]).tobytes() == a.tobytes()
 END
     vkt write "$VKT_DATA/vti/hydrogen.vti" again.vti && vkt diff "$VKT_DATA/vti/hydrogen.vti" again.vti
 }
+
+@test "what VTK says of arrays between their numbers; extents, texts, bits, ids, vectors and colours of legacy files" {
+    /usr/bin/python3 - <<'END'
+from common import *
+from vtkmodules.vtkCommonCore import vtkBitArray, vtkDataArray, vtkIdTypeArray, vtkStringArray
+rng = numpy.random.default_rng(12)
+points = rng.integers(0, 99, (5, 6, 7)).astype("f4")
+picture = image(points, "density", spacing=(0.5, 2, 3), origin=(-1, 7, 100), lower=(2, -3, 1))
+data = picture.GetPointData()
+data.GetScalars().GetInformation().Set(vtkDataArray.UNITS_LABEL(), "K")
+def add(array, name, how="AddArray"):
+    v = numpy_support.numpy_to_vtk(array, deep=True); v.SetName(name); getattr(data, how)(v); return v
+flow = rng.integers(-9, 9, (210, 3)).astype("f4")
+add(flow, "flow", "SetVectors").SetComponentName(0, "X")
+def write(writer, name, **set):
+    writer.SetFileName(name); writer.SetInputData(picture)
+    for key, value in set.items(): getattr(writer, key)(*value)
+    writer.Write()
+# The information stands behind the numbers, and numbers behind it would do as well.
+for mode in ("Ascii", "Binary", "Appended"):
+    write(vtkXMLImageDataWriter(), "a.vti", **{"SetDataModeTo" + mode: ()})
+    assert voxels("a.vti").tobytes() == points.tobytes(), mode
+    assert voxels("a.vti", "--variable flow") == flow.T.tobytes(), mode
+write(vtkXMLImageDataWriter(), "a.vti", SetDataModeToAscii=())
+text = open("a.vti").read()
+assert text.count("<InformationKey") == 2
+key = text[text.index("<InformationKey"):text.index("</InformationKey>") + 17]
+first = text.index("<DataArray"); begin = text.index(">", first) + 1
+open("before.vti", "w").write(text[:begin] + key + text[begin:].replace(key, "", 1))
+assert voxels("before.vti").tobytes() == points.tobytes()
+# Legacy files.
+add(rng.integers(0, 9, 210).astype("i8"), "ids", "SetGlobalIds")
+ids = vtkIdTypeArray(); ids.SetName("numbers"); ids.SetNumberOfTuples(210)
+for i in range(210): ids.SetValue(i, 3 * i)
+data.AddArray(ids)
+bits = vtkBitArray(); bits.SetName("bits"); words = vtkStringArray(); words.SetName("words")
+for i in range(210): bits.InsertNextValue(i & 1); words.InsertNextValue("w %d" % i if i % 3 else "long" * i)
+data.AddArray(bits); data.AddArray(words)
+title = vtkStringArray(); title.SetName("a title"); title.InsertNextValue("two\nlines"); title.InsertNextValue(""); picture.GetFieldData().AddArray(title)
+for binary in (False, True):
+    for extent in (False, True):
+        write(vtkStructuredPointsWriter(), "a.vtk", SetWriteExtent=(extent,), **{"SetFileTypeTo" + ("Binary" if binary else "ASCII"): ()})
+        what = (binary, extent)
+        assert voxels("a.vtk", "--variable density") == points.tobytes(), what
+        assert voxels("a.vtk", "--variable flow") == flow.T.tobytes(), what
+        assert voxels("a.vtk", "--variable flow", "--roi", "3:,1:4,2:") == numpy.ascontiguousarray(flow.reshape(5, 6, 7, 3)[2:, 1:4, 3:].transpose(3, 0, 1, 2)).tobytes(), what
+        assert voxels("a.vtk", "--variable numbers") == numpy.arange(0, 630, 3, dtype="i4").tobytes(), what
+        i = infos("a.vtk")[0]
+        assert i["origin"] == [0, 1, 103] and i["spacing"] == [0.5, 2, 3], i
+for channels in (1, 3, 4):
+    for code in ("u1", "u2"):
+        colours = rng.integers(0, 256, (3, 4, 5, channels)).astype(code)
+        picture = image(colours, "rgb")
+        for kind in ("ASCII", "Binary"):
+            write(vtkStructuredPointsWriter(), "c.vtk", **{"SetFileTypeTo" + kind: ()})
+            assert voxels("c.vtk").tobytes() == numpy.ascontiguousarray(colours.transpose(3, 0, 1, 2)).tobytes(), (channels, code, kind)
+            if channels > 1: assert infos("c.vtk")[1]["attributes"]["channel"] == "1"
+w = vtkXMLImageDataWriter(); w.SetFileName("times.vti"); w.SetInputData(picture); w.SetNumberOfTimeSteps(2)
+w.Start(); w.WriteNextTime(0); w.WriteNextTime(1); w.Stop()
+END
+    vkt info a.vtk | grep -q "not read *array 'words' of type string"
+    # Version 1.0 has blank lines.
+    printf '# vtk DataFile Version 1.0\nx\n\nASCII\n\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nASPECT_RATIO 1 1 1\n\nPOINT_DATA 4\nSCALARS s char\n\nLOOKUP_TABLE default\n1 0 1 1\n' >old.vtk
+    [ "$(vkt stats old.vtk --json | tr -d ' \n' | grep -o '"sum":3')" = '"sum":3' ]
+    fails_with 3 "holds 2 time steps in one file, which is not read" vkt info times.vti
+    printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 1\nPOINT_DATA 4\nSCALARS s bit\n1 0 1 1\n' >bits.vtk
+    fails_with 3 "holds no array of numbers, but array 's' of type bit, which is not read" vkt info bits.vtk
+}

@@ -442,3 +442,50 @@ END
     printf '\377' | dd of=z.zarr.zip bs=1 seek=$(($(stat -c %s z.zarr.zip) / 2)) conv=notrunc status=none
     fails_with 3 "damaged: its checksum is another" vkt stats z.zarr.zip
 }
+
+@test "transpositions one after another, bzip2 and LZMA; arrays of coordinates and what converters put beside images" {
+    with_peer zarr
+    /usr/bin/python3 - <<'END'
+from common import *
+import zarr, numcodecs
+from zarr.codecs import TransposeCodec
+rng = np.random.default_rng(11)
+data = (rng.normal(size=(7, 12, 13)) * 900).astype("i2")
+for shards in (None, (6, 10, 8)):
+    for orders in (((0, 2, 1), (1, 0, 2)), ((1, 2, 0), (1, 2, 0)), ((2, 0, 1), (0, 2, 1))):
+        name = f"t{shards is None}{orders[0]}.zarr".replace(" ", "")
+        z = zarr.create_array(name, shape=data.shape, dtype="i2", chunks=(3, 5, 4), shards=shards, filters=[TransposeCodec(order=o) for o in orders])
+        z[...] = data
+        assert voxels(name) == data.tobytes(), (shards, orders)
+for codec in (numcodecs.BZ2(), numcodecs.LZMA(), numcodecs.LZMA(format=2)):  # xz and the older format of one file
+    name = f"{codec.codec_id}{getattr(codec, 'format', '')}.zarr"
+    z = zarr.create_array(name, shape=data.shape, dtype="i2", chunks=(3, 5, 4), zarr_format=2, compressors=codec); z[...] = data
+    assert voxels(name) == data.tobytes(), codec
+# xarray's: a variable, its coordinates, the limits of their cells, a number that names a projection.
+for version in (2, 3):
+    name = f"x{version}.zarr"
+    g = zarr.open_group(name, mode="w", zarr_format=version)
+    def put(array, values, *dimensions, **attributes):
+        z = g.create_array(array, shape=values.shape, dtype=values.dtype, **({"dimension_names": dimensions} if version == 3 else {}))
+        z[...] = values
+        z.attrs.update(attributes | ({"_ARRAY_DIMENSIONS": dimensions} if version == 2 else {}))
+    put("lat", 50 - np.arange(12) * 0.5, "lat", units="degrees"); put("lon", np.arange(13, dtype="f4") * 2, "lon", units="degrees")
+    put("lev", np.array([10, 20, 30, 40, 50, 60, 70]), "lev", units="m"); put("time", np.array([0.0, 6, 12]), "time", units="hours since 2000-01-01", bounds="time_bnds")
+    put("time_bnds", np.zeros((3, 2)), "time", "bnds"); put("crs", np.array(0))
+    series = np.stack([data, data + 1, data + 2])
+    put("v", series, "time", "lev", "lat", "lon")
+    i = infos(name)
+    assert voxels(name) == series.tobytes() == voxels(name, "--variable v") and len(i) == 3, i
+    assert i[1]["spacing"] == [2, 0.5, 10] and i[1]["origin"] == [0, 50, 10] and i[1]["direction"][1] == [0, -1, 0], i[1]
+    assert i[1]["attributes"]["sequence position"] == "6" and i[1]["attributes"]["sequence step"] == "6", i[1]
+    put("flat", series[:, 0], "time", "lat", "lon")
+    assert [j["dims"] for j in infos(name + "/flat")] == [[13, 12, 1]] * 3 and infos(name + "/flat")[2]["attributes"]["sequence position"] == "12"
+# bioformats2raw writes OME's metadata as a group beside the only image.
+g = zarr.open_group("b.zarr", mode="w", zarr_format=2); g.attrs["bioformats2raw.layout"] = 3
+image = g.create_group("0"); image.create_array("0", data=data)
+image.attrs["multiscales"] = [{"version": "0.4", "axes": [{"name": n, "type": "space"} for n in "zyx"], "datasets": [{"path": "0", "coordinateTransformations": [{"type": "scale", "scale": [3, 2, 2]}]}]}]
+g.create_group("OME").attrs["series"] = ["0"]
+assert voxels("b.zarr") == data.tobytes() and infos("b.zarr")[0]["spacing"] == [2, 2, 3]
+END
+    fails_with 2 'holds several arrays: flat, v' vkt info x2.zarr
+}

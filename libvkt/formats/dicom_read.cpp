@@ -7,6 +7,7 @@
 #include "libvkt/formats/dicom.h"
 #include "libvkt/formats/dicom_module.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/raw_source.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmGlobal.h>
@@ -26,6 +27,8 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <tuple>
+#include <type_traits>
 
 namespace vkt::dicom {
 namespace {
@@ -45,9 +48,14 @@ std::string millimetres(double distance) { return text(std::round(distance * 1e4
 struct Slice {
     std::string file; ///< its name in the folder, or empty for the file itself
     std::int64_t frame = 0, frames = 1;
-    std::string series, series_number, modality, photometric, rescale_type, units;
-    std::int64_t columns = 0, rows = 0, bits = 0, samples = 1, instance = 0, time = 0;
+    std::string series, series_number, modality, photometric, rescale_type, units, uid;
+    bool table = false, mosaic = false; ///< values have a modality LUT; slices stand side by side in an image
+    std::int64_t columns = 0, rows = 0, bits = 0, stored = 0, samples = 1, instance = 0, time = 0;
     bool is_signed = false, placed = false;
+    /// Where its pixels begin in the file, if no library needs to decode them: as they are, or in runs, one fragment
+    /// for each frame.
+    std::int64_t pixels_at = -1;
+    bool runs = false, big_endian = false, words = false, planar = false;
     Vec3 position, across{1, 0, 0}, down{0, 1, 0};
     double spacing_across = 1, spacing_down = 1;
     std::optional<double> spacing_slices;
@@ -84,6 +92,17 @@ std::int64_t element_short(gdcm::DataSet const& set, std::uint16_t group, std::u
     if (value == nullptr || value->GetLength() < 2) return otherwise;
     std::uint16_t number = 0;
     std::memcpy(&number, value->GetPointer(), 2);
+    return number;
+}
+
+/// The same of four bytes.
+std::optional<std::uint32_t> element_long(gdcm::DataSet const& set, std::uint16_t group, std::uint16_t element) {
+    gdcm::Tag const tag(group, element);
+    if (!set.FindDataElement(tag)) return std::nullopt;
+    gdcm::ByteValue const* const value = set.GetDataElement(tag).GetByteValue();
+    if (value == nullptr || value->GetLength() != 4) return std::nullopt;
+    std::uint32_t number = 0;
+    std::memcpy(&number, value->GetPointer(), 4);
     return number;
 }
 
@@ -135,8 +154,7 @@ void read_group(gdcm::DataSet const& group, Slice& slice) {
                                {0x0028, 0x9145}})
         if (auto const item = first_item(group, g, e)) read_plane(*item, slice);
     if (auto const item = first_item(group, 0x0020, 0x9111)) // frame content
-        if (auto const index = element_numbers(*item, 0x0020, 0x9128); index.size() == 1)
-            slice.time = static_cast<std::int64_t>(index[0]);
+        if (auto const index = element_long(*item, 0x0020, 0x9128)) slice.time = std::int64_t{*index};
 }
 
 class DicomFiles : public GridsParser {
@@ -147,6 +165,7 @@ public:
         gdcm::Trace::ErrorOff();
         std::error_code error;
         folder_ = fs::is_directory(path_, error);
+        base_ = path_;
     }
 
     ParsedGrids open(GridsChoice const& choice) override;
@@ -156,31 +175,40 @@ private:
     [[noreturn]] void fail(std::string const& what, std::string const& hint = {}) const {
         throw Error(ErrorKind::data, text("'", path_, "': ", what), hint);
     }
-    std::string full(std::string const& file) const { return file.empty() ? path_ : path_ + "/" + file; }
+    std::string full(std::string const& file) const { return file.empty() ? path_ : base_ + "/" + file; }
     std::string shown(Slice const& s) const {
         return text(s.file.empty() ? path_ : s.file, s.frames > 1 ? text(" frame ", s.frame) : "");
     }
     /// How to have what is refused.
     std::string forced() const { return text("vkt read ", shell_quoted(path_), " --force-uniform | ..."); }
     bool read_file(std::string const& file);
-    void check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const;
-    void list_files(std::vector<std::string>& not_read);
+    void check_pixels(std::istream& stream, gdcm::File const& file, Slice& slice) const;
+    bool note_records(gdcm::DataSet const& set);
+    void list_files(bool trust_paths, std::vector<std::string>& not_read);
+    void list_records(bool trust_paths, std::vector<std::string>& not_read);
+    void read_files(std::vector<std::string> const& names, std::vector<std::string>& not_read);
     std::vector<std::vector<Slice>> groups() const;
     void arrange(std::vector<Slice> slices, bool force_uniform, ParsedGrids& grids);
     void place(bool force_uniform, Header& header) const;
     void tell_personal(std::string const& file, ParsedGrids& grids) const;
     std::vector<char> const& pixels(Slice const& slice);
+    std::span<char const> frame_of(Slice const& slice);
+    void read_plain(std::istream& stream, Slice const& slice);
+    bool read_runs(std::istream& stream, Slice const& slice);
     bool single_bits(gdcm::DataSet const& set, Slice const& slice);
+    void to_colours(Slice const& slice);
     template <class T>
     void copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample, std::byte* to) const;
 
-    std::string path_;
-    bool folder_ = false;
-    std::vector<Slice> all_, slices_; ///< found; those of the volumes, one volume after another
+    std::string path_, base_;          ///< base_: where names of files begin
+    bool folder_ = false;              ///< several files
+    std::vector<std::string> records_; ///< the files that a DICOMDIR names
+    std::vector<Slice> all_, slices_;  ///< found; those of the volumes, one volume after another
     Index3 dims_;
     std::int64_t samples_ = 1;
     bool physical_ = false; ///< slopes differ between slices: values are made physical
     std::string held_file_;
+    std::int64_t held_frame_ = -1; ///< -1: all of them
     bool held_ = false;
     std::vector<char> pixels_;
     bool planar_ = false;
@@ -188,7 +216,7 @@ private:
 
 /// GDCM takes zeros for what a file that was cut short lacks. The stream is behind the head of the pixel data, where
 /// GDCM leaves it; the four bytes before it are their length.
-void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slice const& slice) const {
+void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slice& slice) const {
     gdcm::TransferSyntax const syntax = file.GetHeader().GetDataSetTransferSyntax();
     // Places in a deflated file are none in what it holds.
     if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) return;
@@ -215,13 +243,22 @@ void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slic
     std::uint32_t const length = word(at - 4, false);
     constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
     if (length != undefined) {
-        bool const halved = element_text(file.GetDataSet(), 0x0028, 0x0004).ends_with("_422"); // two chroma share one
+        std::string const colours = element_text(file.GetDataSet(), 0x0028, 0x0004);
+        bool const halved = colours.ends_with("_422") || colours.ends_with("_420"); // some share their chroma
         double const needed = static_cast<double>(slice.columns * slice.rows) * static_cast<double>(slice.frames) *
                               static_cast<double>(halved ? 2 : slice.samples) * static_cast<double>(slice.bits) / 8;
         if (static_cast<double>(length) < needed) refuse("it has fewer pixels than it says");
         if (length > size - at) refuse(text("pixels of ", std::int64_t{length}, " bytes, ", size - at, " found"));
+        std::array<char, 2> type{};
+        stream.seekg(at - 8);
+        stream.read(type.data(), type.size());
+        slice.words = word(at - 12, true) != 0x7fe00010 || std::string_view(type.data(), 2) != "OB";
+        slice.big_endian = big;
+        if (!halved && (slice.bits == 8 || slice.bits == 16 || slice.bits == 32)) slice.pixels_at = at;
         return;
     }
+    slice.runs = syntax == gdcm::TransferSyntax::RLELossless;
+    if (slice.runs && slice.bits % 8 == 0 && slice.bits <= 32) slice.pixels_at = at;
     while (true) {
         if (size - at < 8) refuse("its encoded pixels have no end");
         std::uint32_t const tag = word(at, true), bytes = word(at + 4, false);
@@ -254,12 +291,13 @@ bool DicomFiles::read_file(std::string const& file) {
     s.file = file;
     s.columns = element_short(set, 0x0028, 0x0011, 0);
     s.rows = element_short(set, 0x0028, 0x0010, 0);
-    if (s.columns == 0 || s.rows == 0) return false; // a report, a directory
+    if (s.columns == 0 || s.rows == 0) return note_records(set); // a report, a directory
     s.samples = element_short(set, 0x0028, 0x0002, 1);
     s.bits = element_short(set, 0x0028, 0x0100, 16);
     s.is_signed = element_short(set, 0x0028, 0x0103, 0) == 1;
-    std::int64_t const stored = element_short(set, 0x0028, 0x0101, s.bits),
-                       high = element_short(set, 0x0028, 0x0102, stored - 1);
+    s.planar = element_short(set, 0x0028, 0x0006, 0) == 1;
+    s.stored = element_short(set, 0x0028, 0x0101, s.bits);
+    std::int64_t const stored = s.stored, high = element_short(set, 0x0028, 0x0102, stored - 1);
     if (stored <= high && high < s.bits) // GDCM masks the lowest bits all the same
         fail(text(folder_ ? text("'", file, "': ") : "", "its values do not end with the lowest bit (Bits Stored is ",
                   stored, ", High Bit ", high, "), which is not read"));
@@ -272,6 +310,9 @@ bool DicomFiles::read_file(std::string const& file) {
     s.modality = element_text(set, 0x0008, 0x0060);
     s.photometric = element_text(set, 0x0028, 0x0004);
     s.units = element_text(set, 0x0054, 0x1001);
+    s.uid = element_text(set, 0x0008, 0x0018);
+    s.table = first_item(set, 0x0028, 0x3000).has_value();
+    s.mosaic = element_text(set, 0x0008, 0x0008).find("MOSAIC") != std::string::npos;
     auto const whole = [&](std::uint16_t group, std::uint16_t element) {
         auto const v = element_numbers(set, group, element);
         return v.size() == 1 ? static_cast<std::int64_t>(std::clamp(v[0], -1e15, 1e15)) : std::int64_t{0};
@@ -283,6 +324,8 @@ bool DicomFiles::read_file(std::string const& file) {
     if (all_.size() + static_cast<std::size_t>(s.frames) > most_files) fail("holds more images than vkt reads at once");
     check_pixels(stream, reader.GetFile(), s);
     read_plane(set, s);
+    if (!s.placed) // of nuclear medicine, where the frames of a detector lie
+        if (auto const detector = first_item(set, 0x0054, 0x0022)) read_plane(*detector, s);
     // Doses have a slope and places of frames of their own: distances from the first, or, if that is not 0, along z.
     if (auto const v = element_numbers(set, 0x3004, 0x000e); v.size() == 1 && v[0] != 0) s.slope = v[0];
     if (s.units.empty()) s.units = element_text(set, 0x3004, 0x0002);
@@ -311,10 +354,29 @@ bool DicomFiles::read_file(std::string const& file) {
     return true;
 }
 
-void DicomFiles::list_files(std::vector<std::string>& not_read) {
+/// Of a DICOMDIR, the files that it names. It is no image itself.
+bool DicomFiles::note_records(gdcm::DataSet const& set) {
+    auto const records = sequence(set, 0x0004, 0x1220);
+    for (std::size_t i = 1; records != nullptr && i <= records->GetNumberOfItems(); ++i) {
+        gdcm::DataSet const& record = records->GetItem(i).GetNestedDataSet();
+        std::string const name = element_text(record, 0x0004, 0x1500);
+        std::vector<std::string> parts = split(name, '\\');
+        for (std::string& part : parts) part = std::string(trimmed(part));
+        if (!name.empty() && records_.size() < most_files) records_.push_back(join(parts, "/"));
+    }
+    return false;
+}
+
+void DicomFiles::list_files(bool trust_paths, std::vector<std::string>& not_read) {
     if (!folder_) {
-        if (!read_file("")) fail("holds no image");
-        return;
+        if (read_file("")) return;
+        if (records_.empty()) fail("holds no image");
+        std::error_code error;
+        fs::path const place = fs::read_symlink(path_, error); // it is handed over open
+        base_ = (error ? fs::path(path_) : place).parent_path().string();
+        if (base_.empty()) base_ = ".";
+        folder_ = true;
+        return list_records(trust_paths, not_read);
     }
     std::vector<std::string> names;
     std::error_code error;
@@ -322,10 +384,50 @@ void DicomFiles::list_files(std::vector<std::string>& not_read) {
         if (entry.is_regular_file(error)) names.push_back(entry.path().filename());
     if (names.size() > most_files) fail("holds more files than vkt reads at once");
     std::sort(names.begin(), names.end());
-    std::int64_t others = 0;
-    for (std::string const& name : names)
-        if (!read_file(name)) ++others;
+    read_files(names, not_read);
+    if (all_.empty() && !records_.empty()) {
+        not_read.clear();
+        list_records(trust_paths, not_read);
+    }
     if (all_.empty()) fail("holds no DICOM images");
+}
+
+/// Names are those of a disc, whose files may have got small letters since.
+void DicomFiles::list_records(bool trust_paths, std::vector<std::string>& not_read) {
+    std::vector<std::string> names;
+    std::int64_t absent = 0;
+    std::error_code error;
+    for (std::string const& name : records_) {
+        bool found = false;
+        for (std::string const& spelt : {name, lower_case(name)}) {
+            if (found || !fs::exists(beside(base_ + "/DICOMDIR", spelt, trust_paths), error)) continue;
+            names.push_back(spelt);
+            found = true;
+        }
+        if (!found) ++absent;
+    }
+    read_files(names, not_read);
+    if (absent > 0)
+        not_read.push_back(text(absent, absent == 1 ? " file" : " files", " named by the DICOMDIR, but not there"));
+    if (all_.empty()) fail("its DICOMDIR names no image that is there", "read the folder with the images itself");
+}
+
+void DicomFiles::read_files(std::vector<std::string> const& names, std::vector<std::string>& not_read) {
+    std::int64_t others = 0, copies = 0;
+    std::set<std::tuple<std::string, std::string, std::int64_t>> seen;
+    for (std::string const& name : names) {
+        std::size_t const before = all_.size();
+        if (!read_file(name)) {
+            ++others;
+            continue;
+        }
+        Slice const& image = all_[before];
+        if (image.uid.empty() || seen.insert({image.uid, image.series, image.instance}).second) continue;
+        all_.resize(before);
+        ++copies;
+    }
+    if (copies > 0)
+        not_read.push_back(text(copies, copies == 1 ? " copy" : " copies", " of images that are there already"));
     if (others > 0) not_read.push_back(text(others, " files that are no DICOM images"));
 }
 
@@ -450,7 +552,7 @@ void DicomFiles::place(bool force_uniform, Header& header) const {
 ParsedGrids DicomFiles::open(GridsChoice const& choice) {
     std::string const& variable = choice.variable;
     ParsedGrids grids;
-    list_files(grids.not_read);
+    list_files(choice.trust_paths, grids.not_read);
     std::vector<std::vector<Slice>> series = groups();
     // Named by the number of the series; what has none, or shares it, by place.
     std::vector<std::string> names;
@@ -485,22 +587,28 @@ ParsedGrids DicomFiles::open(GridsChoice const& choice) {
                    : first.bits <= 16 ? (first.is_signed ? DataType::int16 : DataType::uint16)
                                       : (first.is_signed ? DataType::int32 : DataType::uint32);
     if (physical_) {
-        header.dtype = DataType::float32;
+        bool const wide = first.bits > 16; // whose values float32 does not hold
+        header.dtype = wide ? DataType::float64 : DataType::float32;
         double largest = 0;
         for (Slice const& s : series[chosen])
             largest =
                 std::max(largest, std::ldexp(std::abs(s.slope), static_cast<int>(s.bits)) + std::abs(s.intercept));
         header.error.kind = largest < 1e38 ? Certainty::bound : Certainty::unknown; // of rounding to that
-        header.error.at_most = largest < 1e38 ? largest * 0x1p-23 : 0;
+        header.error.at_most = largest < 1e38 ? largest * (wide ? 0x1p-52 : 0x1p-23) : 0;
     } else {
         header.values = {first.slope, first.intercept};
     }
     if (!first.modality.empty()) header.attributes["modality"] = first.modality;
     if (first.photometric == "MONOCHROME1") header.attributes["photometric"] = "min is white";
     if (first.photometric == "PALETTE COLOR") header.attributes["photometric"] = "palette";
-    header.units = !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
-                   : first.modality == "CT"    ? "HU"
-                                               : first.units;
+    if (first.table) grids.not_read.push_back("the modality LUT, which says what its values mean: they are as stored");
+    if (first.mosaic)
+        grids.not_read.push_back(
+            "the places of slices in a mosaic: they stand side by side, dcm2niix takes them apart");
+    header.units = first.table                   ? ""
+                   : !first.rescale_type.empty() ? (first.rescale_type == "US" ? "" : first.rescale_type)
+                   : first.modality == "CT"      ? "HU"
+                                                 : first.units;
     if (choice.personal) tell_personal(first.file, grids);
     header = in_utf8(std::move(header));
     return grids;
@@ -558,13 +666,32 @@ bool DicomFiles::single_bits(gdcm::DataSet const& set, Slice const& slice) {
     return true;
 }
 
+/// Luma and two differences of colour as red, green and blue (PS3.3, C.7.6.3.1.2): the three bytes of a pixel are
+/// `apart` from one another.
+void luma_to_rgb(std::vector<char>& pixels, std::size_t apart) {
+    auto const rounded = [](double v) {
+        return static_cast<char>(static_cast<unsigned char>(std::clamp(std::floor(v + 0.5), 0.0, 255.0)));
+    };
+    for (std::size_t group = 0; group + 3 * apart <= pixels.size(); group += 3 * apart)
+        for (std::size_t i = group; i < group + apart; ++i) {
+            auto const value = [&](std::size_t k) {
+                return static_cast<double>(static_cast<unsigned char>(pixels[i + k * apart]));
+            };
+            double const luma = value(0), blue = value(1) - 128, red = value(2) - 128;
+            pixels[i] = rounded(luma + 1.402 * red);
+            pixels[i + apart] = rounded(luma - 0.114 * 1.772 / 0.587 * blue - 0.299 * 1.402 / 0.587 * red);
+            pixels[i + 2 * apart] = rounded(luma + 1.772 * blue);
+        }
+}
+
 /// All frames of the file, decoded; the last one is kept.
 std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     if (held_ && held_file_ == slice.file) return pixels_;
     held_ = false;
+    held_frame_ = -1;
     gdcm::ImageReader reader;
     reader.SetFileName(full(slice.file).c_str());
-    std::string const name = slice.file.empty() ? path_ : path_ + "/" + slice.file;
+    std::string const name = full(slice.file);
     auto const refuse = [&](std::string const& what) {
         throw Error(ErrorKind::data, text("'", name, "': damaged: ", what));
     };
@@ -590,6 +717,10 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     pixels_.resize(image.GetBufferLength());
     if (!image.GetBuffer(pixels_.data())) refuse("its pixels cannot be decoded");
     planar_ = image.GetPlanarConfiguration() == 1;
+    gdcm::PhotometricInterpretation const colours = image.GetPhotometricInterpretation();
+    if (colours == gdcm::PhotometricInterpretation::YBR_FULL ||
+        colours == gdcm::PhotometricInterpretation::YBR_FULL_422)
+        to_colours(slice);
     auto const bytes = static_cast<std::size_t>((slice.bits + 7) / 8);
     if (pixels_.size() < static_cast<std::size_t>(slice.columns * slice.rows * slice.samples * slice.frames) * bytes)
         refuse("it ended early");
@@ -598,20 +729,126 @@ std::vector<char> const& DicomFiles::pixels(Slice const& slice) {
     return pixels_;
 }
 
+void DicomFiles::to_colours(Slice const& slice) {
+    if (slice.samples == 3 && slice.bits == 8)
+        luma_to_rgb(pixels_, planar_ ? static_cast<std::size_t>(slice.columns * slice.rows) : 1);
+}
+
+/// A frame as it lies in the file, in this machine's byte order.
+void DicomFiles::read_plain(std::istream& stream, Slice const& slice) {
+    std::int64_t const size = slice.columns * slice.rows * slice.samples * slice.bits / 8, first = size * slice.frame;
+    // Bytes of words of two in the other order: those of pairs are exchanged.
+    bool const pairs = slice.big_endian && slice.bits == 8 && slice.words;
+    std::int64_t const before = pairs ? first % 2 : 0, more = pairs ? (before + size) % 2 : 0;
+    pixels_.resize(static_cast<std::size_t>(before + size + more));
+    stream.seekg(slice.pixels_at + first - before);
+    stream.read(pixels_.data(), std::ssize(pixels_));
+    if (stream.gcount() < before + size) pixels_.clear(); // it has become shorter
+    std::size_t const element = pairs ? 2 : slice.big_endian ? static_cast<std::size_t>(slice.bits / 8) : 1;
+    if (element > 1) swap_bytes(reinterpret_cast<std::byte*>(pixels_.data()), pixels_.size() / element, element);
+    if (!pixels_.empty()) {
+        pixels_.erase(pixels_.begin(), pixels_.begin() + before);
+        pixels_.resize(static_cast<std::size_t>(size));
+    }
+    planar_ = slice.planar && slice.samples > 1;
+}
+
+/// Runs of bytes (PackBits), which become every `step`th of those of `to`, as many as there is room for.
+bool unpack_runs(std::span<unsigned char const> from, std::span<char> to, std::size_t step) {
+    std::size_t in = 0, out = 0;
+    while (out < to.size()) {
+        if (in == from.size()) return false;
+        unsigned const control = from[in++];
+        if (control == 128) continue;
+        bool const literal = control < 128;
+        std::size_t const n = literal ? control + 1 : 257 - control;
+        if (from.size() - in < (literal ? n : 1)) return false;
+        for (std::size_t i = 0; i < n && out < to.size(); ++i, out += step)
+            to[out] = static_cast<char>(from[in + (literal ? i : 0)]);
+        in += literal ? n : 1;
+    }
+    return true;
+}
+
+/// A frame out of its fragment: a segment for each byte of a sample, the highest first, one sample after another
+/// (PS3.5, annex G). They become planes.
+bool DicomFiles::read_runs(std::istream& stream, Slice const& slice) {
+    auto const number = [](unsigned char const* b) {
+        return b[0] | std::uint32_t{b[1]} << 8 | std::uint32_t{b[2]} << 16 | std::uint32_t{b[3]} << 24;
+    };
+    std::int64_t at = slice.pixels_at;
+    std::uint32_t bytes = 0;
+    for (std::int64_t i = 0; i <= slice.frame + 1; ++i) { // the first item is a table of the others
+        std::array<unsigned char, 8> head{};
+        stream.seekg(at);
+        stream.read(reinterpret_cast<char*>(head.data()), head.size());
+        bytes = number(head.data() + 4);
+        if (!stream || number(head.data()) != 0xe000fffe) return false; // item, in the order of its bytes
+        at += 8 + (i <= slice.frame ? std::int64_t{bytes} : 0);
+    }
+    std::vector<unsigned char> fragment(bytes);
+    stream.read(reinterpret_cast<char*>(fragment.data()), std::ssize(fragment));
+    constexpr std::size_t head = 64;
+    auto const width = static_cast<std::size_t>(slice.bits / 8),
+               n = static_cast<std::size_t>(slice.columns * slice.rows);
+    std::size_t const segments = static_cast<std::size_t>(slice.samples) * width;
+    if (!stream || fragment.size() < head || segments > 15 || number(fragment.data()) != segments) return false;
+    pixels_.resize(n * segments);
+    for (std::size_t i = 0; i < segments; ++i) {
+        std::size_t const begin = number(fragment.data() + 4 + 4 * i),
+                          end = i + 1 < segments ? number(fragment.data() + 8 + 4 * i) : fragment.size();
+        if (begin < head || begin > end || end > fragment.size()) return false;
+        std::size_t const sample = i / width, byte = width - 1 - i % width;
+        std::span<char> const plane = std::span(pixels_).subspan(sample * n * width, n * width);
+        if (!unpack_runs(std::span(fragment).subspan(begin, end - begin), plane.subspan(byte), width)) return false;
+    }
+    planar_ = true;
+    return true;
+}
+
+/// The pixels of one frame.
+std::span<char const> DicomFiles::frame_of(Slice const& slice) {
+    auto const bytes = static_cast<std::size_t>(slice.bits <= 8 ? 1 : slice.bits <= 16 ? 2 : 4);
+    auto const size = static_cast<std::size_t>(slice.columns * slice.rows * slice.samples) * bytes;
+    if (slice.pixels_at < 0) {
+        std::vector<char> const& all = pixels(slice);
+        if (all.size() < size * static_cast<std::size_t>(slice.frame + 1)) fail("ended early: a frame is missing");
+        return std::span(all).subspan(size * static_cast<std::size_t>(slice.frame), size);
+    }
+    if (held_ && held_file_ == slice.file && held_frame_ == slice.frame) return pixels_;
+    held_ = false;
+    std::ifstream stream(full(slice.file), std::ios::binary);
+    if (slice.runs && !read_runs(stream, slice))
+        throw Error(ErrorKind::data, text("'", full(slice.file), "': damaged: its runs of bytes are no frame"));
+    if (!slice.runs) read_plain(stream, slice);
+    if (pixels_.size() != size) throw Error(ErrorKind::data, text("'", full(slice.file), "' has become shorter"));
+    if (slice.photometric == "YBR_FULL") to_colours(slice);
+    held_file_ = slice.file;
+    held_frame_ = slice.frame;
+    held_ = true;
+    return pixels_;
+}
+
 template <class T>
 void DicomFiles::copy_rows(Slice const& slice, char const* frame, Box const& box, std::int64_t sample,
                            std::byte* to) const {
     Index3 const size = box.dims();
+    // The sign stands in the highest bit that is stored, above which anything may be.
+    auto const width = static_cast<std::int64_t>(8 * sizeof(T));
+    int const unused = slice.stored > 0 && slice.stored < width ? static_cast<int>(width - slice.stored) : 0;
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
         for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
             std::int64_t const pixel = y * slice.columns + x;
             std::int64_t const at = planar_ ? sample * slice.columns * slice.rows + pixel : pixel * samples_ + sample;
             T value{};
             std::memcpy(&value, frame + static_cast<std::size_t>(at) * sizeof(T), sizeof(T));
+            // Shifted out at the top and back: with the sign, or with zeros instead of what else was there (overlays).
+            value = static_cast<T>(static_cast<T>(value << unused) >> unused);
             std::int64_t const place = (y - box.lower.y) * size.x + (x - box.lower.x);
             if (physical_) {
-                auto const real = static_cast<float>(slice.slope * static_cast<double>(value) + slice.intercept);
-                std::memcpy(to + place * 4, &real, 4);
+                using Real = std::conditional_t<(sizeof(T) > 2), double, float>;
+                auto const real = static_cast<Real>(slice.slope * static_cast<double>(value) + slice.intercept);
+                std::memcpy(to + place * static_cast<std::int64_t>(sizeof real), &real, sizeof real);
             } else {
                 std::memcpy(to + static_cast<std::size_t>(place) * sizeof(T), &value, sizeof(T));
             }
@@ -624,13 +861,11 @@ void DicomFiles::read(std::int64_t volume, Box const& box, std::byte* to) {
     for (std::int64_t z = box.lower.z; z < box.upper.z; ++z) {
         Slice const& slice = slices_[static_cast<std::size_t>(volume / samples_ * dims_.z + z)];
         auto const bytes = static_cast<std::size_t>(slice.bits <= 8 ? 1 : slice.bits <= 16 ? 2 : 4);
-        auto const frame_bytes = static_cast<std::size_t>(slice.columns * slice.rows * samples_) * bytes;
-        std::vector<char> const& all = pixels(slice);
-        if (all.size() < frame_bytes * static_cast<std::size_t>(slice.frame + 1))
-            fail("ended early: a frame is missing");
-        char const* const frame = all.data() + frame_bytes * static_cast<std::size_t>(slice.frame);
+        char const* const frame = frame_of(slice).data();
         std::byte* const there =
-            to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (physical_ ? 4 : bytes);
+            to + static_cast<std::size_t>((z - box.lower.z) * size.x * size.y) * (!physical_  ? bytes
+                                                                                  : bytes > 2 ? 8
+                                                                                              : 4);
         if (bytes == 1)
             slice.is_signed ? copy_rows<std::int8_t>(slice, frame, box, sample, there)
                             : copy_rows<std::uint8_t>(slice, frame, box, sample, there);

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/foreign.h"
 
+#include "libvkt/core/text.h"
+
 #include <algorithm>
 #include <cstring>
 
@@ -48,6 +50,41 @@ constexpr Signature signatures[] = {
      "a program"},
 };
 
+struct Ending {
+    std::string_view end;
+    ForeignName name;
+};
+
+constexpr ForeignName freesurfer{"a FreeSurfer volume", "make NIfTI of it: mri_convert in.mgz out.nii.gz"};
+constexpr ForeignName afni{"a part of an AFNI dataset", "make NIfTI of it: 3dAFNItoNIFTI -prefix out.nii.gz in+orig"};
+constexpr ForeignName philips{"a Philips PAR/REC pair", "make NIfTI of it: dcm2niix in.PAR"};
+constexpr std::string_view bioformats = "make OME-Zarr of it: bioformats2raw in out.zarr";
+constexpr Ending endings[] = {
+    {".mgz", freesurfer},
+    {".mgh", freesurfer},
+    {".mnc", {"a MINC volume", "make NIfTI of it: mnc2nii in.mnc out.nii"}},
+    {".mif", {"an MRtrix image", "make NIfTI of it: mrconvert in.mif out.nii.gz"}},
+    {".head", afni},
+    {".brik", afni},
+    {".par", philips},
+    {".rec", philips},
+    {".gipl", {"a GIPL volume", "make NIfTI of it: c3d in.gipl -o out.nii.gz"}},
+    {".am", {"an Amira mesh", "in Amira or Avizo: save it as NRRD"}},
+    {".czi", {"a Zeiss image", bioformats}},
+    {".lif", {"a Leica image", bioformats}},
+    {".nd2", {"a Nikon image", bioformats}},
+    {".oib", {"an Olympus image", bioformats}},
+    {".oir", {"an Olympus image", bioformats}},
+    {".vsi", {"an Olympus image", bioformats}},
+    {".dm3", {"a DigitalMicrograph image", "make MRC of it: dm2mrc in.dm3 out.mrc"}},
+    {".dm4", {"a DigitalMicrograph image", "make MRC of it: dm2mrc in.dm4 out.mrc"}},
+    {".vtr", {"a VTK XML file of a rectilinear grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".vts", {"a VTK XML file of a structured grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".vtu", {"a VTK XML file of an unstructured grid", "in ParaView: Resample To Image, saved as .vti"}},
+    {".fits", {"a FITS file", "in Python: numpy.save(\"out.npy\", astropy.io.fits.getdata(\"in.fits\"))"}},
+    {".fit", {"a FITS file", "in Python: numpy.save(\"out.npy\", astropy.io.fits.getdata(\"in.fit\"))"}},
+};
+
 bool is_at(std::span<std::byte const> head, std::size_t at, std::string_view bytes) {
     return head.size() >= at + bytes.size() && std::memcmp(head.data() + at, bytes.data(), bytes.size()) == 0;
 }
@@ -63,6 +100,16 @@ std::string foreign_format(std::span<std::byte const> head) {
         return all.find("<VTKFile") != std::string_view::npos ? "a VTK XML file" : "an XML document";
     }
     return {};
+}
+
+ForeignName foreign_name(std::string const& path) {
+    std::string const lower = lower_case(path);
+    std::string_view name = lower;
+    for (std::string_view const wrapper : {".gz"sv, ".bz2"sv, ".xz"sv, ".zst"sv})
+        if (name.ends_with(wrapper)) name.remove_suffix(wrapper.size());
+    auto const found =
+        std::find_if(std::begin(endings), std::end(endings), [&](Ending const& e) { return name.ends_with(e.end); });
+    return found == std::end(endings) ? ForeignName{} : found->name;
 }
 
 } // namespace vkt

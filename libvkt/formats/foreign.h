@@ -12,4 +12,11 @@ namespace vkt {
 /// "a TIFF file" and the like, from the first 4 KiB of a file; empty if the bytes say nothing.
 std::string foreign_format(std::span<std::byte const> head);
 
+/// The same from the name, for files that do not say it in their first bytes: "a FreeSurfer volume", and how to turn it
+/// into something that vkt reads. Empty if the name says nothing.
+struct ForeignName {
+    std::string_view what, how;
+};
+ForeignName foreign_name(std::string const& path);
+
 } // namespace vkt

@@ -169,6 +169,9 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     // A file whose name promises a format that would have been recognised is damaged: its reader says how.
     if (Format const* const named = by_name(bytes.name()); named != nullptr && named->open) return *named;
     if (head.empty()) throw Error(ErrorKind::data, text("'", bytes.name(), "' is empty"));
+    if (auto const [foreign, how] = foreign_name(bytes.name()); !foreign.empty())
+        throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", foreign, ", a format that vkt does not read"),
+                    std::string(how));
     std::string what = foreign_format(unpacked);
     what = what.empty() ? foreign_format(head) : text(what, ", compressed as a whole");
     if (!what.empty())

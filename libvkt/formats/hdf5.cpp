@@ -56,14 +56,20 @@ std::string dataset_in_name(std::string const& name) {
 bool is_flash(ByteSource const& bytes) {
     if (!dataset_in_name(bytes.name()).empty() || !bytes.seekable()) return bytes.seekable() ? false : true;
     // Names of a FLASH file's datasets lie in the heap of its root group, near one of its ends.
-    constexpr std::int64_t range = std::int64_t{4} << 20;
+    constexpr std::int64_t range = std::int64_t{4} << 20, block = std::int64_t{256} << 10;
     std::string_view const name = "refine level";
-    std::vector<char> part(static_cast<std::size_t>(std::min(bytes.size(), range)));
-    for (std::int64_t const from : {std::int64_t{0}, bytes.size() - std::ssize(part)}) {
-        bytes.read_at(from, part.data(), part.size());
-        if (std::search(part.begin(), part.end(), name.begin(), name.end()) != part.end()) return true;
-    }
-    return false;
+    auto const overlap = std::ssize(name) - 1;
+    std::vector<char> part(static_cast<std::size_t>(block + overlap));
+    auto const found_in = [&](std::int64_t from, std::int64_t end) {
+        for (; from < end; from += block) { // blocks that stay in the cache
+            auto const n = static_cast<std::size_t>(std::min(block + overlap, bytes.size() - from));
+            bytes.read_at(from, part.data(), n);
+            if (::memmem(part.data(), n, name.data(), name.size()) != nullptr) return true;
+        }
+        return false;
+    };
+    std::int64_t const first = std::min(range, bytes.size()), last = std::max(first, bytes.size() - range);
+    return found_in(0, first) || found_in(last, bytes.size());
 }
 
 Format hdf5_format() {

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/formats/coordinates.h"
+#include "libvkt/formats/hdf5_filters.h"
 #include "libvkt/formats/hdf5_module.h"
 #include "libvkt/formats/hdf5_open.h"
 #include "libvkt/formats/raw_source.h"
@@ -33,11 +35,10 @@ std::optional<DataType> type_of(hid_t type) {
     }
     case H5T_INTEGER: {
         bool const has_sign = H5Tget_sign(type) == H5T_SGN_2;
-        if (H5Tget_precision(type) != 8 * size) return std::nullopt;
         if (size == 1) return has_sign ? DataType::int8 : DataType::uint8;
         if (size == 2) return has_sign ? DataType::int16 : DataType::uint16;
-        if (size == 4) return has_sign ? DataType::int32 : DataType::uint32;
-        if (size == 8) return has_sign ? DataType::int64 : DataType::uint64;
+        if (size <= 4) return has_sign ? DataType::int32 : DataType::uint32;
+        if (size <= 8) return has_sign ? DataType::int64 : DataType::uint64;
         return std::nullopt;
     }
     case H5T_FLOAT: {
@@ -54,6 +55,25 @@ std::optional<DataType> type_of(hid_t type) {
     }
     default:
         return std::nullopt;
+    }
+}
+
+DataType with_sign(DataType type, bool sign) {
+    switch (type) {
+    case DataType::uint8:
+    case DataType::int8:
+        return sign ? DataType::int8 : DataType::uint8;
+    case DataType::uint16:
+    case DataType::int16:
+        return sign ? DataType::int16 : DataType::uint16;
+    case DataType::uint32:
+    case DataType::int32:
+        return sign ? DataType::int32 : DataType::uint32;
+    case DataType::uint64:
+    case DataType::int64:
+        return sign ? DataType::int64 : DataType::uint64;
+    default:
+        return type;
     }
 }
 
@@ -86,8 +106,37 @@ Handle within_file(std::string& other) {
     return stay;
 }
 
+/// Whether all bits of an element are its value, as a machine has it: integers of files may have fewer, or three bytes.
+bool plain(hid_t type) {
+    std::size_t const size = H5Tget_size(type);
+    return H5Tget_class(type) != H5T_INTEGER ||
+           (H5Tget_precision(type) == 8 * size && (size == 1 || size == 2 || size == 4 || size == 8));
+}
+
+hid_t native_integer(DataType type) {
+    switch (type) {
+    case DataType::uint8:
+        return H5T_NATIVE_UINT8;
+    case DataType::int8:
+        return H5T_NATIVE_INT8;
+    case DataType::uint16:
+        return H5T_NATIVE_UINT16;
+    case DataType::int16:
+        return H5T_NATIVE_INT16;
+    case DataType::uint32:
+        return H5T_NATIVE_UINT32;
+    case DataType::int32:
+        return H5T_NATIVE_INT32;
+    case DataType::uint64:
+        return H5T_NATIVE_UINT64;
+    default:
+        return H5T_NATIVE_INT64;
+    }
+}
+
 /// The file's type in this machine's byte order.
 Handle memory_type(hid_t type) {
+    if (!plain(type)) return {H5Tcopy(native_integer(*type_of(type))), H5Tclose};
     if (H5Tget_class(type) == H5T_ENUM) {
         Handle const base(H5Tget_super(type), H5Tclose);
         if (H5Tget_size(base) == 1) return {H5Tcopy(type), H5Tclose};
@@ -101,7 +150,8 @@ struct Dataset {
     std::string path;
     DataType type = DataType::float32;
     std::vector<hsize_t> shape;
-    bool scale = false; ///< it only says where others lie
+    bool scale = false; ///< it only says where others lie, or what others are
+    std::string bounds; ///< of cells whose places it says: a dataset beside it
 };
 
 class File : public GridsParser {
@@ -117,6 +167,7 @@ private:
     static Handle open_file(std::string const& path) {
         H5dont_atexit();
         H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+        register_filters();
         return open_to_read(path);
     }
     /// Where the file lies, which is handed over open; empty if it has no name.
@@ -139,6 +190,8 @@ private:
     void mark_places();
     std::vector<double> values(std::string const& path) const;
     bool read_itk(ParsedGrids& grids) const;
+    Handle scale_of(int dimension) const;
+    bool of_time(int dimension) const;
     void read_scales(ParsedGrids& grids) const;
     void read_about(ParsedGrids& grids);
     void use_ours(Header& header, std::string const& json) const;
@@ -167,7 +220,15 @@ std::string File::look_at(hid_t set, std::string const& path) {
     one.type = *kind;
     one.shape.resize(static_cast<std::size_t>(rank));
     H5Sget_simple_extent_dims(space, one.shape.data(), nullptr);
+    // The classic NetCDF has no types without a sign.
+    if (std::string const word = lower_case(words(set, "_Unsigned")); word == "true" || word == "false")
+        one.type = with_sign(one.type, word == "false");
     one.scale = words(set, "CLASS") == "DIMENSION_SCALE";
+    one.bounds = words(set, "bounds");
+    // MATLAB keeps the parts of cells and objects in groups of their own, and texts as numbers.
+    if (H5Aexists(set, "MATLAB_empty") > 0 || words(set, "MATLAB_class") == "char" || path.starts_with("/#refs#/") ||
+        path.starts_with("/#subsystem#/"))
+        one.scale = true;
     datasets_.push_back(std::move(one));
     return {};
 }
@@ -255,8 +316,14 @@ void File::find_datasets(std::vector<std::string>& not_read) {
              "if a newer HDF5 reads it: h5repack --high=V110 in.h5 out.h5");
 }
 
-/// Of ITK's images: datasets beside the voxels that say where these lie.
+/// Of ITK's images: datasets beside the voxels that say where these lie; of NetCDF, the limits of cells.
 void File::mark_places() {
+    for (Dataset const& one : std::vector(datasets_)) {
+        if (one.bounds.empty()) continue;
+        std::string const beside_it = one.path.substr(0, one.path.rfind('/') + 1) + one.bounds;
+        for (Dataset& other : datasets_)
+            if (other.path == beside_it) other.scale = true;
+    }
     for (Dataset const& voxels : std::vector(datasets_)) {
         if (!voxels.path.ends_with(itk_voxels)) continue;
         std::string const group = voxels.path.substr(0, voxels.path.size() - itk_voxels.size());
@@ -404,13 +471,25 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     element_ = size_of(d.type);
     grids.header.dtype = d.type;
     grids.header.attributes["variable"] = d.path;
-    // The last dimensions with more than one sample, the last one x.
+    if (Handle const creation(H5Dget_create_plist(*data_), H5Pclose); grids.choices.empty())
+        if (std::string const absent = absent_filter(creation); !absent.empty())
+            fail(text("dataset '", d.path, "' is compressed by ", absent, ", which is not read"),
+                 "where that filter is: h5repack -f GZIP=4 in.h5 out.h5");
+    // The last dimensions with more than one sample, the last one x; a first one of times enumerates volumes.
     int next = 0;
     auto const rank = static_cast<int>(shape_.size());
-    for (int k = rank - 1; k >= 0; --k) {
-        hsize_t const n = shape_[static_cast<std::size_t>(k)];
+    for (hsize_t const n : shape_)
         if (n == 0 || n > static_cast<hsize_t>(max_extent)) fail(text("dataset '", d.path, "' is empty, or too large"));
-        if (n == 1 && (rank > 4 || next >= 3)) continue;
+    auto const first = std::find_if(shape_.begin(), shape_.end(), [](hsize_t n) { return n > 1; });
+    int const times = first != shape_.end() && of_time(static_cast<int>(first - shape_.begin()))
+                          ? static_cast<int>(first - shape_.begin())
+                          : -1;
+    for (int k = rank - 1; k >= 0; --k) {
+        if (shape_[static_cast<std::size_t>(k)] == 1 && (rank > 4 || next >= 3)) continue;
+        if (k == times && next >= 1) {
+            axis_[3] = k;
+            break;
+        }
         if (next == 4)
             fail(text("dataset '", d.path, "' has more than four dimensions"), "take a part of it with h5py");
         axis_[static_cast<std::size_t>(next++)] = k;
@@ -421,23 +500,42 @@ void File::choose(std::string const& variable, ParsedGrids& grids) {
     if (axis_[3] >= 0) grids.volumes = static_cast<std::int64_t>(shape_[static_cast<std::size_t>(axis_[3])]);
 }
 
+/// The dataset that says where the samples along a dimension lie; false if there is none.
+Handle File::scale_of(int dimension) const {
+    Handle none(-1, H5Dclose);
+    if (H5Aexists(*data_, "DIMENSION_LIST") <= 0) return none;
+    Handle const attribute(H5Aopen(*data_, "DIMENSION_LIST", H5P_DEFAULT), H5Aclose);
+    if (!attribute) return none;
+    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
+    if (H5Tget_class(type) != H5T_VLEN || H5Sget_simple_extent_npoints(space) != static_cast<hssize_t>(shape_.size()))
+        return none;
+    std::vector<hvl_t> lists(shape_.size());
+    if (H5Aread(attribute, type, lists.data()) < 0) return none;
+    hvl_t const& list = lists[static_cast<std::size_t>(dimension)];
+    Handle scale(list.len < 1 ? -1 : H5Rdereference2(*data_, H5P_DEFAULT, H5R_OBJECT, list.p), H5Dclose);
+    H5Dvlen_reclaim(type, space, H5P_DEFAULT, lists.data());
+    return scale;
+}
+
+/// By the name of the dimension, its axis (CF conventions), or a unit such as "hours since 2000-01-01".
+bool File::of_time(int dimension) const {
+    Handle const scale = scale_of(dimension);
+    if (!scale) return false;
+    std::array<char, 256> path{};
+    H5Iget_name(scale, path.data(), path.size());
+    std::string const name = path.data();
+    return enumerates(name.substr(name.rfind('/') + 1)) || words(scale, "axis") == "T" ||
+           words(scale, "units").find(" since ") != std::string::npos;
+}
+
 /// Coordinates of the samples along each dimension, where they have even steps.
 void File::read_scales(ParsedGrids& grids) const {
     Header& header = grids.header;
-    if (H5Aexists(*data_, "DIMENSION_LIST") <= 0) return;
-    Handle const attribute(H5Aopen(*data_, "DIMENSION_LIST", H5P_DEFAULT), H5Aclose);
-    if (!attribute) return;
-    Handle const type(H5Aget_type(attribute), H5Tclose), space(H5Aget_space(attribute), H5Sclose);
-    if (H5Tget_class(type) != H5T_VLEN || H5Sget_simple_extent_npoints(space) != static_cast<hssize_t>(shape_.size()))
-        return;
-    std::vector<hvl_t> lists(shape_.size());
-    if (H5Aread(attribute, type, lists.data()) < 0) return;
     std::array<std::string, 4> units;
     for (int a = 0; a < 4; ++a) {
         int const k = axis_[static_cast<std::size_t>(a)];
-        if (k < 0 || lists[static_cast<std::size_t>(k)].len < 1) continue;
-        Handle const scale(H5Rdereference2(*data_, H5P_DEFAULT, H5R_OBJECT, lists[static_cast<std::size_t>(k)].p),
-                           H5Dclose);
+        if (k < 0) continue;
+        Handle const scale = scale_of(k);
         if (!scale) continue;
         Handle const scale_space(H5Dget_space(scale), H5Sclose), scale_type(H5Dget_type(scale), H5Tclose);
         hsize_t n = 0;
@@ -448,28 +546,11 @@ void File::read_scales(ParsedGrids& grids) const {
         std::vector<double> at(n);
         if (H5Dread(scale, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, at.data()) < 0) continue;
         units[static_cast<std::size_t>(a)] = words(scale, "units");
-        double const step = n > 1 ? (at.back() - at.front()) / static_cast<double>(n - 1) : 1;
-        bool even = std::isfinite(step) && step != 0;
-        for (hsize_t i = 0; even && i < n; ++i)
-            even = std::abs(at[i] - (at.front() + step * static_cast<double>(i))) <= 1e-3 * std::abs(step);
-        if (a == 3) { // of the volumes
-            for (double const position : at) {
-                std::map<std::string, std::string> said{{"sequence position", to_text(position)}};
-                if (even && step > 0) said["sequence step"] = to_text(step);
-                if (even && step > 0 && !units[3].empty()) said["sequence units"] = text("\"", units[3], "\"");
-                grids.attributes.push_back(std::move(said));
-            }
-            continue;
-        }
-        if (!even) {
-            header.attributes[text("coordinates ", std::string(1, "xyz"[a]))] = "uneven: not kept";
-            continue;
-        }
-        header.geometry.spacing[a] = std::abs(step);
-        header.geometry.origin[a] = at.front();
-        if (step < 0) header.geometry.direction[static_cast<std::size_t>(a)][a] = -1;
+        if (a == 3)
+            grids.attributes = sequence_places(at, units[3]);
+        else
+            place_axis(header, a, at);
     }
-    H5Dvlen_reclaim(type, space, H5P_DEFAULT, lists.data());
     if (!units[0].empty() && units[0].find('"') == std::string::npos && units[0] == units[1] && units[0] == units[2])
         header.attributes["space units"] = text("\"", units[0], "\" \"", units[0], "\" \"", units[0], "\"");
 }
@@ -496,7 +577,11 @@ void File::read_about(ParsedGrids& grids) {
     header.units = words(data, "units");
     if (std::string const name = words(data, "long_name"); !name.empty()) header.attributes["long_name"] = name;
     for (char const* const name : {"_FillValue", "missing_value"})
-        if (auto const fill = number(data, name)) header.attributes[name] = to_text(*fill);
+        if (auto fill = number(data, name)) {
+            bool const turned = *fill < 0 && is_integer(header.dtype) && !is_signed(header.dtype); // as _Unsigned says
+            if (turned) *fill += std::ldexp(1.0, static_cast<int>(8 * size_of(header.dtype)));
+            header.attributes[name] = to_text(*fill);
+        }
     header = in_utf8(std::move(header));
     use_ours(header, words(data, header_attribute));
 }
@@ -527,9 +612,9 @@ void File::find_places(ParsedGrids& grids) const {
     hsize_t user_block = 0;
     H5Pget_userblock(file_creation, &user_block);
     haddr_t const offset = H5Dget_offset(*data_);
-    bool const plain = H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
-                       offset != HADDR_UNDEF && user_block == 0;
-    if (plain) {
+    bool const as_it_is = plain(*type_) && user_block == 0;
+    if (as_it_is && H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0 &&
+        offset != HADDR_UNDEF) {
         std::int64_t const slice = grids.header.dims.x * grids.header.dims.y * static_cast<std::int64_t>(element_);
         std::int64_t const slices = grids.header.dims.z * grids.volumes;
         grids.big_endian = H5Tget_order(*type_) == H5T_ORDER_BE;
@@ -541,7 +626,7 @@ void File::find_places(ParsedGrids& grids) const {
     if (H5Pget_chunk(creation, static_cast<int>(chunk.size()), chunk.data()) <= 0) return;
     grids.slab = static_cast<std::int64_t>(
         std::clamp<hsize_t>(chunk[static_cast<std::size_t>(axis_[2])], 1, shape_[static_cast<std::size_t>(axis_[2])]));
-    if (user_block == 0 && H5Pget_nfilters(creation) == 0) find_chunks(chunk, grids);
+    if (as_it_is && H5Pget_nfilters(creation) == 0) find_chunks(chunk, grids);
 }
 
 /// The same of chunks that no filter changed. Those that are missing hold the fill value, which the library knows.
@@ -585,6 +670,8 @@ ParsedGrids File::open(GridsChoice const& choice) {
     if (H5Lexists(file_, "refine level", H5P_DEFAULT) > 0 && H5Lexists(file_, "node type", H5P_DEFAULT) > 0 &&
         variable.empty())
         throw Error(ErrorKind::usage, text("'", path_, "' is a FLASH file"), "read it as one: --format flash");
+    if (variable.empty() && H5Lexists(file_, "minc-2.0", H5P_DEFAULT) > 0)
+        fail("is a MINC file, which is not read", "with FreeSurfer or MINC's tools: mri_convert in.mnc out.nii.gz");
     find_datasets(grids.not_read);
     mark_places();
     choose(variable, grids);

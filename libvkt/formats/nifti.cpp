@@ -29,7 +29,9 @@ std::unique_ptr<ByteSource> header_beside(std::unique_ptr<ByteSource> bytes) {
     std::string const lower = lower_case(bytes->name());
     std::size_t const end = lower.ends_with(".img.gz") ? 7 : lower.ends_with(".img") ? 4 : 0;
     if (end == 0 || is_nifti(bytes->peek(352)) || is_analyze(bytes->peek(analyze_size))) return bytes;
-    std::string const header = bytes->name().substr(0, bytes->name().size() - end) + ".hdr", packed = header + ".gz";
+    std::string const stem = bytes->name().substr(0, bytes->name().size() - end);
+    bool const capitals = bytes->name().compare(stem.size(), 4, ".IMG") == 0;
+    std::string const header = stem + (capitals ? ".HDR" : ".hdr"), packed = header + ".gz";
     std::error_code error;
     if (std::filesystem::exists(header, error) || !std::filesystem::exists(packed, error)) return open_bytes(header);
     return unwrapped(open_bytes(packed), Wrapper::gzip);

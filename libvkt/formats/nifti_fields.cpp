@@ -401,19 +401,19 @@ void find_image(RawLayout& layout, std::string const& header_name, bool trust_pa
             ErrorKind::data,
             text("'", header_name, "': the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr"),
             "read the pair by that name");
+    bool const capitals = base.ends_with(".HDR");
     base.resize(base.size() - 4);
     base.erase(0, base.rfind('/') + 1); // npos + 1 is 0
-    std::string const plain = beside(header_name, base + ".img", trust_paths);
+    layout.files = {beside(header_name, base + (capitals ? ".IMG" : ".img"), trust_paths)};
     std::error_code error;
-    if (!std::filesystem::exists(plain, error)) {
-        std::string const packed = beside(header_name, base + ".img.gz", trust_paths);
-        if (std::filesystem::exists(packed, error)) {
-            layout.encoding = Encoding::deflate;
-            layout.files = {packed};
-            return;
-        }
+    if (std::filesystem::exists(layout.files.front(), error)) return;
+    for (char const* const end : {".img", ".img.gz", ".IMG.gz", ".IMG.GZ"}) {
+        std::string const other = beside(header_name, base + end, trust_paths);
+        if (!std::filesystem::exists(other, error)) continue;
+        if (lower_case(end).ends_with(".gz")) layout.encoding = Encoding::deflate;
+        layout.files = {other};
+        return;
     }
-    layout.files = {plain};
 }
 
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }

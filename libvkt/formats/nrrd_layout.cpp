@@ -235,13 +235,18 @@ bool Interpreter::is_placeholder(std::size_t axis) const {
 }
 
 void Interpreter::refuse_samples(std::size_t axis) const {
-    std::string order;
-    for (std::size_t i = 0; i < sizes_.size(); ++i)
-        if (i != axis) order += text(static_cast<std::int64_t>(i), " ");
-    fail(text("axis ", static_cast<std::int64_t>(axis), " holds ", sizes_[axis], " values for each voxel",
+    auto const last = std::ssize(sizes_) - 1, here = static_cast<std::int64_t>(axis);
+    // What comes last and is called a list is a sequence.
+    std::string how = text("unu axinfo -a ", last, " -k list");
+    if (here != last) {
+        std::string order;
+        for (std::int64_t i = 0; i <= last; ++i)
+            if (i != here) order += text(i, " ");
+        how = text("unu permute -p ", order, here, " | ", how);
+    }
+    fail(text("axis ", here, " holds ", sizes_[axis], " values for each voxel",
               kinds_.empty() ? "" : text(" (", kinds_[axis], ")"), "; a volume has one"),
-         text("take one: unu slice -a ", static_cast<std::int64_t>(axis),
-              " -p 0, or make it a sequence: unu permute -p ", order, static_cast<std::int64_t>(axis)));
+         text("take one: unu slice -a ", here, " -p 0, or make it a sequence: ", how));
 }
 
 void Interpreter::choose_axes(RawLayout& layout) {

@@ -3,6 +3,8 @@
 #include "libvkt/formats/parsed_grids.h"
 
 #include "libvkt/core/error.h"
+#include "libvkt/core/execution.h"
+#include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/raw_source.h"
@@ -18,6 +20,7 @@
 #include <utility>
 
 #include <fcntl.h>
+#include <omp.h>
 #include <unistd.h>
 
 namespace vkt {
@@ -106,7 +109,9 @@ private:
     void check_answer() const;
     void read_in_place(AnyView const& out);
     void read_chunks(AnyView const& out);
-    void read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows, AnyView const& out);
+    void read_chunk(Index3 corner, std::int64_t place, AnyView const& out, std::vector<std::byte>& scratch) const;
+    void read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows, AnyView const& out,
+                   std::vector<std::byte>& scratch) const;
     void to_own_order(AnyView const& out) const;
     void read_through_child(AnyView const& out);
 
@@ -121,6 +126,7 @@ private:
     std::size_t half_ = least_half;
     std::span<std::byte const> window_;
     std::vector<std::byte> scratch_;
+    std::vector<std::vector<std::byte>> chunk_scratch_; ///< one a thread
 };
 
 void GridsSource::open() {
@@ -210,48 +216,70 @@ void GridsSource::read(AnyView out) {
         read_through_child(out);
 }
 
+/// Chunk by chunk, several at a time: each is copied out of the file and then to its rows.
 void GridsSource::read_chunks(AnyView const& out) {
     Index3 const chunk = grids_.chunk, n = chunks_of(grids_);
-    auto const element = static_cast<std::int64_t>(size_of(out.type));
-    Index3 const from{out.box.lower.x / chunk.x, out.box.lower.y / chunk.y, out.box.lower.z / chunk.z};
-    Index3 const last{(out.box.upper.x - 1) / chunk.x, (out.box.upper.y - 1) / chunk.y,
-                      (out.box.upper.z - 1) / chunk.z};
-    for (std::int64_t z = from.z; z <= last.z; ++z)
-        for (std::int64_t y = from.y; y <= last.y; ++y)
-            for (std::int64_t x = from.x; x <= last.x; ++x) {
-                Index3 const corner{x * chunk.x, y * chunk.y, z * chunk.z};
-                Box const part = intersect(out.box, {corner, corner + chunk});
-                std::int64_t const place =
-                    grids_.chunk_places[static_cast<std::size_t>(((index_ * n.z + z) * n.y + y) * n.x + x)];
-                // Rows of whole slices follow one another.
-                bool const slices = part.dims().y == chunk.y;
-                std::int64_t const runs = slices ? 1 : part.dims().z;
-                for (std::int64_t r = 0; r < runs; ++r) {
-                    Box rows = part;
-                    if (!slices) rows.lower.z = part.lower.z + r, rows.upper.z = rows.lower.z + 1;
-                    std::int64_t const first = (rows.lower.z - corner.z) * chunk.y + rows.lower.y - corner.y;
-                    read_rows(place + (first * chunk.x + part.lower.x - corner.x) * element, chunk.x * element,
-                              rows.dims().y * rows.dims().z, rows, out);
-                }
-            }
+    Box chunks;
+    for (int a = 0; a < 3; ++a) {
+        chunks.lower[a] = out.box.lower[a] / chunk[a];
+        chunks.upper[a] = (out.box.upper[a] - 1) / chunk[a] + 1;
+    }
+    Index3 const count = chunks.dims();
+    int const threads = static_cast<int>(std::min<std::int64_t>(default_threads(), chunks.voxels()));
+    chunk_scratch_.resize(static_cast<std::size_t>(threads));
+    FirstFailure failure;
+#pragma omp parallel for num_threads(threads) schedule(dynamic)
+    for (std::int64_t i = 0; i < chunks.voxels(); ++i) {
+        failure.catch_from([&] {
+            Index3 const at = chunks.lower + Index3{i % count.x, i / count.x % count.y, i / count.x / count.y};
+            std::int64_t const place =
+                grids_.chunk_places[static_cast<std::size_t>(((index_ * n.z + at.z) * n.y + at.y) * n.x + at.x)];
+            read_chunk({at.x * chunk.x, at.y * chunk.y, at.z * chunk.z}, place, out,
+                       chunk_scratch_[static_cast<std::size_t>(omp_get_thread_num())]);
+        });
+    }
+    failure.rethrow();
     to_own_order(out);
+}
+
+/// What the region has of the chunk with this corner, which begins at `place`.
+void GridsSource::read_chunk(Index3 corner, std::int64_t place, AnyView const& out,
+                             std::vector<std::byte>& scratch) const {
+    Index3 const chunk = grids_.chunk;
+    auto const element = static_cast<std::int64_t>(size_of(out.type));
+    Box const part = intersect(out.box, {corner, corner + chunk});
+    // Rows of whole slices follow one another.
+    bool const slices = part.dims().y == chunk.y;
+    std::int64_t const runs = slices ? 1 : part.dims().z;
+    for (std::int64_t r = 0; r < runs; ++r) {
+        Box rows = part;
+        if (!slices) rows.lower.z = part.lower.z + r, rows.upper.z = rows.lower.z + 1;
+        std::int64_t const first = (rows.lower.z - corner.z) * chunk.y + rows.lower.y - corner.y;
+        read_rows(place + (first * chunk.x + part.lower.x - corner.x) * element, chunk.x * element,
+                  rows.dims().y * rows.dims().z, rows, out, scratch);
+    }
 }
 
 /// Rows of a chunk, `row` bytes from one to the next.
 void GridsSource::read_rows(std::int64_t place, std::int64_t row, std::int64_t count, Box const& rows,
-                            AnyView const& out) {
+                            AnyView const& out, std::vector<std::byte>& scratch) const {
     std::int64_t const bytes = rows.dims().x * static_cast<std::int64_t>(size_of(out.type));
-    std::int64_t const most = std::clamp<std::int64_t>((std::int64_t{256} << 10) / row, 1, count);
-    scratch_.resize(static_cast<std::size_t>((most - 1) * row + bytes));
-    std::int64_t y = rows.lower.y, z = rows.lower.z;
     std::int64_t const step = out.row * static_cast<std::int64_t>(size_of(out.type));
+    // Whole rows of the region that follow one another need no copy.
+    bool const dense = bytes == row && step == row;
+    std::int64_t const most =
+        dense ? rows.dims().y : std::clamp<std::int64_t>((std::int64_t{256} << 10) / row, 1, count);
+    if (auto const room = static_cast<std::size_t>((most - 1) * row + bytes); !dense && scratch.size() < room)
+        scratch.resize(room);
+    std::int64_t y = rows.lower.y, z = rows.lower.z;
     for (std::int64_t i = 0; i < count; i += most) {
         std::int64_t const here = std::min(most, count - i);
-        bytes_->read_at(place + i * row, scratch_.data(), static_cast<std::size_t>((here - 1) * row + bytes));
-        std::byte const* from = scratch_.data();
         std::byte* to = out.at(rows.lower.x, y, z);
+        bytes_->read_at(place + i * row, dense ? to : scratch.data(),
+                        static_cast<std::size_t>((here - 1) * row + bytes));
+        std::byte const* from = scratch.data();
         for (std::int64_t k = 0; k < here; ++k, from += row, to += step) {
-            std::memcpy(to, from, static_cast<std::size_t>(bytes));
+            if (!dense) std::memcpy(to, from, static_cast<std::size_t>(bytes));
             if (++y < rows.upper.y) continue;
             y = rows.lower.y;
             if (++z < rows.upper.z) to = out.at(rows.lower.x, y, z) - step;

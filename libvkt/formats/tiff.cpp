@@ -12,7 +12,9 @@ namespace {
 
 using namespace std::string_view_literals;
 
+/// Not so DICOM files that some scanners begin with a directory of TIFF, which leads nowhere once they were edited.
 bool is_tiff(std::span<std::byte const> head) {
+    if (head.size() >= 132 && std::memcmp(head.data() + 128, "DICM", 4) == 0) return false;
     for (std::string_view const magic : {"II*\0"sv, "MM\0*"sv, "II+\0"sv, "MM\0+"sv})
         if (head.size() >= magic.size() && std::memcmp(head.data(), magic.data(), magic.size()) == 0) return true;
     return false;

@@ -128,7 +128,9 @@ private:
                         return std::optional(i);
             return std::optional<std::size_t>();
         };
-        if (all.empty()) fail("holds no array of numbers");
+        if (all.empty())
+            fail(text("holds no array of numbers",
+                      s.not_read.empty() ? "" : text(", but ", s.not_read.front(), ", which is not read")));
         if (options.variable.empty() && all.size() > 1) {
             if (auto const found = active())
                 chosen = *found;

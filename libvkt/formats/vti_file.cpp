@@ -80,6 +80,8 @@ public:
             auto* const reader = static_cast<StructureReader*>(self);
             if (reader->keeps_text_ && reader->text_.size() < text_limit)
                 reader->text_.append(s, static_cast<std::size_t>(n));
+            if (reader->inline_ && !reader->numbers_ && reader->depth_ == reader->array_depth_)
+                reader->numbers_ = std::any_of(s, s + n, [](char c) { return c != ' ' && (c < '\t' || c > '\r'); });
         });
         // Nothing that a document may define is needed.
         XML_SetStartDoctypeDeclHandler(parser_, [](void* self, XML_Char const*, XML_Char const*, XML_Char const*, int) {
@@ -162,6 +164,11 @@ private:
         if (++depth_ == 1) return root(name, a);
         if (inline_ && (name == "Piece" || name == "DataArray" || name == "Array" || name == "AppendedData"))
             damaged(result_.name, text("has an element ", name, " within the numbers of an array"));
+        // What is known about an array (InformationKey) stands before its numbers or behind them.
+        if (inline_ && numbers_ && depth_ == array_depth_ + 1 && !ended_) {
+            result_.pieces.back().arrays.back().end = XML_GetCurrentByteIndex(parser_);
+            ended_ = true;
+        }
         if (name == "ImageData" || name == "PImageData") return image(a);
         if (name == "Piece") return piece(a);
         if (name == "PointData" || name == "PPointData" || name == "CellData" || name == "PCellData") {
@@ -177,11 +184,15 @@ private:
     void end(char const* element, char const**) {
         std::string const name = element;
         --depth_;
+        if (inline_ && !numbers_ && depth_ == array_depth_) // numbers begin behind it
+            result_.pieces.back().arrays.back().begin =
+                XML_GetCurrentByteIndex(parser_) + XML_GetCurrentByteCount(parser_);
         if (name == "PointData" || name == "PPointData" || name == "CellData" || name == "PCellData") data_ = false;
         if (name == "FieldData") fields_ = false;
         if (name != "DataArray" && name != "Array") return;
         if (inline_) {
-            result_.pieces.back().arrays.back().end = XML_GetCurrentByteIndex(parser_);
+            VtiArray& one = result_.pieces.back().arrays.back();
+            if (!ended_) one.end = std::max<std::int64_t>(XML_GetCurrentByteIndex(parser_), one.begin);
             inline_ = false;
         }
         if (keeps_text_) ours();
@@ -215,6 +226,9 @@ private:
 
     void image(Attributes& a) {
         seen_ = true;
+        if (auto const times = std::ssize(words_of(a["TimeValues"])); times > 1)
+            damaged(result_.name, text("holds ", times, " time steps in one file, which is not read"),
+                    "in ParaView: save it as a series of files, one for each time step");
         result_.whole = extent(a, "WholeExtent");
         std::vector<double> const origin = numbers(a, "Origin", 3), spacing = numbers(a, "Spacing", 3);
         std::vector<double> direction{1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -282,6 +296,8 @@ private:
             one.begin = XML_GetCurrentByteIndex(parser_) + XML_GetCurrentByteCount(parser_);
             one.end = one.begin;
             inline_ = true;
+            numbers_ = ended_ = false;
+            array_depth_ = depth_;
         }
         result_.pieces.back().arrays.push_back(std::move(one));
     }
@@ -333,7 +349,8 @@ private:
     VtiStructure result_;
     XML_Parser parser_ = nullptr;
     std::exception_ptr failure_;
-    int depth_ = 0;
+    int depth_ = 0, array_depth_ = 0;
+    bool numbers_ = false, ended_ = false; ///< of an array that lies inline: begun, over
     bool seen_ = false, data_ = false, cells_ = false, fields_ = false, inline_ = false, keeps_text_ = false,
          stopped_ = false;
     std::string text_;

@@ -10,12 +10,17 @@
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/formats/tree_file.h"
+#include "libvkt/io/system_error.h"
 
 #include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <functional>
+#include <optional>
+
+#include <fcntl.h>
 
 namespace vkt {
 namespace {
@@ -26,13 +31,14 @@ struct TypeName {
     char const* name;
     DataType type;
 };
-constexpr TypeName type_names[] = {{"unsigned_char", DataType::uint8}, {"char", DataType::int8},
-                                   {"signed_char", DataType::int8},    {"unsigned_short", DataType::uint16},
-                                   {"short", DataType::int16},         {"unsigned_int", DataType::uint32},
-                                   {"int", DataType::int32},           {"unsigned_long", DataType::uint64},
-                                   {"long", DataType::int64},          {"float", DataType::float32},
-                                   {"double", DataType::float64},      {"vtkidtype", DataType::int64},
-                                   {"vtktypeint64", DataType::int64},  {"vtktypeuint64", DataType::uint64}};
+constexpr TypeName type_names[] = {
+    {"unsigned_char", DataType::uint8}, {"char", DataType::int8},
+    {"signed_char", DataType::int8},    {"unsigned_short", DataType::uint16},
+    {"short", DataType::int16},         {"unsigned_int", DataType::uint32},
+    {"int", DataType::int32},           {"unsigned_long", DataType::uint64},
+    {"long", DataType::int64},          {"float", DataType::float32},
+    {"double", DataType::float64},      {"vtkidtype", DataType::int32}, // as VTK writes it
+    {"vtktypeint64", DataType::int64},  {"vtktypeuint64", DataType::uint64}};
 
 /// Names stand between blanks, so that VTK writes other characters as %20.
 bool stands_for_itself(char c) { return c > ' ' && c < 127 && c != '%' && c != '"'; }
@@ -81,12 +87,16 @@ public:
     void read() {
         std::string const first = line();
         if (!first.starts_with(magic)) fail("does not begin as a VTK file does");
-        line(); // a title
-        std::string const form = lower_case(trimmed(line()));
+        line();                         // a title
+        auto const kind = next_words(); // old files have blank lines before it
+        std::string const form = kind ? lower_case(kind->front()) : "";
         if (form != "ascii" && form != "binary") fail("is neither ASCII nor BINARY");
         ascii_ = form == "ascii";
         while (auto const words = next_words()) statement(*words);
-        if (arrays.empty()) fail("holds no array of numbers");
+        if (arrays.empty())
+            fail(text("holds no array of numbers",
+                      not_read.empty() ? "" : text(", but ", not_read.front(), ", which is not read")));
+        geometry.origin = index_to_world(geometry, lower_);
     }
 
     Index3 dims{0, 0, 0};
@@ -183,6 +193,18 @@ private:
             } catch (Error const& error) {
                 fail(error.what());
             }
+        } else if (key == "extent") { // points that do not begin with index 0
+            if (words.size() != 7) fail("EXTENT needs six numbers");
+            std::vector<std::string> counts{"DIMENSIONS"};
+            for (int a = 0; a < 3; ++a) {
+                auto const first = integer_in(words[static_cast<std::size_t>(2 * a + 1)]),
+                           last = integer_in(words[static_cast<std::size_t>(2 * a + 2)]);
+                if (!first || !last || std::abs(*first) > max_extent || std::abs(*last) > max_extent)
+                    fail("EXTENT is no extent");
+                counts.push_back(text(*last - *first + 1));
+                lower_[a] = static_cast<double>(*first);
+            }
+            statement(counts);
         } else if (key == "spacing" || key == "aspect_ratio") {
             std::vector<double> const v = numbers(words);
             for (int a = 0; a < 3; ++a) {
@@ -204,18 +226,24 @@ private:
         } else if (key == "scalars") {
             if (words.size() < 3) fail("SCALARS needs a name and a type");
             std::int64_t const components = words.size() > 3 ? integer(words[3]) : 1;
-            // A table follows in its own line, which old files leave out.
-            auto const ahead = bytes_.peek(12);
-            if (ahead.size() == 12 &&
-                lower_case(std::string_view(reinterpret_cast<char const*>(ahead.data()), 12)) == "lookup_table")
+            // A table follows in its own line, which old files leave out, or put behind a blank one.
+            auto const ahead = bytes_.peek(64);
+            std::string_view const next(reinterpret_cast<char const*>(ahead.data()), ahead.size());
+            std::size_t const begin = std::min(next.find_first_not_of(" \t\r\n"), next.size());
+            if (lower_case(next.substr(begin, 12)) == "lookup_table") {
+                bytes_.skip(static_cast<std::int64_t>(begin));
                 line();
+            }
             array(words[1], words[2], components);
+        } else if (key == "global_ids" || key == "pedigree_ids" || key == "edge_flags") {
+            if (words.size() < 3) fail(text(words[0], " needs a name and a type"));
+            array(words[1], words[2], 1);
         } else if (key == "vectors" || key == "normals") {
             if (words.size() < 3) fail(text(words[0], " needs a name and a type"));
             array(words[1], words[2], 3);
-        } else if (key == "tensors") {
+        } else if (key == "tensors" || key == "tensors6") {
             if (words.size() < 3) fail("TENSORS needs a name and a type");
-            array(words[1], words[2], 9);
+            array(words[1], words[2], key == "tensors" ? 9 : 6);
         } else if (key == "texture_coordinates") {
             if (words.size() < 4) fail("TEXTURE_COORDINATES needs a name, dimensions and a type");
             array(words[1], words[3], integer(words[2]));
@@ -226,22 +254,26 @@ private:
             if (arrays.size() > before) arrays.back().shares = ascii_;
         } else if (key == "lookup_table") {
             if (words.size() < 3) return;
-            skip(4 * integer(words[2]), 1);
+            skip(product(4, integer(words[2])), "unsigned_char", words[1]);
         } else if (key == "field") {
             if (words.size() < 3) fail("FIELD needs a name and a count");
             fields_ = integer(words[2]);
         } else if (key == "metadata") {
-            while (auto const read = bytes_.read_line())
+            while (auto const read = bytes_.read_line()) {
                 if (trimmed(*read).empty()) break;
+                // A line for each, which is empty where a component has no name.
+                if (lower_case(trimmed(*read)) == "component_names")
+                    for (std::int64_t i = 0; i < components_ && bytes_.read_line(); ++i) {
+                    }
+            }
         } else if (fields_ > 0 && words.size() == 4) {
             --fields_;
             std::int64_t const components = integer(words[1]), tuples = integer(words[2]);
-            auto const type = type_named(words[3]);
-            if (!type) fail(text("field '", printable(words[0]), "' has the unknown type ", printable(words[3])));
+            components_ = components;
             if (count_ > 0 && tuples == count_)
                 array(words[0], words[3], components);
             else
-                skip(product(components, tuples), size_of(*type));
+                skip(product(components, tuples), words[3], words[0]);
         } else {
             fail(text("'", printable(words[0].substr(0, 40)), "' is no keyword of structured points"));
         }
@@ -259,77 +291,151 @@ private:
         return result;
     }
 
-    void skip(std::int64_t values, std::size_t size) {
+    static bool is_text(std::string const& type) {
+        std::string const name = lower_case(type);
+        return name == "string" || name == "utf8_string" || name == "unicode_string";
+    }
+
+    /// The values of an array, whatever it is.
+    void skip(std::int64_t values, std::string const& type_word, std::string const& name) {
         if (values == 0) return;
+        if (is_text(type_word)) return skip_texts(values);
+        bool const bits = lower_case(type_word) == "bit";
+        auto const type = type_named(type_word);
+        if (!bits && !type)
+            fail(text("array '", printable(name), "' has the type ", printable(type_word.substr(0, 40)),
+                      ", which volumes do not have"));
         if (ascii_) {
             skip_words(values);
             return;
         }
-        std::int64_t const bytes = product(values, static_cast<std::int64_t>(size));
+        std::int64_t const bytes = bits ? (values + 7) / 8 : product(values, static_cast<std::int64_t>(size_of(*type)));
         if (bytes > bytes_.size() - bytes_.position())
             fail(text("ended early: an array of ", bytes, " bytes, ", bytes_.size() - bytes_.position(), " found"));
         bytes_.seek(bytes_.position() + bytes);
     }
 
+    /// Texts are lines, or follow their lengths, whose first two bits say in how many bytes they stand.
+    void skip_texts(std::int64_t n) {
+        for (std::int64_t i = 0; i < n; ++i) {
+            if (ascii_) {
+                line();
+                continue;
+            }
+            auto const ahead = bytes_.peek(8);
+            std::size_t const width =
+                ahead.empty() ? 1 : std::size_t{8} >> (std::to_integer<unsigned>(ahead.front()) >> 6U);
+            if (ahead.size() < width) fail("ended early: a text is incomplete");
+            std::uint64_t length = 0;
+            for (std::size_t k = 0; k < width; ++k) length = length << 8 | std::to_integer<std::uint64_t>(ahead[k]);
+            length &= ~std::uint64_t{0} >> (64 - 8 * width + 2);
+            std::int64_t const at = bytes_.position() + static_cast<std::int64_t>(width);
+            if (length > static_cast<std::uint64_t>(bytes_.size() - at)) fail("ended early: a text is incomplete");
+            bytes_.seek(at + static_cast<std::int64_t>(length));
+        }
+    }
+
     void array(std::string const& name, std::string const& type_word, std::int64_t components) {
         if (count_ == 0) fail("has an array before POINT_DATA or CELL_DATA");
-        if (components < 1) fail(text("array '", printable(name), "' has no components"));
+        if (components < 1 || components > 65536)
+            fail(text("array '", printable(name), "' has no number of components"));
         auto const type = type_named(type_word);
-        if (!type)
-            fail(text("array '", printable(name), "' has the type ", printable(type_word.substr(0, 40)),
-                      ", which volumes do not have"));
-        LegacyArray one{decoded(name), *type, components, cells_, bytes_.position()};
-        skip(product(count_, components), size_of(*type));
-        if (components == 1)
+        LegacyArray one{decoded(name), type.value_or(DataType::uint8), components, cells_, bytes_.position()};
+        skip(product(count_, components), type_word, name);
+        components_ = components;
+        if (type)
             arrays.push_back(std::move(one));
         else
-            not_read.push_back(text("array '", name, "' of ", components, " components"));
+            not_read.push_back(text("array '", decoded(name), "' of type ", lower_case(type_word)));
     }
 
     ByteSource& bytes_;
     bool ascii_ = false, cells_ = false;
     std::int64_t count_ = 0, fields_ = 0;
+    std::int64_t components_ = 1; ///< of the array before
+    Vec3 lower_;                  ///< index of the first point
 };
 
-/// The chosen array, with what the file holds besides.
+/// The chosen array, with what the file holds besides. Components of vectors follow one another as volumes.
 class LegacySource : public Source {
 public:
-    LegacySource(std::unique_ptr<Source> voxels, std::vector<AmrVariable> choices, std::vector<std::string> not_read,
-                 std::string name, bool shares)
-        : voxels_(std::move(voxels)), choices_(std::move(choices)), not_read_(std::move(not_read)),
-          name_(std::move(name)), shares_(shares), header_(voxels_->header()) {
-        if (shares_) header_.dtype = DataType::uint8;
-    }
+    /// Opens the numbers of the array as voxels, whose rows hold all components of theirs.
+    using Open = std::function<std::unique_ptr<Source>()>;
 
-    bool next_volume() override { return voxels_->next_volume(); }
+    LegacySource(Header header, LegacyArray array, Open open, bool forward, std::vector<AmrVariable> choices,
+                 std::vector<std::string> not_read, std::string name)
+        : header_(std::move(header)), array_(std::move(array)), open_(std::move(open)), forward_(forward),
+          choices_(std::move(choices)), not_read_(std::move(not_read)), name_(std::move(name)) {}
+
+    bool next_volume() override {
+        if (index_ + 1 >= array_.components) return false;
+        // What is text is read again from its beginning.
+        if (!numbers_ || forward_) {
+            numbers_ = open_();
+            if (!numbers_->next_volume()) return false;
+        }
+        ++index_;
+        if (array_.components > 1) header_.attributes["channel"] = to_text(index_);
+        return true;
+    }
     Header const& header() const override { return header_; }
-    Access access() const override { return voxels_->access(); }
+    Access access() const override { return forward_ ? Access::forward : Access::random; }
     std::vector<std::string> not_read() const override { return not_read_; }
-    void finish() override { voxels_->finish(); }
+    void finish() override { numbers_->finish(); }
+
     void read(AnyView out) override {
         if (!choices_.empty()) choose_variable(choices_, "", name_);
-        if (!shares_) return voxels_->read(out);
-        Header part = voxels_->header();
-        part.dims = out.dims();
-        Volume values(part);
-        voxels_->read(values.mutable_view().moved_to(out.box.lower));
-        float const* from = values.view().as<float>().data;
+        if (array_.components == 1 && !array_.shares) return numbers_->read(out);
+        // Some rows at a time, with all components.
+        std::size_t const stored = size_of(numbers_->header().dtype), size = size_of(header_.dtype);
+        std::int64_t const row = out.dims().x * array_.components;
+        std::int64_t const rows = std::max<std::int64_t>((std::int64_t{1} << 18) / row, 1);
+        Header part = numbers_->header();
         for (std::int64_t z = out.box.lower.z; z < out.box.upper.z; ++z)
-            for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; ++y) {
-                auto* const to = reinterpret_cast<std::uint8_t*>(out.at(out.box.lower.x, y, z));
-                for (std::int64_t x = 0; x < part.dims.x; ++x, ++from)
-                    to[x] = static_cast<std::uint8_t>(std::lround(255 * (*from > 0 ? std::min(*from, 1.0F) : 0.0F)));
+            for (std::int64_t y = out.box.lower.y; y < out.box.upper.y; y += rows) {
+                part.dims = {row, std::min(rows, out.box.upper.y - y), 1};
+                Volume values(part);
+                AnyView const all = values.mutable_view().moved_to({out.box.lower.x * array_.components, y, z});
+                numbers_->read(all);
+                std::byte const* from = all.at(all.box.lower.x, y, z) + static_cast<std::size_t>(index_) * stored;
+                for (std::int64_t r = 0; r < part.dims.y; ++r) {
+                    std::byte* to = out.at(out.box.lower.x, y + r, z);
+                    for (std::int64_t x = 0; x < out.dims().x; ++x, to += size) {
+                        if (array_.shares)
+                            put_share(from, to);
+                        else
+                            std::memcpy(to, from, size);
+                        from += static_cast<std::size_t>(array_.components) * stored;
+                    }
+                }
             }
     }
 
 private:
-    std::unique_ptr<Source> voxels_;
+    static void put_share(std::byte const* from, std::byte* to) {
+        float share = 0;
+        std::memcpy(&share, from, sizeof share);
+        *to = static_cast<std::byte>(std::lround(255 * (share > 0 ? std::min(share, 1.0F) : 0.0F)));
+    }
+
+    Header header_;
+    LegacyArray array_;
+    Open open_;
+    bool forward_; ///< text
+    std::unique_ptr<Source> numbers_;
     std::vector<AmrVariable> choices_;
     std::vector<std::string> not_read_;
     std::string name_;
-    bool shares_;
-    Header header_;
+    std::int64_t index_ = -1; ///< component
 };
+
+/// Without a name, the only array, or the only one of one component.
+std::optional<std::size_t> only_scalars(std::vector<LegacyArray> const& arrays) {
+    if (arrays.size() == 1) return 0;
+    auto const scalar = [](LegacyArray const& a) { return a.components == 1; };
+    if (std::count_if(arrays.begin(), arrays.end(), scalar) != 1) return std::nullopt;
+    return static_cast<std::size_t>(std::find_if(arrays.begin(), arrays.end(), scalar) - arrays.begin());
+}
 
 std::unique_ptr<Source> open_legacy(std::unique_ptr<ByteSource> bytes, ReadOptions const& options) {
     bytes = seekable_bytes(std::move(bytes));
@@ -342,42 +448,63 @@ std::unique_ptr<Source> open_legacy(std::unique_ptr<ByteSource> bytes, ReadOptio
         all.back().name = array.name;
         all.back().dtype = array.type;
     }
-    bool const open = options.variable.empty() && all.size() > 1;
-    LegacyArray const& chosen = reader.arrays[open ? 0 : choose_variable(all, options.variable, name)];
-    RawLayout layout;
-    layout.header.dims = reader.extent(chosen.cells);
-    layout.header.dtype = chosen.shares ? DataType::float32 : chosen.type;
-    layout.header.geometry = reader.geometry;
+    auto const only = options.variable.empty() ? only_scalars(reader.arrays) : std::nullopt;
+    bool const open = options.variable.empty() && !only;
+    LegacyArray const chosen = reader.arrays[open ? 0 : only ? *only : choose_variable(all, options.variable, name)];
+    Header header;
+    header.dims = reader.extent(chosen.cells);
+    header.dtype = chosen.type;
+    header.geometry = reader.geometry;
     Vec3 first;
     for (int a = 0; a < 3; ++a)
         if (chosen.cells && reader.dims[a] > 1) first[a] = 0.5;
-    layout.header.geometry.origin = index_to_world(reader.geometry, first);
-    layout.header.attributes["variable"] = chosen.name;
+    header.geometry.origin = index_to_world(reader.geometry, first);
+    header.attributes["variable"] = chosen.name;
     if (all.size() > 1) {
         std::vector<std::string> names;
         for (LegacyArray const& array : reader.arrays) {
             names.push_back(array.name);
-            layout.header.attributes["variable " + array.name] = text(array.type, array.cells ? ", cells" : ", points");
+            header.attributes["variable " + array.name] =
+                text(array.type, array.components > 1 ? text(" x ", array.components) : "",
+                     array.cells ? ", cells" : ", points");
         }
-        layout.header.attributes["variables"] = join(names, " ");
+        header.attributes["variables"] = join(names, " ");
     }
-    layout.header = in_utf8(std::move(layout.header));
+    header = in_utf8(std::move(header));
+    RawLayout layout;
+    layout.header.dims = header.dims;
+    layout.header.dtype = chosen.shares ? DataType::float32 : chosen.type;
     layout.big_endian = true;
-    bytes->seek(chosen.position);
+    if (__builtin_mul_overflow(header.dims.x, chosen.components, &layout.header.dims.x) ||
+        layout.header.dims.x > max_extent)
+        throw Error(ErrorKind::data, text("'", name, "': rows of more values than can be"));
+    std::int64_t end = 0;
     if (reader.ascii()) {
         // No further than its last number, behind which words follow.
-        std::int64_t const end = reader.skip_words(layout.header.voxels());
         bytes->seek(chosen.position);
-        std::shared_ptr<ByteSource> const file = std::move(bytes);
-        bytes = std::make_unique<ByteSource>(name, [file, end](std::byte* to, std::size_t n) {
-            std::int64_t const left = end - file->position();
-            return left <= 0 ? 0 : file->read(to, std::min(n, static_cast<std::size_t>(left)));
-        });
+        end = reader.skip_words(layout.header.voxels());
         layout.encoding = Encoding::text;
     }
-    return std::make_unique<LegacySource>(raw_source(std::move(bytes), std::move(layout)),
-                                          open ? all : std::vector<AmrVariable>(), reader.not_read, name,
-                                          chosen.shares);
+    std::shared_ptr<ByteSource> const file = std::move(bytes);
+    auto numbers = [file, layout, end, position = chosen.position, name]() -> std::unique_ptr<Source> {
+        if (layout.encoding == Encoding::text) {
+            auto part =
+                std::make_unique<ByteSource>(name, [file, end, at = position](std::byte* to, std::size_t n) mutable {
+                    auto const count = std::min<std::int64_t>(end - at, static_cast<std::int64_t>(n));
+                    file->read_at(at, to, static_cast<std::size_t>(count));
+                    at += count;
+                    return static_cast<std::size_t>(count);
+                });
+            return raw_source(std::move(part), layout);
+        }
+        int const again = ::fcntl(file->descriptor(), F_DUPFD_CLOEXEC, 0);
+        if (again < 0) throw system_error(text("cannot open '", name, "' again"));
+        auto whole = std::make_unique<ByteSource>(again, name);
+        whole->seek(position);
+        return raw_source(std::move(whole), layout);
+    };
+    return std::make_unique<LegacySource>(std::move(header), chosen, std::move(numbers), reader.ascii(),
+                                          open ? all : std::vector<AmrVariable>(), reader.not_read, name);
 }
 
 // --- Writing --------------------------------------------------------------------------------------------------------

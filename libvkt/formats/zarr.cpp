@@ -4,7 +4,9 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/first_failure.h"
 #include "libvkt/core/text.h"
+#include "libvkt/core/type_dispatch.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/coordinates.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/zarr_image.h"
 #include "libvkt/formats/zarr_write.h"
@@ -43,7 +45,12 @@ std::array<int, 3> spatial_axes(Found const& found) {
             for (std::size_t a = 0; a < 3; ++a)
                 if (lower_case(names[static_cast<std::size_t>(k)]) == std::string(1, "xyz"[a])) axes[a] = k;
     if (axes[0] >= 0 && axes[1] >= 0) return axes;
-    for (int a = 0; a < 3; ++a) axes[static_cast<std::size_t>(a)] = std::max(rank - 1 - a, -1);
+    // The last ones, but for those that enumerate volumes.
+    axes = {-1, -1, -1};
+    std::size_t next = 0;
+    for (int k = rank - 1; k >= 0 && next < 3; --k)
+        if (std::ssize(names) != rank || !enumerates(names[static_cast<std::size_t>(k)])) axes[next++] = k;
+    if (next == 0) axes[0] = rank - 1;
     return axes;
 }
 
@@ -73,6 +80,7 @@ private:
     }
     void describe(Found const& found);
     void use_ours(Json const& attributes);
+    void use_coordinates(Found const& found, std::shared_ptr<zarr::Store const> store);
     /// What a thread keeps from chunk to chunk.
     struct Held {
         LargeVector<std::byte> chunk;
@@ -88,6 +96,7 @@ private:
     std::vector<std::size_t> leading_; ///< dimensions that enumerate volumes, the first one slowest
     std::vector<std::string> leading_names_;
     std::vector<std::int64_t> strides_; ///< of each dimension in a chunk, in voxels
+    std::vector<std::vector<std::map<std::string, std::string>>> leading_places_; ///< of coordinates; may be empty
     std::map<std::string, std::string> shared_attributes_;
     std::int64_t volumes_ = 1, index_ = -1;
     Position outer_;          ///< chunk of the current volume along the leading dimensions, 0 elsewhere
@@ -104,7 +113,7 @@ private:
 
 ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, std::string name,
                        ReadOptions const& options)
-    : name_(std::move(name)), chunks_(std::move(store), found.array), axes_(spatial_axes(found)) {
+    : name_(std::move(name)), chunks_(store, found.array), axes_(spatial_axes(found)) {
     Array const& array = chunks_.array();
     std::size_t const memory = options.memory.value_or(default_memory()), chunk = array.inner_bytes();
     if (chunk > memory)
@@ -127,8 +136,55 @@ ZarrSource::ZarrSource(std::shared_ptr<zarr::Store const> store, Found found, st
             bool const named = found.image && found.image->names.size() == array.shape.size();
             leading_names_.push_back(named ? found.image->names[k] : k < array.names.size() ? array.names[k] : "");
         }
+    use_coordinates(found, std::move(store));
     describe(found);
     check(header_);
+}
+
+/// All numbers of an array of one dimension; empty if it is too long for a list of coordinates.
+std::vector<double> coordinates_in(std::shared_ptr<zarr::Store const> store, Array const& array) {
+    constexpr std::int64_t longest = std::int64_t{1} << 24;
+    std::int64_t const n = array.shape.front(), step = array.inner.front();
+    if (n > longest || step > longest) return {};
+    std::vector<double> result(static_cast<std::size_t>(n));
+    zarr::Chunks const chunks(std::move(store), array);
+    zarr::Scratch scratch;
+    std::size_t const size = size_of(array.dtype);
+    LargeVector<std::byte> chunk;
+    chunk.resize(array.inner_bytes());
+    for (std::int64_t first = 0; first < n; first += step) {
+        bool const there = chunks.read({first / step}, {chunk.data(), chunk.size()}, scratch);
+        for (std::int64_t i = first; i < std::min(n, first + step); ++i) {
+            std::byte const* const from =
+                there ? chunk.data() + static_cast<std::size_t>(i - first) * size : array.fill.data();
+            result[static_cast<std::size_t>(i)] = with_type(array.dtype, [&]<class T>(T) {
+                T value;
+                std::memcpy(&value, from, sizeof value);
+                return static_cast<double>(value);
+            });
+        }
+    }
+    return result;
+}
+
+/// Places from arrays of the names of dimensions, as NetCDF and xarray have them.
+void ZarrSource::use_coordinates(Found const& found, std::shared_ptr<zarr::Store const> store) {
+    leading_places_.resize(leading_.size());
+    std::array<std::string, 3> units;
+    for (std::size_t k = 0; k < found.coordinates.size(); ++k) {
+        if (!found.coordinates[k]) continue;
+        std::vector<double> const at = coordinates_in(store, *found.coordinates[k]);
+        if (at.empty()) continue;
+        std::string const unit = words(Json::parse(found.coordinates[k]->attributes, nullptr, false), "units");
+        if (auto const a = std::find(axes_.begin(), axes_.end(), static_cast<int>(k)); a != axes_.end()) {
+            place_axis(header_, static_cast<int>(a - axes_.begin()), at);
+            units[static_cast<std::size_t>(a - axes_.begin())] = unit;
+        } else if (auto const i = std::find(leading_.begin(), leading_.end(), k); i != leading_.end()) {
+            leading_places_[static_cast<std::size_t>(i - leading_.begin())] = sequence_places(at, unit);
+        }
+    }
+    if (!units[0].empty() && units[0].find('"') == std::string::npos && units[0] == units[1] && units[0] == units[2])
+        header_.attributes["space units"] = text("\"", units[0], "\" \"", units[0], "\" \"", units[0], "\"");
 }
 
 void ZarrSource::describe(Found const& found) {
@@ -217,7 +273,12 @@ bool ZarrSource::next_volume() {
         offset_ += at % array.inner[k] * strides_[k];
         if (array.shape[k] == 1 || leading_names_[i].empty()) continue;
         std::string const& name = leading_names_[i];
-        header_.attributes[name == "c" ? "channel" : name == "t" ? "sequence position" : name] = to_text(at);
+        bool const time = name == "t" || name == "time";
+        if (time && !leading_places_[i].empty())
+            for (auto const& [key, value] : leading_places_[i][static_cast<std::size_t>(at)])
+                header_.attributes[key] = value;
+        else
+            header_.attributes[name == "c" ? "channel" : time ? "sequence position" : name] = to_text(at);
     }
     return true;
 }

@@ -190,15 +190,13 @@ void Metadata::read_v2(Json const& json) {
         fail("filters before compression, which are not read", "in Python: store it again without filters");
     if (Json const* const compressor = maybe(json, "compressor")) {
         std::string const id = words(member(*compressor, "id"), "the compressor's id");
-        constexpr std::pair<char const*, Codec> known[] = {{"zlib", Codec::zlib},
-                                                           {"gzip", Codec::gzip},
-                                                           {"zstd", Codec::zstd},
-                                                           {"blosc", Codec::blosc},
-                                                           {"lz4", Codec::lz4}};
+        constexpr std::pair<char const*, Codec> known[] = {
+            {"zlib", Codec::zlib}, {"gzip", Codec::gzip}, {"zstd", Codec::zstd}, {"blosc", Codec::blosc},
+            {"lz4", Codec::lz4},   {"bz2", Codec::bzip2}, {"lzma", Codec::lzma}};
         auto const found =
             std::find_if(std::begin(known), std::end(known), [&](auto const& k) { return id == k.first; });
         if (found == std::end(known))
-            fail(text("compressed by '", id.substr(0, 40), "'; zlib, gzip, zstd, blosc and lz4 are read"));
+            fail(text("compressed by '", id.substr(0, 40), "'; zlib, gzip, zstd, blosc, lz4, bz2 and lzma are read"));
         array_.codecs.push_back(found->second);
     }
     if (Json const* const fill = maybe(json, "fill_value")) read_fill(*fill);
@@ -210,6 +208,7 @@ void Metadata::read_transpose(Json const& configuration) {
     if (order == "C") return;
     if (order == "F") return std::reverse(array_.order.begin(), array_.order.end());
     std::vector<bool> seen(n);
+    std::vector<std::size_t> const before = array_.order; // one transposition after another
     if (!order.is_array() || order.size() != n) fail("a transposition of other dimensions");
     for (std::size_t i = 0; i < n; ++i) {
         if (!order[i].is_number_unsigned() || order[i].get<std::uint64_t>() >= n)
@@ -217,7 +216,7 @@ void Metadata::read_transpose(Json const& configuration) {
         auto const axis = order[i].get<std::size_t>();
         if (seen[axis]) fail("a transposition that names a dimension twice");
         seen[axis] = true;
-        array_.order[i] = axis;
+        array_.order[i] = before[axis];
     }
 }
 
@@ -324,6 +323,16 @@ Array Metadata::read(Json const& json, int version) {
     return array_;
 }
 
+/// Names of dimensions as xarray writes them into version 2, which has no place of its own for them.
+std::vector<std::string> dimensions_in(std::string const& attributes) {
+    Json const json = Json::parse(attributes, nullptr, false);
+    std::vector<std::string> result;
+    auto const found = json.is_object() ? json.find("_ARRAY_DIMENSIONS") : json.end();
+    if (json.is_object() && found != json.end() && found->is_array())
+        for (auto const& name : *found) result.push_back(name.is_string() ? name.get<std::string>() : "");
+    return result;
+}
+
 /// Bytes that are going to be read, at the beginning of memory that is kept.
 std::span<std::byte> room(LargeVector<std::byte>& memory, std::size_t n) {
     if (memory.size() < n) memory.resize(n);
@@ -359,6 +368,7 @@ std::optional<Array> read_array(Store const& store, std::string const& folder) {
     if (auto const json = store.metadata(folder, ".zarray")) {
         Array array = parsed(*json, 2);
         array.attributes = read_attributes(store, folder);
+        array.names = dimensions_in(array.attributes);
         return array;
     }
     auto const json = store.metadata(folder, "zarr.json");
@@ -368,6 +378,16 @@ std::optional<Array> read_array(Store const& store, std::string const& folder) {
         throw Error(ErrorKind::data, text("'", store.shown(folder), "': damaged: zarr.json is no JSON"));
     if (node.contains("node_type") && node["node_type"] == "group") return std::nullopt;
     return parsed(*json, 3);
+}
+
+std::optional<std::size_t> rank_of_array(Store const& store, std::string const& folder) {
+    auto metadata = store.metadata(folder, ".zarray");
+    if (!metadata) metadata = store.metadata(folder, "zarr.json");
+    if (!metadata) return std::nullopt;
+    Json const json = Json::parse(*metadata, nullptr, false);
+    auto const shape = json.is_object() ? json.find("shape") : json.end();
+    if (!json.is_object() || shape == json.end() || !shape->is_array()) return std::nullopt;
+    return shape->size();
 }
 
 std::string read_attributes(Store const& store, std::string const& folder) {

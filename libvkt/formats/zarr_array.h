@@ -20,7 +20,7 @@
 namespace vkt::zarr {
 
 /// What undoes, or does, one step of compression.
-enum class Codec : std::uint8_t { zlib, gzip, zstd, blosc, lz4, crc32c };
+enum class Codec : std::uint8_t { zlib, gzip, zstd, blosc, lz4, bzip2, lzma, crc32c };
 
 /// What the library has of each codec; loads the module blosc. Throws Error{failure} for what the build is without.
 void require(Codec codec, std::string const& file);
@@ -30,7 +30,7 @@ Codec best_codec();
 
 /// Exactly `to.size()` bytes. Throws Error{data} naming `file` for anything else.
 void decode(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file);
-/// Throws Error{failure}. Not for lz4.
+/// Throws Error{failure}. Not for lz4, bzip2 and lzma.
 std::vector<std::byte> encode(Codec codec, std::span<std::byte const> from, std::size_t element);
 
 inline constexpr std::size_t most_dimensions = 16;
@@ -61,6 +61,8 @@ bool is_zarr(std::string const& folder);
 /// The metadata of the array in this folder; none if it is a group or nothing. Throws Error{data} for what is damaged
 /// and what volumes are not.
 std::optional<Array> read_array(Store const& store, std::string const& folder);
+/// How many dimensions the array in this folder has, whatever its elements are; none if it is a group or nothing.
+std::optional<std::size_t> rank_of_array(Store const& store, std::string const& folder);
 /// Attributes of an array or group as JSON; "{}" if there are none.
 std::string read_attributes(Store const& store, std::string const& folder);
 /// The same from the text of a file (.zarray: version 2; zarr.json: 3).

@@ -14,6 +14,12 @@
 #ifdef VKT_HAVE_LZ4
 #include <lz4.h>
 #endif
+#ifdef VKT_HAVE_BZIP2
+#include <bzlib.h>
+#endif
+#ifdef VKT_HAVE_LZMA
+#include <lzma.h>
+#endif
 
 namespace vkt::zarr {
 namespace {
@@ -102,6 +108,33 @@ bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> 
         without("lz4", file);
 #endif
     }
+    case Codec::bzip2: {
+#ifdef VKT_HAVE_BZIP2
+        if (from.size() > UINT32_MAX || to.size() > UINT32_MAX) return false;
+        auto size = static_cast<unsigned>(to.size());
+        auto* const in = reinterpret_cast<char*>(const_cast<std::byte*>(from.data()));
+        return BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(to.data()), &size, in,
+                                          static_cast<unsigned>(from.size()), 0, 0) == BZ_OK &&
+               size == to.size();
+#else
+        without("bz2", file);
+#endif
+    }
+    case Codec::lzma: {
+#ifdef VKT_HAVE_LZMA
+        lzma_stream state = LZMA_STREAM_INIT;
+        if (lzma_auto_decoder(&state, std::uint64_t{1} << 30, 0) != LZMA_OK) return false;
+        state.next_in = reinterpret_cast<std::uint8_t const*>(from.data());
+        state.avail_in = from.size();
+        state.next_out = reinterpret_cast<std::uint8_t*>(to.data());
+        state.avail_out = to.size();
+        bool const whole = lzma_code(&state, LZMA_FINISH) == LZMA_STREAM_END && state.avail_out == 0;
+        lzma_end(&state);
+        return whole;
+#else
+        without("lzma", file);
+#endif
+    }
     case Codec::crc32c:
         break;
     }
@@ -121,6 +154,12 @@ void require(Codec codec, std::string const& file) {
 #endif
 #ifndef VKT_HAVE_LZ4
     if (codec == Codec::lz4) without("lz4", file);
+#endif
+#ifndef VKT_HAVE_BZIP2
+    if (codec == Codec::bzip2) without("bz2", file);
+#endif
+#ifndef VKT_HAVE_LZMA
+    if (codec == Codec::lzma) without("lzma", file);
 #endif
 }
 

@@ -93,6 +93,8 @@ public:
 
 private:
     std::string below(std::string const& folder, std::string path) const;
+    std::vector<std::string> candidates(std::string const& folder) const;
+    void add_coordinates(Found& found, std::string const& folder) const;
     Found with_image_around(Array array, std::string const& folder) const;
     [[noreturn]] void no_array(std::string const& folder, std::string const& inside) const;
 
@@ -110,9 +112,51 @@ std::string Search::below(std::string const& folder, std::string path) const {
     return key_of(folder, path);
 }
 
+/// Arrays of two dimensions or more and groups; but not the limits of cells, which coordinates name, nor the metadata
+/// that bioformats2raw puts beside its images. Where there is nothing else, all of them.
+std::vector<std::string> Search::candidates(std::string const& folder) const {
+    std::vector<std::string> const names = store_.nodes_below(folder);
+    if (names.size() < 2) return names;
+    std::vector<std::string> result, limits;
+    Json const own = Json::parse(read_attributes(store_, folder), nullptr, false);
+    Json const* const ome = member(own, "ome");
+    bool const converted = member(own, "bioformats2raw.layout") != nullptr ||
+                           (ome != nullptr && member(*ome, "bioformats2raw.layout") != nullptr);
+    for (std::string const& name : names) {
+        std::string const path = below(folder, name);
+        auto const rank = rank_of_array(store_, path);
+        if (rank && *rank < 2) {
+            Json const attributes = Json::parse(read_attributes(store_, path), nullptr, false);
+            limits.push_back(words(attributes, "bounds"));
+        } else if (!converted || name != "OME") {
+            result.push_back(name);
+        }
+    }
+    std::erase_if(
+        result, [&](std::string const& name) { return std::find(limits.begin(), limits.end(), name) != limits.end(); });
+    return result.empty() ? names : result;
+}
+
+/// Of dimensions that have arrays of their names beside this one.
+void Search::add_coordinates(Found& found, std::string const& folder) const {
+    std::size_t const slash = folder.rfind('/');
+    std::string const parent = folder.substr(0, slash == std::string::npos ? 0 : slash);
+    found.coordinates.resize(found.array.shape.size());
+    if (found.array.names.size() != found.array.shape.size()) return;
+    for (std::size_t k = 0; k < found.array.names.size(); ++k) {
+        std::string const& name = found.array.names[k];
+        if (name.empty() || name.find('/') != std::string::npos || name == "." || name == "..") continue;
+        std::string const path = key_of(parent, name);
+        if (path == folder || rank_of_array(store_, path) != std::size_t{1}) continue;
+        auto const array = read_array(store_, path);
+        if (array && array->shape.front() == found.array.shape[k]) found.coordinates[k] = array;
+    }
+}
+
 /// A level of an image that was named itself.
 Found Search::with_image_around(Array array, std::string const& folder) const {
-    Found found{std::move(array), {}, 0};
+    Found found{std::move(array), {}, 0, {}};
+    add_coordinates(found, folder);
     std::size_t const slash = folder.rfind('/');
     std::string const own = folder.substr(slash == std::string::npos ? 0 : slash + 1);
     std::string const parent = folder.substr(0, slash == std::string::npos ? 0 : slash);
@@ -153,9 +197,9 @@ Found Search::array(std::string const& folder, std::string const& inside, int de
         if (!array)
             throw Error(ErrorKind::data,
                         text("'", shown_, "': the array '", image->levels.front().path, "' of its image is missing"));
-        return {std::move(*array), std::move(image), 0};
+        return {std::move(*array), std::move(image), 0, {}};
     }
-    auto const names = store_.nodes_below(folder);
+    auto const names = candidates(folder);
     if (names.size() == 1) return array(below(folder, names.front()), "", depth - 1);
     if (names.empty()) throw Error(ErrorKind::data, text("'", shown_, "' is a group that holds no array"));
     throw Error(ErrorKind::usage, text("'", shown_, "' holds several arrays: ", join(names, ", ")),

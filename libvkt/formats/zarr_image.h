@@ -32,6 +32,8 @@ struct Found {
     Array array;
     std::optional<Multiscale> image;
     std::size_t level = 0;
+    /// Of each dimension, the array that says where its samples lie; empty, or as many as there are dimensions.
+    std::vector<std::optional<Array>> coordinates;
 };
 
 /// The array at `inside` below a folder; without a name, the only one there, or the finest of an image. `shown` is how
