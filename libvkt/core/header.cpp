@@ -253,12 +253,12 @@ std::string to_sentence(VolumeError const& error, std::string const& units) {
     if (error.exact()) return "exact";
     if (!error.known()) return error.because.empty() ? "unknown" : text("unknown: ", error.because);
     // Two digits that are not below the number, but for what rounding added to it.
-    std::array<char, 32> digits{};
+    std::string digits;
     for (double v = error.at_most;; v *= 1.01) {
-        std::snprintf(digits.data(), digits.size(), "%.2g", v);
-        if (!(std::strtod(digits.data(), nullptr) < error.at_most * (1 - 1e-9))) break;
+        digits = two_digits(v);
+        if (!(std::strtod(digits.c_str(), nullptr) < error.at_most * (1 - 1e-9))) break;
     }
-    std::string const amount = text(digits.data(), units.empty() ? "" : " ", units);
+    std::string const amount = text(digits, units.empty() ? "" : " ", units);
     return error.kind == Certainty::bound ? text("within ", amount, " of exact")
                                           : text("about ", amount, " from exact");
 }

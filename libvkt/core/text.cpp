@@ -156,6 +156,12 @@ std::string to_text(Box const& b) {
     return text(b.lower.x, ":", b.upper.x, ",", b.lower.y, ":", b.upper.y, ",", b.lower.z, ":", b.upper.z);
 }
 
+std::string two_digits(double value) {
+    std::array<char, 32> digits{};
+    std::snprintf(digits.data(), digits.size(), "%.2g", value);
+    return digits.data();
+}
+
 std::string bytes_text(double bytes) {
     std::array const units{"B", "KiB", "MiB", "GiB", "TiB"};
     std::size_t unit = 0;

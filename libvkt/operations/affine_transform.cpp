@@ -83,6 +83,10 @@ void AffineTransform::sampling_parameters(Parameters& p) {
     p.option("method", method_, "METHOD",
              "auto (default): linear, averaging where voxels of the result are wider than those of the input; or "
              "nearest, linear, cubic, bspline3, bspline5, lanczos3");
+    p.option(
+        "tolerance", tolerance_, "T",
+        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "
+        "values, after a look at the voxels");
     p.option("boundary", boundary_, "RULE",
              "how the volume continues outside, instead of a background: mirror, clamp, wrap or border[:VALUE]");
     p.option("background", background_, "VALUE", "value where the result lies outside the moved volume (0)");
@@ -93,6 +97,7 @@ std::vector<Knob> AffineTransform::knobs() const {
 }
 
 void AffineTransform::check() const {
+    if (tolerance_) check_interpolation_tolerance(*tolerance_, method_.has_value());
     if (boundary_ && background_)
         throw Error(ErrorKind::usage, "--boundary continues the volume everywhere: --background does not apply");
     if (expand_ && !like_.file.empty())
@@ -178,13 +183,38 @@ Plan AffineTransform::plan(std::span<Header const> inputs) {
     values.background = background.stored;
     other_background_.reset();
     if (background.other) other_background_ = plan.output.values.physical(background.stored);
-    ResampleMethod const method = method_ ? static_cast<ResampleMethod>(*method_) : ResampleMethod::automatic;
-    onto_.emplace(placement, region_dims_, box_.dims(), method, boundary_, values);
-    preparation_ = in_place_ ? nullptr : onto_->take_coefficients();
+    placement_ = placement;
+    values_ = values;
+    choice_.reset();
+    if (tolerance_ && !placement.whole())
+        choice_.emplace(input, in_place_ ? box_ : box_of(input.dims), placement.between());
+    // Of what may be chosen the last one looks furthest.
+    take_method(choice_ ? InterpolationChoice::candidates.back()
+                        : static_cast<ResampleMethod>(method_.value_or(SamplingMethod{})));
+    preparation_ = in_place_ || choice_ ? nullptr : onto_->take_coefficients();
     onto_->describe(plan);
     onto_->pass(input, plan);
+    if (choice_) choice_->announce(*tolerance_, plan);
     if (in_place_) plan.shift.reset();
     return plan;
+}
+
+void AffineTransform::take_method(ResampleMethod method) {
+    onto_.emplace(placement_, region_dims_, box_.dims(), method, boundary_, values_);
+}
+
+void AffineTransform::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
+
+void AffineTransform::scan_end() { take_method(choice_->choose(*tolerance_, placement_.coarser())); }
+
+void AffineTransform::after_scan(Plan& plan) const {
+    if (!choice_) return;
+    Plan chosen;
+    chosen.output = plan.output;
+    onto_->describe(chosen);
+    Header input = plan.output; // of the same type and map of values
+    onto_->pass(input, chosen);
+    choice_->settle(chosen, plan);
 }
 
 Box AffineTransform::footprint(Box const& output, int) const {
@@ -237,6 +267,7 @@ std::vector<Remark> AffineTransform::remarks() const {
     Index3 const n = box_.dims();
     std::int64_t const voxels = n.x * n.y * n.z;
     std::vector<Remark> result = store_remarks(losses_, voxels, type_);
+    if (choice_) result.push_back(choice_->remark(*tolerance_));
     if (onto_ && onto_->outside() > 0)
         result.push_back({text(share_text(onto_->outside(), voxels), " outside the moved volume: background",
                                other_background_

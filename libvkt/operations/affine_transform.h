@@ -7,6 +7,7 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/prepared.h"
 #include "libvkt/engine/tunable.h"
+#include "libvkt/operations/interpolation_choice.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/resample_method.h"
 #include "libvkt/operations/resample_onto.h"
@@ -39,6 +40,10 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
+    Box scanned(Box const& whole) const override { return in_place_ ? box_ : whole; }
+    void scan(ConstView slab, Execution const& execution) override;
+    void scan_end() override;
+    void after_scan(Plan& plan) const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
@@ -55,8 +60,10 @@ protected:
 
 private:
     Placement place_result(Header const& input, Header& output) const;
+    void take_method(ResampleMethod method);
 
     std::optional<SamplingMethod> method_;
+    std::optional<double> tolerance_;
     std::optional<BoundaryRule> boundary_;
     std::optional<double> background_;
     bool expand_ = false;
@@ -67,7 +74,10 @@ private:
     Index3 region_dims_;
     bool in_place_ = false; ///< only the region moves
     Vec3 middle_;           ///< of the region, in voxels from its first
+    Placement placement_;
+    OntoValues values_;
     std::optional<Onto> onto_;
+    std::optional<InterpolationChoice> choice_; ///< with a tolerance
     Operation* preparation_ = nullptr;
     std::optional<double> other_background_; ///< physical, if it is another than was meant
     Losses losses_;

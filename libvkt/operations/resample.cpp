@@ -60,6 +60,10 @@ void Resample::parameters(Parameters& p) {
     p.option("method", method, "METHOD",
              "auto (default): area average where an axis shrinks, linear where it grows; hierarchical volumes: basis "
              "(default), nearest, average, or auto: average where a voxel covers several cells or there are holes");
+    p.option(
+        "tolerance", tolerance, "T",
+        "choose the cheapest of nearest, linear, cubic and lanczos3 whose estimated error is at most T, in units of "
+        "values, after a look at the voxels; axes that shrink are averaged, the type stays");
     p.option("roi", roi, "REGION",
              "only this region; its ends may lie between voxels; of hierarchical volumes in finest cells");
     p.option("roi-world", world_roi, "REGION", "hierarchical volumes: only this region, in world units");
@@ -117,6 +121,7 @@ void Resample::check() const {
             throw Error(ErrorKind::usage,
                         text("--bytes-per-voxel ", *bytes_per_voxel, " contradicts --dtype ", *dtype));
     }
+    if (tolerance) check_interpolation_tolerance(*tolerance, method.has_value());
     bool const looks_outside = !method || method == ResampleMethod::automatic || method == ResampleMethod::linear ||
                                has_lobes(*method) || !like_.file.empty();
     if (boundary && !looks_outside)
@@ -222,9 +227,12 @@ Index3 Resample::target_dims(Header const& input, Vec3 extent) const {
     return result;
 }
 
+ResampleMethod Resample::used() const { return chosen_ ? *chosen_ : method.value_or(ResampleMethod::automatic); }
+
 Kernel Resample::kernel_of(std::int64_t n_in, std::int64_t n_out) const {
-    return kernel_for(method.value_or(ResampleMethod::automatic),
-                      static_cast<double>(n_in) / static_cast<double>(n_out));
+    double const width = static_cast<double>(n_in) / static_cast<double>(n_out);
+    // An estimate says what lies between voxels, not what several of them amount to.
+    return kernel_for(chosen_ && width > 1 ? ResampleMethod::automatic : used(), width);
 }
 
 /// The grid of --like, as its own header has it.
@@ -251,7 +259,7 @@ void Resample::choose_header(Header const& input, bool moves, Header& output) {
         for (int a = 0; a < 3; ++a) output.geometry.spacing[a] *= region_map_->column[static_cast<std::size_t>(a)][a];
     }
     if (dist) output.geometry.spacing = *dist;
-    bool const lobes = method && has_lobes(*method) && !moves;
+    bool const lobes = !tolerance && has_lobes(used()) && !moves;
     if (lobes && is_integer(input.dtype) && !is_signed(input.dtype))
         output.dtype = size_of(input.dtype) <= 2 ? DataType::float32 : DataType::float64;
     if (bytes_per_voxel && size_of(output.dtype) != size_of(type_of_bytes(*bytes_per_voxel)))
@@ -269,12 +277,48 @@ void Resample::choose_header(Header const& input, bool moves, Header& output) {
 Plan Resample::plan(std::span<Header const> inputs) {
     Header const& input = inputs.front();
     reconstructor_.reset();
-    onto_.reset();
-    region_map_.reset();
+    choice_.reset();
+    chosen_.reset();
     preparation_ = nullptr;
     from_tree_ = input.kind == Kind::hierarchical;
     if (from_tree_) return plan_tree(input);
     refuse_tree_options();
+    if (!tolerance) return planned(input);
+    // Of what may be chosen the last one looks furthest.
+    input_ = input;
+    chosen_ = InterpolationChoice::candidates.back();
+    Plan plan = planned(input);
+    bool const moves =
+        plan.passing.storing == ErrorPassing::Storing::moves || plan.passing.storing == ErrorPassing::Storing::converts;
+    if (moves) return plan;
+    Placement const placement = onto_ ? onto_->placement() : place(plan.output.geometry, to_, input.geometry);
+    coarser_ = placement.coarser();
+    std::array<bool, 3> axes = placement.between();
+    for (int a = 0; a < 3 && !onto_; ++a) axes[static_cast<std::size_t>(a)] = to_[a] > from_[a];
+    if (std::ranges::none_of(axes, [](bool between) { return between; })) { // averages and copies alone
+        chosen_ = ResampleMethod::automatic;
+        return planned(input);
+    }
+    choice_.emplace(input, box_of(input.dims), axes);
+    choice_->announce(*tolerance, plan);
+    return plan;
+}
+
+void Resample::scan(ConstView slab, Execution const&) { choice_->scan(slab); }
+
+void Resample::scan_end() {
+    chosen_ = choice_->choose(*tolerance, coarser_);
+    plan_of_chosen_ = planned(input_);
+}
+
+void Resample::after_scan(Plan& plan) const {
+    if (choice_) choice_->settle(plan_of_chosen_, plan);
+}
+
+/// A structured volume, by the method that is used.
+Plan Resample::planned(Header const& input) {
+    onto_.reset();
+    region_map_.reset();
     if (!scale && !dims && !spacing && like_.file.empty() && !cells && !changes_values() && roi.empty())
         throw Error(ErrorKind::usage, "no new size is given", "say for example --scale 0.5 or --dims 128 128 64");
     Plan plan;
@@ -407,7 +451,7 @@ Plan Resample::plan_onto(Header const& input, Placement const& placement) {
         values.border = input.values.stored(boundary->value);
     else
         values.background = background_in(plan.output);
-    onto_.emplace(placement, from_, to_, method.value_or(ResampleMethod::automatic), boundary, values);
+    onto_.emplace(placement, from_, to_, used(), boundary, values);
     preparation_ = onto_->take_coefficients();
     onto_->describe(plan);
     onto_->pass(input, plan);
@@ -417,7 +461,7 @@ Plan Resample::plan_onto(Header const& input, Placement const& placement) {
 /// True if integers come out as by exact arithmetic, rounded once: no sum of whole weights times values, and no
 /// distance of a quotient from a tie, is beyond double.
 bool Resample::sums_exactly(DataType input) const {
-    if (!is_integer(input) || (method && has_lobes(*method))) return false;
+    if (!is_integer(input) || has_lobes(used())) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
     bool const rounds_once = is_integer(out_type_) || out_type_ == DataType::float64;
     double const largest = std::max(std::exp2(8 * static_cast<double>(size_of(input))), std::abs(border_));
@@ -427,7 +471,7 @@ bool Resample::sums_exactly(DataType input) const {
 /// True for 64-bit integers, of which double would lose digits, where 128 bits hold every sum of weights times values
 /// and the border is one of the values.
 bool Resample::sums_in_integers(DataType input) const {
-    if (!is_integer(input) || size_of(input) != 8 || (method && has_lobes(*method))) return false;
+    if (!is_integer(input) || size_of(input) != 8 || has_lobes(used())) return false;
     double const divisor = tables_[0].divisor() * tables_[1].divisor() * tables_[2].divisor();
     bool const inside = border_ >= lowest_of(input) && border_ < highest_of(input);
     return inside && border_ == std::rint(border_) && divisor <= 0x1p62;
@@ -503,6 +547,9 @@ SampleGrid Resample::grid_like(Header const& input) const {
 }
 
 Plan Resample::plan_tree(Header const& input) {
+    if (tolerance)
+        throw Error(ErrorKind::usage, "--tolerance is for structured volumes, and this one is hierarchical",
+                    "use --method basis, average or nearest");
     if (boundary)
         throw Error(ErrorKind::usage, "--boundary is for structured volumes, and this one is hierarchical",
                     "say with --background what stands where there is no cell");
@@ -634,6 +681,7 @@ std::vector<Remark> Resample::remarks() const {
     if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
     std::int64_t const voxels = to_.x * to_.y * to_.z;
     std::vector<Remark> result = store_remarks(counts_, voxels, out_type_);
+    if (choice_) result.push_back(choice_->remark(*tolerance));
     if (onto_ && onto_->outside() > 0)
         result.push_back({text(share_text(onto_->outside(), voxels), " outside the input: background"), false});
     return result;

@@ -7,6 +7,7 @@
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/prepared.h"
 #include "libvkt/engine/tunable.h"
+#include "libvkt/operations/interpolation_choice.h"
 #include "libvkt/operations/reference_volume.h"
 #include "libvkt/operations/remarks.h"
 #include "libvkt/operations/resample_method.h"
@@ -56,6 +57,7 @@ public:
     std::optional<Vec3> spacing;          ///< world units of the result's voxels
     std::optional<CellCount> cells;       ///< about this many voxels, cubes as nearly as possible
     std::optional<ResampleMethod> method; ///< automatic for structured volumes, basis for hierarchical ones
+    std::optional<double> tolerance;      ///< of the interpolation, in units of values: chooses the method
     Roi roi;                              ///< hierarchical volumes: the region in finest cells
     WorldRoi world_roi;                   ///< the same in world units
     std::optional<double> background;     ///< physical value where there is no cell, or no voxel under another's grid
@@ -76,6 +78,9 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     Operation* preparation() override { return preparation_; }
     Box footprint(Box const& output, int input) const override;
+    void scan(ConstView slab, Execution const& execution) override;
+    void scan_end() override;
+    void after_scan(Plan& plan) const override;
     /// Sums of columns, which every thread has of its own, and inputs whose axes changed places.
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void take_tree(Volume input) override;
@@ -88,6 +93,7 @@ private:
     Index3 target_dims(Header const& input) const;
     /// `extent`: of what is resampled, where its ends lie between voxels.
     Index3 target_dims(Header const& input, Vec3 extent) const;
+    Plan planned(Header const& input);
     Plan plan_region(Header const& input);
     SampleGrid tree_grid(Header const& input) const;
     Reconstruction reconstruction() const;
@@ -99,6 +105,7 @@ private:
     double background_in(Header const& volume) const;
     void reconstruct_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
+    ResampleMethod used() const;
     Kernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, bool moves, Header& output);
     std::string describe() const;
@@ -109,9 +116,14 @@ private:
     enum class Algorithm : std::uint8_t { copy, convert, nearest, halving, whole, weighted };
 
     Index3 from_, to_;
-    ReferenceVolume like_;             ///< the grid of the result
-    std::optional<Affine> region_map_; ///< grids, with --roi: from voxels of the result to those of the input
-    std::optional<Onto> onto_;         ///< planned for a grid of another extent, or a turned one
+    ReferenceVolume like_;                      ///< the grid of the result
+    std::optional<Affine> region_map_;          ///< grids, with --roi: from voxels of the result to those of the input
+    std::optional<InterpolationChoice> choice_; ///< with a tolerance
+    std::optional<ResampleMethod> chosen_;      ///< by it
+    Plan plan_of_chosen_;
+    bool coarser_ = false; ///< voxels of the result are wider than those of the input along an axis
+    Header input_;
+    std::optional<Onto> onto_; ///< planned for a grid of another extent, or a turned one
     Operation* preparation_ = nullptr;
     std::array<WeightTable, 3> tables_;
     Algorithm algorithm_ = Algorithm::copy;

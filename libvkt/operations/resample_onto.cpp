@@ -84,6 +84,21 @@ double gain_of(Interpolant interpolant) {
 
 } // namespace
 
+std::array<bool, 3> Placement::between() const {
+    auto const is_whole = [](double v) { return v == std::nearbyint(v); };
+    std::array<bool, 3> result{};
+    for (int b = 0; b < 3; ++b) {
+        bool whole = is_whole(map.offset[b]);
+        for (auto const& c : map.column) whole = whole && is_whole(c[b]);
+        result[static_cast<std::size_t>(b)] = !whole;
+    }
+    return result;
+}
+
+bool Placement::coarser() const {
+    return std::ranges::any_of(map.column, [](Vec3 const& c) { return length(c) > 1 + 1e-6; });
+}
+
 bool Placement::whole() const { return aligned && is_signed_permutation(map); }
 
 bool Placement::keeps_extent(Index3 from, Index3 to) const {

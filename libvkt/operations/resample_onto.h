@@ -31,6 +31,10 @@ struct Placement {
     }
     /// Aligned, and every output voxel is one of the input's lattice.
     bool whole() const;
+    /// Axes of the input along which voxels of the output lie between its voxels.
+    std::array<bool, 3> between() const;
+    /// True if voxels of the output are wider than the input's along an axis.
+    bool coarser() const;
     /// Upright, and the outer faces of both are the same.
     bool keeps_extent(Index3 from, Index3 to) const;
 };
@@ -79,6 +83,7 @@ public:
     /// How errors of the input pass into plan.output, as described.
     void pass(Header const& input, Plan& plan) const;
     Box footprint(Box const& output) const;
+    Placement const& placement() const { return placement_; }
     /// Bytes held for regions of this extent: the input with its axes in order, and what every thread sums up.
     std::size_t fit(Index3 largest, Execution const& execution) const;
     /// Bytes held besides a region of so many voxels and its footprint.

@@ -465,24 +465,19 @@ std::vector<OptionWords> options_of(RenderSettings const& s) {
 
 std::string quality_text(RenderReport const& r, Goal const& goal) {
     Quality const& q = r.quality;
-    auto const digits = [](double v) {
-        std::array<char, 32> text{};
-        std::snprintf(text.data(), text.size(), "%.2g", v);
-        return std::string(text.data());
-    };
     std::string const asked = goal.noise > 0       ? text(" (asked ", goal.noise, ")")
                               : goal.tolerance > 0 ? text(" (asked ", goal.tolerance, ")")
                                                    : std::string();
     std::vector<std::string> parts;
     bool const paths = goal.noise > 0 || r.method.find("paths") != std::string::npos;
     if (q.error >= 0)
-        parts.push_back(text(paths ? "noise " : "error ", digits(q.error), " of 255 levels, in the worst ",
-                             paths ? "tile " : "pixel ", digits(q.worst), asked));
+        parts.push_back(text(paths ? "noise " : "error ", two_digits(q.error), " of 255 levels, in the worst ",
+                             paths ? "tile " : "pixel ", two_digits(q.worst), asked));
     if (q.above > 0 && (goal.noise > 0 || goal.tolerance > 0))
         parts.push_back(text(q.above, paths ? " tiles above" : " pixels above"));
     if (goal.any()) {
         parts.push_back(text(std::round(q.rays * 10) / 10, paths ? " paths" : " rays", " a pixel"));
-        parts.push_back(text(digits(r.render_seconds), " s"));
+        parts.push_back(text(two_digits(r.render_seconds), " s"));
     }
     if (q.stopped) parts.push_back("stopped before it was finished");
     if (q.late) parts.push_back("the time was up");
