@@ -272,7 +272,15 @@ for i in range(60):
     run = subprocess.run(["vkt", "stats", "bad.dcm"], capture_output=True, timeout=60)
     assert run.returncode in (0, 1, 2, 3, 5), (i, run.returncode, run.stderr)
 open("short.dcm", "wb").write(good[:-100])
+# Cut among the elements before the pixels, at which GDCM may end: told, and in a folder the file is named.
+slices("cut", data, [0, 1, 2, 3, 4])
+for n in range(100, good.rfind(b"\xe0\x7f\x10\0"), 7):
+    open("cut.dcm", "wb").write(good[:n])
+    run = subprocess.run(["vkt", "info", "cut.dcm"], capture_output=True, timeout=60)
+    assert run.returncode == 3 and b"crashed" not in run.stderr, (n, run.returncode, run.stderr)
+open("cut/zz", "wb").write(good[:500])
 END
+    fails_with 3 "'cut/zz': ended early: it has no whole header" vkt info cut
     fails_with 3 "short.dcm" vkt stats short.dcm
     mkdir empty && fails_with 4 "holds neither DICOM files nor slices" vkt stats empty
 }

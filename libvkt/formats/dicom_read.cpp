@@ -157,6 +157,119 @@ void read_group(gdcm::DataSet const& group, Slice& slice) {
         if (auto const index = element_long(*item, 0x0020, 0x9128)) slice.time = std::int64_t{*index};
 }
 
+/// Whether the elements of a file end where they say, up to its pixels: GDCM may end the process for one that is cut
+/// short among them. What is no plain list of elements is left to GDCM.
+class ElementWalk {
+public:
+    explicit ElementWalk(std::istream& stream) : stream_(stream) {
+        stream_.seekg(0, std::ios::end);
+        size_ = stream_.tellg();
+    }
+    ~ElementWalk() {
+        stream_.clear();
+        stream_.seekg(0);
+    }
+    ElementWalk(ElementWalk const&) = delete;
+    ElementWalk& operator=(ElementWalk const&) = delete;
+
+    bool whole() {
+        std::int64_t at = text_at(128, 4) == "DICM" ? 132 : 0;
+        // The file's own elements are explicit and little-endian; they tell of the others.
+        while (fits(at, 8) && number(at, 2) == 2) {
+            Element const e = element(at);
+            if (!e.known) return true;
+            if (number(at + 2, 2) == 0x10) {
+                std::string syntax = text_at(e.value, e.length);
+                syntax.erase(std::find(syntax.begin(), syntax.end(), '\0'), syntax.end());
+                if (syntax == "1.2.840.10008.1.2.1.99") return true; // deflated
+                next_implicit_ = syntax == "1.2.840.10008.1.2";
+                next_big_ = syntax == "1.2.840.10008.1.2.2";
+            }
+            at = e.value + e.length;
+        }
+        if (at >= size_) return at == size_ && size_ > 132;
+        if (at == 0 && number(0, 2) > 0xff) return true; // big-endian, and does not say so
+        implicit_ = next_implicit_.value_or(!has_type(at));
+        big_ = next_big_;
+        return list(at, 0) != cut;
+    }
+
+private:
+    static constexpr std::int64_t cut = -1, unknown = -2;
+    static constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_item = 0xfffee00d,
+                                   end_of_items = 0xfffee0dd, pixels = 0x7fe00010;
+    struct Element {
+        std::uint32_t tag = 0;
+        std::int64_t value = 0, length = 0; ///< length: -1: undefined
+        bool known = false;
+    };
+
+    bool fits(std::int64_t at, std::int64_t n) const { return at <= size_ && n <= size_ - at; }
+    std::string text_at(std::int64_t at, std::int64_t n) {
+        if (!fits(at, n) || n > 256) return {};
+        std::string words(static_cast<std::size_t>(n), '\0');
+        stream_.seekg(at);
+        stream_.read(words.data(), n);
+        return words;
+    }
+    std::uint32_t number(std::int64_t at, int n) {
+        std::string const b = text_at(at, n);
+        std::uint32_t value = 0;
+        for (std::size_t i = 0; i < b.size(); ++i)
+            value = value << 8 | static_cast<unsigned char>(b[big_ ? i : b.size() - 1 - i]);
+        return value;
+    }
+    bool has_type(std::int64_t at) {
+        std::string const type = text_at(at + 4, 2);
+        return type.size() == 2 && type[0] >= 'A' && type[0] <= 'Z' && type[1] >= 'A' && type[1] <= 'Z';
+    }
+
+    Element element(std::int64_t at) {
+        Element e;
+        e.tag = number(at, 2) << 16 | number(at + 2, 2);
+        e.value = at + 8;
+        std::uint32_t length = number(at + 4, 4);
+        bool const typed = !implicit_ && e.tag >> 16 != 0xfffe;
+        if (typed && !has_type(at)) return e;
+        if (typed) {
+            static constexpr std::string_view wide[] = {"OB", "OD", "OF", "OL", "OV", "OW", "SQ",
+                                                        "SV", "UC", "UN", "UR", "UT", "UV"};
+            std::string const type = text_at(at + 4, 2);
+            bool const is_wide = std::find(std::begin(wide), std::end(wide), type) != std::end(wide);
+            length = is_wide ? number(at + 8, 4) : number(at + 6, 2);
+            if (is_wide) e.value = at + 12;
+        }
+        e.length = length == undefined ? -1 : std::int64_t{length};
+        e.known = true;
+        return e;
+    }
+
+    /// Where the list ends: at the pixels, its own end, or the file's.
+    std::int64_t list(std::int64_t at, int depth) {
+        if (depth > 32) return unknown;
+        while (at < size_) {
+            if (!fits(at, 8)) return cut;
+            Element const e = element(at);
+            if (!e.known) return unknown;
+            if (e.tag == pixels && depth == 0) return at;
+            if (e.tag == end_of_item || e.tag == end_of_items) return e.value;
+            if (e.length >= 0) {
+                if (!fits(e.value, e.length)) return cut;
+                at = e.value + e.length;
+                continue;
+            }
+            at = list(e.value, depth + 1); // of items, or of an item's elements
+            if (at < 0) return at;
+        }
+        return depth == 0 ? at : cut;
+    }
+
+    std::istream& stream_;
+    std::int64_t size_ = 0;
+    std::optional<bool> next_implicit_;
+    bool next_big_ = false, implicit_ = false, big_ = false;
+};
+
 class DicomFiles : public GridsParser {
 public:
     explicit DicomFiles(std::string path) : path_(std::move(path)) {
@@ -279,6 +392,9 @@ bool DicomFiles::read_file(std::string const& file) {
         if (folder_ && !begins_as_dicom(std::as_bytes(std::span(head.data(), got)))) return false;
     }
     std::ifstream stream(full(file), std::ios::binary);
+    if (!ElementWalk(stream).whole())
+        throw Error(ErrorKind::data, text("'", full(file), "': ended early: it has no whole header"),
+                    folder_ ? "copy it again, or remove it from the folder" : "");
     gdcm::Reader reader;
     reader.SetStream(stream);
     // Anything but the pixels.
