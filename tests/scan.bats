@@ -152,6 +152,13 @@ for dtype in ("uint8", "float32", "float64", "int64"):
     for options in ("--slab 1 --threads 2", "--slab 3 --threads 5", "--slab 7", "--memory 1M", ""):
         got, _ = scan(a, options, "--slab 5")
         assert got.tobytes() == want.tobytes(), (dtype, options)
+    # Threads that follow one another through the slices, and through no more than they have rows for.
+    for threads in 2, 3, 5, 40:
+        for first in "", "--exclusive":
+            got, _ = scan(a, f"{first} --slab 53 --threads {threads}")
+            assert got.tobytes() == scan(a, f"{first} --slab 2 --threads 1")[0].tobytes(), (dtype, first, threads)
+            if not first:
+                assert got.tobytes() == want.tobytes(), (dtype, threads)
     name = f"v_70x61x53_{dtype}.raw"
     # Out of order, from the middle, in parts of rows; and rows of slices that are too large.
     for then, part in (("flip z", want[::-1]), ("crop --roi 3:-7,2:50,9:40", want[9:40, 2:50, 3:-7]),

@@ -38,6 +38,7 @@ Plan Scan::plan(std::span<Header const> inputs) {
     plan.output.attributes.erase("background");
     plan.carries = true;
     plan.cost = 4;
+    plan.slab_hint = 16; // threads follow one another a slice behind
     Index3 const n = in.dims;
     double const voxels = static_cast<double>(n.x) * static_cast<double>(n.y) * static_cast<double>(n.z);
     if (is_integer(in.dtype) && in.values.intercept == 0) {
@@ -68,8 +69,11 @@ Plan Scan::plan(std::span<Header const> inputs) {
     return plan;
 }
 
-std::size_t Scan::fit(Index3 largest, Execution const&) {
-    return static_cast<std::size_t>(largest.x * largest.y * largest.z) * state_.bytes_each();
+std::size_t Scan::fit(Index3 largest, Execution const& execution) {
+    // Of few slices all sums along x; of more, a few rows for each thread and what it hands to the next one.
+    std::int64_t const threads = std::max(1, execution.threads);
+    std::int64_t const rows = std::min(largest.z, 2 * threads) * largest.y + threads * (largest.z + 8);
+    return static_cast<std::size_t>(largest.x * rows) * state_.bytes_each();
 }
 
 void Scan::run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) {

@@ -15,7 +15,8 @@
 #
 #   python3 -m pip install --no-deps --target build/oracles SimpleITK connected-components-3d edt
 #
-# All of them, and vkt, may use all processors. GPUs have their own: tests/gpu.sh.
+# All of them, and vkt, may use all processors. GPUs have their own: tests/gpu.sh. Threads of vkt and of copying, reading
+# and OpenCV stay on a processor each: schedulers of virtual machines have put both threads of short work on one.
 import argparse
 import concurrent.futures
 import ctypes
@@ -27,11 +28,16 @@ import time
 import warnings
 from pathlib import Path
 
+processors = sorted(os.sched_getaffinity(0))
+threads = len(processors)
+os.environ.setdefault("VKT_THREADS", str(threads))  # OpenMP leaves this thread one processor, and it would count that
+os.environ.setdefault("OMP_PROC_BIND", "spread")  # before any library that is loaded reads it
+
 import numpy as np
 
 here = Path(__file__).resolve().parent
-threads = len(os.sched_getaffinity(0))
-pool = concurrent.futures.ThreadPoolExecutor(threads)
+free = list(processors)
+pool = concurrent.futures.ThreadPoolExecutor(threads, initializer=lambda: os.sched_setaffinity(0, {free.pop()}))
 vkt = None  # imported when it is known from where
 
 
@@ -87,11 +93,13 @@ class Limits:
 clock = time.perf_counter
 
 
-def seconds_of(*functions, runs, serial=()):
-    """The best time of each, in turns, and the last result of each. `serial`: which of them use one thread."""
+def seconds_of(*functions, runs, serial=(), strange=()):
+    """The best time of each, in turns, and the last result of each. `serial`: which of them use one thread; `strange`:
+    which start threads of their own, which would inherit this one's processor."""
     best, results = [float("inf")] * len(functions), [None] * len(functions)
     for run in range(runs + 1):  # the first warms
         for i, function in enumerate(functions):
+            os.sched_setaffinity(0, processors if i in strange else processors[:1])
             begin = clock()
             results[i] = function()
             taken = clock() - begin
@@ -208,7 +216,8 @@ class Bench:
                    "edt": "edt", "vkt": "vkt"}[peer_module])
             few = runs or self.options.runs
             serial = {1} if peer_module in self.serial else ()
-            (mine, other), results = seconds_of(ours, theirs, runs=few, serial=serial)
+            strange = () if peer_module in ("vkt", "OpenCV") else {1}
+            (mine, other), results = seconds_of(ours, theirs, runs=few, serial=serial, strange=strange)
             ratio = mine / other
             self.say(row, f"<= {most:.4g} of {peer}", f"{ratio:.4f}", ratio <= most,
                      compare(*results) if compare else "", f"{mine * 1e3:.1f} : {other * 1e3:.1f} ms")

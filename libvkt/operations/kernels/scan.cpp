@@ -1,4 +1,4 @@
-// Prefix sums: along z and x row by row, then along y column by column, both in the same order for any slab and thread.
+// Prefix sums: along z, x and then y, row by row in the same order for any slab and thread.
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/kernels/scan.h"
 
@@ -7,8 +7,10 @@
 #include "libvkt/kernel/rows.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <type_traits>
+#include <vector>
 
 namespace vkt {
 
@@ -158,63 +160,124 @@ public:
         bool const first = in.box.lower == Index3{};
         state.along_z.reserve(static_cast<std::size_t>(columns_) * each);
         state.above.reserve(static_cast<std::size_t>(state.dims.x) * each);
-        state.rows.reserve(static_cast<std::size_t>(voxels_) * each);
         along_z_ = state.along_z.update(Space::host);
         above_ = state.above.update(Space::host);
-        rows_ = state.rows.write(Space::host);
         if (first) std::fill_n(reinterpret_cast<A*>(along_z_), columns_ * parts, A(0));
     }
 
     template <class T> void run(Losses& losses, Execution const& execution) {
         int const threads = threads_for(execution, voxels_);
-        constexpr int together = sizeof(A) * parts > 8 ? 4 : 8;
-        for_each_item(threads, (n_.y + together - 1) / together, [&](std::int64_t begin, std::int64_t end) {
-            for (std::int64_t y = together * begin; y < std::min(together * end, n_.y); y += together) {
-                if (y + together <= n_.y)
-                    add_rows<T, together>(y);
-                else
-                    for (std::int64_t last = y; last < n_.y; ++last) add_rows<T, 1>(last);
-            }
-        });
-        // As wide as leaves every thread some.
-        std::int64_t const wanted = (threads + n_.z - 1) / n_.z;
-        std::int64_t const across = std::min(most_columns, ((n_.x + wanted - 1) / wanted + 63) / 64 * 64);
-        std::int64_t const pieces = (n_.x + across - 1) / across;
-        for_each_item(threads, pieces * n_.z, [&](std::int64_t begin, std::int64_t end) {
+        if (n_.z >= std::int64_t{2} * threads)
+            run_staggered<T>(threads, losses);
+        else
+            run_in_two_steps<T>(threads, losses);
+    }
+
+private:
+    static constexpr std::int64_t most_columns = 512;
+    static constexpr int together = sizeof(A) * parts > 8 ? 4 : 8;
+
+    /// Calls f(y, rows) for the rows of so many times `together` of them, `rows` being a constant.
+    template <class F> void for_each_rows(std::int64_t begin, std::int64_t end, F const& f) const {
+        for (std::int64_t y = together * begin; y < std::min(together * end, n_.y); y += together) {
+            if (y + together <= n_.y)
+                f(y, std::integral_constant<int, together>{});
+            else
+                for (std::int64_t last = y; last < n_.y; ++last) f(last, std::integral_constant<int, 1>{});
+        }
+    }
+    /// Room for n sums along x.
+    std::byte* take_rows(std::int64_t n) {
+        state_.rows.reserve(static_cast<std::size_t>(n) * sizeof(A) * parts);
+        return state_.rows.write(Space::host);
+    }
+    std::int64_t groups() const { return (n_.y + together - 1) / together; }
+
+    /// Each thread has rows of all slices, and a slice behind the one that has the rows before: the sums along y go on
+    /// from there. So nothing but the sums along z leaves the nearest caches.
+    template <class T> void run_staggered(int threads, Losses& losses) {
+        threads = static_cast<int>(std::min<std::int64_t>(threads, groups()));
+        std::vector<std::atomic<std::int64_t>> done(static_cast<std::size_t>(threads));
+        // Rows on their way, and sums along y after the last of a thread's rows in each slice.
+        std::int64_t const own = std::int64_t{threads} * together * n_.x, handed = threads * n_.z * n_.x;
+        std::byte* const rows = take_rows(own + handed);
+        for_each_item(threads, groups(), [&](std::int64_t begin, std::int64_t end) {
+            auto const me = static_cast<std::size_t>(omp_get_thread_num());
+            auto const columns = [&](std::size_t thread, std::int64_t z) {
+                return S(rows, own + handed, own + (static_cast<std::int64_t>(thread) * n_.z + z) * n_.x);
+            };
+            alignas(64) std::uint64_t stored[most_columns] = {};
             Losses mine;
-            for (std::int64_t item = begin; item < end; ++item) {
-                std::int64_t const x = item % pieces * across;
-                mine += add_columns(x, std::min(across, n_.x - x), item / pieces);
+            for (std::int64_t z = 0; z < n_.z; ++z) {
+                for (std::int64_t now = 0; me > 0 && now <= z; now = done[me - 1].load(std::memory_order_acquire))
+                    done[me - 1].wait(now, std::memory_order_acquire);
+                S const sums = columns(me, z);
+                for (std::size_t p = 0; p < parts; ++p)
+                    me == 0 ? std::fill_n(sums.part[p], n_.x, A(0))
+                            : std::copy_n(columns(me - 1, z).part[p], n_.x, sums.part[p]);
+                for_each_rows(begin, end, [&]<int count>(std::int64_t y, std::integral_constant<int, count>) {
+                    S const along_x(rows, own + handed, static_cast<std::int64_t>(me) * together * n_.x);
+                    add_rows<T, count>(y, z, along_x);
+                    for (std::int64_t x = 0; x < n_.x; x += most_columns)
+                        mine +=
+                            add_columns(x, std::min(most_columns, n_.x - x), z, y, count, along_x, sums.at(x), stored);
+                });
+                done[me].store(z + 1, std::memory_order_release);
+                done[me].notify_all();
             }
             driver::add(losses, mine);
             stream_fence();
         });
     }
 
-private:
-    static constexpr std::int64_t most_columns = 512;
-
-    /// Sums along z and x of rows from y on, in all slices.
-    template <class T, int rows> void add_rows(std::int64_t y) {
-        std::array<S, rows> z_sums = each_row<rows>(along_z_, columns_, (in_.box.lower.y + y) * n_.x, n_.x);
-        for (std::int64_t z = 0; z < n_.z; ++z) {
-            auto const x_sums = each_row<rows>(rows_, voxels_, (z * n_.y + y) * n_.x, n_.x);
-            auto const add_x = [&] {
-                if constexpr (parts == 1 && sizeof(A) == 8 && rows % lane_count<A> == 0)
-                    add_along_blocks<A>(n_.x, state_.exclusive, z_sums[0].part[0], x_sums[0].part[0], n_.x, rows);
-                else
-                    add_along<A, parts>(n_.x, state_.exclusive, z_sums, x_sums, std::make_index_sequence<rows>{});
-            };
-            if (state_.exclusive) add_x();
-            for (int r = 0; r < rows; ++r)
-                add_voxels<T>(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
-            if (!state_.exclusive) add_x();
-        }
+    /// Of few slices: each thread has some of the rows, and then some of the columns.
+    template <class T> void run_in_two_steps(int threads, Losses& losses) {
+        std::byte* const all = take_rows(voxels_);
+        for_each_item(threads, groups(), [&](std::int64_t begin, std::int64_t end) {
+            for_each_rows(begin, end, [&]<int rows>(std::int64_t y, std::integral_constant<int, rows>) {
+                for (std::int64_t z = 0; z < n_.z; ++z) add_rows<T, rows>(y, z, S(all, voxels_, (z * n_.y + y) * n_.x));
+            });
+        });
+        // As wide as leaves every thread some.
+        std::int64_t const wanted = (threads + n_.z - 1) / n_.z;
+        std::int64_t const across = std::min(most_columns, ((n_.x + wanted - 1) / wanted + 63) / 64 * 64);
+        std::int64_t const pieces = (n_.x + across - 1) / across;
+        bool const first = in_.box.lower.y == 0, last = in_.box.upper.y == state_.dims.y; // of the slice
+        for_each_item(threads, pieces * n_.z, [&](std::int64_t begin, std::int64_t end) {
+            alignas(64) A sum[most_columns * parts];
+            alignas(64) std::uint64_t stored[most_columns] = {};
+            Losses mine;
+            for (std::int64_t item = begin; item < end; ++item) {
+                std::int64_t const x = item % pieces * across, n = std::min(across, n_.x - x), z = item / pieces;
+                S const sums(reinterpret_cast<std::byte*>(sum), most_columns, 0), kept(above_, n_.x, x);
+                for (std::size_t p = 0; p < parts; ++p)
+                    first ? std::fill_n(sums.part[p], n, A(0)) : std::copy_n(kept.part[p], n, sums.part[p]);
+                mine += add_columns(x, n, z, 0, n_.y, S(all, voxels_, z * n_.y * n_.x), sums, stored);
+                for (std::size_t p = 0; p < parts && !last; ++p) std::copy_n(sums.part[p], n, kept.part[p]);
+            }
+            driver::add(losses, mine);
+            stream_fence();
+        });
     }
-    template <int rows>
-    static std::array<S, rows> each_row(std::byte* memory, std::int64_t n, std::int64_t at, std::int64_t step) {
+
+    /// Sums along z and x of rows from y on, of a slice.
+    template <class T, int rows> void add_rows(std::int64_t y, std::int64_t z, S const& to) {
+        std::array<S, rows> z_sums = each_row<rows>(S(along_z_, columns_, (in_.box.lower.y + y) * n_.x), n_.x);
+        auto const x_sums = each_row<rows>(to, n_.x);
+        auto const add_x = [&] {
+            if constexpr (parts == 1 && sizeof(A) == 8 && rows % lane_count<A> == 0)
+                add_along_blocks<A>(n_.x, state_.exclusive, z_sums[0].part[0], x_sums[0].part[0], n_.x, rows);
+            else
+                add_along<A, parts>(n_.x, state_.exclusive, z_sums, x_sums, std::make_index_sequence<rows>{});
+        };
+        if (state_.exclusive) add_x();
+        for (int r = 0; r < rows; ++r)
+            add_voxels<T>(in_.at(in_.box.lower.x, in_.box.lower.y + y + r, in_.box.lower.z + z), z_sums[r]);
+        if (!state_.exclusive) add_x();
+    }
+    template <int rows> static std::array<S, rows> each_row(S const& first, std::int64_t step) {
         return [&]<std::size_t... r>(std::index_sequence<r...>) {
-            return std::array<S, rows>{S(memory, n, at + static_cast<std::int64_t>(r) * step)...};
+            return std::array<S, rows>{first.at(static_cast<std::int64_t>(r) * step)...};
         }
         (std::make_index_sequence<rows>{});
     }
@@ -241,20 +304,15 @@ private:
         }
     }
 
-    /// Sums along y of the columns [x, x + n) of a slice.
-    Losses add_columns(std::int64_t x, std::int64_t n, std::int64_t z) {
-        alignas(64) A sum[most_columns], rest[most_columns];
-        alignas(64) std::uint64_t stored[most_columns];
-        S const kept = S(above_, n_.x, x);
-        bool const first = in_.box.lower.y == 0;
+    /// Sums along y of the columns [x, x + n) of some rows of a slice, whose sums along x are `from`; `sums` are those
+    /// of the rows before, `stored` room for as many.
+    Losses add_columns(std::int64_t x, std::int64_t n, std::int64_t z, std::int64_t first, std::int64_t rows,
+                       S const& from, S const& sums, std::uint64_t* stored) {
+        A *const sum = sums.part[0], *const rest = sums.part[parts - 1];
         std::int64_t clipped = 0, undefined = 0;
-        for (std::int64_t i = 0; i < n; ++i) {
-            sum[i] = first ? A(0) : kept.part[0][i];
-            rest[i] = first || parts == 1 ? A(0) : kept.part[parts - 1][i];
-        }
-        for (std::int64_t y = 0; y < n_.y; ++y) {
-            S const row = S(rows_, voxels_, (z * n_.y + y) * n_.x + x);
-            std::byte* const to = out_.at(out_.box.lower.x + x, out_.box.lower.y + y, out_.box.lower.z + z);
+        for (std::int64_t r = 0; r < rows; ++r) {
+            S const row = from.at(r * n_.x + x);
+            std::byte* const to = out_.at(out_.box.lower.x + x, out_.box.lower.y + first + r, out_.box.lower.z + z);
             std::size_t const bytes = static_cast<std::size_t>(n) * 8;
             if (state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
             A const *const values = row.part[0], *const lost_before = row.part[parts - 1];
@@ -266,11 +324,6 @@ private:
             }
             if (!state_.exclusive) stream_bytes(to, results(n, sum, rest, stored, clipped, undefined), bytes);
         }
-        if (in_.box.upper.y < state_.dims.y) // the slice goes on
-            for (std::int64_t i = 0; i < n; ++i) {
-                kept.part[0][i] = sum[i];
-                if (parts == 2) kept.part[parts - 1][i] = rest[i];
-            }
         Losses losses;
         losses.clipped = clipped;
         losses.undefined = undefined;
@@ -310,7 +363,7 @@ private:
     AnyView out_;
     Index3 n_;
     std::int64_t columns_ = 0, voxels_ = 0;
-    std::byte *along_z_ = nullptr, *above_ = nullptr, *rows_ = nullptr;
+    std::byte *along_z_ = nullptr, *above_ = nullptr;
 };
 
 } // namespace
