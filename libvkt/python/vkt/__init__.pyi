@@ -83,8 +83,8 @@ def affine(
     volume: Volume, matrix: Value, *, unit: Literal['voxel', 'world'] = 'world', inverse: bool = False,
     expand: bool = False, like: Value | None = None, roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def apply(name: str, *arguments: Any, **options: Any) -> Any: ...
 def arith(
@@ -216,10 +216,11 @@ def resample(
     volume: Volume, *, scale: float | Sequence[float] | None = None, dims: Sequence[int] | None = None,
     spacing: float | Sequence[float] | None = None, like: Value | None = None, cells: float | None = None,
     method: Literal['auto', 'nearest', 'linear', 'area', 'cubic', 'bspline3', 'bspline5', 'lanczos3', 'basis', 'average'] | None = None,
-    roi: Value | None = None, roi_world: Value | None = None, background: float | None = None, mask: bool = False,
-    boundary: str | None = None, dtype: DType | None = None, bytes_per_voxel: int | None = None,
-    dist: Sequence[float] | None = None, voxel_mapping: Sequence[float] | None = None, device: Value = 'auto',
-    threads: int | None = None, memory: Value | None = None, slab: int = 0,
+    tolerance: float | None = None, roi: Value | None = None, roi_world: Value | None = None,
+    background: float | None = None, mask: bool = False, boundary: str | None = None, dtype: DType | None = None,
+    bytes_per_voxel: int | None = None, dist: Sequence[float] | None = None,
+    voxel_mapping: Sequence[float] | None = None, device: Value = 'auto', threads: int | None = None,
+    memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def rotate(
     volume: Volume, *, axis: Value | None = None, angle: float | None = None,
@@ -227,15 +228,15 @@ def rotate(
     about: float | Sequence[float] | None = None, expand: bool = False, like: Value | None = None,
     roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def scale(
     volume: Volume, *, factor: float | Sequence[float], about: float | Sequence[float] | None = None,
     expand: bool = False, like: Value | None = None, roi: Value | None = None,
     method: Literal['auto', 'nearest', 'linear', 'cubic', 'bspline3', 'bspline5', 'lanczos3'] | None = None,
-    boundary: str | None = None, background: float | None = None, device: Value = 'auto', threads: int | None = None,
-    memory: Value | None = None, slab: int = 0,
+    tolerance: float | None = None, boundary: str | None = None, background: float | None = None,
+    device: Value = 'auto', threads: int | None = None, memory: Value | None = None, slab: int = 0,
 ) -> Volume: ...
 def scan(
     volume: Volume, *, exclusive: bool = False, device: Value = 'auto', threads: int | None = None,
