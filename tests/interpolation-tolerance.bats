@@ -87,6 +87,7 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
 @test "what no method reaches is said, and --strict refuses it" {
     vkt make noise --dims 24 20 18 --dtype float32 -o noise.vkt
     run -0 --separate-stderr vkt rotate --axis z --angle 10 --tolerance 1e-6 noise.vkt -o out.vkt
+    # shellcheck disable=SC2154  # set by run
     [[ $stderr == *": estimated error"*"beyond --tolerance 1e-06"* ]]
     run ! vkt rotate --axis z --angle 10 --tolerance 1e-6 --strict noise.vkt -o strict.vkt
     [ ! -e strict.vkt ]

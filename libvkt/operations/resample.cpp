@@ -183,8 +183,9 @@ WantedDims ValueText<WantedDims>::read(std::vector<std::string> const& w, std::s
 }
 
 std::vector<std::string> ValueText<WantedDims>::write(WantedDims v) {
-    std::vector<std::string> words;
-    for (int axis = 0; axis < 3; ++axis) words.push_back(v.value[axis] == 0 ? "auto" : to_text(v.value[axis]));
+    std::vector<std::string> words(3, "auto");
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        if (std::int64_t const n = v.value[static_cast<int>(axis)]; n != 0) words[axis] = to_text(n);
     return words;
 }
 
