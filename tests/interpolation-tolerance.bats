@@ -115,6 +115,8 @@ assert get("out.vkt")[1]["dtype"] == "uint8"
     vkt make amr --blocks 8 --levels 2 -o tree.vkt
     run ! vkt resample --cells 1k --tolerance 1 tree.vkt -o out.vkt
     [[ $output == *"hierarchical"* ]]
+    vkt chart 'rotate --axis z --angle 10 --tolerance 1' in.vkt -o chart.csv
+    grep -q 'tolerance' chart.csv
     run -0 vkt rotate --axis z --angle 10 --tolerance 1 --explain -n in.vkt
     [[ $output == *"cheapest of nearest, linear, cubic and lanczos3 within 1"* ]]
 }

@@ -93,6 +93,7 @@ void AffineTransform::sampling_parameters(Parameters& p) {
 }
 
 std::vector<Knob> AffineTransform::knobs() const {
+    if (tolerance_) return {InterpolationChoice::knob()};
     return {{"method", {"nearest", "linear", "cubic", "lanczos3", "bspline3", "bspline5"}, "bspline5", false}};
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/resample_method.h"
 
 #include <array>
@@ -21,6 +22,9 @@ void check_interpolation_tolerance(double tolerance, bool method_given);
 /// not finite takes no part.
 class InterpolationChoice {
 public:
+    /// What may be varied where a tolerance is given.
+    static Knob knob() { return {"tolerance", {"100", "10", "1", "0.1", "0.01"}, "1e-9", false}; }
+
     /// The cheapest first; the last looks furthest. Of smooth data cubic is the most accurate of them, of edges
     /// lanczos3. Splines are none of them: they filter all voxels before one is sampled.
     static constexpr std::array<ResampleMethod, 4> candidates{ResampleMethod::nearest, ResampleMethod::linear,

@@ -85,6 +85,7 @@ void Resample::parameters(Parameters& p) {
 
 std::vector<Knob> Resample::knobs() const {
     if (from_tree_) return {{"method", {"nearest", "average", "basis"}, "basis", false}, type_knob()};
+    if (tolerance) return {InterpolationChoice::knob(), type_knob()};
     // Where an axis shrinks a voxel stands for all that it covers; elsewhere the smoothest interpolant is the best
     // guess.
     bool const shrinks = to_.x < from_.x || to_.y < from_.y || to_.z < from_.z;
