@@ -196,8 +196,8 @@ public:
 
 private:
     static constexpr std::int64_t cut = -1, unknown = -2;
-    static constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_item = 0xfffee00d,
-                                   end_of_items = 0xfffee0dd, pixels = 0x7fe00010;
+    static constexpr std::uint32_t undefined = 0xffffffff, end_of_item = 0xfffee00d, end_of_items = 0xfffee0dd,
+                                   pixels = 0x7fe00010;
     struct Element {
         std::uint32_t tag = 0;
         std::int64_t value = 0, length = 0; ///< length: -1: undefined
@@ -354,7 +354,7 @@ void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slic
     if (at < 12 || at > size || (word(at - 12, true) != 0x7fe00010 && word(at - 8, true) != 0x7fe00010))
         refuse("it has no pixels");
     std::uint32_t const length = word(at - 4, false);
-    constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
+    constexpr std::uint32_t undefined = 0xffffffff, end_of_items = 0xfffee0dd;
     if (length != undefined) {
         std::string const colours = element_text(file.GetDataSet(), 0x0028, 0x0004);
         bool const halved = colours.ends_with("_422") || colours.ends_with("_420"); // some share their chroma

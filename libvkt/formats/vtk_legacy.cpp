@@ -196,9 +196,8 @@ private:
         } else if (key == "extent") { // points that do not begin with index 0
             if (words.size() != 7) fail("EXTENT needs six numbers");
             std::vector<std::string> counts{"DIMENSIONS"};
-            for (int a = 0; a < 3; ++a) {
-                auto const first = integer_in(words[static_cast<std::size_t>(2 * a + 1)]),
-                           last = integer_in(words[static_cast<std::size_t>(2 * a + 2)]);
+            for (std::size_t a = 0; a < 3; ++a) {
+                auto const first = integer_in(words[2 * a + 1]), last = integer_in(words[2 * a + 2]);
                 if (!first || !last || std::abs(*first) > max_extent || std::abs(*last) > max_extent)
                     fail("EXTENT is no extent");
                 counts.push_back(text(*last - *first + 1));

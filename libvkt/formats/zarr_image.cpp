@@ -115,7 +115,7 @@ std::string Search::below(std::string const& folder, std::string path) const {
 /// Arrays of two dimensions or more and groups; but not the limits of cells, which coordinates name, nor the metadata
 /// that bioformats2raw puts beside its images. Where there is nothing else, all of them.
 std::vector<std::string> Search::candidates(std::string const& folder) const {
-    std::vector<std::string> const names = store_.nodes_below(folder);
+    std::vector<std::string> names = store_.nodes_below(folder);
     if (names.size() < 2) return names;
     std::vector<std::string> result, limits;
     Json const own = Json::parse(read_attributes(store_, folder), nullptr, false);
