@@ -354,7 +354,7 @@ void DicomFiles::check_pixels(std::istream& stream, gdcm::File const& file, Slic
     if (at < 12 || at > size || (word(at - 12, true) != 0x7fe00010 && word(at - 8, true) != 0x7fe00010))
         refuse("it has no pixels");
     std::uint32_t const length = word(at - 4, false);
-    constexpr std::uint32_t undefined = 0xffffffff, end_of_items = 0xfffee0dd;
+    constexpr std::uint32_t undefined = 0xffffffff, item = 0xfffee000, end_of_items = 0xfffee0dd;
     if (length != undefined) {
         std::string const colours = element_text(file.GetDataSet(), 0x0028, 0x0004);
         bool const halved = colours.ends_with("_422") || colours.ends_with("_420"); // some share their chroma

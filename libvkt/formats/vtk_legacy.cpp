@@ -201,7 +201,7 @@ private:
                 if (!first || !last || std::abs(*first) > max_extent || std::abs(*last) > max_extent)
                     fail("EXTENT is no extent");
                 counts.push_back(text(*last - *first + 1));
-                lower_[a] = static_cast<double>(*first);
+                lower_[static_cast<int>(a)] = static_cast<double>(*first);
             }
             statement(counts);
         } else if (key == "spacing" || key == "aspect_ratio") {
