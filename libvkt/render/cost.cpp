@@ -59,8 +59,8 @@ std::size_t tree_bytes(Header const& header) {
 } // namespace
 
 void check_memory(Header const& header, Execution const& execution, TreeDrawing tree, bool copied) {
-    if (tree == TreeDrawing::bricks && header.kind == Kind::structured)
-        throw Error(ErrorKind::usage, "--tree bricks: the volume is a grid and has none",
+    if ((tree == TreeDrawing::bricks || tree == TreeDrawing::blocks) && header.kind == Kind::structured)
+        throw Error(ErrorKind::usage, text("--tree ", enum_name(tree), ": the volume is a grid and has none"),
                     "vkt refine makes bricks of it");
     std::size_t const bytes = bytes_to_draw(header, tree, copied);
     if (bytes <= execution.memory) return;
@@ -71,7 +71,7 @@ void check_memory(Header const& header, Execution const& execution, TreeDrawing 
 }
 
 bool drawn_as_grid(Header const& header, TreeDrawing tree) {
-    if (header.kind != Kind::hierarchical || tree == TreeDrawing::bricks) return false;
+    if (header.kind != Kind::hierarchical || tree == TreeDrawing::bricks || tree == TreeDrawing::blocks) return false;
     return tree == TreeDrawing::grid || lattice_bytes(header) <= tree_bytes(header);
 }
 
@@ -87,6 +87,11 @@ std::size_t bytes_to_draw(Header const& header, TreeDrawing tree, bool copied) {
         header.bytes() + static_cast<std::size_t>(header.brick_count) * Reconstructor::bytes_per_brick +
         lattice_bytes(header) + (kept ? 0 : lattice_bytes(header) / lattice_size(header.dtype) * size_of(header.dtype));
     return tree == TreeDrawing::grid ? grid : std::max(grid, bricks);
+}
+
+std::size_t memory_for_blocks(Header const& header, Execution const& execution) {
+    std::size_t const taken = bytes_to_draw(header, TreeDrawing::bricks);
+    return execution.memory > taken ? execution.memory - taken : 0;
 }
 
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header) {

@@ -22,6 +22,9 @@ std::size_t bytes_to_draw(Header const& header, TreeDrawing tree = TreeDrawing::
 /// True for hierarchical volumes that are drawn as a grid, or would be if they had no holes.
 bool drawn_as_grid(Header const& header, TreeDrawing tree);
 
+/// What is left of the budget for blocks of a hierarchical volume that is drawn by bricks: they make it faster.
+std::size_t memory_for_blocks(Header const& header, Execution const& execution);
+
 /// Model, method and cost of a picture of such a volume, a line each.
 std::vector<std::string> explanation(RenderSettings const& settings, Header const& header);
 

@@ -21,7 +21,7 @@ struct PreparedFor {
     std::string colormap, opacity, domain, unit;
     double opacity_scale, shade;
     std::vector<double> isos, iso_colors, iso_opacities;
-    bool labels;
+    bool labels, skip;
     friend bool operator==(PreparedFor const&, PreparedFor const&) = default;
 };
 
@@ -32,6 +32,7 @@ struct Renderer::Prepared {
     TransferTable table;
     CellVisibility cells;
     Tree::Visibility bricks;
+    StoredBlocks blocks; ///< of a tree that is marched through them
 };
 
 /// How a picture was drawn.

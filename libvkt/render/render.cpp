@@ -47,7 +47,8 @@ PreparedFor prepared_for(RenderSettings const& s, Header const& header) {
             s.isos,
             s.iso_colors,
             s.iso_opacities,
-            draws_labels(s, header)};
+            draws_labels(s, header),
+            s.skip};
 }
 
 /// The finest cells of a box.
@@ -83,7 +84,8 @@ Renderer::Renderer(Volume const& volume, Execution const& execution, TreeDrawing
              (tree == TreeDrawing::grid || !leaves_holes(header_, volume.bricks(), grid_in(region_))))
         lattice_ = lattice_of_tree(volume, execution_);
     else
-        tree_.emplace(volume, execution_);
+        tree_.emplace(volume, tree != TreeDrawing::bricks && !leaves_holes(header_, volume.bricks(), grid_in(region_)),
+                      execution_);
     if (header_.kind == Kind::hierarchical && (is_integer(header_.dtype) || holds_labels(header_)))
         cells_of_labels_ = volume;
     cache_ = std::make_shared<Cache>();
@@ -134,8 +136,13 @@ std::shared_ptr<Renderer::Prepared const> Renderer::prepared(RenderSettings cons
     cells = appearance.labels                             ? classify_cells(macrocells(), appearance.labels->nothing)
             : wanted.algorithm == Algorithm::implicit_iso ? classify_cells(macrocells(), appearance.isos)
                                                           : classify_cells(macrocells(), table);
+    StoredBlocks blocks;
+    if (tree_ && wanted.algorithm == Algorithm::ray_marching && !appearance.labels)
+        blocks =
+            tree_->blocks(cells, table, !settings.skip, memory_for_blocks(header_, execution_), execution_.threads);
     cache_->last = std::make_shared<Prepared const>(Prepared{std::move(wanted), std::move(appearance), std::move(knots),
-                                                             std::move(table), std::move(cells), std::move(bricks)});
+                                                             std::move(table), std::move(cells), std::move(bricks),
+                                                             std::move(blocks)});
     ++cache_->made;
     return cache_->last;
 }
@@ -299,7 +306,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
     scene.cells = view_of(macrocells(), cells);
-    TreeView const tree = tree_ ? tree_->view(bricks) : TreeView{};
+    TreeView const tree = tree_ ? tree_->view(bricks, ready->blocks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso
                                   : settings.algorithm == Algorithm::multi_scattering ? Integrator::scatter
                                   : projected                                         ? Integrator::project

@@ -32,9 +32,11 @@ inline bool is_projection(Algorithm a) {
 /// Whether a volume is drawn as labels: where its header says that it holds some.
 enum class LabelMode : std::uint8_t { automatic, always, never };
 
-/// How a hierarchical volume is drawn: brick by brick, each at its own level; as the grid of its finest cells that the
-/// basis reconstruction makes of it; or as that where it takes no more memory and no part of it would be made up.
-enum class TreeDrawing : std::uint8_t { automatic, bricks, grid };
+/// How a hierarchical volume is drawn: brick by brick, each at its own level; as that, but marched through blocks, see
+/// TreeBlocks, where it has no holes and there is memory for them; as the grid of its finest cells that the basis
+/// reconstruction makes of it; or as this where it takes no more memory and no part of it would be made up, else by
+/// blocks.
+enum class TreeDrawing : std::uint8_t { automatic, blocks, bricks, grid };
 
 /// A label that a volume holds: its name, if it has one, and the colour that it is drawn in, sRGB.
 struct ShownLabel {
@@ -273,6 +275,7 @@ template <> struct EnumNames<render::Algorithm> {
 template <> struct EnumNames<render::TreeDrawing> {
     static std::vector<std::pair<render::TreeDrawing, char const*>> all() {
         return {{render::TreeDrawing::automatic, "auto"},
+                {render::TreeDrawing::blocks, "blocks"},
                 {render::TreeDrawing::bricks, "bricks"},
                 {render::TreeDrawing::grid, "grid"}};
     }

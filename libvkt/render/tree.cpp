@@ -91,12 +91,14 @@ struct Tree::Survey {
     }
 };
 
-Tree::Tree(Volume const& volume, Execution const& execution) : Tree(volume, Survey(volume, execution), execution) {}
+Tree::Tree(Volume const& volume, bool blocks, Execution const& execution)
+    : Tree(volume, blocks, Survey(volume, execution), execution) {}
 
-Tree::Tree(Volume const& volume, Survey const& survey, Execution const& execution)
-    : Tree(volume, survey, join_bricks(survey.sampled(volume, execution), execution), execution) {}
+Tree::Tree(Volume const& volume, bool blocks, Survey const& survey, Execution const& execution)
+    : Tree(volume, blocks, survey, join_bricks(survey.sampled(volume, execution), execution), execution) {}
 
-Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution)
+Tree::Tree(Volume const& volume, bool blocks, Survey const& survey, JoinedBricks const& joined,
+           Execution const& execution)
     : sampler_(joined.volume), rescaling_(survey.narrow.rescaling), region_(region_of(volume.header())) {
     Header const& header = volume.header();
     BrickTable const& bricks = volume.bricks();
@@ -175,6 +177,12 @@ Tree::Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joine
     });
     histogram_ = histogram_of(survey.all, bins, header.values);
     cells_ = make_tree_cells(sampler_, type_, region_, execution.threads);
+    if (blocks) blocks_ = TreeBlocks(sampler_.volume().bricks(), header.dims, region_);
+}
+
+StoredBlocks Tree::blocks(CellVisibility const& visibility, TransferTable const& table, bool all,
+                          std::size_t most_bytes, int threads) const {
+    return blocks_.store(sampler_, type_, cells_, visibility, table, all, most_bytes, threads);
 }
 
 Tree::Visibility Tree::classify(TransferTable const& table) const {
@@ -236,11 +244,13 @@ double Tree::value_at(Vec3 position) const {
     return s.weight > 0 ? static_cast<double>(s.value) : std::numeric_limits<double>::quiet_NaN();
 }
 
-TreeView Tree::view(Visibility const& visibility) const {
+TreeView Tree::view(Visibility const& visibility, StoredBlocks const& blocks) const {
     double extent = 0;
     for (int a = 0; a < 3; ++a) extent = std::max(extent, static_cast<double>(region_.upper[a]));
     double const slack = 1e-6 + 1e-9 * extent;
-    Double3 const around{slack, slack, slack};
+    BlocksView const marched = blocks_.view(blocks);
+    double const more = marched.cells != nullptr ? blocks_.widest() : 0; // between cells one that lies outside counts
+    Double3 const around{slack + more, slack + more, slack + more};
     return {sampler_.volume().buffer().read(Space::host),
             type_,
             sampler_.index().nodes().data(),
@@ -256,7 +266,9 @@ TreeView Tree::view(Visibility const& visibility) const {
             cells_.size,
             cells_.first.data(),
             cells_.bricks.data(),
-            static_cast<std::int64_t>(sampler_.volume().header().bytes())};
+            static_cast<std::int64_t>(sampler_.volume().header().bytes()),
+            marched,
+            2 * more};
 }
 
 } // namespace vkt::render

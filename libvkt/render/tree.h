@@ -5,6 +5,7 @@
 #include "libvkt/amr/sampler.h"
 #include "libvkt/render/inner/tree.h"
 #include "libvkt/render/transfer.h"
+#include "libvkt/render/tree_blocks.h"
 #include "libvkt/render/tree_cells.h"
 #include "libvkt/render/tree_merge.h"
 
@@ -21,7 +22,8 @@ class Tree {
 public:
     /// Throws Error{data} for volumes without bricks or without any finite cell, Error{resources} for bricks of 2^31
     /// cells and more.
-    Tree(Volume const& volume, Execution const& execution);
+    /// `blocks`: it has no holes, and may be marched block by block.
+    Tree(Volume const& volume, bool blocks, Execution const& execution);
 
     Rescaling const& rescaling() const { return rescaling_; } ///< of stored values
     /// Cells count by their volume, because that is what a picture shows.
@@ -41,7 +43,10 @@ public:
         Double3 lower{0, 0, 0}, upper{-1, -1, -1}; ///< box of the domains of visible bricks, in finest cells
     };
     Visibility classify(TransferTable const& table) const;
-    TreeView view(Visibility const& visibility) const;
+    /// The blocks for that; none if they take more than so many bytes. `all`: also those in which nothing can be seen.
+    StoredBlocks blocks(CellVisibility const& visibility, TransferTable const& table, bool all, std::size_t most_bytes,
+                        int threads) const;
+    TreeView view(Visibility const& visibility, StoredBlocks const& blocks = {}) const;
     /// The sampled value at a position in finest cells; NaN where there is no data.
     double value_at(Vec3 position) const;
     /// Of those that are left after joining.
@@ -52,8 +57,9 @@ public:
 
 private:
     struct Survey;
-    Tree(Volume const& volume, Survey const& survey, Execution const& execution);
-    Tree(Volume const& volume, Survey const& survey, JoinedBricks const& joined, Execution const& execution);
+    Tree(Volume const& volume, bool blocks, Survey const& survey, Execution const& execution);
+    Tree(Volume const& volume, bool blocks, Survey const& survey, JoinedBricks const& joined,
+         Execution const& execution);
 
     TreeSampler sampler_;
     Rescaling rescaling_;
@@ -65,6 +71,7 @@ private:
     std::vector<float> lowest_, highest_; ///< per brick, sampled values; lowest > highest: no data
     std::vector<std::uint8_t> missing_;
     TreeCells cells_;
+    TreeBlocks blocks_;
 };
 
 } // namespace vkt::render

@@ -103,7 +103,7 @@ TEST(RenderTree, SurfacesOfLevelsAreThoseOfTheFinestGrid) {
 }
 
 TEST(RenderTree, PiecesHoldTheReconstruction) {
-    Tree const tree(small_tree(), amr_test::execution());
+    Tree const tree(small_tree(), false, amr_test::execution());
     Volume const volume = join_bricks(small_tree(), amr_test::execution()).volume; // what rays sample
     TreeSampler const sampler(volume);
     TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});
@@ -160,7 +160,7 @@ TEST(RenderTree, CrossingsHaveTheRightParity) {
     for (Brick const& b : tiles_of({16, 16, 16}, {8, 8, 8}))
         bricks.push_back({{16 + 2 * b.lower.x, 2 * b.lower.y, 2 * b.lower.z}, b.dims, 1});
     Volume const volume = amr_test::make_tree(dims, bricks, [&](Vec3) { return share(random); });
-    Tree const tree(volume, amr_test::execution());
+    Tree const tree(volume, false, amr_test::execution());
     TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});
     Tree::Visibility const visibility = tree.classify(table);
     TreeView const view = tree.view(visibility);

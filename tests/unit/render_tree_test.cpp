@@ -145,7 +145,7 @@ TEST(RenderTree, SkippingThreadsAndInstructionSetsChangeNoBit) {
 }
 
 TEST(RenderTree, BatchesAreTheSumsOfSingleSamples) {
-    Tree const tree(small_tree(), amr_test::execution());
+    Tree const tree(small_tree(), false, amr_test::execution());
     Volume const volume = join_bricks(small_tree(), amr_test::execution()).volume; // what rays sample
     TreeSampler const sampler(volume);
     TransferTable const table({{0, 0, 1, 1, 1}, {1, 1, 1, 1, 1}});

@@ -111,7 +111,8 @@ enum class Lighting : std::uint8_t { any, flat, open };
 /// the light ask.
 template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any> struct March {
     using Real = typename Comb::Real;
-    static constexpr int together = GroupSampler<S> ? group : chunk; ///< segments whose light is added up at once
+    static constexpr int together =
+        GroupSampler<S> || NumberedSampler<S> ? group : chunk; ///< segments whose light is added up at once
     S const& sampler;
     P const& points;
     SceneView const& scene;
@@ -143,7 +144,9 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
         alignas(64) float value[chunk], length[chunk];
         for (int k = 0; k < chunk; ++k) t[k] = comb.point(first + (k < n ? k : n - 1));
         int const lanes = n <= group ? group : chunk; // that are looked at
-        if constexpr (GroupSampler<S>)
+        if constexpr (NumberedSampler<S>)
+            sampler.values_of(first, lanes, value);
+        else if constexpr (GroupSampler<S>)
             sampler.values(origin, direction, t, value, lanes);
         else
             sampler.values(origin, direction, t, value);
@@ -240,7 +243,9 @@ template <class S, class Comb, ScalarField P, Lighting lighting = Lighting::any>
                 int const k = from + (j < segments ? j : segments - 1);
                 t[j] = Real(0.5) * (comb.point(k) + comb.point(k + 1));
             }
-            if constexpr (together < chunk)
+            if constexpr (NumberedSampler<S>)
+                sampler.template gradients_of<together>(from, gx, gy, gz);
+            else if constexpr (together < chunk)
                 sampler.template gradients<together>(origin, direction, t, gx, gy, gz);
             else
                 sampler.gradients(origin, direction, t, gx, gy, gz);

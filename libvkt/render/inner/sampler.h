@@ -40,6 +40,14 @@ concept GroupSampler = requires(S const& s, Float3 p, float const* t, float* out
     s.template gradients<group>(p, p, t, out, out, out);
 };
 
+/// Samplers that know the points of a batch by their numbers, and the middles of its segments: the values at `count`
+/// points from one on, gradients in n middles.
+template <class S>
+concept NumberedSampler = requires(S const& s, float* out) {
+    s.values_of(0, chunk, out);
+    s.template gradients_of<group>(0, out, out, out);
+};
+
 /// What rays that go anywhere may ask: the value at a position and its derivative, in the precision that positions
 /// need; and the grid of macrocells.
 template <class S>
@@ -290,6 +298,29 @@ VKT_HD Lanes::F lane_cell(char const* base, LaneCells const& c, std::int64_t row
     Lanes::F const s = lane_pair<T>(base + row + slice, c.offset, c.fx);
     return lane_mix(lane_mix(p, q, c.fy), lane_mix(r, s, c.fy), c.fz);
 }
+/// Central differences of them. Twelve rows along x meet the six cells whose values are taken, four of them with all
+/// three pairs.
+template <class T>
+VKT_HD void lane_gradients(char const* base, LaneCells const& c, std::int64_t row_bytes, std::int64_t slice_bytes,
+                           float* gx, float* gy, float* gz) {
+    Lanes::F const half = Lanes::set(0.5F);
+    auto const row_of = [&](int dy, int dz) __attribute__((always_inline)) {
+        return lane_row<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
+    };
+    auto const pair = [&](int dy, int dz) __attribute__((always_inline)) {
+        return lane_pair<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
+    };
+    auto const cell = [&](Lanes::F p, Lanes::F q, Lanes::F r, Lanes::F s) __attribute__((always_inline)) {
+        return lane_mix(lane_mix(p, q, c.fy), lane_mix(r, s, c.fy), c.fz);
+    };
+    LaneRow const p = row_of(0, 0), q = row_of(1, 0), r = row_of(0, 1), s = row_of(1, 1);
+    Lanes::store(gx, Lanes::mul(half, Lanes::sub(cell(p.ahead, q.ahead, r.ahead, s.ahead),
+                                                 cell(p.back, q.back, r.back, s.back))));
+    Lanes::store(gy, Lanes::mul(half, Lanes::sub(cell(q.here, pair(2, 0), s.here, pair(2, 1)),
+                                                 cell(pair(-1, 0), p.here, pair(-1, 1), r.here))));
+    Lanes::store(gz, Lanes::mul(half, Lanes::sub(cell(r.here, s.here, pair(0, 2), pair(1, 2)),
+                                                 cell(pair(0, -1), pair(1, -1), p.here, q.here))));
+}
 VKT_HD LaneCells lane_cells(Float3 o, Float3 d, float const* t, Float3 base, int width, int row, int slice) {
     Lanes::F const time = Lanes::load(t);
     Lanes::F const x = Lanes::add(Lanes::set(o.x), Lanes::mul(Lanes::set(d.x), time));
@@ -340,27 +371,10 @@ VKT_HD void LatticeSampler<T>::gradients(Float3 o, Float3 d, float const* t, flo
         auto const base = reinterpret_cast<char const*>(data + (x + y * row + z * slice));
         auto const width = static_cast<std::int64_t>(sizeof(T));
         auto const row_bytes = row * width, slice_bytes = slice * width;
-        Lanes::F const half = Lanes::set(0.5F);
         for (int k = 0; k < n; k += VKT_LANES) {
             LaneCells const c = lane_cells(o, d, t + k, first, static_cast<int>(width), static_cast<int>(row_bytes),
                                            static_cast<int>(slice_bytes));
-            // Twelve rows along x meet the six cells whose values are taken, four of them with all three pairs.
-            auto const row_of = [&](int dy, int dz) __attribute__((always_inline)) {
-                return lane_row<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
-            };
-            auto const pair = [&](int dy, int dz) __attribute__((always_inline)) {
-                return lane_pair<T>(base + dy * row_bytes + dz * slice_bytes, c.offset, c.fx);
-            };
-            auto const cell = [&](Lanes::F p, Lanes::F q, Lanes::F r, Lanes::F s) __attribute__((always_inline)) {
-                return lane_mix(lane_mix(p, q, c.fy), lane_mix(r, s, c.fy), c.fz);
-            };
-            LaneRow const p = row_of(0, 0), q = row_of(1, 0), r = row_of(0, 1), s = row_of(1, 1);
-            Lanes::store(gx + k, Lanes::mul(half, Lanes::sub(cell(p.ahead, q.ahead, r.ahead, s.ahead),
-                                                             cell(p.back, q.back, r.back, s.back))));
-            Lanes::store(gy + k, Lanes::mul(half, Lanes::sub(cell(q.here, pair(2, 0), s.here, pair(2, 1)),
-                                                             cell(pair(-1, 0), p.here, pair(-1, 1), r.here))));
-            Lanes::store(gz + k, Lanes::mul(half, Lanes::sub(cell(r.here, s.here, pair(0, 2), pair(1, 2)),
-                                                             cell(pair(0, -1), pair(1, -1), p.here, q.here))));
+            lane_gradients<T>(base, c, row_bytes, slice_bytes, gx + k, gy + k, gz + k);
         }
         return;
     }

@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/sampler.h"
 #include "libvkt/render/inner/scene.h"
+#include "libvkt/render/inner/tree_blocks.h"
 #include "libvkt/render/tiles.h"
 
 #include <cstdlib>
@@ -41,6 +42,8 @@ struct TreeView {
     std::int64_t const* cell_first;
     std::int32_t const* cell_bricks;
     std::int64_t bytes; ///< of all bricks' cells
+    BlocksView blocks;  ///< what is marched instead of bricks, if there are any
+    double around;      ///< beyond the macrocells in which something can be seen blocks may show something
 };
 
 /// The part of a ray that is marched, in lengths from its entry.
@@ -217,6 +220,20 @@ VKT_HD void find_stretches(TreeView const& tree, RayPart part, TreeScratch& scra
         if (s.hole()) s.level = level;
         level = s.level;
     }
+}
+
+/// How far from a point of a ray nothing can be seen in any direction, by the macrocells; 0 if something may be.
+VKT_HD double unseen_from(TreeView const& tree, SceneView const& scene, Ray const& ray, double t) {
+    Double3 const p = (ray.entry + ray.direction * t - tree.cell_origin) * (1 / tree.cell_size);
+    double const place[3] = {p.x, p.y, p.z};
+    int const count[3] = {scene.cells.nx, scene.cells.ny, scene.cells.nz};
+    int cell[3];
+    for (int a = 0; a < 3; ++a) {
+        if (!(place[a] >= 0 && place[a] < count[a])) return 0;
+        cell[a] = static_cast<int>(place[a]);
+    }
+    int const distance = scene.cells.distance[scene.cells.index(cell)];
+    return distance > 1 ? (distance - 1) * tree.cell_size : 0;
 }
 
 } // namespace vkt::render

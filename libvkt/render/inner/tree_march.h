@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/block_march.h"
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_field.h"
 #include "libvkt/render/inner/tree_points.h"
@@ -78,20 +79,6 @@ struct TreeComb {
         return n < inside ? n : inside;
     }
 };
-
-/// How far from a point of a ray nothing can be seen in any direction, by the macrocells; 0 if something may be.
-VKT_HD double unseen_from(TreeView const& tree, SceneView const& scene, Ray const& ray, double t) {
-    Double3 const p = (ray.entry + ray.direction * t - tree.cell_origin) * (1 / tree.cell_size);
-    double const place[3] = {p.x, p.y, p.z};
-    int const count[3] = {scene.cells.nx, scene.cells.ny, scene.cells.nz};
-    int cell[3];
-    for (int a = 0; a < 3; ++a) {
-        if (!(place[a] >= 0 && place[a] < count[a])) return 0;
-        cell[a] = static_cast<int>(place[a]);
-    }
-    int const distance = scene.cells.distance[scene.cells.index(cell)];
-    return distance > 1 ? (distance - 1) * tree.cell_size : 0;
-}
 
 /// Scratch is a TreeScratch by a name that only one object file knows, so that the functions that are not inlined here
 /// are its own: those for another instruction set have the same names.
@@ -199,7 +186,8 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
 template <class T, class Scratch>
 VKT_HD Radiance march_ray(TreePoints<T, Scratch> const& points, SceneView const& scene, Ray const& ray,
                           Counters& counters) {
-    return march_tree(points, scene, ray, counters);
+    return points.tree.blocks.cells != nullptr ? march_blocks(points, scene, ray, counters)
+                                               : march_tree(points, scene, ray, counters);
 }
 
 } // namespace vkt::render

@@ -1,0 +1,116 @@
+// A brick tree as blocks of a few cells each way, every one at the level of the finest cells that reach it: where a
+// position lies, and values and gradients at the points of a ray as lattices have them.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/inner/sampler.h"
+
+namespace vkt::render {
+
+/// Cells of a block each way, at most; around them are values for central differences.
+inline constexpr int block_cells = 8, block_halo = 2, block_edge = block_cells + 2 * block_halo;
+inline constexpr std::int32_t block_size = block_edge * block_edge * block_edge;
+
+/// A cube of finest cells in which one lattice has the values. Cell i of it along an axis begins at
+/// lower + i * (1 / per_finest), unless the volume is one cell thick there.
+struct BlockLeaf {
+    std::int32_t lower[3], edge; ///< finest cells
+    std::int32_t level;
+    std::int32_t block;        ///< the number of its values; below 0: there are none
+    std::uint8_t visible;      ///< something in it may be seen
+    std::uint8_t thickness[3]; ///< cells each way, without those around
+};
+
+/// An octree over cubes of 2^root_bits finest cells, and the blocks of its leaves.
+struct BlocksView {
+    void const* cells = nullptr; ///< null: there are no blocks
+    BlockLeaf const* leaves;
+    std::int32_t const* nodes; ///< a leaf, or, below 0, ~ where eight more begin, x fastest; first those of the cubes
+    std::int32_t origin[3], count[3];
+    int root_bits;
+    bool thin[3]; ///< axes along which the volume is one cell thick
+
+    /// The leaf at a position in finest cells, or the nearest one.
+    VKT_HD BlockLeaf const& at(double const* position) const {
+        std::int32_t cell[3];
+        for (int a = 0; a < 3; ++a) {
+            double const p = position[a] - static_cast<double>(origin[a]);
+            std::int32_t const end = (count[a] << root_bits) - 1;
+            auto const i = static_cast<std::int32_t>(p);
+            cell[a] = p < 0 ? 0 : i > end ? end : i;
+        }
+        int bits = root_bits;
+        std::int32_t node =
+            nodes[(static_cast<std::int64_t>(cell[2] >> bits) * count[1] + (cell[1] >> bits)) * count[0] +
+                  (cell[0] >> bits)];
+        while (node < 0) {
+            --bits;
+            node = nodes[~node + ((cell[2] >> bits & 1) << 2 | (cell[1] >> bits & 1) << 1 | (cell[0] >> bits & 1))];
+        }
+        return leaves[node];
+    }
+};
+
+/// The points of a batch of segments, and the middles of these, in the lattices of their blocks.
+template <class T> struct BlockPoints {
+    static constexpr int room = chunk + 1 + group; ///< lanes reach beyond the last one
+    struct Places {
+        alignas(64) float at[3][room];
+        alignas(64) std::int32_t block[room];
+    };
+    T const* cells;
+    Places points, middles;
+
+    VKT_HD static LatticeSampler<T> sampler(T const* block) {
+        return {block, block_edge, block_edge * block_edge, true};
+    }
+    VKT_HD void values_of(int first, int count, float* out) const {
+#ifdef VKT_LANES
+        for (int k = 0; k < count; k += VKT_LANES) {
+            LaneCells const c = lanes_of(points, first + k);
+            Lanes::store(out + k, lane_cell<T>(reinterpret_cast<char const*>(cells), c, row_bytes, slice_bytes));
+        }
+#else
+        for (int k = 0; k < count; ++k)
+            out[k] = sampler(cells + std::int64_t{block_size} * points.block[first + k])
+                         .value({points.at[0][first + k], points.at[1][first + k], points.at[2][first + k]});
+#endif
+    }
+    template <int n> VKT_HD void gradients_of(int first, float* gx, float* gy, float* gz) const {
+#ifdef VKT_LANES
+        static_assert(n % VKT_LANES == 0);
+        for (int k = 0; k < n; k += VKT_LANES)
+            lane_gradients<T>(reinterpret_cast<char const*>(cells), lanes_of(middles, first + k), row_bytes,
+                              slice_bytes, gx + k, gy + k, gz + k);
+#else
+        for (int k = 0; k < n; ++k) {
+            Float3 const g =
+                sampler(cells + std::int64_t{block_size} * middles.block[first + k])
+                    .gradient({middles.at[0][first + k], middles.at[1][first + k], middles.at[2][first + k]});
+            gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
+        }
+#endif
+    }
+
+private:
+#ifdef VKT_LANES
+    static constexpr std::int64_t row_bytes = block_edge * sizeof(T), slice_bytes = block_edge * row_bytes;
+    VKT_HD static LaneCells lanes_of(Places const& places, int k) {
+        Lanes::F const x = Lanes::load(places.at[0] + k), y = Lanes::load(places.at[1] + k),
+                       z = Lanes::load(places.at[2] + k);
+        Lanes::I const ix = Lanes::whole(x), iy = Lanes::whole(y), iz = Lanes::whole(z);
+        Lanes::I const inside = Lanes::add(Lanes::mul(ix, Lanes::set(static_cast<int>(sizeof(T)))),
+                                           Lanes::add(Lanes::mul(iy, Lanes::set(static_cast<int>(row_bytes))),
+                                                      Lanes::mul(iz, Lanes::set(static_cast<int>(slice_bytes)))));
+        Lanes::I const block =
+            Lanes::mul(Lanes::load(places.block + k), Lanes::set(static_cast<int>(block_size * sizeof(T))));
+        LaneCells cells;
+        Lanes::store(cells.offset, Lanes::add(block, inside));
+        cells.fx = Lanes::sub(x, Lanes::real(ix)), cells.fy = Lanes::sub(y, Lanes::real(iy));
+        cells.fz = Lanes::sub(z, Lanes::real(iz));
+        return cells;
+    }
+#endif
+};
+
+} // namespace vkt::render
