@@ -65,11 +65,58 @@ template <class T> bool shows_something(BlockLeaf const& leaf, T const* block, T
 
 } // namespace
 
-/// At the cells of a block.
-struct TreeBlocks::BlockSums {
-    std::array<float, block_size> sum, weight;
-    void reset() { sum.fill(0), weight.fill(0); }
+/// A brick and the points of a block that its cells reach.
+struct TreeBlocks::Reach {
+    SampledBrick const* brick = nullptr;
+    Taps taps[3][block_edge];
+    int first[3], last[3];
+    bool single = true; ///< one cell reaches each point
+
+    std::int64_t count() const {
+        std::int64_t n = 1;
+        for (int a = 0; a < 3; ++a) n *= last[a] - first[a] + 1;
+        return n;
+    }
+    /// visit(place of the row in the block, its cells, weight) for all rows of cells that reach some of points.
+    template <class T, class Visit> void each_row(T const* cells, Visit const& visit) const {
+        std::int64_t const row = brick->dims[0], slice = row * brick->dims[1];
+        for (int k = first[2]; k <= last[2]; ++k)
+            for (int j = first[1]; j <= last[1]; ++j) {
+                Taps const &z = taps[2][k], &y = taps[1][j];
+                for (int m = 0; m < z.count; ++m)
+                    for (int l = 0; l < y.count; ++l)
+                        visit((k * block_edge + j) * block_edge,
+                              cells + brick->offset + z.cell[m] * slice + y.cell[l] * row, z.weight[m] * y.weight[l]);
+            }
+    }
 };
+
+/// What a thread needs for one block after the other.
+struct TreeBlocks::Workspace {
+    std::vector<Reach> reaches;
+    std::array<float, block_size> sum, weight;
+};
+
+template <class T> void TreeBlocks::copy_cells(Reach const& reach, T const* cells, T* block) {
+    reach.each_row(cells, [&](int place, T const* from, float) {
+        for (int i = reach.first[0]; i <= reach.last[0]; ++i) block[place + i] = from[reach.taps[0][i].cell[0]];
+    });
+}
+
+/// The sums of sample().
+template <class T> void TreeBlocks::add_cells(Reach const& reach, T const* cells, Workspace& work) {
+    reach.each_row(cells, [&](int place, T const* from, float weight) {
+        float *const sums = work.sum.data() + place, *const weights = work.weight.data() + place;
+        for (int i = reach.first[0]; i <= reach.last[0]; ++i) {
+            Taps const& x = reach.taps[0][i];
+            for (int n = 0; n < x.count; ++n) {
+                float const h = x.weight[n] * weight;
+                sums[i] += h * static_cast<float>(from[x.cell[n]]);
+                weights[i] += h;
+            }
+        }
+    });
+}
 
 /// A cube that is to be cut, and the bricks that reach it.
 struct TreeBlocks::Part {
@@ -250,12 +297,12 @@ StoredBlocks TreeBlocks::store(TreeSampler const& sampler, LatticeType type, Tre
         auto* const blocks = reinterpret_cast<T*>(stored.cells.data());
 #pragma omp parallel num_threads(threads)
         {
-            BlockSums sums;
+            Workspace work;
 #pragma omp for schedule(dynamic, 16)
             for (std::int64_t i = 0; i < count; ++i) {
                 BlockLeaf& leaf = stored.leaves[which[static_cast<std::size_t>(i)]];
                 T* const block = blocks + i * block_size;
-                fill(sampler, leaf, sums, block);
+                fill(sampler, leaf, work, block);
                 leaf.visible = shows_something(leaf, block, table) ? 1 : 0;
             }
         }
@@ -277,29 +324,10 @@ StoredBlocks TreeBlocks::store(TreeSampler const& sampler, LatticeType type, Tre
     return stored;
 }
 
-template <class T>
-void TreeBlocks::fill(TreeSampler const& sampler, BlockLeaf const& leaf, BlockSums& sums, T* block) const {
-    sums.reset();
-    add_bricks<T>(sampler, leaf, box_of(dims_), sums);
-    if (std::find(sums.weight.begin(), sums.weight.end(), 0.0F) != sums.weight.end()) {
-        // Beyond the region there need be no bricks: what is on its border goes on.
-        BlockSums clamped;
-        clamped.reset();
-        add_bricks<T>(sampler, leaf, region_, clamped);
-        for (std::size_t i = 0; i < block_size; ++i)
-            if (!(sums.weight[i] > 0)) sums.sum[i] = clamped.sum[i], sums.weight[i] = clamped.weight[i];
-    }
-    for (std::size_t i = 0; i < block_size; ++i)
-        block[i] = sums.weight[i] > 0            ? store_cell<T>(sums.sum[i] / sums.weight[i])
-                   : std::is_floating_point_v<T> ? std::numeric_limits<T>::quiet_NaN()
-                                                 : T{0};
-}
-
-/// The sums of sample() at the centres of the cells of a block and of those around it, or at the nearest positions
-/// within a box.
-template <class T>
-void TreeBlocks::add_bricks(TreeSampler const& sampler, BlockLeaf const& leaf, Box const& within,
-                            BlockSums& sums) const {
+/// The bricks that reach the centres of the cells of a block and of those around it, or the nearest positions within a
+/// box.
+void TreeBlocks::find_reaches(TreeSampler const& sampler, BlockLeaf const& leaf, Box const& within,
+                              std::vector<Reach>& reaches) const {
     double place[3][block_edge];
     int points[3];
     Vec3 lower, upper;
@@ -314,43 +342,52 @@ void TreeBlocks::add_bricks(TreeSampler const& sampler, BlockLeaf const& leaf, B
     }
     std::vector<std::int32_t> ids;
     sampler.index().query(lower, upper, ids);
-    auto const* const cells = reinterpret_cast<T const*>(sampler.volume().buffer().read(Space::host));
+    reaches.clear();
     for (std::int32_t const id : ids) {
-        SampledBrick const& brick = sampler.bricks()[static_cast<std::size_t>(id)];
-        std::array<Taps, block_edge> taps[3];
-        int first[3], last[3];
-        bool reached = true;
-        for (int a = 0; a < 3; ++a) {
-            first[a] = points[a], last[a] = -1;
+        Reach& reach = reaches.emplace_back();
+        reach.brick = &sampler.bricks()[static_cast<std::size_t>(id)];
+        for (int a = 0; a < 3 && reach.brick != nullptr; ++a) {
+            reach.first[a] = points[a], reach.last[a] = -1;
+            auto const per = static_cast<double>(reach.brick->inverse_width[a]);
             for (int i = 0; i < points[a]; ++i) {
-                Taps& own = taps[a][static_cast<std::size_t>(i)];
-                own = taps_at((place[a][i] - brick.lower[a]) * static_cast<double>(brick.inverse_width[a]) - 0.5,
-                              brick.dims[a]);
-                if (own.count == 0) continue;
-                first[a] = std::min(first[a], i), last[a] = i;
+                Taps& taps = reach.taps[a][i];
+                taps = taps_at((place[a][i] - reach.brick->lower[a]) * per - 0.5, reach.brick->dims[a]);
+                if (taps.count == 0) continue;
+                reach.single = reach.single && taps.count == 1;
+                reach.first[a] = std::min(reach.first[a], i), reach.last[a] = i;
             }
-            reached = reached && first[a] <= last[a];
+            if (reach.last[a] < reach.first[a]) reach.brick = nullptr;
         }
-        if (!reached) continue;
-        std::int64_t const row = brick.dims[0], slice = row * brick.dims[1];
-        T const* const own = cells + brick.offset;
-        for (int k = first[2]; k <= last[2]; ++k)
-            for (int j = first[1]; j <= last[1]; ++j) {
-                Taps const &z = taps[2][static_cast<std::size_t>(k)], &y = taps[1][static_cast<std::size_t>(j)];
-                auto const at = static_cast<std::size_t>((k * block_edge + j) * block_edge);
-                for (int m = 0; m < z.count * y.count; ++m) {
-                    int const one = m / y.count, two = m % y.count;
-                    T const* const from = own + z.cell[one] * slice + y.cell[two] * row;
-                    float const zy = z.weight[one] * y.weight[two];
-                    for (auto i = static_cast<std::size_t>(first[0]); i <= static_cast<std::size_t>(last[0]); ++i)
-                        for (int n = 0; n < taps[0][i].count; ++n) {
-                            float const h = taps[0][i].weight[n] * zy;
-                            sums.sum[at + i] += h * static_cast<float>(from[taps[0][i].cell[n]]);
-                            sums.weight[at + i] += h;
-                        }
-                }
-            }
+        if (reach.brick == nullptr) reaches.pop_back();
     }
+}
+
+/// The basis reconstruction there. Beyond the region there need be no bricks: what is on its border goes on.
+template <class T>
+void TreeBlocks::fill(TreeSampler const& sampler, BlockLeaf const& leaf, Workspace& work, T* block) const {
+    auto const* const cells = reinterpret_cast<T const*>(sampler.volume().buffer().read(Space::host));
+    find_reaches(sampler, leaf, box_of(dims_), work.reaches);
+    std::int64_t wanted = 1, held = 0;
+    for (std::uint8_t const n : leaf.thickness) wanted *= n + 2 * block_halo;
+    for (Reach const& reach : work.reaches) held += reach.single ? reach.count() : 2 * wanted;
+    if (held == wanted) { // every point is a cell, or on the border next to one
+        for (Reach const& reach : work.reaches) copy_cells(reach, cells, block);
+        return;
+    }
+    work.sum.fill(0), work.weight.fill(0);
+    for (Reach const& reach : work.reaches) add_cells(reach, cells, work);
+    if (std::find(work.weight.begin(), work.weight.end(), 0.0F) != work.weight.end()) {
+        std::array<float, block_size> const sum = work.sum, weight = work.weight;
+        work.sum.fill(0), work.weight.fill(0);
+        find_reaches(sampler, leaf, region_, work.reaches);
+        for (Reach const& reach : work.reaches) add_cells(reach, cells, work);
+        for (std::size_t i = 0; i < block_size; ++i)
+            if (weight[i] > 0) work.sum[i] = sum[i], work.weight[i] = weight[i];
+    }
+    for (std::size_t i = 0; i < block_size; ++i)
+        block[i] = work.weight[i] > 0            ? store_cell<T>(work.sum[i] / work.weight[i])
+                   : std::is_floating_point_v<T> ? std::numeric_limits<T>::quiet_NaN()
+                                                 : T{0};
 }
 
 BlocksView TreeBlocks::view(StoredBlocks const& stored) const {

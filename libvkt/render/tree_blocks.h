@@ -39,13 +39,16 @@ public:
 
 private:
     struct Part;
-    struct BlockSums;
+    struct Reach;
+    struct Workspace;
     void split(std::size_t node, Part const& part);
     void mark(std::int32_t node, Box const& cube, Box const& box, std::vector<std::uint8_t>& wanted) const;
     Box cube_of(BlockLeaf const& leaf) const;
-    template <class T> void fill(TreeSampler const& sampler, BlockLeaf const& leaf, BlockSums& sums, T* block) const;
-    template <class T>
-    void add_bricks(TreeSampler const& sampler, BlockLeaf const& leaf, Box const& within, BlockSums& sums) const;
+    void find_reaches(TreeSampler const& sampler, BlockLeaf const& leaf, Box const& within,
+                      std::vector<Reach>& reaches) const;
+    template <class T> static void copy_cells(Reach const& reach, T const* cells, T* block);
+    template <class T> static void add_cells(Reach const& reach, T const* cells, Workspace& work);
+    template <class T> void fill(TreeSampler const& sampler, BlockLeaf const& leaf, Workspace& work, T* block) const;
 
     Index3 dims_;
     Box region_;

@@ -5,6 +5,8 @@
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_points.h"
 
+#include <bit>
+
 namespace vkt::render {
 
 /// Where a ray is in a leaf.
@@ -16,29 +18,39 @@ struct LeafPart {
 /// A ray among the leaves. Where it enters and leaves one depends on nothing but both of them.
 struct LeafWalk {
     BlocksView const& blocks;
-    double origin[3], direction[3], inverse[3];
+    double origin[3], direction[3];
+    double per[3], entering[3], leaving[3]; ///< lengths along the ray per finest cell; what is added on entry and exit
+    double low[3], high[3];                 ///< 1 where the lower, or the upper, face is met last
     double hair; ///< more than what rounding does to positions; parts of less than two are passed over
 
     VKT_HD LeafWalk(TreeView const& tree, Ray const& ray)
         : blocks(tree.blocks), origin{ray.entry.x, ray.entry.y, ray.entry.z}, direction{ray.direction.x,
                                                                                         ray.direction.y,
                                                                                         ray.direction.z},
-          inverse{1 / ray.direction.x, 1 / ray.direction.y, 1 / ray.direction.z}, hair(tree.slack) {}
+          hair(tree.slack) {
+        constexpr double never = std::numeric_limits<double>::infinity();
+        for (int a = 0; a < 3; ++a) {
+            bool const moves = direction[a] != 0;
+            per[a] = moves ? 1 / direction[a] : 0;
+            entering[a] = moves ? -origin[a] * per[a] : -never;
+            leaving[a] = moves ? -origin[a] * per[a] : never;
+            low[a] = direction[a] > 0 ? 0 : 1;
+            high[a] = 1 - low[a];
+        }
+    }
 
     VKT_HD LeafPart at(double t) const {
         double const p[3] = {origin[0] + direction[0] * t, origin[1] + direction[1] * t, origin[2] + direction[2] * t};
         BlockLeaf const& leaf = blocks.at(p);
-        double enter = -std::numeric_limits<double>::infinity(), leave = std::numeric_limits<double>::infinity();
+        auto const edge = static_cast<double>(leaf.edge);
+        double first[3], last[3];
         for (int a = 0; a < 3; ++a) {
-            if (direction[a] == 0) continue;
-            auto const lower = static_cast<double>(leaf.lower[a]),
-                       upper = static_cast<double>(leaf.lower[a] + leaf.edge);
-            double const first = ((direction[a] > 0 ? lower : upper) - origin[a]) * inverse[a];
-            double const last = ((direction[a] > 0 ? upper : lower) - origin[a]) * inverse[a];
-            enter = first > enter ? first : enter;
-            leave = last < leave ? last : leave;
+            auto const lower = static_cast<double>(leaf.lower[a]);
+            first[a] = (lower + low[a] * edge) * per[a] + entering[a];
+            last[a] = (lower + high[a] * edge) * per[a] + leaving[a];
         }
-        return {&leaf, enter, leave};
+        double const enter = first[0] > first[1] ? first[0] : first[1], leave = last[0] < last[1] ? last[0] : last[1];
+        return {&leaf, enter > first[2] ? enter : first[2], leave < last[2] ? leave : last[2]};
     }
     VKT_HD bool counts(LeafPart const& part) const { return part.leave - part.enter > 2 * hair; }
     /// The one in which the ray goes on at t, and the one that it comes from.
@@ -60,129 +72,108 @@ struct LeafWalk {
     }
 };
 
+/// 2^n.
+VKT_HD double power_of_two(int n) { return std::bit_cast<double>(static_cast<std::int64_t>(1023 + n) << 52); }
+
 /// The points of a ray in a leaf: the multiples of the step times the width of its cells, or, where there is none,
 /// where the ray enters.
 struct LeafPoints {
-    double spacing;
-    std::int64_t first, last; ///< multiples
-    double enter;
+    double spacing = 0, enter = 0; ///< enter: where the only one is
+    std::int64_t first = 0;        ///< multiple
+    int count = 0;                 ///< of multiples
 
-    VKT_HD LeafPoints(LeafPart const& part, double step, double length, double hair) {
-        spacing = std::ldexp(step, part.leaf->level);
+    explicit VKT_HD LeafPoints(double only) : enter(only) {}
+    VKT_HD LeafPoints(LeafPart const& part, double step, double per_step, double length, double hair) {
+        spacing = step * power_of_two(part.leaf->level);
+        double const per_spacing = per_step * power_of_two(-part.leaf->level);
         enter = part.enter > hair ? part.enter : 0; // the ray begins there
         double const leave = part.leave < length ? part.leave : length;
-        first = static_cast<std::int64_t>(enter / spacing);
+        first = static_cast<std::int64_t>(enter * per_spacing);
         while (static_cast<double>(first) * spacing < enter) ++first;
-        last = static_cast<std::int64_t>(leave / spacing);
+        auto last = static_cast<std::int64_t>(leave * per_spacing) + 1;
         while (last >= first && !(static_cast<double>(last) * spacing < leave)) --last;
+        count = static_cast<int>(last - first + 1);
     }
-    VKT_HD bool none() const { return last < first; }
-    VKT_HD double first_at() const { return none() ? enter : static_cast<double>(first) * spacing; }
-    VKT_HD double last_at() const { return none() ? enter : static_cast<double>(last) * spacing; }
+    VKT_HD double at(int i) const { return count == 0 ? enter : static_cast<double>(first + i) * spacing; }
+    /// As many as a register holds; what lies behind the last one is none.
+    VKT_HD Doubles several(int i) const {
+        Doubles const numbers = counting_doubles() + static_cast<double>(first + i);
+        return count == 0 ? all_of(enter) : numbers * spacing;
+    }
+    VKT_HD int last() const { return count == 0 ? 0 : count - 1; }
 };
 
-/// Where the segments of a batch lie.
+/// Where the segments of a batch lie, and between which points there is none.
 struct PointComb {
     using Real = double;
     using Vector = Double3;
     double const* points;
+    bool const* gaps;
 
     VKT_HD double point(int k) const { return points[k]; }
-    VKT_HD bool shows(int) const { return true; }
+    VKT_HD bool shows(int k) const { return !gaps[k]; }
 };
 
-/// The points of a ray in a row whose segments are added together.
+/// The points of a ray whose segments are added together.
 template <class T, class Scratch> class BlockBatch {
 public:
     VKT_HD BlockBatch(TreePoints<T, Scratch> const& asked, SceneView const& scene, Ray const& ray, LeafWalk const& walk)
-        : walk_(walk),
-          march_{field_, asked, scene, {at_}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)} {
+        : walk_(walk), march_{field_,
+                              asked,
+                              scene,
+                              {at_, gaps_},
+                              ray.entry,
+                              ray.direction,
+                              static_cast<float>(ray.world_per_lattice)} {
         field_.cells = static_cast<T const*>(asked.tree.blocks.cells);
     }
 
     VKT_HD auto const& march() const { return march_; }
-    /// What follows does not begin where this ends.
-    VKT_HD void end() {
-        flush();
-        count_ = 0;
-        carried_ = false;
+    /// Whether what follows begins where this ends.
+    VKT_HD bool open() const { return open_; }
+    VKT_HD void close() {
+        open_ = false;
+        if (count_ > chunk / 2) flush();
     }
-    VKT_HD void add(LeafPart const& part, double t) {
-        if (full()) flush();
-        if (march_.settled()) return;
+    /// The points [from, to] of a leaf, by their numbers.
+    VKT_HD void add(LeafPart const& part, LeafPoints const& points, int from, int to) {
         Frame const frame = frame_of(part);
-        if (count_ > 0) {
-            double const between = 0.5 * (at_[count_ - 1] + t);
-            place(between >= part.enter ? frame : frame_, between, field_.middles, count_ - 1);
-        }
-        place(frame, t, field_.points, count_);
-        at_[count_++] = t;
-        frame_ = frame;
-    }
-    /// Multiples [first, last] of the spacing, which lie in the leaf of the point before.
-    VKT_HD void add_rest(std::int64_t first, std::int64_t last, double spacing) {
-        while (first <= last) {
-            if (full()) flush();
+        auto const apart = static_cast<float>(points.spacing);
+        auto const start = static_cast<float>(points.at(0) - frame.enter);
+        for (bool enters = true; from <= to; enters = false) {
+            if (count_ == room()) flush();
             if (march_.settled()) return;
-            int const left = room() - count_, from = count_;
-            int const n = last - first < left ? static_cast<int>(last - first) + 1 : left;
-            for (int j = 0; j < n; ++j) at_[from + j] = static_cast<double>(first + j) * spacing;
-            for (int a = 0; a < 3; ++a) {
-                double const base = frame_.base[a], way = frame_.way[a], enter = frame_.enter;
-                for (int j = from; j < from + n; ++j) {
-                    field_.points.at[a][j] = static_cast<float>(base + way * (at_[j] - enter));
-                    field_.middles.at[a][j - 1] =
-                        static_cast<float>(base + way * (0.5 * (at_[j - 1] + at_[j]) - enter));
+            int const left = room() - count_, k = count_;
+            int const n = to - from < left ? to - from + 1 : left;
+            // Whole registers: what is too much is written again.
+            for (int done = 0; done < n; done += group) {
+                for (int j = done; j < done + group; j += wide / 2) store(at_ + k + j, points.several(from + j));
+                for (int j = done; j < done + group; j += wide) {
+                    Floats const number = counting() + static_cast<float>(from + j);
+                    Floats const way = number * apart + start;
+                    place(frame, way, way - 0.5F * apart, k + j);
                 }
             }
-            for (int j = from; j < from + n; ++j) field_.points.block[j] = field_.middles.block[j - 1] = frame_.block;
+            for (int j = k > 0 ? k - 1 : 0; j < k + n - 1; ++j) gaps_[j] = false;
+            if (enters && k > 0) { // from another leaf, or from far
+                double const between = 0.5 * (at_[k - 1] + at_[k]);
+                place_middle(between >= part.enter ? frame : frame_, between, k - 1);
+                gaps_[k - 1] = !open_;
+            }
+            open_ = true;
             count_ += n;
-            first += n;
+            from += n;
         }
+        frame_ = frame;
     }
-    VKT_HD int count() const { return count_; }
-
-private:
-    /// From lengths along the ray to the lattice of a leaf's block.
-    struct Frame {
-        double base[3], way[3], enter;
-        float upper[3]; ///< within which there are central differences
-        std::int32_t block;
-    };
-    VKT_HD Frame frame_of(LeafPart const& part) const {
-        Frame frame;
-        BlockLeaf const& leaf = *part.leaf;
-        double const per = std::ldexp(1.0, -leaf.level);
-        frame.enter = part.enter > 0 ? part.enter : 0;
-        frame.block = leaf.block;
-        for (int a = 0; a < 3; ++a) {
-            double const scale = walk_.blocks.thin[a] ? 1 : per;
-            frame.way[a] = walk_.direction[a] * scale;
-            frame.base[a] =
-                (walk_.origin[a] + walk_.direction[a] * frame.enter - static_cast<double>(leaf.lower[a])) * scale +
-                (block_halo - 0.5);
-            frame.upper[a] = static_cast<float>(leaf.thickness[a]) + (block_halo - 1e-3F);
-        }
-        return frame;
-    }
-    VKT_HD static void place(Frame const& frame, double t, typename BlockPoints<T>::Places& to, int k) {
-        for (int a = 0; a < 3; ++a) {
-            auto const p = static_cast<float>(frame.base[a] + frame.way[a] * (t - frame.enter));
-            float const above = p > 1.0F ? p : 1.0F;
-            to.at[a][k] = above < frame.upper[a] ? above : frame.upper[a];
-        }
-        to.block[k] = frame.block;
-    }
-    VKT_HD int room() const { return carried_ ? chunk + 1 : chunk; }
-    VKT_HD bool full() const { return count_ == room(); }
-
+    VKT_HD void add_last(LeafPart const& part, double t) { add(part, LeafPoints{t}, 0, 0); }
     /// Adds what there is; the last point stays.
     __attribute__((noinline)) void flush() {
         int const segments = count_ - 1;
         if (segments < 1 || march_.settled()) return;
         // What lanes meet behind the last one is the same again.
-        pad(field_.points, count_);
-        pad(field_.middles, segments);
+        field_.points.pad(count_);
+        field_.middles.pad(count_);
         march_.known = carried_ ? 0 : -1;
         march_.occlusion.known = carried_ && march_.occlusion.known == flushed_ ? 0 : -1;
         flushed_ = segments;
@@ -193,21 +184,61 @@ private:
         count_ = 1;
         carried_ = true;
     }
-    VKT_HD static void pad(typename BlockPoints<T>::Places& places, int count) {
-        for (int k = count; k < BlockPoints<T>::room; ++k) {
-            for (int a = 0; a < 3; ++a) places.at[a][k] = places.at[a][count - 1];
-            places.block[k] = places.block[count - 1];
+
+private:
+    /// From lengths along the ray to the lattice of a leaf's block.
+    struct Frame {
+        double enter;
+        float base[3], way[3]; ///< way: per finest cell
+        float upper[3];        ///< within which there are central differences
+        std::int32_t block;
+    };
+    VKT_HD Frame frame_of(LeafPart const& part) const {
+        Frame frame;
+        BlockLeaf const& leaf = *part.leaf;
+        double const per = power_of_two(-leaf.level);
+        frame.enter = part.enter > 0 ? part.enter : 0;
+        frame.block = leaf.block;
+        for (int a = 0; a < 3; ++a) {
+            double const scale = walk_.blocks.thin[a] ? 1 : per;
+            double const from = walk_.origin[a] + walk_.direction[a] * frame.enter - static_cast<double>(leaf.lower[a]);
+            frame.way[a] = static_cast<float>(walk_.direction[a] * scale);
+            frame.base[a] = static_cast<float>(from * scale + (block_halo - 0.5));
+            frame.upper[a] = static_cast<float>(leaf.thickness[a]) + (block_halo - 1e-3F);
         }
+        return frame;
     }
+    VKT_HD static Floats within(Frame const& frame, int axis, Floats p) {
+        Floats const least = all_of(1.0F), most = all_of(frame.upper[axis]), above = p > least ? p : least;
+        return above < most ? above : most;
+    }
+    /// Points at lengths from where the ray enters the leaf, and the middles of the segments that end there.
+    VKT_HD void place(Frame const& frame, Floats way, Floats middle, int k) {
+        for (int a = 0; a < 3; ++a) {
+            store(field_.points.at[a] + k, within(frame, a, way * frame.way[a] + frame.base[a]));
+            store(field_.middles.at[a] + k, within(frame, a, middle * frame.way[a] + frame.base[a]));
+        }
+        store(field_.points.block + k, all_of(frame.block));
+        store(field_.middles.block + k, all_of(frame.block));
+    }
+    VKT_HD void place_middle(Frame const& frame, double t, int segment) {
+        Floats const middle = all_of(static_cast<float>(t - frame.enter));
+        for (int a = 0; a < 3; ++a)
+            field_.middles.at[a][segment + 1] = within(frame, a, middle * frame.way[a] + frame.base[a])[0];
+        field_.middles.block[segment + 1] = frame.block;
+    }
+    VKT_HD int room() const { return carried_ ? chunk + 1 : chunk; }
 
     LeafWalk const& walk_;
     BlockPoints<T> field_;
-    double at_[chunk + 1];
+    alignas(64) double at_[BlockPoints<T>::room];
+    bool gaps_[BlockPoints<T>::room];
     March<BlockPoints<T>, PointComb, TreePoints<T, Scratch>> march_;
     Frame frame_{}; ///< of the last point
     int count_ = 0;
     int flushed_ = -1;     ///< segments of the batch before
     bool carried_ = false; ///< the first point was the last one of the batch before
+    bool open_ = false;
 };
 
 /// Segments lie between the points of the leaves on the way, and are added if one of the leaves of their ends shows
@@ -219,13 +250,16 @@ VKT_HD Radiance march_blocks(TreePoints<T, Scratch> const& asked, SceneView cons
     ++counters.rays;
     double near = 0, far = ray.length;
     if (!clip(ray.entry, ray.direction, tree.lower, tree.upper, near, far)) return {0, 0, 0, 1};
-    double const step = static_cast<double>(scene.step);
+    double const step = static_cast<double>(scene.step), per_step = 1 / step;
     LeafWalk const walk(tree, ray);
     BlockBatch<T, Scratch> batch(asked, scene, ray, walk);
+    auto const points_of = [&](LeafPart const& part) __attribute__((always_inline)) {
+        return LeafPoints(part, step, per_step, ray.length, walk.hair);
+    };
     double t = near;
     LeafPart part{};
     while (!batch.march().settled()) {
-        bool const open = batch.count() > 0;
+        bool const open = batch.open();
         if (t >= (open ? ray.length : far) - walk.hair) break;
         if (!open && scene.skip)
             if (double const way = unseen_from(tree, scene, ray, t) - tree.around; way > 0) {
@@ -238,21 +272,21 @@ VKT_HD Radiance march_blocks(TreePoints<T, Scratch> const& asked, SceneView cons
         part = next;
         if (scene.skip && part.leaf->visible == 0) {
             if (open) {
-                batch.add(part, LeafPoints(part, step, ray.length, walk.hair).first_at());
-                batch.end();
+                batch.add(part, points_of(part), 0, 0);
+                batch.close();
             }
             continue;
         }
         if (!open && part.enter > walk.hair) {
             LeafPart const before = walk.before(part.enter);
-            batch.add(before, LeafPoints(before, step, ray.length, walk.hair).last_at());
+            LeafPoints const points = points_of(before);
+            batch.add(before, points, points.last(), points.last());
         }
-        LeafPoints const points(part, step, ray.length, walk.hair);
-        batch.add(part, points.first_at());
-        if (!points.none()) batch.add_rest(points.first + 1, points.last, points.spacing);
+        LeafPoints const points = points_of(part);
+        batch.add(part, points, 0, points.last());
     }
-    if (batch.count() > 0) batch.add(part, ray.length);
-    batch.end();
+    if (batch.open()) batch.add_last(part, ray.length);
+    batch.flush();
     counters.samples += batch.march().samples;
     Quad const& light = batch.march().light;
     return {light[1], light[2], light[3], batch.march().passing};

@@ -53,13 +53,19 @@ struct BlocksView {
 
 /// The points of a batch of segments, and the middles of these, in the lattices of their blocks.
 template <class T> struct BlockPoints {
-    static constexpr int room = chunk + 1 + group; ///< lanes reach beyond the last one
+    static constexpr int room = chunk + 1 + 2 * group; ///< lanes reach beyond the last one
     struct Places {
         alignas(64) float at[3][room];
         alignas(64) std::int32_t block[room];
+
+        VKT_HD void pad(int count) {
+            for (int a = 0; a < 3; ++a)
+                for (int k = 0; k < group; ++k) at[a][count + k] = at[a][count - 1];
+            for (int k = 0; k < group; ++k) block[count + k] = block[count - 1];
+        }
     };
     T const* cells;
-    Places points, middles;
+    Places points, middles; ///< middle k + 1 is that of segment k, which ends in point k + 1
 
     VKT_HD static LatticeSampler<T> sampler(T const* block) {
         return {block, block_edge, block_edge * block_edge, true};
@@ -80,13 +86,13 @@ template <class T> struct BlockPoints {
 #ifdef VKT_LANES
         static_assert(n % VKT_LANES == 0);
         for (int k = 0; k < n; k += VKT_LANES)
-            lane_gradients<T>(reinterpret_cast<char const*>(cells), lanes_of(middles, first + k), row_bytes,
+            lane_gradients<T>(reinterpret_cast<char const*>(cells), lanes_of(middles, first + 1 + k), row_bytes,
                               slice_bytes, gx + k, gy + k, gz + k);
 #else
         for (int k = 0; k < n; ++k) {
-            Float3 const g =
-                sampler(cells + std::int64_t{block_size} * middles.block[first + k])
-                    .gradient({middles.at[0][first + k], middles.at[1][first + k], middles.at[2][first + k]});
+            Float3 const g = sampler(cells + std::int64_t{block_size} * middles.block[first + 1 + k])
+                                 .gradient({middles.at[0][first + 1 + k], middles.at[1][first + 1 + k],
+                                            middles.at[2][first + 1 + k]});
             gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
         }
 #endif

@@ -20,10 +20,23 @@ inline constexpr int wide = 4;
 #endif
 using Floats = float __attribute__((vector_size(4 * wide)));
 using Ints = std::int32_t __attribute__((vector_size(4 * wide)));
+using Doubles = double __attribute__((vector_size(4 * wide))); ///< half as many
 using QuadInts = std::int32_t __attribute__((vector_size(16)));
 
 VKT_HD Floats all_of(float a) { return a - Floats{}; } // keeps the sign of zero
 VKT_HD Ints all_of(std::int32_t a) { return a - Ints{}; }
+VKT_HD Doubles all_of(double a) { return a - Doubles{}; }
+/// 0, 1, 2, …
+VKT_HD Floats counting() {
+    Floats a;
+    for (int i = 0; i < wide; ++i) a[i] = static_cast<float>(i);
+    return a;
+}
+VKT_HD Doubles counting_doubles() {
+    Doubles a;
+    for (int i = 0; i < wide / 2; ++i) a[i] = i;
+    return a;
+}
 VKT_HD Floats floats_at(float const* p) {
     Floats a;
     std::memcpy(&a, p, sizeof a);
@@ -35,6 +48,7 @@ VKT_HD Ints ints_at(std::int32_t const* p) {
     return a;
 }
 VKT_HD void store(float* p, Floats a) { std::memcpy(p, &a, sizeof a); }
+VKT_HD void store(double* p, Doubles a) { std::memcpy(p, &a, sizeof a); }
 VKT_HD void store(std::int32_t* p, Ints a) { std::memcpy(p, &a, sizeof a); }
 VKT_HD Ints whole(Floats a) { return __builtin_convertvector(a, Ints); }
 VKT_HD Floats real(Ints a) { return __builtin_convertvector(a, Floats); }
