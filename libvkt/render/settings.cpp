@@ -107,7 +107,8 @@ void SettingsParameters::declare(Parameters& list) {
                 "each label opaque, in a colour of its own: auto (where the header says labels), always, never");
     list.option(
         "tree", s.tree, "WAY",
-        "hierarchical volumes: bricks, each at its own level, grid of their finest cells, or auto: the smaller");
+        "hierarchical volumes: bricks, each at its own level, the same marched through blocks, grid of their finest "
+        "cells, or auto: the grid where it is smaller, else blocks");
     list.option("shade", shading_, "SHADING",
                 "light at the camera: auto shades iso-surfaces and automatic colours; or a strength, 0 to 1")
         .choices = {"auto", "none", "gradient"};

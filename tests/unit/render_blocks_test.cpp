@@ -91,4 +91,84 @@ TEST(RenderBlocks, HoldTheReconstructionWhereOneLevelReaches) {
     }
 }
 
+RenderSettings by(TreeDrawing tree) {
+    RenderSettings s = colourful();
+    s.tree = tree;
+    return s;
+}
+
+TEST(RenderBlocks, OneLevelLooksLikeTheStructuredVolume) {
+    Volume const plain = blobs({37, 29, 45}, DataType::float32);
+    for (Volume const& volume : {plain, with_geometry(plain, skewed())})
+        for (double const shade : {0.0, 0.8})
+            for (double const step : {0.5, 0.23}) {
+                RenderSettings s = by(TreeDrawing::blocks);
+                s.shade = shade, s.step = step;
+                RenderSettings grid = s;
+                grid.tree = TreeDrawing::automatic;
+                Image const expected = render_one(volume, grid).image;
+                // Leaves that a ray meets in less than a step have a point of their own.
+                EXPECT_LT(greatest_difference(expected, render_one(cut<float>(volume, {5, 11, 3}), s).image), 2e-3)
+                    << shade << " " << step;
+            }
+}
+
+TEST(RenderBlocks, EveryTypeLooksLikeTheStructuredVolume) {
+    auto const compare = [&]<class T>(T, DataType type) {
+        Volume const volume = blobs({21, 18, 25}, type);
+        EXPECT_LT(greatest_difference(render_one(volume, by(TreeDrawing::automatic)).image,
+                                      render_one(cut<T>(volume, {8, 8, 8}), by(TreeDrawing::blocks)).image),
+                  2e-3)
+            << name_of(type);
+    };
+    compare(std::uint8_t{}, DataType::uint8);
+    compare(std::uint16_t{}, DataType::uint16);
+    compare(std::int16_t{}, DataType::int16);
+    compare(double{}, DataType::float64);
+}
+
+TEST(RenderBlocks, LevelsLookAsByBricks) {
+    for (double const shade : {0.0, 0.8})
+        for (Volume const& volume : {small_tree(), sphere_tree()}) {
+            RenderSettings s = by(TreeDrawing::bricks);
+            s.shade = shade, s.step = 0.25;
+            Image const bricks = render_one(volume, s).image;
+            s.tree = TreeDrawing::blocks;
+            Image const blocks = render_one(volume, s).image;
+            double squares = 0;
+            for (std::size_t i = 0; i < bricks.pixels.size(); ++i) {
+                double const off = static_cast<double>(bricks.pixels[i] - blocks.pixels[i]);
+                squares += off * off;
+            }
+            EXPECT_LT(std::sqrt(squares / static_cast<double>(bricks.pixels.size())), 3e-3) << shade;
+            EXPECT_NE(bricks.pixels, blocks.pixels);
+        }
+}
+
+TEST(RenderBlocks, SkippingThreadsAndInstructionSetsChangeNoBit) {
+    for (Volume const& volume : {small_tree(), sphere_tree()})
+        for (double const step : {0.5, 0.07, 3.0}) {
+            RenderSettings s = by(TreeDrawing::blocks);
+            s.step = step, s.shade = 0.8;
+            auto const [with, without] = expect_no_bit_changes(volume, s, text(step));
+            EXPECT_LE(with.samples, without.samples);
+            s.lut = {1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.9, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 1, 1};
+            expect_no_bit_changes(volume, s, text(step, " banded"));
+        }
+}
+
+TEST(RenderBlocks, WithoutMemoryOrInTreesWithHolesThereAreBricks) {
+    Volume const volume = small_tree();
+    RenderSettings const s = by(TreeDrawing::blocks);
+    Image const bricks = render_one(volume, by(TreeDrawing::bricks)).image;
+    Execution little = default_execution();
+    little.memory = 1;
+    EXPECT_EQ(Renderer(volume, little, TreeDrawing::blocks).render(s).pixels, bricks.pixels);
+    EXPECT_NE(render_one(volume, s).image.pixels, bricks.pixels);
+    Volume part(volume.header(), std::vector<Brick>{volume.bricks()[0], volume.bricks()[1]});
+    std::memcpy(part.buffer().write(Space::host), volume.buffer().read(Space::host),
+                static_cast<std::size_t>(part.header().bytes()));
+    EXPECT_EQ(render_one(part, s).image.pixels, render_one(part, by(TreeDrawing::bricks)).image.pixels);
+}
+
 } // namespace

@@ -92,7 +92,7 @@ struct LeafPoints {
         while (static_cast<double>(first) * spacing < enter) ++first;
         auto last = static_cast<std::int64_t>(leave * per_spacing) + 1;
         while (last >= first && !(static_cast<double>(last) * spacing < leave)) --last;
-        count = static_cast<int>(last - first + 1);
+        count = last < first ? 0 : static_cast<int>(last - first + 1);
     }
     VKT_HD double at(int i) const { return count == 0 ? enter : static_cast<double>(first + i) * spacing; }
     /// As many as a register holds; what lies behind the last one is none.
@@ -129,6 +129,7 @@ public:
     }
 
     VKT_HD auto const& march() const { return march_; }
+    VKT_HD std::int64_t segments() const { return segments_; }
     /// Whether what follows begins where this ends.
     VKT_HD bool open() const { return open_; }
     VKT_HD void close() {
@@ -177,6 +178,7 @@ public:
         march_.known = carried_ ? 0 : -1;
         march_.occlusion.known = carried_ && march_.occlusion.known == flushed_ ? 0 : -1;
         flushed_ = segments;
+        segments_ += segments;
         march_.advance(0, segments);
         for (int a = 0; a < 3; ++a) field_.points.at[a][0] = field_.points.at[a][segments];
         field_.points.block[0] = field_.points.block[segments];
@@ -236,7 +238,8 @@ private:
     March<BlockPoints<T>, PointComb, TreePoints<T, Scratch>> march_;
     Frame frame_{}; ///< of the last point
     int count_ = 0;
-    int flushed_ = -1;     ///< segments of the batch before
+    int flushed_ = -1; ///< segments of the batch before
+    std::int64_t segments_ = 0;
     bool carried_ = false; ///< the first point was the last one of the batch before
     bool open_ = false;
 };
@@ -287,6 +290,7 @@ VKT_HD Radiance march_blocks(TreePoints<T, Scratch> const& asked, SceneView cons
     }
     if (batch.open()) batch.add_last(part, ray.length);
     batch.flush();
+    counters.segments += batch.segments();
     counters.samples += batch.march().samples;
     Quad const& light = batch.march().light;
     return {light[1], light[2], light[3], batch.march().passing};
