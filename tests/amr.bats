@@ -365,6 +365,15 @@ print(zlib.decompress(data).hex())" "$1"; }
     vkt make amr --blocks 300 --levels 4 | vkt render $look -o d.png
     vkt make amr --blocks 300 --levels 4 --transport shm | vkt render $look -o e.png
     for other in b c d e; do pixels $other.png | cmp - a; done
+    look=${look/bricks/blocks}
+    vkt render t.vkt $look -o f.png
+    vkt render t.vkt $look --threads 3 --no-skip -o g.png
+    pixels f.png >f
+    pixels g.png | cmp - f
+    run ! cmp f a
+    # Without memory for blocks there are bricks.
+    vkt render t.vkt $look --memory 2M -o h.png
+    pixels h.png | cmp - a
     vkt render t.vkt --size 40 -o chosen.png
 }
 

@@ -193,6 +193,7 @@ private:
         double enter;
         float base[3], way[3]; ///< way: per finest cell
         float upper[3];        ///< within which there are central differences
+        float per_finest;
         std::int32_t block;
     };
     VKT_HD Frame frame_of(LeafPart const& part) const {
@@ -201,6 +202,7 @@ private:
         double const per = power_of_two(-leaf.level);
         frame.enter = part.enter > 0 ? part.enter : 0;
         frame.block = leaf.block;
+        frame.per_finest = static_cast<float>(per);
         for (int a = 0; a < 3; ++a) {
             double const scale = walk_.blocks.thin[a] ? 1 : per;
             double const from = walk_.origin[a] + walk_.direction[a] * frame.enter - static_cast<double>(leaf.lower[a]);
@@ -222,12 +224,14 @@ private:
         }
         store(field_.points.block + k, all_of(frame.block));
         store(field_.middles.block + k, all_of(frame.block));
+        store(field_.middles.per_finest + k, all_of(frame.per_finest));
     }
     VKT_HD void place_middle(Frame const& frame, double t, int segment) {
         Floats const middle = all_of(static_cast<float>(t - frame.enter));
         for (int a = 0; a < 3; ++a)
             field_.middles.at[a][segment + 1] = within(frame, a, middle * frame.way[a] + frame.base[a])[0];
         field_.middles.block[segment + 1] = frame.block;
+        field_.middles.per_finest[segment + 1] = frame.per_finest;
     }
     VKT_HD int room() const { return carried_ ? chunk + 1 : chunk; }
 

@@ -57,11 +57,13 @@ template <class T> struct BlockPoints {
     struct Places {
         alignas(64) float at[3][room];
         alignas(64) std::int32_t block[room];
+        alignas(64) float per_finest[room]; ///< cells of the block per finest one
 
         VKT_HD void pad(int count) {
             for (int a = 0; a < 3; ++a)
                 for (int k = 0; k < group; ++k) at[a][count + k] = at[a][count - 1];
             for (int k = 0; k < group; ++k) block[count + k] = block[count - 1];
+            for (int k = 0; k < group; ++k) per_finest[count + k] = per_finest[count - 1];
         }
     };
     T const* cells;
@@ -96,6 +98,11 @@ template <class T> struct BlockPoints {
             gx[k] = g.x, gy[k] = g.y, gz[k] = g.z;
         }
 #endif
+        // Of a block they are differences over its own cells.
+        float const* const per = middles.per_finest + first + 1;
+        for (int k = 0; k < n; ++k) gx[k] *= per[k];
+        for (int k = 0; k < n; ++k) gy[k] *= per[k];
+        for (int k = 0; k < n; ++k) gz[k] *= per[k];
     }
 
 private:
