@@ -127,6 +127,68 @@ TEST(RenderBlocks, EveryTypeLooksLikeTheStructuredVolume) {
     compare(double{}, DataType::float64);
 }
 
+/// The same cells twice as wide.
+template <class T> Volume coarser(Volume const& tree) {
+    Header header = tree.header();
+    std::vector<Brick> bricks = tree.bricks().list();
+    for (int a = 0; a < 3; ++a) header.dims[a] *= 2;
+    for (Brick& brick : bricks) {
+        brick.level = 1;
+        for (int a = 0; a < 3; ++a) brick.lower[a] *= 2;
+    }
+    Volume result(header, bricks);
+    std::memcpy(result.buffer().write(Space::host), tree.buffer().read(Space::host),
+                static_cast<std::size_t>(result.header().bytes()));
+    return result;
+}
+
+// Their steps are twice as long, and so are the lengths over which gradients are taken.
+TEST(RenderBlocks, OneCoarseLevelLooksAsByBricks) {
+    Volume const volume = coarser<float>(cut<float>(blobs({20, 28, 24}, DataType::float32), {8, 8, 8}));
+    for (double const shade : {0.0, 0.8})
+        for (double const step : {0.5, 0.23}) {
+            RenderSettings s = by(TreeDrawing::bricks);
+            s.shade = shade, s.step = step;
+            Image const bricks = render_one(volume, s).image;
+            s.tree = TreeDrawing::blocks;
+            Image const blocks = render_one(volume, s).image;
+            EXPECT_LT(greatest_difference(bricks, blocks), 2e-3) << shade << " " << step;
+            EXPECT_NE(bricks.pixels, blocks.pixels);
+        }
+}
+
+// In a leaf of finest cells where levels meet, the values are those of the grid, between cells too.
+TEST(RenderBlocks, LeavesOfFinestCellsAreTheGrid) {
+    Volume const volume = small_tree(), grid = resampled(volume);
+    Blocks const blocks(volume, true);
+    auto const v = grid.view().as<float>();
+    Index3 const dims = volume.header().dims;
+    double const range = united(brick_ranges(volume, amr_test::execution())).maximum;
+    std::mt19937 random(6);
+    std::uniform_real_distribution<> share(0, 1);
+    int looked_at = 0;
+    for (int i = 0; i < 4000; ++i) {
+        double place[3];
+        for (int a = 0; a < 3; ++a) place[a] = share(random) * static_cast<double>(dims[a]);
+        if (blocks.view.blocks.at(place).level != 0) continue;
+        ++looked_at;
+        double expected = 0;
+        for (int corner = 0; corner < 8; ++corner) {
+            double weight = 1;
+            Index3 at;
+            for (int a = 0; a < 3; ++a) {
+                double const q = place[a] - 0.5, floor = std::floor(q);
+                int const bit = corner >> a & 1;
+                weight *= bit != 0 ? q - floor : 1 - (q - floor);
+                at[a] = std::clamp<std::int64_t>(static_cast<std::int64_t>(floor) + bit, 0, dims[a] - 1);
+            }
+            expected += weight * static_cast<double>(v(at.x, at.y, at.z));
+        }
+        EXPECT_NEAR(blocks.at({place[0], place[1], place[2]}), expected, 1e-6 * range);
+    }
+    EXPECT_GT(looked_at, 300);
+}
+
 double apart(Image const& a, Image const& b) {
     double squares = 0;
     for (std::size_t i = 0; i < a.pixels.size(); ++i) {
@@ -136,19 +198,18 @@ double apart(Image const& a, Image const& b) {
     return std::sqrt(squares / static_cast<double>(a.pixels.size()));
 }
 
-// Where levels meet, blocks are about as near to the grid of the finest cells as bricks are.
+// Whole pictures, which differ by no more than the reconstruction between cells does: 0.0007 and 0.0015 as measured,
+// and 0.0005 and 0.0015 by bricks.
 TEST(RenderBlocks, LevelsLookAsOnTheFinestGrid) {
     for (double const shade : {0.0, 0.8})
         for (Volume const& volume : {small_tree(), sphere_tree()}) {
-            RenderSettings s = by(TreeDrawing::bricks);
+            RenderSettings s = by(TreeDrawing::blocks);
             s.shade = shade;
-            Image const bricks = render_one(volume, s).image;
-            s.tree = TreeDrawing::blocks;
             Image const blocks = render_one(volume, s).image;
             s.tree = TreeDrawing::grid;
-            Image const grid = render_one(volume, s).image;
-            EXPECT_LT(apart(blocks, grid), 1.5 * apart(bricks, grid)) << shade;
-            EXPECT_NE(bricks.pixels, blocks.pixels);
+            EXPECT_LT(apart(blocks, render_one(volume, s).image), 2e-3) << shade;
+            s.tree = TreeDrawing::bricks;
+            EXPECT_NE(render_one(volume, s).image.pixels, blocks.pixels);
         }
 }
 
