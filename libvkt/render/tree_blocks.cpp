@@ -229,7 +229,8 @@ void TreeBlocks::mark(std::int32_t node, Box const& cube, Box const& box, std::v
     for (int i = 0; i < 8; ++i) {
         Index3 lower = cube.lower;
         for (int a = 0; a < 3; ++a) lower[a] += i >> a & 1 ? half : 0;
-        mark(nodes_[static_cast<std::size_t>(~node + i)], {lower, lower + Index3{half, half, half}}, box, wanted);
+        mark(nodes_[static_cast<std::size_t>(std::int64_t{~node} + i)], {lower, lower + Index3{half, half, half}}, box,
+             wanted);
     }
 }
 

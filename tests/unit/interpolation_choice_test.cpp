@@ -58,6 +58,7 @@ TEST(InterpolationChoice, EstimatesAreWhatWavesLose) {
 TEST(InterpolationChoice, SlabsAndPiecesOfRowsMakeNoDifference) {
     Index3 const dims{19, 17, 15};
     std::vector<double> voxels;
+    voxels.reserve(19 * 17 * 15);
     for (int i = 0; i < 19 * 17 * 15; ++i) voxels.push_back(std::sin(i * 1.7) * (i % 23));
     ConstView const all = view_of(voxels, dims);
     InterpolationChoice whole(header_of(dims), box_of(dims), {true, true, true}), pieces = whole;
