@@ -277,9 +277,8 @@ void GridsSource::read_rows(std::int64_t place, std::int64_t row, std::int64_t c
         std::byte* to = out.at(rows.lower.x, y, z);
         bytes_->read_at(place + i * row, dense ? to : scratch.data(),
                         static_cast<std::size_t>((here - 1) * row + bytes));
-        std::byte const* from = scratch.data();
-        for (std::int64_t k = 0; k < here; ++k, from += row, to += step) {
-            if (!dense) std::memcpy(to, from, static_cast<std::size_t>(bytes));
+        for (std::int64_t k = 0; k < here; ++k, to += step) {
+            if (!dense) std::memcpy(to, scratch.data() + k * row, static_cast<std::size_t>(bytes));
             if (++y < rows.upper.y) continue;
             y = rows.lower.y;
             if (++z < rows.upper.z) to = out.at(rows.lower.x, y, z) - step;
