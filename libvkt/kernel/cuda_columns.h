@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/kernel/cuda_stencil.h"
+#include "libvkt/kernel/cuda_voxels.h"
 
 #include <type_traits>
 
@@ -44,8 +45,7 @@ __global__ void __launch_bounds__(32 * column_rows)
         std::int64_t const end = z0 + column_slices < n.z ? z0 + column_slices : n.z;
         bool const stores = lane >= radius && lane < 32 - radius && x < n.x;
         std::byte const* from = in.at(x < n.x + radius ? x : n.x + radius - 1, y - radius, z0 - radius);
-        with_type(in.type, [&]<class T>(T) {
-            if constexpr (std::is_integral_v<C> && sizeof(T) != sizeof(C)) return; // no keys of this size
+        auto const march = [&]<class T>() {
             ColumnWindow<V, radius> window;
             for (std::int64_t z = z0 - radius; z < end + radius; ++z, from += in.slice) {
 #pragma unroll
@@ -68,6 +68,9 @@ __global__ void __launch_bounds__(32 * column_rows)
                 auto const result = static_cast<C>(f.combine(made));
                 if (stores) store_result(out.type, out.at(x, y, z - radius), result, counts);
             }
+        };
+        with_type(in.type, [&]<class T>(T) {
+            if constexpr (std::is_floating_point_v<C> || sizeof(T) == sizeof(C)) march.template operator()<T>();
         });
     }
     add_counts(counts, totals);
@@ -79,16 +82,12 @@ template <class C, class F>
 void column_stencil(Execution const&, AnyView out, Losses& losses, Index3, F const& f, ConstView in) {
     if (out.box.empty()) return;
     Index3 const n = out.dims();
-    constexpr int inner = 32 - 2 * F::radius;
-    std::int64_t const across = (n.x + inner - 1) / inner,
-                       along = (n.y + driver::column_rows - 1) / driver::column_rows,
-                       blocks = across * along * ((n.z + driver::column_slices - 1) / driver::column_slices);
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    using Shape = driver::BlockShape<32 - 2 * F::radius, driver::column_rows, driver::column_slices, 1>;
+    driver::Blocks const blocks = driver::blocks_of<Shape>(n);
     driver::DeviceLosses const counts;
-    driver::columns_kernel<C><<<static_cast<unsigned>(blocks), dim3(32, driver::column_rows)>>>(
-        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
-        static_cast<unsigned>(across), static_cast<unsigned>(along), f, counts.get());
+    driver::columns_kernel<C><<<blocks.all, dim3(32, driver::column_rows)>>>(
+        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n, blocks.across, blocks.along,
+        f, counts.get());
     check_launch("column_stencil");
     counts.add_to(losses);
 }

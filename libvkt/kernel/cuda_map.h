@@ -29,8 +29,7 @@ concept IsLong = requires {
 /// A functor that takes the voxels of a pack together, so that what it does is chosen once for all of them:
 /// pack(in, out) with in[inputs][N]. False from it: they are to be taken one by one.
 template <class F, class C, int inputs, int N, class R>
-concept TakesPacks = inputs >
-0 && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], R (&out)[N]) {
+concept TakesPacks = (inputs > 0) && requires(F const& f, C const (&in)[inputs > 0 ? inputs : 1][N], R (&out)[N]) {
     { f.pack(in, out) } -> std::same_as<bool>;
 };
 

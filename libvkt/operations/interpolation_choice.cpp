@@ -39,39 +39,25 @@ std::size_t InterpolationChoice::state_bytes() const {
 
 /// Voxel k of eight lies at k - 3, the place between 0 and 1.
 InterpolationChoice::Place InterpolationChoice::place_at(double fraction) {
-    Place place;
+    Place place{};
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+        WeightTable const table({taps, 1, 1, 3 + fraction}, interpolant_of(candidates[c])->kernel, Boundary::clamp);
+        AxisTable const t = table.taps(Space::host);
+        for (std::int64_t i = t.start[0]; i < t.start[1]; ++i)
+            place[c][static_cast<std::size_t>(t.first[0] + i - t.start[0])] = t.weight[i];
+    }
     for (int k = 0; k < taps; ++k) {
         double product = 1;
         for (int j = 0; j < taps; ++j)
             if (j != k) product *= (fraction - (j - 3)) / (k - j);
-        place.exact[static_cast<std::size_t>(k)] = product;
+        for (auto& weights : place) weights[static_cast<std::size_t>(k)] -= product;
     }
-    auto& [nearest, linear, cubic, lanczos] = place.candidate;
-    nearest[fraction < 0.5 ? 3 : 4] = 1;
-    linear[3] = 1 - fraction;
-    linear[4] = fraction;
-    double const f = fraction, pi = std::acos(-1.0);
-    cubic[2] = ((-0.5 * f + 1) * f - 0.5) * f;
-    cubic[3] = (1.5 * f - 2.5) * f * f + 1;
-    cubic[4] = ((-1.5 * f + 2) * f + 0.5) * f;
-    cubic[5] = (0.5 * f - 0.5) * f * f;
-    double sum = 0;
-    for (int k = 1; k < 7; ++k) {
-        double const t = pi * (f - (k - 3));
-        lanczos[static_cast<std::size_t>(k)] = std::sin(t) / t * (std::sin(t / 3) / (t / 3));
-        sum += lanczos[static_cast<std::size_t>(k)];
-    }
-    for (double& weight : lanczos) weight /= sum;
     return place;
 }
 
 /// tap[k] is the voxel k - 3 after the one before the place.
 void InterpolationChoice::compare(std::array<double const*, taps> const& tap, std::int64_t n, Errors& errors) const {
     for (Place const& place : places_) {
-        // What a candidate's weights differ by from those of the polynomial sums to 0: an offset costs no digits.
-        std::array<std::array<double, taps>, candidates.size()> differences = place.candidate;
-        for (auto& weights : differences)
-            for (std::size_t k = 0; k < taps; ++k) weights[k] -= place.exact[k];
         Errors most = errors;
         for (std::int64_t i = 0; i < n; ++i) {
             double const first = tap[3][i];
@@ -79,7 +65,7 @@ void InterpolationChoice::compare(std::array<double const*, taps> const& tap, st
             for (std::size_t k = 0; k < taps; ++k) v[k] = tap[k][i] - first;
             for (std::size_t c = 0; c < candidates.size(); ++c) {
                 double difference = 0;
-                for (std::size_t k = 0; k < taps; ++k) difference += differences[c][k] * v[k];
+                for (std::size_t k = 0; k < taps; ++k) difference += place[c][k] * v[k];
                 double const error = std::abs(difference);
                 if (error > most[c] && error <= std::numeric_limits<double>::max()) most[c] = error;
             }

@@ -30,7 +30,6 @@ public:
     static constexpr std::array<ResampleMethod, 4> candidates{ResampleMethod::nearest, ResampleMethod::linear,
                                                               ResampleMethod::cubic, ResampleMethod::lanczos3};
 
-    InterpolationChoice() = default;
     /// Of the voxels of a box in a volume with this header; `axes`: those along which positions lie between voxels.
     InterpolationChoice(Header const& volume, Box const& box, std::array<bool, 3> axes);
 
@@ -54,11 +53,9 @@ public:
 private:
     static constexpr int taps = 8;
     using Errors = std::array<double, candidates.size()>;
-    /// Weights of the eight voxels at one place.
-    struct Place {
-        std::array<double, taps> exact{};
-        std::array<std::array<double, taps>, candidates.size()> candidate{};
-    };
+    /// Of each candidate at one place: by what its weights of the eight voxels differ from the polynomial's. They sum
+    /// to 0, so that an offset costs no digits.
+    using Place = std::array<std::array<double, taps>, candidates.size()>;
     static Place place_at(double fraction);
 
     void compare(std::array<double const*, taps> const& tap, std::int64_t n, Errors& errors) const;

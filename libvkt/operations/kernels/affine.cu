@@ -289,17 +289,13 @@ template <class T> struct LinearSample {
     };
 };
 
-/// Slices along the axis that stays, y or z: a thread looks up its place in the plane once for all of its slices, of
-/// which it needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
-struct Slices {
-    int axis = 2;
-    std::int64_t shift = 0; ///< of the input's slices against those of the output
-};
 constexpr int plane_x = 8, plane_rows = 4, plane_slices = 16, slices_at_once = 4;
 
+/// Slices along the axis that stays: a thread looks up its place in the plane once for all of its slices, of which it
+/// needs four voxels each. The same bits as LinearSample, to which is left what lies elsewhere.
 template <class T>
 __global__ void __launch_bounds__(256)
-    slices_kernel(driver::Blocks blocks, Index3 n, Slices slices, __grid_constant__ LinearSample<T> const sample,
+    slices_kernel(driver::Blocks blocks, Index3 n, StillAxis still, __grid_constant__ LinearSample<T> const sample,
                   unsigned long long* totals) {
     // Warps of 8 by 4 voxels, four of them side by side and two rows of them.
     unsigned const warp = threadIdx.x / 32, lane = threadIdx.x % 32;
@@ -308,7 +304,7 @@ __global__ void __launch_bounds__(256)
                                  plane_rows +
                              lane / 8,
                        first = static_cast<std::int64_t>(blockIdx.x / blocks.across / blocks.along) * plane_slices;
-    bool const by_z = slices.axis == 2;
+    bool const by_z = still.axis == 2;
     std::int64_t const end = min(first + plane_slices, by_z ? n.z : n.y);
     driver::LossCounts counts;
     if (x < n.x && row < (by_z ? n.y : n.z)) {
@@ -323,7 +319,7 @@ __global__ void __launch_bounds__(256)
                        static_cast<unsigned>(px.index) < sample.inner_x && static_cast<unsigned>(pw.index) < inner_w,
                    far = sample.is_far(px.index, sample.inner_x) || sample.is_far(pw.index, inner_w);
         std::int64_t const across = by_z ? sample.row : sample.slice, along = by_z ? sample.slice : sample.row,
-                           begin = (by_z ? s.first.z : s.first.y) + slices.shift; // of the input, at slice 0
+                           begin = (by_z ? s.first.z : s.first.y) + still.shift; // of the input, at slice 0
         std::int64_t const there = by_z ? s.dims.z : s.dims.y;
         typename Sampler::Fraction const fx(px.rest), fw(pw.rest);
         auto const* const near =
@@ -368,16 +364,10 @@ __global__ void __launch_bounds__(256)
 }
 
 template <class T>
-void launch_slices(Index3 n, Slices const& slices, LinearSample<T> const& sample, unsigned long long* totals) {
-    auto const blocks_for = [](std::int64_t voxels, int of) { return (voxels + of - 1) / of; };
-    bool const by_z = slices.axis == 2;
-    std::int64_t const across = blocks_for(n.x, 4 * plane_x), along = blocks_for(by_z ? n.y : n.z, 2 * plane_rows),
-                       all = across * along * blocks_for(by_z ? n.z : n.y, plane_slices);
-    if (all > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
-    driver::Blocks const blocks{static_cast<unsigned>(across), static_cast<unsigned>(along),
-                                static_cast<unsigned>(all)};
-    slices_kernel<T><<<blocks.all, 256>>>(blocks, n, slices, sample, totals);
+void launch_slices(Index3 n, StillAxis still, LinearSample<T> const& sample, unsigned long long* totals) {
+    using Shape = driver::BlockShape<4 * plane_x, 2 * plane_rows, plane_slices, 1>;
+    driver::Blocks const blocks = driver::blocks_of<Shape>(still.axis == 2 ? n : Index3{n.x, n.z, n.y});
+    slices_kernel<T><<<blocks.all, 256>>>(blocks, n, still, sample, totals);
     check_launch("affine_sample");
 }
 
@@ -464,7 +454,7 @@ void launch_single(ConstView in, AnyView out, AffineSampling const& rule, unsign
                                  inner(s.inner_z),
                                  in.type == out.type};
     if (StillAxis const still = still_axis(rule.map); still.axis >= 0)
-        return launch_slices(out.dims(), {still.axis, still.shift}, sample, totals);
+        return launch_slices(out.dims(), still, sample, totals);
     driver::for_each_voxel<driver::SlantedBlock>(out.dims(), sample, totals, "affine_sample");
 }
 

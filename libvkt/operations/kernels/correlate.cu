@@ -296,14 +296,11 @@ __global__ void __launch_bounds__(near_x* near_y)
 
 template <class C, class T> void launch_near(ConstView in, AnyView out, NearSum<C> const& sum, Losses& losses) {
     Index3 const n = out.dims();
-    std::int64_t const across = (n.x + near_x - 1) / near_x, along = (n.y + near_y - 1) / near_y,
-                       blocks = across * along * ((n.z + near_slices - 1) / near_slices);
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::Blocks const blocks = driver::blocks_of<driver::BlockShape<near_x, near_y, near_slices, 1>>(n);
     driver::DeviceLosses const counts;
-    near_kernel<C, T><<<static_cast<unsigned>(blocks), dim3(near_x, near_y)>>>(
-        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
-        static_cast<unsigned>(across), static_cast<unsigned>(along), sum, counts.get());
+    near_kernel<C, T><<<blocks.all, dim3(near_x, near_y)>>>(driver::device_rows(in, out.box),
+                                                            driver::device_rows(ConstView(out), out.box), n,
+                                                            blocks.across, blocks.along, sum, counts.get());
     check_launch("correlate_near");
     counts.add_to(losses);
 }
@@ -436,16 +433,12 @@ __global__ void __launch_bounds__(cube_x* cube_y)
 template <class C, class T>
 void launch_cube(ConstView in, AnyView out, Cube<C> const& cube, bool gaps, Losses& losses) {
     Index3 const n = out.dims();
-    constexpr int deep = cube_y * cube_rows;
-    std::int64_t const across = (n.x + cube_x - 1) / cube_x, along = (n.y + deep - 1) / deep,
-                       blocks = across * along * ((n.z + cube_slices - 1) / cube_slices);
-    if (blocks > 0x7fffffff)
-        throw Error(ErrorKind::resources, "the volume is too large for one GPU launch", "use --device cpu");
+    driver::Blocks const blocks = driver::blocks_of<driver::BlockShape<cube_x, cube_y * cube_rows, cube_slices, 1>>(n);
     driver::DeviceLosses const counts;
     auto* const kernel = gaps ? &cube_kernel<C, T, true> : &cube_kernel<C, T, false>;
-    kernel<<<static_cast<unsigned>(blocks), dim3(cube_x, cube_y)>>>(
-        driver::device_rows(in, out.box), driver::device_rows(ConstView(out), out.box), n,
-        static_cast<unsigned>(across), static_cast<unsigned>(along), cube, counts.get());
+    kernel<<<blocks.all, dim3(cube_x, cube_y)>>>(driver::device_rows(in, out.box),
+                                                 driver::device_rows(ConstView(out), out.box), n, blocks.across,
+                                                 blocks.along, cube, counts.get());
     check_launch("correlate_cube");
     counts.add_to(losses);
 }

@@ -9,17 +9,6 @@
 
 namespace vkt::render {
 
-/// A batch of segments, as many as one chunk of samples allows.
-struct BatchComb {
-    using Real = double;
-    using Vector = Double3;
-    double const* points;
-    bool const* empty;
-
-    VKT_HD double point(int k) const { return points[k]; }
-    VKT_HD bool shows(int k) const { return !empty[k]; }
-};
-
 /// The comb of a ray through a tree. Points are multiples of the step; where the finest brick near is of level l every
 /// 2^l-th of them counts, so that one level has the comb of a lattice. A segment depends on where it begins and on the
 /// stretches it meets, not on how the ray came there: leaving some out changes none of the others.
@@ -113,7 +102,7 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
                        {}};
     double points[chunk + 1];
     bool empty[chunk];
-    March<TreeField<T>, BatchComb, TreePoints<T, Scratch>> march{
+    March<TreeField<T>, PointComb, TreePoints<T, Scratch>> march{
         field, asked, scene, {points, empty}, ray.entry, ray.direction, static_cast<float>(ray.world_per_lattice)};
     int size = 0;            // segments in the batch
     int included = -1;       // the last stretch whose bricks the batch knows
