@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/operations/kernels/histogram.h"
 
 #include <algorithm>
@@ -21,6 +22,23 @@ struct CountItem {
     std::int64_t begin = 0, end = 0;  ///< segments of the rows, row after row
     std::int64_t brick_y = 0, brick_z = 0;
     std::int64_t first = 1, last = 1; ///< weights of the ends of rows
+};
+
+/// Segment s of an item: n voxels of row (y, z) of the view, from the item's voxel `begin` along x on.
+struct CountSegment {
+    std::int64_t begin, y, z;
+    int n;
+    std::byte const* from;
+
+    __device__ __forceinline__ CountSegment(DeviceRows const& in, CountItem const& item, std::int64_t s) {
+        std::int64_t const in_row = (item.nx + count_segment - 1) / count_segment, row = quotient_of(s, in_row);
+        begin = (s - row * in_row) * count_segment;
+        std::int64_t const slice = quotient_of(row, item.ny);
+        y = item.y + row - slice * item.ny;
+        z = item.z + slice;
+        n = static_cast<int>(item.nx - begin < count_segment ? item.nx - begin : count_segment);
+        from = in.at(item.x + begin, y, z);
+    }
 };
 
 /// Weights of rows: where the grid begins in the view, and how it is cut.

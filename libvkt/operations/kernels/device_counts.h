@@ -79,17 +79,15 @@ __global__ void __launch_bounds__(Packed ? packed_threads : block_threads, Packe
         }
         return last_slot;
     };
-    std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
     for (std::int64_t s = item.begin + warp; s < item.end; s += blockDim.x / 32) {
-        std::int64_t const row = quotient_of(s, segments), begin = (s - row * segments) * count_segment;
-        std::int64_t const slice = quotient_of(row, item.ny), y = item.y + row - slice * item.ny, z = item.z + slice;
-        std::int64_t const share = share_of_voxel(grid.before.y + y, item.brick_y, grid.dims.y, grid.bricks.y) *
-                                   share_of_voxel(grid.before.z + z, item.brick_z, grid.dims.z, grid.bricks.z);
+        CountSegment const segment(in, item, s);
+        std::byte const* const from = segment.from;
+        int const n = segment.n;
+        std::int64_t const share = share_of_voxel(grid.before.y + segment.y, item.brick_y, grid.dims.y, grid.bricks.y) *
+                                   share_of_voxel(grid.before.z + segment.z, item.brick_z, grid.dims.z, grid.bricks.z);
         std::int64_t const full = share * grid.bricks.x;
-        auto const n = static_cast<int>(item.nx - begin < count_segment ? item.nx - begin : count_segment);
-        std::byte const* const from = in.at(item.x + begin, y, z);
         auto const weight = [&](int i) {
-            std::int64_t const x = begin + i;
+            std::int64_t const x = segment.begin + i;
             return static_cast<std::uint64_t>(x == 0             ? share * item.first
                                               : x == item.nx - 1 ? share * item.last
                                                                  : full);

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "libvkt/kernel/cuda_voxels.h"
 #include "libvkt/operations/kernels/count_items.h"
 
 #include <concepts>
@@ -84,13 +83,11 @@ __global__ void __launch_bounds__(lane_threads)
         auto const s = static_cast<unsigned>(slot);
         ++mine[(s & ~3u) * 32 + (s & 3u)];
     };
-    std::int64_t const segments = (item.nx + count_segment - 1) / count_segment;
     int counted = 0; // segments since the bytes were cleared
     for (std::int64_t s = item.begin + warp; s < item.end; s += lane_warps) {
-        std::int64_t const row = quotient_of(s, segments), begin = (s - row * segments) * count_segment;
-        std::int64_t const slice = quotient_of(row, item.ny), y = item.y + row - slice * item.ny, z = item.z + slice;
-        auto const n = static_cast<int>(item.nx - begin < count_segment ? item.nx - begin : count_segment);
-        std::byte const* const from = in.at(item.x + begin, y, z);
+        CountSegment const segment(in, item, s);
+        std::byte const* const from = segment.from;
+        int const n = segment.n;
         bool const aligned = reinterpret_cast<std::uintptr_t>(from) % (N * sizeof(T)) == 0;
         auto const load = [&](int i) {
             return load_words<N* static_cast<int>(sizeof(T))>(from + i * static_cast<int>(sizeof(T)), aligned);
