@@ -86,7 +86,7 @@ arguments = {
     "slice": ["{f} --z 0", "{f} --x 5", "{f} --axis y --range 0:1"],
     "threshold": ["{f} --above 3", "{f} --otsu"],
     "transform": ["v*2+sin(x)*a {f} {f}", "v[0,1,-1]+v[3,0,2] {f}"],
-    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
+    "stats": ["{f}", "{f} --mask {f}", "{f} --per z", "{f} --per x", "{f} --per y", "{f} --per x --memory 64M", "{f} --percentiles 1,50,99 --memory 64M"],
     "watershed": ["{f}", "{f} --on gradient --depth 1", "{f} --on distance --line"],
     "write": ["{f} - --format raw"],
 }

@@ -4,13 +4,13 @@ load helper
 @test "the pipelines of the README run" {
     cp "$VKT_ROOT/examples/data/phantom.nrrd" volume.nrrd
     sed -n '/^## Pipelines/,/^## Examples/p' "$VKT_ROOT/README.md" | grep '^vkt ' >lines
-    [ "$(wc -l <lines)" -eq 17 ]
+    [ "$(wc -l <lines)" -eq 18 ]
     [ "$(grep -c -e --window lines)" -eq 1 ] # which needs a display; viewer.bats has one
     sed -i '/--window/d' lines
     while IFS= read -r line; do
         bash -c "$line" >out 2>err </dev/null || { echo "$line: $(cat err)" >&2; false; }
     done <lines
-    for file in volume.png lit.png small.mha half.nrrd tree.png grid.nrrd chart.svg smaller.nrrd slim.vkt; do [ -s "$file" ]; done
+    for file in volume.png lit.png small.mha half.nrrd tree.png grid.nrrd chart.svg smaller.nrrd turned.nrrd slim.vkt; do [ -s "$file" ]; done
     [ ! -e out.nrrd ] # only planned
 }
 

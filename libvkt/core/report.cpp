@@ -24,6 +24,22 @@ std::string csv_word(std::string const& any_text) {
     return quoted;
 }
 
+/// What JSON has no number for is null.
+std::string_view json_number(std::string_view digits) {
+    return digits.find_first_of("ni") == std::string_view::npos ? digits : "null"; // nan, inf
+}
+
+/// What spaces part.
+std::vector<std::string_view> words_of(std::string_view text) {
+    std::vector<std::string_view> words;
+    while (!text.empty()) {
+        std::size_t const end = std::min(text.find(' '), text.size());
+        words.push_back(text.substr(0, end));
+        text.remove_prefix(std::min(end + 1, text.size()));
+    }
+    return words;
+}
+
 void append_word(std::string& line, std::string const& word) {
     if (!line.empty()) line += ',';
     line += csv_word(word);
@@ -56,54 +72,66 @@ Report& Report::add(std::string name, double value) { return add_number(std::mov
 Report& Report::add(std::string name, std::int64_t value) { return add_number(std::move(name), to_text(value)); }
 
 Report& Report::add(std::string name, bool value) {
-    fields_.push_back({std::move(name), value ? "yes" : "no", value ? "true" : "false"});
+    fields_.push_back({std::move(name), value ? "yes" : "no", Kind::truth});
     return *this;
 }
 
 Report& Report::add(std::string name, std::string_view value) {
-    fields_.push_back({std::move(name), std::string(value), json_string(value)});
+    fields_.push_back({std::move(name), std::string(value), Kind::word});
     return *this;
 }
 
 Report& Report::add(std::string name, Index3 value) {
-    fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
-    fields_.back().parts = {to_text(value.x), to_text(value.y), to_text(value.z)};
+    fields_.push_back({std::move(name), to_text(value), Kind::triple});
     return *this;
 }
 
 Report& Report::add(std::string name, Vec3 value) {
-    fields_.push_back({std::move(name), to_text(value), vkt::text("[", value.x, ", ", value.y, ", ", value.z, "]")});
-    fields_.back().parts = {to_text(value.x), to_text(value.y), to_text(value.z)};
+    fields_.push_back({std::move(name), to_text(value), Kind::triple});
     return *this;
 }
 
 Report& Report::add(std::string name, std::optional<Index3> const& value) {
     if (value) return add(std::move(name), *value);
-    add_number(std::move(name), "nan");
-    fields_.back().parts = {"nan", "nan", "nan"};
+    fields_.push_back({std::move(name), "nan", Kind::triple});
     return *this;
 }
 
 Report& Report::add_number(std::string name, std::string const& digits) {
-    bool const finite = digits.find_first_of("ni") == std::string::npos; // nan, inf
-    fields_.push_back({std::move(name), digits, finite ? digits : "null"});
+    fields_.push_back({std::move(name), digits, Kind::number});
     return *this;
 }
 
 Report& Report::add(std::string name, std::vector<Report> rows) {
-    bool const none = rows.empty();
-    fields_.push_back({std::move(name), none ? "none" : "", none ? "[]" : "", std::move(rows), true});
+    fields_.push_back({std::move(name), rows.empty() ? "none" : "", Kind::table, std::move(rows)});
     return *this;
 }
 
 Report& Report::add(std::string name, std::vector<double> const& values) {
-    std::string words, json;
-    for (double const v : values) {
-        words += vkt::text(words.empty() ? "" : " ", to_text(v));
-        json += vkt::text(json.empty() ? "" : ", ", std::isfinite(v) ? to_text(v) : std::string("null"));
-    }
-    fields_.push_back({std::move(name), words, vkt::text("[", json, "]")});
+    std::string words;
+    for (double const v : values) words += vkt::text(words.empty() ? "" : " ", to_text(v));
+    fields_.push_back({std::move(name), words, Kind::list});
     return *this;
+}
+
+/// Rows of a table are written by json(int).
+std::string Report::Field::json() const {
+    switch (kind) {
+    case Kind::word: return json_string(text);
+    case Kind::number: return std::string(json_number(text));
+    case Kind::truth: return text == "yes" ? "true" : "false";
+    case Kind::triple:
+        if (text == "nan") return "null";
+        [[fallthrough]];
+    case Kind::list: {
+        std::string numbers;
+        for (std::string_view const word : words_of(text))
+            numbers += vkt::text(numbers.empty() ? "" : ", ", json_number(word));
+        return vkt::text("[", numbers, "]");
+    }
+    case Kind::table: break;
+    }
+    return "[]";
 }
 
 Report& Report::write_as(ReportForm form, std::string content) {
@@ -112,25 +140,25 @@ Report& Report::write_as(ReportForm form, std::string content) {
 }
 
 std::string Report::table(std::vector<Report> const& rows) {
-    std::vector<std::vector<std::string>> lines(1);
-    for (Field const& field : rows.front().fields_) lines.front().push_back(printable(field.name));
-    for (Report const& row : rows) {
-        lines.emplace_back();
-        for (Field const& field : row.fields_) lines.back().push_back(printable(field.text));
-    }
     std::vector<std::size_t> widths;
-    for (auto const& line : lines) {
-        widths.resize(std::max(widths.size(), line.size()));
-        for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], line[i].size());
+    for (Field const& field : rows.front().fields_) widths.push_back(printable(field.name).size());
+    for (Report const& row : rows) {
+        widths.resize(std::max(widths.size(), row.fields_.size()));
+        for (std::size_t i = 0; i < row.fields_.size(); ++i)
+            widths[i] = std::max(widths[i], printable(row.fields_[i].text).size());
     }
     std::string result;
-    for (auto const& line : lines) {
-        for (std::size_t i = 0; i < line.size(); ++i) {
-            result += line[i];
-            if (i + 1 < line.size()) result.append(widths[i] + 2 - line[i].size(), ' ');
+    auto const add_line = [&](Report const& row, std::string Field::* which) {
+        std::size_t const n = row.fields_.size();
+        for (std::size_t i = 0; i < n; ++i) {
+            std::string const word = printable(row.fields_[i].*which);
+            result += word;
+            if (i + 1 < n) result.append(widths[i] + 2 - word.size(), ' ');
         }
         result += '\n';
-    }
+    };
+    add_line(rows.front(), &Field::name);
+    for (Report const& row : rows) add_line(row, &Field::text);
     return result;
 }
 
@@ -158,7 +186,7 @@ std::string Report::json(int indent) const {
     std::string const margin(static_cast<std::size_t>(indent), ' ');
     std::string result = "{";
     for (std::size_t i = 0; i < fields_.size(); ++i) {
-        std::string value = fields_[i].json;
+        std::string value = fields_[i].rows.empty() ? fields_[i].json() : "";
         for (Report const& row : fields_[i].rows)
             value += vkt::text(value.empty() ? "[\n" : ",\n", margin, "    ", row.json(indent + 4));
         if (!fields_[i].rows.empty()) value += vkt::text("\n", margin, "  ]");
@@ -168,11 +196,12 @@ std::string Report::json(int indent) const {
 }
 
 std::string Report::text(std::vector<Report> const& reports) {
+    if (reports.size() == 1) return reports.front().text(); // without a copy: it may have a table of many rows
     std::string result;
     for (std::size_t i = 0; i < reports.size(); ++i) {
         Report numbered;
         // Tables begin with their own line.
-        if (reports.size() > 1 && !reports[i].written(ReportForm::text))
+        if (!reports[i].written(ReportForm::text))
             numbered.add("volume", vkt::text(static_cast<std::int64_t>(i + 1), " of ", std::ssize(reports)));
         numbered.fields_.insert(numbered.fields_.end(), reports[i].fields_.begin(), reports[i].fields_.end());
         if (i > 0) result += '\n';
@@ -193,14 +222,16 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
     std::string names, values;
     auto const add_fields = [](std::string& to_names, std::string& to_values, Report const& from) {
         for (Field const& field : from.fields_) {
-            if (field.table) continue;
-            if (field.parts.empty()) {
+            if (field.kind == Kind::table) continue;
+            if (field.kind != Kind::triple) {
                 append_word(to_names, field.name);
                 append_word(to_values, field.text);
+                continue;
             }
-            for (std::size_t i = 0; i < field.parts.size(); ++i) {
+            std::vector<std::string_view> const three = words_of(field.text); // or one "nan"
+            for (std::size_t i = 0; i < 3; ++i) {
                 append_word(to_names, vkt::text(field.name, std::array{"_x", "_y", "_z"}[i]));
-                append_word(to_values, field.parts[i]);
+                append_word(to_values, std::string(three[three.size() == 3 ? i : 0]));
             }
         }
     };
@@ -212,7 +243,7 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
     add_fields(names, values, *this);
     bool any_table = false;
     for (Field const& field : fields_) {
-        any_table = any_table || field.table;
+        any_table = any_table || field.kind == Kind::table;
         for (Report const& row : field.rows) {
             std::string row_names = names, row_values = values;
             add_fields(row_names, row_values, row);

@@ -53,11 +53,13 @@ public:
     static std::string table(std::vector<Report> const& rows);
 
 private:
+    /// What a field's text is: JSON and CSV are made from it when they are printed, for a table may have a row a slice.
+    enum class Kind : std::uint8_t { word, number, truth, triple, list, table };
     struct Field {
-        std::string name, text, json;
-        std::vector<Report> rows{}; ///< of a table, instead of text and json
-        bool table = false;
-        std::vector<std::string> parts{}; ///< of three numbers, each alone
+        std::string name, text; ///< numbers of a triple and of a list with a space between
+        Kind kind = Kind::word;
+        std::vector<Report> rows{}; ///< of a table, instead of the text
+        std::string json() const;
     };
     std::optional<std::string> const& written(ReportForm form) const {
         return written_[static_cast<std::size_t>(form)];

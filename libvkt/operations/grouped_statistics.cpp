@@ -223,17 +223,26 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
     if (mask != nullptr) in.mask = voxels_of(*mask, box, mask_buffer_);
     if (labels != nullptr) in.labels = voxels_of(*labels, box, label_buffer_);
     std::int64_t const rows = block_rows(region_.dims()), per_slice = (box.dims().y - 1) / rows + 1;
-    std::int64_t const blocks = per_slice * box.dims().z, together = 2 * std::max(1, execution.threads);
-    auto const check_room = [&](std::int64_t held) {
-        constexpr std::size_t each = sizeof(PartialStatistics) + 64, least = std::size_t{4} << 20;
-        if (static_cast<std::size_t>(held) * each > std::max(execution.memory, least) / 2)
+    std::int64_t const blocks = per_slice * box.dims().z, threads = std::max(1, execution.threads);
+    constexpr std::int64_t each = sizeof(PartialStatistics) + 64, printed = 2048, least = std::int64_t{4} << 20;
+    std::int64_t const room = std::max(static_cast<std::int64_t>(execution.memory), least) / 2;
+    std::int64_t together = std::min(blocks, 2 * threads);
+    // Slices across x: every block has all of them, one that is being summed twice.
+    auto const held_by_x = [&] { return region_.dims().x * (together + std::min(threads, together)); };
+    auto const has_room = [&](std::int64_t groups, std::int64_t in_blocks) {
+        return groups * (each + printed) + in_blocks * each <= room;
+    };
+    auto const check_room = [&](std::int64_t groups, std::int64_t in_blocks) {
+        if (!has_room(groups, in_blocks))
             throw Error(ErrorKind::resources,
-                        text(std::max(std::ssize(result_.groups), by == GroupedBy::x ? region_.dims().x : 0),
-                             by == GroupedBy::label ? " labels" : " rows of statistics",
+                        text(groups, by == GroupedBy::label ? " labels" : " rows of statistics",
                              " are more than --memory has room for"),
                         "raise --memory");
     };
-    if (by == GroupedBy::x) check_room(region_.dims().x * (std::min(blocks, together) + 1)); // every block has all
+    if (by == GroupedBy::x) {
+        while (together > 1 && !has_room(region_.dims().x, held_by_x())) --together;
+        check_room(region_.dims().x, held_by_x());
+    }
     std::vector<std::map<std::int64_t, PartialStatistics>> found(static_cast<std::size_t>(together));
     for (std::int64_t first = 0; first < blocks; first += together) {
         std::int64_t const n = std::min(together, blocks - first);
@@ -254,11 +263,13 @@ void GroupedStatistics::scan(ConstView slab, Execution const& execution) {
             }
         });
         if (failure) std::rethrow_exception(failure);
-        for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i)
-            for (auto const& [key, part] : found[i]) result_.groups[key].append(part, input_.dtype);
-        std::int64_t held = std::ssize(result_.groups);
-        for (auto const& block : found) held += std::ssize(block);
-        check_room(held);
+        std::int64_t held = 0;
+        for (auto& block : found) {
+            held += std::ssize(block);
+            for (auto const& [key, part] : block) result_.groups[key].append(part, input_.dtype);
+            block.clear(); // or they were held beside those of the next blocks
+        }
+        check_room(std::ssize(result_.groups), held);
     }
 }
 
