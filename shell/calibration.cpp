@@ -22,6 +22,8 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <omp.h>
+#include <sched.h>
 #include <span>
 #include <spawn.h>
 #include <sstream>
@@ -34,7 +36,7 @@
 namespace vkt::shell {
 namespace {
 
-constexpr char first_line[] = "vkt calibration 3";
+constexpr char first_line[] = "vkt calibration 4";
 
 double seconds_of(std::function<void()> const& work) {
     auto const start = std::chrono::steady_clock::now();
@@ -42,14 +44,15 @@ double seconds_of(std::function<void()> const& work) {
     return std::max(1e-9, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
 }
 
-/// The median of three, after one that warms up; the warm one alone where it takes long.
-double usual_seconds(std::function<void()> const& work) {
-    double const first = seconds_of(work);
-    if (first > 0.15) return first;
-    std::array<double, 3> times{};
-    for (double& time : times) time = seconds_of(work);
-    std::sort(times.begin(), times.end());
-    return times[1];
+/// The least of several, after one that warms up: what others do on the machine makes all but the least longer.
+double least_seconds(std::function<void()> const& work, int tries = 6) {
+    double least = seconds_of(work), all = 0;
+    for (int i = 0; i < tries && (i < 2 || all < 0.02); ++i) {
+        double const seconds = seconds_of(work);
+        least = std::min(least, seconds);
+        all += seconds;
+    }
+    return least;
 }
 
 /// What is measured: two settings where one does not tell how the cost enters.
@@ -57,19 +60,22 @@ struct Case {
     std::string operation;
     std::vector<std::vector<std::string>> settings;
     bool reduction = false;
-    std::int64_t side = 112; ///< of the volume
 };
 
 std::vector<Case> cases() {
-    return {{"arith", {{"arith", "mul", "-", "2"}}},
-            {"convert", {{"convert", "--dtype", "float32"}, {"convert", "--dtype", "uint8"}}},
-            {"filter gaussian", {{"filter", "gaussian", "--sigma", "0.7"}, {"filter", "gaussian", "--sigma", "2.5"}}},
-            {"filter median", {{"filter", "median", "--radius", "1"}}, false, 128},
-            {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "1.25"}}},
-            {"rotate", {{"rotate", "--angle", "30"}}, false, 96},
-            {"flip", {{"flip", "x"}}},
-            {"stats", {{"stats"}}, true, 160}};
+    return {
+        {"arith", {{"arith", "mul", "-", "2"}}},
+        {"convert", {{"convert", "--dtype", "float32"}, {"convert", "--dtype", "uint8"}}},
+        {"filter gaussian", {{"filter", "gaussian", "--sigma", "0.7"}, {"filter", "gaussian", "--sigma", "2.5"}}},
+        {"filter median", {{"filter", "median", "--radius", "1"}}},
+        {"resample", {{"resample", "--scale", "0.5"}, {"resample", "--scale", "0.7"}, {"resample", "--scale", "1.25"}}},
+        {"rotate", {{"rotate", "--angle", "30"}}},
+        {"flip", {{"flip", "x"}}},
+        {"stats", {{"stats"}}, true}};
 }
+
+/// Of the volume that is measured with: rows as long as those of real ones, and few voxels.
+constexpr Index3 measured_dims{256, 96, 64};
 
 /// The operation of this name in the registry, its options read.
 std::unique_ptr<Operation> made(std::string const& name, std::vector<std::string> const& words) {
@@ -100,10 +106,50 @@ private:
     std::vector<std::byte> bytes_;
 };
 
-Volume noise(std::int64_t side, char const* type) {
-    std::string const n = to_text(side);
-    return vkt::apply({"make", "noise", "--dims", n, n, n, "--dtype", type, "--low", "0", "--high", "1000"}, {});
+Volume noise(char const* type) {
+    auto const [x, y, z] = measured_dims;
+    return vkt::apply({"make", "noise", "--dims", to_text(x), to_text(y), to_text(z), "--dtype", type, "--low", "0",
+                       "--high", "1000"},
+                      {});
 }
+
+/// Each thread of the teams to come has a processor of its own, for as long as this lives: which else may take a while,
+/// and what is measured is as short as that.
+class OwnProcessors {
+public:
+    explicit OwnProcessors(int threads) : threads_(threads) {
+        CPU_ZERO(&before_);
+        if (::sched_getaffinity(0, sizeof before_, &before_) != 0 || CPU_COUNT(&before_) < threads) threads_ = 0;
+        set([&](int thread) {
+            cpu_set_t one;
+            CPU_ZERO(&one);
+            int processor = 0;
+            for (int seen = CPU_ISSET(0, &before_) ? 1 : 0; seen <= thread;
+                 seen += CPU_ISSET(++processor, &before_) ? 1 : 0) {
+            }
+            CPU_SET(processor, &one);
+            return one;
+        });
+    }
+    ~OwnProcessors() {
+        set([&](int) { return before_; });
+    }
+    OwnProcessors(OwnProcessors const&) = delete;
+    OwnProcessors& operator=(OwnProcessors const&) = delete;
+
+private:
+    template <class F> void set(F const& processors_of) const {
+        if (threads_ < 1) return;
+#pragma omp parallel num_threads(threads_)
+        {
+            cpu_set_t const set = processors_of(omp_get_thread_num());
+            ::sched_setaffinity(0, sizeof set, &set);
+        }
+    }
+
+    int threads_;
+    cpu_set_t before_{};
+};
 
 double copy_rate(int threads) {
     constexpr std::size_t bytes = std::size_t{32} << 20;
@@ -118,7 +164,7 @@ double copy_rate(int threads) {
             });
         for (auto& thread : all) thread.join();
     };
-    return static_cast<double>(from.size()) / usual_seconds(work);
+    return static_cast<double>(from.size()) / least_seconds(work);
 }
 
 double scan_rate(int threads) {
@@ -138,20 +184,28 @@ double scan_rate(int threads) {
             });
         for (auto& thread : all) thread.join();
     };
-    double const rate = static_cast<double>(8 * from.size()) / usual_seconds(work);
+    double const rate = static_cast<double>(8 * from.size()) / least_seconds(work);
     return sums.front() == 0 ? 0 : rate; // the sums are needed, so nobody leaves them out
 }
 
-/// Of a file that has no name and lies in memory, as one in the page cache does, with the checksums of streams.
+/// A file that has no name, where temporary ones lie, or else in memory.
+int nameless_file() {
+    std::error_code error;
+    std::string const folder = std::filesystem::temp_directory_path(error).string();
+    int const file = error ? -1 : ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    return file >= 0 ? file : ::memfd_create("vkt-calibration", MFD_CLOEXEC);
+}
+
+/// Of a file in the page cache, with the checksums of streams.
 void file_rates(Calibration& to) {
     constexpr std::size_t bytes = std::size_t{32} << 20, piece = std::size_t{1} << 20;
-    int const file = ::memfd_create("vkt-calibration", MFD_CLOEXEC);
+    int const file = nameless_file();
     std::vector<char> buffer(bytes, 1);
     auto const all = [&](auto const& move) {
         ipc::StreamHash hash(0);
         for (std::size_t done = 0; done < bytes;) {
             auto const n = move(buffer.data() + done, std::min(piece, bytes - done), static_cast<off_t>(done));
-            if (n <= 0) throw Error(ErrorKind::resources, text("no file in memory can be had: ", std::strerror(errno)));
+            if (n <= 0) throw Error(ErrorKind::resources, text("no temporary file can be had: ", std::strerror(errno)));
             hash.add(std::as_bytes(std::span(buffer.data() + done, static_cast<std::size_t>(n))));
             done += static_cast<std::size_t>(n);
         }
@@ -161,8 +215,8 @@ void file_rates(Calibration& to) {
         all([&](char* from, std::size_t n, off_t at) { return ::pwrite(file, from, n, at); });
     };
     try {
-        to.file_write = static_cast<double>(bytes) / usual_seconds(put);
-        to.file_read = static_cast<double>(bytes) / usual_seconds([&] {
+        to.file_write = static_cast<double>(bytes) / least_seconds(put);
+        to.file_read = static_cast<double>(bytes) / least_seconds([&] {
                            all([&](char* into, std::size_t n, off_t at) { return ::pread(file, into, n, at); });
                        });
     } catch (...) {
@@ -172,11 +226,12 @@ void file_rates(Calibration& to) {
     ::close(file);
 }
 
-/// What this program needs to do next to nothing: to begin, to start its threads, to end. Its output goes nowhere.
+/// What this program needs to do little: to begin, to start its threads, to take its buffers, to end. Its output goes
+/// nowhere.
 double start_seconds() {
-    char name[] = "vkt", verb[] = "pipe", line[] = "make constant --dims 1 1 1 | stats";
+    char name[] = "vkt", verb[] = "pipe", line[] = "make constant --dims 256 256 4 | arith mul - 2 | stats";
     char* const words[] = {name, verb, line, nullptr};
-    return usual_seconds([&] {
+    return least_seconds([&] {
         posix_spawn_file_actions_t actions;
         posix_spawn_file_actions_init(&actions);
         posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDWR, 0);
@@ -200,51 +255,33 @@ void slabs_through(Case const& one, std::vector<std::string> const& words, Volum
     execution.threads = threads;
     auto const operation = made(one.operation, words);
     auto source = volume_source(std::vector<Volume>(times, volume));
+    std::vector<std::unique_ptr<Source>> inputs;
+    inputs.push_back(std::move(source));
     if (one.reduction) {
-        while (source->next_volume()) reduce(*source, *operation, execution, {});
+        Measurement of{inputs, execution, {}, ReportForm::json, [](Report const&) {}, {}};
+        operation->measure(of);
     } else {
-        std::vector<std::unique_ptr<Source>> inputs;
-        inputs.push_back(std::move(source));
         Discard nowhere;
         drain(*attach(std::move(inputs), *operation, execution, {}), nowhere, execution);
     }
 }
 
-OperationRate rate_of(Case const& one, char const* type, Calibration const& so_far) {
-    Volume const volume = noise(one.side, type);
-    OperationRate rate;
-    rate.operation = one.operation;
-    rate.bytes = static_cast<int>(size_of(volume.header().dtype));
-    for (std::size_t many = 0; many < 2; ++many) {
-        std::vector<std::array<double, 2>> points; // cost and seconds, a voxel
-        for (auto const& setting : one.settings) {
-            Plan const plan = made(one.operation, setting)->plan({&volume.header(), 1});
-            int const threads = many == 0 ? 1 : so_far.threads;
-            // Without what is done once: buffers are taken, threads begin. Long pipelines do not feel it.
-            auto const seconds_of_volumes = [&](std::size_t times) {
-                return usual_seconds([&] { slabs_through(one, setting, volume, times, threads); });
-            };
-            double const seconds = std::max(0.0, seconds_of_volumes(3) - seconds_of_volumes(1)) / 2;
-            Header const& counted = one.reduction ? volume.header() : plan.output;
-            points.push_back({plan.cost, seconds / static_cast<double>(counted.voxels())});
-        }
-        double const least = std::min_element(points.begin(), points.end(), [](auto const& a, auto const& b) {
-                                 return a[1] < b[1];
-                             })->at(1);
-        auto const& a = points.front();
-        auto const& b = points.back();
-        double& fixed = rate.fixed[many];
-        double& per_cost = rate.per_cost[many];
-        if (b[0] - a[0] > 0.5) {
-            per_cost = std::max(0.0, (b[1] - a[1]) / (b[0] - a[0]));
-            fixed = std::max(0.0, a[1] - per_cost * a[0]);
-        } else {
-            double const moved = std::min(least, 2.0 * rate.bytes / so_far.copy[many]);
-            double sum = 0;
-            for (auto const& point : points) sum += point[1] / static_cast<double>(points.size());
-            fixed = a[0] > 4 ? moved : sum;
-            per_cost = a[0] > 4 ? (sum - moved) / a[0] : 0;
-        }
+/// What a plan's method is called, without its numbers.
+std::string method_of(Plan const& plan) { return plan.method.substr(0, plan.method.find_first_of("0123456789")); }
+
+OperationRate rate_of(Case const& one, std::vector<std::string> const& setting, Volume const& volume, int all_threads) {
+    Plan const plan = made(one.operation, setting)->plan({&volume.header(), 1});
+    OperationRate rate{one.operation, method_of(plan), static_cast<int>(size_of(volume.header().dtype)), plan.cost, {}};
+    Header const& counted = one.reduction ? volume.header() : plan.output;
+    for (std::size_t many = 2; many-- > 0;) {
+        int const threads = many == 0 ? 1 : all_threads;
+        // Without what is done once: buffers are taken, threads begin. Long pipelines do not feel it.
+        auto const seconds_of_volumes = [&](std::size_t times) {
+            return least_seconds([&] { slabs_through(one, setting, volume, times, threads); }, many == 0 ? 1 : 6);
+        };
+        double const once = seconds_of_volumes(1), more = seconds_of_volumes(3);
+        // No less than half of what all of it took, should something have held up the first.
+        rate.seconds[many] = std::max((more - once) / 2, more / 6) / static_cast<double>(counted.voxels());
     }
     return rate;
 }
@@ -302,12 +339,10 @@ void Prediction::read(double seconds) {
 }
 
 void Prediction::compute(double seconds, int threads, bool waits) {
-    if (waits) {
-        ended_ = this->seconds();
-        reading_ = computing_ = writing_ = busy_ = 0;
-    }
+    if (waits) *this = Prediction(processors_, this->seconds());
     computing_ += seconds;
     busy_ += seconds * std::clamp(threads, 1, processors_);
+    all_ = all_ || threads >= processors_;
 }
 
 void Prediction::write(double seconds) {
@@ -315,7 +350,12 @@ void Prediction::write(double seconds) {
     busy_ += seconds;
 }
 
-double Prediction::seconds() const { return ended_ + std::max({reading_, computing_, writing_, busy_ / processors_}); }
+double Prediction::seconds() const {
+    // Where every processor computes, its threads wait for the one that shares its processor with who reads or writes;
+    // at times both do so at once.
+    double const hindered = all_ ? 0.75 * (reading_ + writing_) : 0;
+    return ended_ + std::max({reading_, computing_ > 0 ? computing_ + hindered : 0, writing_, busy_ / processors_});
+}
 
 Calibration calibrate() {
     Calibration result;
@@ -326,35 +366,54 @@ Calibration calibrate() {
     }
     file_rates(result);
     result.start = start_seconds();
-    for (auto const& one : cases())
-        for (char const* const type : {"uint16", "float32"}) result.rates.push_back(rate_of(one, type, result));
+    OwnProcessors const own(result.threads);
+    for (char const* const type : {"uint16", "float32"}) {
+        Volume const volume = noise(type);
+        for (auto const& one : cases())
+            for (auto const& setting : one.settings)
+                result.rates.push_back(rate_of(one, setting, volume, result.threads));
+    }
     return result;
 }
 
 double Calibration::seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs,
                             bool reduction, int count) const {
+    if (plan.shift && plan.cost == 0) return 0; // nothing is touched
     Header const& counted = reduction && !inputs.empty() ? inputs.front() : plan.output;
     Header const& read = inputs.empty() ? plan.output : inputs.front();
     auto const voxels = static_cast<double>(counted.voxels());
     auto const size = static_cast<double>(size_of(read.dtype));
     double const written = reduction ? 0 : static_cast<double>(plan.output.bytes());
-    double const moved = (static_cast<double>(read.bytes()) + written) / (2 * between(copy, count, threads));
-    if (plan.shift && plan.cost == 0) return 0; // nothing is touched
-    OperationRate const* found = nullptr;
-    for (auto const& rate : rates)
-        if (rate.operation == operation && (found == nullptr || rate.bytes == (size > 2 ? 4 : 2))) found = &rate;
-    auto const apply = [&](OperationRate const& rate) {
-        double const a = between(rate.fixed, count, threads), b = between(rate.per_cost, count, threads);
-        double const wider = std::max(1.0, size / static_cast<double>(rate.bytes > 2 ? 4 : 2));
-        return voxels * (a + b * plan.cost) * wider;
-    };
+    double const moved = (static_cast<double>(read.bytes()) + written) / (2 * between(copy, count, threads)) / voxels;
     double const scanned = plan.scans ? static_cast<double>(read.bytes()) / between(scan, count, threads) : 0;
-    if (found != nullptr) return apply(*found) + scanned;
-    double per_cost = 0;
+    int const bytes = size > 2 ? 4 : 2;
+
+    std::vector<OperationRate const*> measured;
+    bool const known = std::ranges::any_of(rates, [&](auto const& rate) { return rate.operation == operation; });
     for (auto const& rate : rates)
-        if (rate.operation == "filter gaussian" && rate.bytes == (size > 2 ? 4 : 2))
-            per_cost = between(rate.per_cost, count, threads);
-    return std::max(moved, voxels * plan.cost * per_cost) + scanned;
+        if (rate.bytes == bytes && rate.operation == (known ? operation : "filter gaussian")) measured.push_back(&rate);
+    if (measured.empty()) return voxels * moved + scanned;
+    std::string const method = method_of(plan);
+    auto const same = [&](OperationRate const* rate) { return rate->method == method; };
+    if (std::ranges::any_of(measured, same)) std::erase_if(measured, std::not_fn(same));
+    // Two costs tell what does not grow with them; of one, it is what memory takes, where it computes more than that.
+    auto const [low, high] = std::ranges::minmax(measured, {}, [](auto const* rate) { return rate->cost; });
+    auto const mean_at = [&](double cost) {
+        double sum = 0, n = 0;
+        for (auto const* rate : measured)
+            if (std::abs(rate->cost - cost) <= 0.5) sum += between(rate->seconds, count, threads), ++n;
+        return sum / n;
+    };
+    double const least = mean_at(low->cost), most = mean_at(high->cost);
+    double fixed = low->cost > 4 ? std::min(moved, least) : least;
+    double per_cost = low->cost > 4 ? (least - fixed) / low->cost : 0;
+    if (high->cost - low->cost > 0.5 && most > least) {
+        per_cost = std::min((most - least) / (high->cost - low->cost), most / high->cost);
+        fixed = std::max(0.0, least - per_cost * low->cost);
+    }
+    double const wider = std::max(1.0, size / bytes);
+    if (known) return voxels * (fixed + per_cost * plan.cost) * wider + scanned;
+    return voxels * std::max(moved, per_cost * plan.cost) + scanned;
 }
 
 double Calibration::reading(Header const& header) const { return static_cast<double>(header.bytes()) / file_read; }
@@ -376,8 +435,8 @@ void save(Calibration const& c) {
                                " ", c.copy[1], "\nscan ", c.scan[0], " ", c.scan[1], "\nfile ", c.file_read, " ",
                                c.file_write, "\nstart ", c.start, "\n");
     for (auto const& r : c.rates)
-        content += text("rate ", r.bytes, " ", r.fixed[0], " ", r.fixed[1], " ", r.per_cost[0], " ", r.per_cost[1], " ",
-                        r.operation, "\n");
+        content += text("rate ", r.bytes, " ", r.cost, " ", r.seconds[0], " ", r.seconds[1], " ", r.operation, ": ",
+                        r.method, "\n");
     std::filesystem::remove(path, error); // what is replaced would hand on its mode
     OutputFile file(path, true);
     file.write(content.data(), content.size());
@@ -416,9 +475,14 @@ std::optional<Calibration> load_calibration() {
         if (what != "rate") continue;
         OperationRate rate;
         rate.bytes = number(in) > 2 ? 4 : 2;
-        rate.fixed = {number(in), number(in)};
-        rate.per_cost = {number(in), number(in)};
+        rate.cost = number(in);
+        rate.seconds = {number(in), number(in)};
         std::getline(in >> std::ws, rate.operation);
+        std::size_t const colon = rate.operation.find(": ");
+        sound = sound && colon != std::string::npos;
+        if (!sound) break;
+        rate.method = rate.operation.substr(colon + 2);
+        rate.operation.resize(colon);
         c.rates.push_back(std::move(rate));
     }
     for (double const rate : {c.copy[0], c.copy[1], c.scan[0], c.scan[1], c.file_read, c.file_write, c.start})

@@ -16,11 +16,13 @@ namespace vkt::shell {
 /// A figure for one thread and for all of them.
 using ByThreads = std::array<double, 2>;
 
-/// Seconds of an operation that is under way, a voxel: fixed + per_cost * Plan::cost, for voxels of so many bytes.
+/// Seconds that an operation under way takes a voxel, as it was measured with one setting.
 struct OperationRate {
     std::string operation;
-    int bytes = 4; ///< of the voxels it was measured with: 2 (uint16) or 4 (float32)
-    ByThreads fixed{}, per_cost{};
+    std::string method; ///< of its plan, without what follows the first digit: "direct FIR, radius "
+    int bytes = 4;      ///< of the voxels it was measured with: 2 (uint16) or 4 (float32)
+    double cost = 0;    ///< of its plan
+    ByThreads seconds{};
 };
 
 struct Calibration {
@@ -31,8 +33,9 @@ struct Calibration {
     double start = 0; ///< seconds until the program has begun and ended, doing nothing
     std::vector<OperationRate> rates;
 
-    /// Seconds that a stage computes, of voxels of the output, or of the input for reductions. Operations that were not
-    /// measured are taken for as fast as the others are for their multiply-adds, and for no faster than memory.
+    /// Seconds that a stage computes, of voxels of the output, or of the input for reductions: from what was measured
+    /// of its method, else of its operation, in proportion to the multiply-adds of its plan. Operations that were not
+    /// measured are taken for as fast as the Gaussian is for their multiply-adds, and for no faster than memory.
     double seconds(std::string const& operation, Plan const& plan, std::vector<Header> const& inputs, bool reduction,
                    int threads) const;
     /// Seconds to read a file of such a volume, or to write it.
@@ -53,10 +56,13 @@ public:
     double seconds() const;
 
 private:
+    Prediction(int processors, double ended) : processors_(processors), ended_(ended) {}
+
     int processors_;
     double ended_ = 0; ///< what has ended before the rest begins
     double reading_ = 0, computing_ = 0, writing_ = 0;
-    double busy_ = 0; ///< of all processors together
+    double busy_ = 0;  ///< of all processors together
+    bool all_ = false; ///< what computes has a thread on each of them
 };
 
 /// Measures, in about two seconds.

@@ -122,14 +122,11 @@ std::vector<InventoryLine> speed_inventory(Calibration const& c) {
                                   " written to it, with checksums")});
     lines.push_back({"start", text(short_number(1e3 * c.start), " ms until the program has begun and ended")});
     for (auto const& rate : c.rates) {
-        auto const part = [&](std::size_t many) {
-            std::string terms = text(short_number(1e9 * rate.fixed[many]), " ns");
-            if (rate.per_cost[many] > 0)
-                terms += text(" + ", short_number(1e9 * rate.per_cost[many]), " ns a multiply-add");
-            return terms;
-        };
+        std::string const cost =
+            rate.cost > 0 ? text(", ", short_number(rate.cost), " multiply-adds a voxel") : std::string();
         lines.push_back({text(rate.operation, rate.bytes == 2 ? " uint16" : " float32"),
-                         text("a voxel: ", part(0), "; ", c.threads, " threads: ", part(1))});
+                         text(short_number(1e9 * rate.seconds[0]), " ns a voxel, ", c.threads, " threads: ",
+                              short_number(1e9 * rate.seconds[1]), " ns (", rate.method, cost, ")")});
     }
     return lines;
 }

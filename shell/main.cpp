@@ -1,5 +1,6 @@
 // Where the process begins: words in, exit code out.
 // SPDX-License-Identifier: MIT
+#include "ipc/descriptor.h"
 #include "libvkt/core/error.h"
 #include "libvkt/io/temporaries.h"
 #include "shell/help.h"
@@ -20,10 +21,13 @@
 namespace {
 
 /// OpenMP's threads spin before they sleep, which starves the other stages of a pipeline, and the runtime reads its
-/// settings before main() begins. So the program starts itself once more with the setting made.
+/// settings before main() begins. So the program starts itself once more with the setting made. Without neighbours a
+/// few microseconds of spinning are allowed, which most waits at the ends of slabs take no longer than: to wake a
+/// thread takes longer than what it has to do in a thin slab.
 void make_threads_sleep(char** argv) {
     if (std::getenv("OMP_WAIT_POLICY") != nullptr) return;
     ::setenv("OMP_WAIT_POLICY", "passive", 1);
+    if (!vkt::ipc::is_pipe(STDIN_FILENO) && !vkt::ipc::is_pipe(STDOUT_FILENO)) ::setenv("GOMP_SPINCOUNT", "1000", 0);
     ::execv("/proc/self/exe", argv);
     // Where that is impossible the threads spin; results are the same.
 }
