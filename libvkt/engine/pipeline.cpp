@@ -120,7 +120,10 @@ Execution where_looked_at(Execution execution, bool on_gpu_already) {
 namespace {
 
 Execution scanning(Source& source, Operation const& operation, Execution execution) {
-    if (!operation.scans_on_gpu()) execution.device = Device::cpu;
+    if (!operation.scans_on_gpu()) {
+        if (execution.only_gpu) refuse_cpu(text("the look at all voxels that ", operation.name(), " takes first"));
+        execution.device = Device::cpu;
+    }
     return where_looked_at(std::move(execution), source.space() == Space::device);
 }
 

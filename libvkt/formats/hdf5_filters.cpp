@@ -4,6 +4,7 @@
 
 #include "libvkt/core/text.h"
 #include "libvkt/formats/blosc_module.h"
+#include "libvkt/formats/unpack.h"
 
 #include <hdf5.h>
 
@@ -17,9 +18,6 @@
 
 #ifdef VKT_HAVE_BZIP2
 #include <bzlib.h>
-#endif
-#ifdef VKT_HAVE_LZ4
-#include <lz4.h>
 #endif
 #ifdef VKT_HAVE_ZSTD
 #include <zstd.h>
@@ -117,14 +115,6 @@ Decoded bzip2(Bytes from, Settings) {
 }
 #endif
 
-#ifdef VKT_HAVE_LZ4
-bool lz4_block(Bytes from, std::span<std::byte> to) {
-    return from.size() <= LZ4_MAX_INPUT_SIZE && to.size() <= LZ4_MAX_INPUT_SIZE &&
-           LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()), reinterpret_cast<char*>(to.data()),
-                               static_cast<int>(from.size()),
-                               static_cast<int>(to.size())) == static_cast<int>(to.size());
-}
-
 /// The size, that of blocks, and blocks behind their own sizes; those of full size are not compressed.
 Decoded lz4(Bytes from, Settings) {
     if (from.size() < 12) return std::nullopt;
@@ -140,14 +130,13 @@ Decoded lz4(Bytes from, Settings) {
         if (packed > from.size() - in) return std::nullopt;
         if (packed == n)
             std::memcpy(to.data() + out, from.data() + in, n);
-        else if (!lz4_block(from.subspan(in, packed), std::span(to).subspan(out, n)))
+        else if (!unpack(Packing::lz4, from.subspan(in, packed), std::span(to).subspan(out, n)))
             return std::nullopt;
         in += packed;
         out += n;
     }
     return to;
 }
-#endif
 
 Decoded blosc(Bytes from, Settings) {
     if (from.size() < 16) return std::nullopt;
@@ -218,14 +207,9 @@ Decoded bitshuffle(Bytes from, Settings settings) {
             std::size_t const stored = big_endian(from, in, 4);
             in += 4;
             if (stored > from.size() - in) return std::nullopt;
-            bool decoded = false;
-#ifdef VKT_HAVE_LZ4
-            if (compressor == 2) decoded = lz4_block(from.subspan(in, stored), std::span(plain).first(bytes));
-#endif
-#ifdef VKT_HAVE_ZSTD
-            if (compressor == 3) decoded = ZSTD_decompress(plain.data(), bytes, from.data() + in, stored) == bytes;
-#endif
-            if (!decoded) return std::nullopt;
+            Packing const packing = compressor == 3 ? Packing::zstd : Packing::lz4;
+            if (compressor != 2 && compressor != 3) return std::nullopt;
+            if (!unpack(packing, from.subspan(in, stored), std::span(plain).first(bytes))) return std::nullopt;
             packed = Bytes(plain).first(bytes);
             in += stored;
         }
@@ -267,11 +251,7 @@ constexpr Known known[] = {
 #else
     {307, "bzip2", nullptr},
 #endif
-#ifdef VKT_HAVE_LZ4
     {32004, "lz4", filter<lz4>},
-#else
-    {32004, "lz4", nullptr},
-#endif
 #ifdef VKT_HAVE_ZSTD
     {32015, "zstd", filter<zstd>},
 #else
@@ -285,7 +265,7 @@ constexpr Known known[] = {
 
 void register_filters() {
     for (Known const& one : known) {
-        if (one.decode == nullptr) continue;
+        if (one.decode == nullptr || (one.decode == filter<lz4> && !can_unpack(Packing::lz4))) continue;
         H5Z_class2_t const description{H5Z_CLASS_T_VERS, one.id, 0, 1, one.name, nullptr, nullptr, one.decode};
         H5Zregister(&description);
     }

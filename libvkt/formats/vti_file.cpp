@@ -1,4 +1,4 @@
-// The structure of .vti files by expat, their data by zlib, LZ4 and LZMA.
+// The structure of .vti files by expat, their data unpacked block by block.
 // SPDX-License-Identifier: MIT
 #include "libvkt/formats/vti_file.h"
 
@@ -8,6 +8,7 @@
 #include "libvkt/formats/header_text.h"
 #include "libvkt/formats/parsed_grids.h"
 #include "libvkt/formats/raw_source.h"
+#include "libvkt/formats/unpack.h"
 
 #include <algorithm>
 #include <bit>
@@ -16,15 +17,8 @@
 #include <exception>
 #include <map>
 
-#include <zlib.h>
 #ifdef VKT_HAVE_EXPAT
 #include <expat.h>
-#endif
-#ifdef VKT_HAVE_LZ4
-#include <lz4.h>
-#endif
-#ifdef VKT_HAVE_LZMA
-#include <lzma.h>
 #endif
 
 namespace vkt {
@@ -592,6 +586,19 @@ private:
                     text("array '", printable(array_.name), "' has ", stated, " bytes, its extent needs ", size_));
     }
 
+    Packing packing() const {
+        switch (s_.compressor) {
+        case VtiStructure::Compressor::lz4:
+            return Packing::lz4;
+        case VtiStructure::Compressor::lzma:
+            return Packing::lzma;
+        case VtiStructure::Compressor::none:
+        case VtiStructure::Compressor::zlib:
+            break;
+        }
+        return Packing::deflate;
+    }
+
     std::vector<std::byte> const& block(std::int64_t index) {
         for (Block& held : held_)
             if (held.index == index) return held.bytes;
@@ -602,47 +609,11 @@ private:
         packed_.resize(static_cast<std::size_t>(starts_[i + 1] - starts_[i]));
         encoded_->read(starts_[i], packed_.data(), std::ssize(packed_));
         held.bytes.resize(static_cast<std::size_t>(size));
-        if (!unpack(held.bytes))
+        require(packing(), s_.name);
+        if (!unpack(packing(), packed_, held.bytes))
             damaged(s_.name, text("damaged compressed data in array '", printable(array_.name), "'"));
         held.index = index;
         return held.bytes;
-    }
-
-    bool unpack(std::vector<std::byte>& to) {
-        switch (s_.compressor) {
-        case VtiStructure::Compressor::zlib: {
-            uLongf size = to.size();
-            return uncompress(reinterpret_cast<Bytef*>(to.data()), &size,
-                              reinterpret_cast<Bytef const*>(packed_.data()), packed_.size()) == Z_OK &&
-                   size == to.size();
-        }
-        case VtiStructure::Compressor::lz4:
-#ifdef VKT_HAVE_LZ4
-            if (packed_.size() > LZ4_MAX_INPUT_SIZE || to.size() > LZ4_MAX_INPUT_SIZE) return false;
-            return LZ4_decompress_safe(reinterpret_cast<char const*>(packed_.data()),
-                                       reinterpret_cast<char*>(to.data()), static_cast<int>(packed_.size()),
-                                       static_cast<int>(to.size())) == static_cast<int>(to.size());
-#else
-            throw Error(ErrorKind::failure, text("'", s_.name, "' is compressed with LZ4, which this build lacks"),
-                        "build vkt with liblz4-dev");
-#endif
-        case VtiStructure::Compressor::lzma: {
-#ifdef VKT_HAVE_LZMA
-            std::uint64_t memory = std::uint64_t{1} << 30;
-            std::size_t in = 0, out = 0;
-            return lzma_stream_buffer_decode(&memory, 0, nullptr, reinterpret_cast<std::uint8_t const*>(packed_.data()),
-                                             &in, packed_.size(), reinterpret_cast<std::uint8_t*>(to.data()), &out,
-                                             to.size()) == LZMA_OK &&
-                   out == to.size();
-#else
-            throw Error(ErrorKind::failure, text("'", s_.name, "' is compressed with LZMA, which this build lacks"),
-                        "build vkt with liblzma-dev");
-#endif
-        }
-        case VtiStructure::Compressor::none:
-            break;
-        }
-        return false;
     }
 
     /// Numbers as text can only be found by reading all before them.

@@ -3,22 +3,15 @@
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/blosc_module.h"
+#include "libvkt/formats/unpack.h"
 #include "libvkt/formats/zarr_array.h"
 
 #include <cstring>
+#include <optional>
 
 #include <zlib.h>
 #ifdef VKT_HAVE_ZSTD
 #include <zstd.h>
-#endif
-#ifdef VKT_HAVE_LZ4
-#include <lz4.h>
-#endif
-#ifdef VKT_HAVE_BZIP2
-#include <bzlib.h>
-#endif
-#ifdef VKT_HAVE_LZMA
-#include <lzma.h>
 #endif
 
 namespace vkt::zarr {
@@ -31,9 +24,25 @@ BloscFunctions const& blosc(std::string const& what) {
     return *functions;
 }
 
-[[noreturn, maybe_unused]] void without(char const* library, std::string const& file) {
-    throw Error(ErrorKind::failure, text(file, ": this build is without ", library),
-                text("build vkt with lib", library, ", or compress with zlib"));
+/// None of what is no compression, or Blosc's.
+std::optional<Packing> packing_of(Codec codec) {
+    switch (codec) {
+    case Codec::zlib:
+    case Codec::gzip:
+        return Packing::deflate;
+    case Codec::zstd:
+        return Packing::zstd;
+    case Codec::lz4:
+        return Packing::lz4;
+    case Codec::bzip2:
+        return Packing::bzip2;
+    case Codec::lzma:
+        return Packing::lzma;
+    case Codec::blosc:
+    case Codec::crc32c:
+        break;
+    }
+    return {};
 }
 
 std::array<std::uint32_t, 256> crc_table() {
@@ -53,19 +62,6 @@ std::uint32_t crc32c(std::span<std::byte const> bytes) {
     return ~c;
 }
 
-bool inflate_all(std::span<std::byte const> from, std::span<std::byte> to) {
-    z_stream state{};
-    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX || inflateInit2(&state, 15 + 32) != Z_OK) return false;
-    state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(from.data()));
-    state.avail_in = static_cast<uInt>(from.size());
-    state.next_out = reinterpret_cast<Bytef*>(to.data());
-    state.avail_out = static_cast<uInt>(to.size());
-    int const result = inflate(&state, Z_FINISH);
-    bool const whole = result == Z_STREAM_END && state.avail_out == 0;
-    inflateEnd(&state);
-    return whole;
-}
-
 /// With gzip's header; 0 on failure.
 std::size_t deflate_gzip(std::span<std::byte const> from, std::vector<std::byte>& to) {
     z_stream state{};
@@ -83,60 +79,17 @@ std::size_t deflate_gzip(std::span<std::byte const> from, std::vector<std::byte>
 }
 
 bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> to, std::string const& file) {
-    switch (codec) {
-    case Codec::zlib:
-    case Codec::gzip:
-        return inflate_all(from, to);
-    case Codec::zstd:
-#ifdef VKT_HAVE_ZSTD
-        return ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) == to.size();
-#else
-        without("zstd", file);
-#endif
-    case Codec::blosc:
-        return blosc(file).decompress(from.data(), from.size(), to.data(), to.size());
-    case Codec::lz4: { // numcodecs puts the size first
-#ifdef VKT_HAVE_LZ4
-        if (from.size() < 4 || from.size() > INT32_MAX || to.size() > INT32_MAX) return false;
+    if (codec == Codec::blosc) return blosc(file).decompress(from.data(), from.size(), to.data(), to.size());
+    if (codec == Codec::lz4) { // numcodecs puts the size first
         std::uint32_t size = 0;
-        std::memcpy(&size, from.data(), 4);
-        return size == to.size() &&
-               LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()) + 4, reinterpret_cast<char*>(to.data()),
-                                   static_cast<int>(from.size() - 4),
-                                   static_cast<int>(to.size())) == static_cast<int>(to.size());
-#else
-        without("lz4", file);
-#endif
+        if (from.size() < sizeof size) return false;
+        std::memcpy(&size, from.data(), sizeof size);
+        if (size != to.size()) return false;
+        from = from.subspan(sizeof size);
     }
-    case Codec::bzip2: {
-#ifdef VKT_HAVE_BZIP2
-        if (from.size() > UINT32_MAX || to.size() > UINT32_MAX) return false;
-        auto size = static_cast<unsigned>(to.size());
-        auto* const in = reinterpret_cast<char*>(const_cast<std::byte*>(from.data()));
-        return BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(to.data()), &size, in,
-                                          static_cast<unsigned>(from.size()), 0, 0) == BZ_OK &&
-               size == to.size();
-#else
-        without("bz2", file);
-#endif
-    }
-    case Codec::lzma: {
-#ifdef VKT_HAVE_LZMA
-        lzma_stream state = LZMA_STREAM_INIT;
-        if (lzma_auto_decoder(&state, std::uint64_t{1} << 30, 0) != LZMA_OK) return false;
-        state.next_in = reinterpret_cast<std::uint8_t const*>(from.data());
-        state.avail_in = from.size();
-        state.next_out = reinterpret_cast<std::uint8_t*>(to.data());
-        state.avail_out = to.size();
-        bool const whole = lzma_code(&state, LZMA_FINISH) == LZMA_STREAM_END && state.avail_out == 0;
-        lzma_end(&state);
-        return whole;
-#else
-        without("lzma", file);
-#endif
-    }
-    case Codec::crc32c:
-        break;
+    if (auto const packing = packing_of(codec)) {
+        vkt::require(*packing, file);
+        return unpack(*packing, from, to);
     }
     if (from.size() != to.size() + 4) return false;
     std::uint32_t said = 0;
@@ -149,18 +102,7 @@ bool decoded(Codec codec, std::span<std::byte const> from, std::span<std::byte> 
 
 void require(Codec codec, std::string const& file) {
     if (codec == Codec::blosc) blosc(file);
-#ifndef VKT_HAVE_ZSTD
-    if (codec == Codec::zstd) without("zstd", file);
-#endif
-#ifndef VKT_HAVE_LZ4
-    if (codec == Codec::lz4) without("lz4", file);
-#endif
-#ifndef VKT_HAVE_BZIP2
-    if (codec == Codec::bzip2) without("bz2", file);
-#endif
-#ifndef VKT_HAVE_LZMA
-    if (codec == Codec::lzma) without("lzma", file);
-#endif
+    if (auto const packing = packing_of(codec)) vkt::require(*packing, file);
 }
 
 Codec best_codec() {

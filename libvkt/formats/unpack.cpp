@@ -1,0 +1,136 @@
+// One call of each library.
+// SPDX-License-Identifier: MIT
+#include "libvkt/formats/unpack.h"
+
+#include "libvkt/core/error.h"
+#include "libvkt/core/text.h"
+
+#include <zlib.h>
+#ifdef VKT_HAVE_ZSTD
+#include <zstd.h>
+#endif
+#ifdef VKT_HAVE_LZ4
+#include <lz4.h>
+#endif
+#ifdef VKT_HAVE_BZIP2
+#include <bzlib.h>
+#endif
+#ifdef VKT_HAVE_LZMA
+#include <lzma.h>
+#endif
+
+namespace vkt {
+namespace {
+
+using Bytes = std::span<std::byte const>;
+using Room = std::span<std::byte>;
+
+bool inflated(Bytes from, Room to) {
+    z_stream state{};
+    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX || inflateInit2(&state, 15 + 32) != Z_OK) return false;
+    state.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(from.data()));
+    state.avail_in = static_cast<uInt>(from.size());
+    state.next_out = reinterpret_cast<Bytef*>(to.data());
+    state.avail_out = static_cast<uInt>(to.size());
+    bool const whole = inflate(&state, Z_FINISH) == Z_STREAM_END && state.avail_out == 0;
+    inflateEnd(&state);
+    return whole;
+}
+
+#ifdef VKT_HAVE_ZSTD
+bool zstd_unpacked(Bytes from, Room to) {
+    return ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) == to.size();
+}
+#endif
+
+#ifdef VKT_HAVE_LZ4
+bool lz4_unpacked(Bytes from, Room to) {
+    if (from.size() > INT32_MAX || to.size() > LZ4_MAX_INPUT_SIZE) return false;
+    auto const size = static_cast<int>(to.size());
+    return LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()), reinterpret_cast<char*>(to.data()),
+                               static_cast<int>(from.size()), size) == size;
+}
+#endif
+
+#ifdef VKT_HAVE_BZIP2
+bool bzip2_unpacked(Bytes from, Room to) {
+    if (from.size() > UINT32_MAX || to.size() > UINT32_MAX) return false;
+    auto size = static_cast<unsigned>(to.size());
+    auto* const in = reinterpret_cast<char*>(const_cast<std::byte*>(from.data()));
+    return BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(to.data()), &size, in, static_cast<unsigned>(from.size()),
+                                      0, 0) == BZ_OK &&
+           size == to.size();
+}
+#endif
+
+#ifdef VKT_HAVE_LZMA
+bool lzma_unpacked(Bytes from, Room to) {
+    constexpr std::uint64_t memory = std::uint64_t{1} << 30;
+    lzma_stream state = LZMA_STREAM_INIT;
+    if (lzma_auto_decoder(&state, memory, 0) != LZMA_OK) return false;
+    state.next_in = reinterpret_cast<std::uint8_t const*>(from.data());
+    state.avail_in = from.size();
+    state.next_out = reinterpret_cast<std::uint8_t*>(to.data());
+    state.avail_out = to.size();
+    bool const whole = lzma_code(&state, LZMA_FINISH) == LZMA_STREAM_END && state.avail_out == 0;
+    lzma_end(&state);
+    return whole;
+}
+#endif
+
+/// What does the work, and what it is of; a build without it has only the words.
+struct Library {
+    bool (*unpacked)(Bytes, Room);
+    char const *name, *package;
+};
+
+Library library_of(Packing packing) {
+    switch (packing) {
+    case Packing::zstd:
+#ifdef VKT_HAVE_ZSTD
+        return {zstd_unpacked, "Zstandard", "libzstd-dev"};
+#else
+        return {nullptr, "Zstandard", "libzstd-dev"};
+#endif
+    case Packing::lz4:
+#ifdef VKT_HAVE_LZ4
+        return {lz4_unpacked, "LZ4", "liblz4-dev"};
+#else
+        return {nullptr, "LZ4", "liblz4-dev"};
+#endif
+    case Packing::bzip2:
+#ifdef VKT_HAVE_BZIP2
+        return {bzip2_unpacked, "bzip2", "libbz2-dev"};
+#else
+        return {nullptr, "bzip2", "libbz2-dev"};
+#endif
+    case Packing::lzma:
+#ifdef VKT_HAVE_LZMA
+        return {lzma_unpacked, "LZMA", "liblzma-dev"};
+#else
+        return {nullptr, "LZMA", "liblzma-dev"};
+#endif
+    case Packing::deflate:
+        break;
+    }
+    return {inflated, "zlib", "zlib1g-dev"};
+}
+
+} // namespace
+
+bool can_unpack(Packing packing) { return library_of(packing).unpacked != nullptr; }
+
+void require(Packing packing, std::string const& file) {
+    Library const library = library_of(packing);
+    if (library.unpacked == nullptr)
+        throw Error(ErrorKind::failure,
+                    text("'", file, "' is compressed with ", library.name, ", which this build lacks"),
+                    text("build vkt with ", library.package));
+}
+
+bool unpack(Packing packing, std::span<std::byte const> from, std::span<std::byte> to) {
+    Library const library = library_of(packing);
+    return library.unpacked != nullptr && library.unpacked(from, to);
+}
+
+} // namespace vkt
