@@ -5,6 +5,7 @@
 #include "ipc/frame.h"
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/own_processors.h"
 #include "libvkt/core/text.h"
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/pipeline.h"
@@ -22,8 +23,6 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
-#include <omp.h>
-#include <sched.h>
 #include <span>
 #include <spawn.h>
 #include <sstream>
@@ -112,44 +111,6 @@ Volume noise(char const* type) {
                        "--high", "1000"},
                       {});
 }
-
-/// Each thread of the teams to come has a processor of its own, for as long as this lives: which else may take a while,
-/// and what is measured is as short as that.
-class OwnProcessors {
-public:
-    explicit OwnProcessors(int threads) : threads_(threads) {
-        CPU_ZERO(&before_);
-        if (::sched_getaffinity(0, sizeof before_, &before_) != 0 || CPU_COUNT(&before_) < threads) threads_ = 0;
-        set([&](int thread) {
-            cpu_set_t one;
-            CPU_ZERO(&one);
-            int processor = 0;
-            for (int seen = CPU_ISSET(0, &before_) ? 1 : 0; seen <= thread;
-                 seen += CPU_ISSET(++processor, &before_) ? 1 : 0) {
-            }
-            CPU_SET(processor, &one);
-            return one;
-        });
-    }
-    ~OwnProcessors() {
-        set([&](int) { return before_; });
-    }
-    OwnProcessors(OwnProcessors const&) = delete;
-    OwnProcessors& operator=(OwnProcessors const&) = delete;
-
-private:
-    template <class F> void set(F const& processors_of) const {
-        if (threads_ < 1) return;
-#pragma omp parallel num_threads(threads_)
-        {
-            cpu_set_t const set = processors_of(omp_get_thread_num());
-            ::sched_setaffinity(0, sizeof set, &set);
-        }
-    }
-
-    int threads_;
-    cpu_set_t before_{};
-};
 
 double copy_rate(int threads) {
     constexpr std::size_t bytes = std::size_t{32} << 20;

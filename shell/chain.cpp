@@ -21,6 +21,27 @@ bool moves_only(Invocation const& stage, Plan const& plan) {
                           dynamic_cast<Tunable const*>(stage.operation()) == nullptr);
 }
 
+/// A region in voxels, not in shares of what there is.
+bool names_voxels(Parameter const& roi) {
+    std::string const words = join(roi.get(), ",");
+    for (std::size_t at = words.find_first_of("0123456789"); at != std::string::npos;
+         at = words.find_first_of("0123456789", at)) {
+        at = std::min(words.find_first_not_of("0123456789.", at), words.size());
+        if (at == words.size() || words[at] != '%') return true;
+    }
+    return false;
+}
+
+/// The extent of the output is in proportion to that of the input, but for rounding.
+bool same_share(Index3 whole, Index3 of_whole, Index3 part, Index3 of_part) {
+    for (int axis = 0; axis < 3; ++axis) {
+        double const share = static_cast<double>(of_whole[axis]) / static_cast<double>(whole[axis]);
+        double const wanted = share * static_cast<double>(part[axis]);
+        if (std::abs(wanted - static_cast<double>(of_part[axis])) > 1) return false;
+    }
+    return true;
+}
+
 } // namespace
 
 Volume in_float64(Volume const& volume) { return vkt::apply({"convert", "--dtype", "float64"}, {volume}); }
@@ -98,6 +119,27 @@ std::vector<std::string> Chain::lines() {
         result.push_back(join(words, " "));
     }
     return result;
+}
+
+bool Chain::fits_part(Header const& whole, Header const& part) {
+    if (whole.dims == part.dims) return true;
+    Header of_whole = whole, of_part = part;
+    for (std::size_t i = 0; i < operations(); ++i) {
+        Parameter const* const roi = stages_[i].own_parameters().find("roi");
+        if (roi != nullptr && roi->given && names_voxels(*roi)) return false;
+        Operation& operation = *stages_[i].operation();
+        try {
+            Plan const a = operation.plan({&of_whole, 1}), b = operation.plan({&of_part, 1});
+            if (a.scans || a.whole || b.scans || b.whole || a.output.kind != Kind::structured) return false;
+            if (!same_share(of_whole.dims, a.output.dims, of_part.dims, b.output.dims)) return false;
+            of_whole = a.output;
+            of_part = b.output;
+        } catch (Error const& e) {
+            if (e.kind() != ErrorKind::usage) throw;
+            return false; // the part has not what the stage asks for, or the whole has not and running it says so
+        }
+    }
+    return true;
 }
 
 std::unique_ptr<Source> Chain::attached(Volume const& input, Execution const& execution, std::size_t count) {

@@ -48,6 +48,10 @@ public:
     /// method, which plans tell after a semicolon, are left out.
     std::string plan(Volume const& input, Execution const& execution);
 
+    /// True if what the stages do to a part of a volume is what they do to that part in the whole: nothing depends on
+    /// all voxels, on how many there are, or on where they lie. After it, plan() or run() come first.
+    bool fits_part(Header const& whole, Header const& part);
+
     /// Multiply-adds of the last run, as planned.
     double cost() const;
     /// Seconds that the last run drew a picture.

@@ -125,8 +125,8 @@ std::vector<InventoryLine> speed_inventory(Calibration const& c) {
         std::string const cost =
             rate.cost > 0 ? text(", ", short_number(rate.cost), " multiply-adds a voxel") : std::string();
         lines.push_back({text(rate.operation, rate.bytes == 2 ? " uint16" : " float32"),
-                         text(short_number(1e9 * rate.seconds[0]), " ns a voxel, ", c.threads, " threads: ",
-                              short_number(1e9 * rate.seconds[1]), " ns (", rate.method, cost, ")")});
+                         text(short_number(1e9 * rate.seconds[0]), " ns a voxel, ", c.threads,
+                              " threads: ", short_number(1e9 * rate.seconds[1]), " ns (", rate.method, cost, ")")});
     }
     return lines;
 }

@@ -86,7 +86,8 @@ void Runner::print_plan(Invocation const& stage, Plan const& plan, std::vector<H
             double const seconds = known->seconds(stage.verb().name, plan, inputs, reduction, execution.threads);
             bool const waits = plan.whole || plan.scans || plan.access == Access::random;
             prediction()->compute(seconds, execution.threads, waits);
-            tell_seconds(stage.stage(), seconds);
+            tell_seconds(stage, "", seconds);
+            predicted_.insert(&stage);
         }
 }
 
@@ -100,15 +101,42 @@ Prediction* Runner::prediction() {
     return prediction_ ? &*prediction_ : nullptr;
 }
 
-void Runner::tell_seconds(std::string const& stage, double seconds) {
-    log_.answer(text(stage, ":   about ", short_number(seconds), " s on this machine\n"));
+bool Runner::explains(Invocation const& stage) const {
+    return dry_run_ || stage.common().explain || last_.common().explain;
+}
+
+void Runner::tell_seconds(Invocation const& stage, std::string const& what, double seconds) {
+    log_.answer(text(stage.stage(), ":   ", what, "about ", short_number(seconds), " s on this machine\n"));
+}
+
+void Runner::predict_reading(Invocation const& stage, Header const& header) {
+    Calibration const* const known = calibration();
+    if (known == nullptr || header.kind != Kind::structured) return;
+    double const seconds = known->reading(header);
+    prediction()->read(seconds);
+    bool const reads_only = stage.opener() != nullptr;
+    if (reads_only) predicted_.insert(&stage);
+    tell_seconds(stage, reads_only ? "" : "reading ", seconds);
+}
+
+void Runner::predict_writing(Invocation const& stage, Header const& header) {
+    Calibration const* const known = calibration();
+    if (known == nullptr || header.kind != Kind::structured) return;
+    double const seconds = known->writing(header);
+    prediction()->write(seconds);
+    bool const writes_only = stage.consumer() != nullptr;
+    if (writes_only) predicted_.insert(&stage);
+    tell_seconds(stage, writes_only ? "" : "writing ", seconds);
 }
 
 void Runner::tell_prediction() const {
-    if (prediction_)
-        log_.answer(text(last_.stage(), ":   all stages: about ",
-                         short_number(prediction_->seconds() + calibration_->start),
-                         " s, the start of the program included\n"));
+    if (!prediction_) return;
+    std::vector<std::string> left_out;
+    for (Invocation const& stage : stages_)
+        if (!predicted_.contains(&stage)) left_out.push_back(stage.verb().name);
+    log_.answer(text(last_.stage(), ":   all stages", left_out.empty() ? "" : " but ", join(left_out, ", "), ": about ",
+                     short_number(prediction_->seconds() + calibration_->start),
+                     " s, the start of the program included\n"));
 }
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
@@ -127,6 +155,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
     std::string const name = bytes->name();
     format_ = "vkt";
     bool const directory = bytes->directory(); // there are no bytes to look at
+    bool const file = directory || bytes->seekable();
     // What nobody described may be a stream as well as a file.
     bool const described = stated.describes();
     if (!described && holds_stream(bytes)) {
@@ -154,6 +183,10 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         // What lies in shared memory is there already.
         if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
+    if (stage.opener() == nullptr && file && format_ != "shm")
+        source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h) {
+            if (explains(stage) || h.dry_run) predict_reading(stage, h);
+        });
     if (log_.verbosity() == Verbosity::verbose)
         source = std::make_unique<Announced>(
             std::move(source), [this, &stage, name, format = format_](Header const& header) {
@@ -203,15 +236,10 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (!stage.common().no_history)
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
-        if (dry_run_ || stage.common().explain || last_.common().explain)
-            source = std::make_unique<Announced>(std::move(source), [this, name = stage.stage(),
-                                                                     execution](Header const& h) {
-                log_.answer(opener_plan_text(name, h, execution));
-                if (Calibration const* const known = calibration(); known != nullptr && h.kind == Kind::structured) {
-                    double const seconds = known->reading(h);
-                    prediction()->read(seconds);
-                    tell_seconds(name, seconds);
-                }
+        if (explains(stage))
+            source = std::make_unique<Announced>(std::move(source), [this, &stage, execution](Header const& h) {
+                log_.answer(opener_plan_text(stage.stage(), h, execution));
+                predict_reading(stage, h);
             });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));

@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -63,12 +64,9 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
-    /// None without one that was kept of this machine and build.
-    Calibration const* calibration();
-    /// Of the stages that were planned so far; null without a calibration.
-    Prediction* prediction();
-    /// Tells how long a stage will take.
-    void tell_seconds(std::string const& stage, double seconds);
+    /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
+    void predict_reading(Invocation const& stage, Header const& header);
+    void predict_writing(Invocation const& stage, Header const& header);
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
     std::string format(std::string const& input) const {
@@ -91,6 +89,12 @@ private:
     std::unique_ptr<Sink> make_sink();
     void drain_all(Source& source, Sink& sink);
     void print_plan(Invocation const& stage, Plan const& plan, std::vector<Header> const& inputs);
+    bool explains(Invocation const& stage) const; ///< or is only planned
+    /// Of the stages that were planned so far; null without a calibration.
+    Prediction* prediction();
+    /// None without one that was kept of this machine and build.
+    Calibration const* calibration();
+    void tell_seconds(Invocation const& stage, std::string const& what, double seconds);
     void tell_prediction() const;
     void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold
@@ -106,6 +110,7 @@ private:
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
     std::optional<Prediction> prediction_;
+    std::set<Invocation const*> predicted_;           ///< stages that are in it
     std::string lossy_, lost_;                        ///< what --strict refuses; what was told last
     std::vector<std::function<void()>> late_reports_; ///< to what takes them once
     std::string format_;                              ///< of the file opened last

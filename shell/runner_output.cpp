@@ -146,6 +146,8 @@ void Runner::drain_all(Source& source, Sink& sink) {
     Execution const execution = execution_of(last_);
     while (source.next_volume()) {
         timing = timing || source.header().timing;
+        bool const to_file = last_.common().output != "-";
+        if (to_file && (explains(last_) || source.header().dry_run)) predict_writing(last_, source.header());
         if (source.header().dry_run && stream_out_ == nullptr) {
             source.finish();
             continue;
@@ -171,7 +173,10 @@ void Runner::tell_transport() const {
 
 int Runner::drain(std::unique_ptr<Source> source) {
     if (dry_run_ && (last_.common().output != "-" || output_is_terminal())) {
-        while (source->next_volume()) source->finish();
+        while (source->next_volume()) {
+            if (last_.common().output != "-") predict_writing(last_, source->header());
+            source->finish();
+        }
         tell_prediction();
         return 0;
     }

@@ -35,12 +35,7 @@ void StageContext::plan(Header const& header, std::string const& output) {
     std::optional<std::size_t> held;
     if (whole) held = invocation_.consumer()->bytes_held(header);
     runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
-    if (invocation_.verb().name == "write" && header.kind == Kind::structured)
-        if (Calibration const* const known = runner_.calibration()) {
-            double const seconds = known->writing(header);
-            runner_.prediction()->write(seconds);
-            runner_.tell_seconds(invocation_.stage(), seconds);
-        }
+    if (invocation_.verb().name == "write") runner_.predict_writing(invocation_, header);
     explain(header);
 }
 

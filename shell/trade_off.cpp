@@ -116,11 +116,18 @@ public:
         Box const allowed = request.roi.empty() ? box_of(header.dims) : request.roi.resolve(header.dims);
         // A part, the reference, results and what stages hold on the way: some dozens of bytes a voxel, and as much
         // again for the code that all of the settings take.
-        Box const held = middle_part(allowed, std::min(16.8e6, static_cast<double>(execution_.memory) / 224));
-        if (!request.roi.empty() && !(held == allowed))
+        double const room = static_cast<double>(execution_.memory) / 224;
+        Box held = middle_part(allowed, std::min(16.8e6, room));
+        if (request.roi.empty()) {
+            whole_only_ = !fits(header, middle_part(allowed, 4096)) || !fits(header, held);
+            if (whole_only_) held = middle_part(allowed, room);
+        }
+        if ((whole_only_ || !request.roi.empty()) && !(held == allowed))
             throw Error(ErrorKind::resources,
-                        text("--roi: ", allowed.voxels(), " voxels are more than --memory allows"),
-                        "name a smaller region, or leave the choice to vkt chart");
+                        text(whole_only_ ? "the pipeline does something else to a part than to the whole: " : "--roi: ",
+                             allowed.voxels(), " voxels are more than --memory allows"),
+                        whole_only_ ? "raise --memory, or name a region that is to be the volume: --roi"
+                                    : "name a smaller region, or leave the choice to vkt chart");
         volume_ = cut_out(std::make_unique<CurrentVolume>(source), held, execution_);
         part_ = held;
     }
@@ -149,6 +156,12 @@ public:
 private:
     static bool is_given(Setting const& setting) {
         return std::all_of(setting.begin(), setting.end(), [](auto const& v) { return v.empty(); });
+    }
+
+    bool fits(Header const& whole, Box const& part) {
+        Header of_part = whole;
+        of_part.dims = part.dims();
+        return chain_->fits_part(whole, of_part);
     }
 
     /// Of pictures and hierarchical volumes no part stands for the whole.
@@ -277,7 +290,7 @@ private:
     void choose_part() {
         result_.part = part_;
         if (draws_) return choose_picture();
-        if (!request_.roi.empty() || volume_.header().kind != Kind::structured) return;
+        if (whole_only_ || !request_.roi.empty() || volume_.header().kind != Kind::structured) return;
         constexpr double compares = 60e-9; // seconds a voxel
         Box const whole = box_of(volume_.header().dims), probed = middle_part(whole, 32768);
         Volume const small = cut_out(volume_source({volume_}), probed, execution_);
@@ -474,7 +487,8 @@ private:
     TradeOffRequest const& request_;
     Execution execution_;
     bool draws_ = false;
-    double share_ = 1; ///< of the width and height of pictures
+    bool whole_only_ = false; ///< no part of the volume stands for it
+    double share_ = 1;        ///< of the width and height of pictures
     TradeOff result_;
     Volume volume_;
     Box part_;

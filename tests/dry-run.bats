@@ -6,7 +6,8 @@ setup_more() {
 }
 
 @test "every stage of a pipeline tells of its plan; nothing is written" {
-    vkt read v.nrrd -n 2>plan | vkt crop --roi 2:18,:,: 2>>plan | vkt resample --scale 0.5 2>>plan | vkt write x.nrrd 2>>plan
+    : >plan # what a shell would empty may come after what others wrote
+    vkt read v.nrrd -n 2>>plan | vkt crop --roi 2:18,:,: 2>>plan | vkt resample --scale 0.5 2>>plan | vkt write x.nrrd 2>>plan
     [ ! -e x.nrrd ]
     for stage in read crop resample write; do
         grep -q "^vkt $stage: .*, peak memory about .*\(streaming\|holds the whole volume\)" plan || { cat plan >&2; false; }

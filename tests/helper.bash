@@ -6,6 +6,7 @@ bats_require_minimum_version 1.5.0
 
 setup() {
     cd "$BATS_TEST_TMPDIR" || exit 1
+    export XDG_CACHE_HOME="$BATS_TEST_TMPDIR/cache" # without the calibration of who runs the tests
     command -v vkt >/dev/null || { echo "vkt is not on PATH" >&2; return 1; }
     if declare -F setup_more >/dev/null; then setup_more; fi
 }
