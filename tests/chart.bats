@@ -205,6 +205,21 @@ assert abs(found["max_abs"] - points["nearest"]["max_error"]) <= 1e-6 * found["m
     fails_with 5 "the whole volume has to be measured" vkt chart 'render' noise.nrrd --memory 64K
 }
 
+@test "where a part would not stand for the volume, all of it is measured" {
+    vkt make noise --dims 90 80 70 --dtype uint8 --high 255 -o whole.nrrd
+    on() { vkt chart "$1" whole.nrrd --budget 0.01 | head -n 1; }
+    # Voxels that are named, results of a fixed size, and what depends on all values.
+    for pipeline in 'crop --roi 0:20,0:20,0:20 | filter gaussian --sigma 1' 'resample --dims 20 20 20' 'clahe'; do
+        [[ "$(on "$pipeline")" == 'measured on 0:90,0:80,0:70 of 90 80 70: '* ]] || { on "$pipeline" >&2; false; }
+    done
+    for pipeline in 'filter gaussian --sigma 1' 'crop --roi 10%:90%,:,: | filter gaussian --sigma 1' 'resample --scale 0.5'; do
+        [[ "$(on "$pipeline")" == *' of the voxels: '* ]] || { on "$pipeline" >&2; false; }
+    done
+    # A region that is named is the volume.
+    vkt chart 'crop --roi 0:9,0:9,0:9 | filter gaussian --sigma 1' whole.nrrd --roi 9:30,9:30,9:30 | grep -q '^measured on 9:30,9:30,9:30 of'
+    fails_with 5 'does something else to a part' vkt chart clahe whole.nrrd --memory 8M
+}
+
 @test "knobs that are kept stay as they are given" {
     vkt chart 'resample --scale 1.5 --method cubic' phantom.nrrd --budget 0.3 --keep threads,method --csv >chart.csv
     [ "$(wc -l <chart.csv)" -ge 3 ]

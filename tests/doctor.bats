@@ -46,6 +46,15 @@ kept() { vkt doctor --calibrate >said; }
     vkt pipe -n 'read big_512x512x256_float32.raw | rotate --angle 20 | stats' 2>plan
     total plan | awk -v read="$(sed -n 's/^vkt read:   about \(.*\) s on.*/\1/p' plan)" -v rotate="$(sed -n 's/^vkt rotate:   about \(.*\) s on.*/\1/p' plan)" \
         '{ exit !($1 > 0.98 * (read + rotate)) }'
+    # What a command reads and writes by itself counts, too; what cannot be told is named.
+    vkt arith mul big_512x512x256_float32.raw 2 -o big.vkt -n 2>plan
+    grep -q '^vkt arith:   reading about' plan
+    grep -q '^vkt arith:   writing about' plan
+    total() { sed -n 's/.*all stages: about \(.*\) s, .*/\1/p'; }
+    vkt pipe -n 'read big_512x512x256_float32.raw | arith mul - 2 | write big.vkt' 2>&1 | total >staged
+    awk -v one="$(total <plan)" '{ exit !(one > 0.9 * $1 && one < 1.1 * $1) }' staged
+    vkt pipe -n 'read big_512x512x256_float32.raw | arith mul - 2 | render -o x.png' 2>plan
+    grep -q 'all stages but render: about' plan
     vkt filter gaussian v.nrrd --sigma 1 --explain -o g.nrrd 2>plan
     grep -q 'about .* s on this machine' plan
     # Ten times the voxels take ten times as long.

@@ -28,6 +28,17 @@ r.random((6, 7, 8), np.float32).tofile('f_8x7x6_float32.raw')"
     vkt info exact.nrrd | grep -qx 'error      exact'
 }
 
+@test "powers and logarithms pass errors on where their slope is limited, and say why where it is not" {
+    through() { vkt filter box b_8x7x6_uint8.raw --radius 1 | vkt "$@" | vkt info; }
+    # Values up to 255, known to half a unit: squares to 2 * 255.5 * 0.5, and what float32 rounds.
+    through arith pow - 2 | grep -q '^error      about 2.6e+02 from exact'
+    through arith pow - 0.5 | grep -q 'unknown: arith: a power is limited'
+    vkt make noise --dims 8 7 6 --dtype int16 --low 1 --high 100 | vkt filter box --radius 1 | vkt arith exp - --dtype float64 | vkt info |
+        grep -q 'unknown: arith: values of its type may be too large for exp'
+    through arith log - | grep -q 'unknown: arith: values may be 0 or less'
+    vkt filter box b_8x7x6_uint8.raw --radius 1 | vkt arith clamp - 10 20 | vkt arith log - | vkt info | grep -q '^error      about 0.05'
+}
+
 @test "NRRD, MetaImage, NIfTI, streams and shared memory keep it, and another stage goes on from there" {
     vkt filter box b_8x7x6_uint8.raw --radius 1 -o a.vkt
     error_of a.vkt >want

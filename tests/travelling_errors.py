@@ -218,7 +218,8 @@ class Pipeline:
             self.mapped = True
             self.add(f"convert --dtype {dtype} --range {low!r}:{high!r}", lambda a: np.clip(a, low, high), dtype)
         elif kind == "arith" and not self.mapped:
-            what = str(r.choice(["add", "sub", "mul", "div", "min", "max", "absdiff", "abs", "neg", "sqrt", "clamp"]))
+            what = str(r.choice(["add", "sub", "mul", "div", "min", "max", "absdiff", "abs", "neg", "sqrt", "pow", "log",
+                                "clamp"]))
             v = float(r.choice([2, 3, -5, 0.5, 2.75, 40, 1000]))
             floats = {"sqrt": lambda a: np.sqrt(a)}
             if what == "abs":
@@ -228,6 +229,14 @@ class Pipeline:
             elif what == "sqrt":
                 if self.exact.min() > 1:
                     self.add("arith sqrt -", floats["sqrt"], "float64" if self.dtype in ("float64", "int32") else "float32")
+            elif what == "pow":
+                power = float(r.choice([2, 3, 0.5, -1]))
+                if power > 1 and np.abs(self.exact).max() < 1e6 or self.exact.min() > 1:
+                    self.add(f"arith pow - {power!r}", lambda a: np.power(a, power),
+                             "float64" if self.dtype in ("float64", "int32") else "float32")
+            elif what == "log":
+                if self.exact.min() > 1:
+                    self.add("arith log -", np.log, "float64" if self.dtype in ("float64", "int32") else "float32")
             elif what == "clamp":
                 low, high = sorted((v, float(r.choice([10, 100, 3000]))))
                 self.add(f"arith clamp - {low!r} {high!r}", lambda a: np.clip(a, low, high))

@@ -97,6 +97,37 @@ bool is_function(ArithmeticOp op) {
 }
 /// Yields 0 or 1.
 bool is_predicate(ArithmeticOp op) { return op >= ArithmeticOp::gt && op <= ArithmeticOp::not_; }
+/// Why a function may pass on errors without a limit.
+char const* steepness(ArithmeticOp op) {
+    switch (op) {
+    case ArithmeticOp::exp:
+        return "values of its type may be too large for exp";
+    case ArithmeticOp::log:
+        return "values may be 0 or less, or come near it";
+    case ArithmeticOp::pow:
+        return "a power is limited for a number as exponent, and for values it is finite for";
+    default:
+        return "";
+    }
+}
+
+struct FunctionRange {
+    ValueInterval values;
+    double steepest; ///< magnitude of the slope
+};
+
+/// x^p for x within an interval, known to an error; none where it may be no number, or steeper than any.
+std::optional<FunctionRange> power_range(ValueInterval const& x, double error, double p) {
+    double const low = x.low - error, high = x.high + error;
+    bool const whole = p == std::floor(p), crosses = low <= 0 && high >= 0;
+    if ((low < 0 && !whole) || (crosses && p < 1 && p != 0)) return {};
+    ValueInterval values{std::min(std::pow(x.low, p), std::pow(x.high, p)),
+                         std::max(std::pow(x.low, p), std::pow(x.high, p))};
+    if (crosses) values = values.with(p == 0 ? 1 : 0);
+    double const steepest = std::max(std::pow(std::abs(low), p - 1), std::pow(std::abs(high), p - 1));
+    return FunctionRange{values, p == 0 ? 0 : std::abs(p) * steepest};
+}
+
 /// Refuses what is spelt as a number and is none, 1e999 or nan, before a file of that name is looked for.
 void refuse_no_number(std::string const& word) {
     std::string const bare = lower_case(word.substr(word.starts_with('-') || word.starts_with('+') ? 1 : 0));
@@ -418,19 +449,28 @@ void Arithmetic::pass(std::span<Header const> inputs, Plan& plan) const {
         if (u.values && u.values->low > 0) values = ValueInterval{std::log(u.values->low), std::log(u.values->high)};
         gains[0] = u.values && u.values->low > u.error ? 1 / (u.values->low - u.error) : HUGE_VAL;
         break;
-    default: // powers, comparisons, logic
+    case ArithmeticOp::pow:
+        gains.assign(3, HUGE_VAL);
+        if (u.values && v.values && !v.volume)
+            if (auto const power = power_range(*u.values, u.error, v.values->low)) {
+                values = power->values;
+                gains[0] = power->steepest;
+            }
+        break;
+    default: // comparisons, logic
         gains.assign(3, HUGE_VAL);
         if (is_predicate(op)) values = ValueInterval{0, 1};
         break;
     }
     bool const unlimited = (u.volume && !u.values) || (v.volume && !v.values);
-    if (!is_predicate(op) && plan.passing.because.empty() && unlimited)
-        plan.passing.because = "nothing limits the values of a float volume";
+    if (!is_predicate(op) && plan.passing.because.empty())
+        plan.passing.because = unlimited ? "nothing limits the values of a float volume" : steepness(op);
     bool const sums = op == ArithmeticOp::add || op == ArithmeticOp::sub || op == ArithmeticOp::absdiff ||
                       op == ArithmeticOp::neg || op == ArithmeticOp::abs;
     bool const picks =
         op == ArithmeticOp::min || op == ArithmeticOp::max || op == ArithmeticOp::clamp || op == ArithmeticOp::where;
     if (mapped) { // products and constants of stored values mean others
+        if (!is_predicate(op)) plan.passing.because = "values under a value map";
         values.reset();
         passed.reset();
         if (!sums && !picks) gains.assign(3, HUGE_VAL);
