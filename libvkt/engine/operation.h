@@ -52,7 +52,9 @@ struct Plan {
     std::string method;          ///< name of the chosen method, e.g. "direct FIR, radius 8"
     ErrorBound error;            ///< exact: permutation, integer or correctly rounded result
     ErrorPassing passing;        ///< what becomes of the inputs' errors; unknown unless the operation says it
-    double cost = 1;             ///< multiply-adds per output voxel, for --explain and --device auto
+    /// Multiply-adds per output voxel, of what does something else as many as take as long on a CPU: for --explain,
+    /// --device auto and predictions of time.
+    double cost = 1;
     std::size_t state_bytes = 0; ///< memory held whatever the regions are that run() is given; see also fit()
 };
 

@@ -82,7 +82,7 @@ void BilateralFilter::prepare(Header const& in, Plan& plan) {
     }
     Index3 const edges = reach_ + reach_ + Index3{1, 1, 1};
     plan.method = text("bilateral, every weight of ", edges.x, "x", edges.y, "x", edges.z);
-    plan.cost = 14 * count;
+    plan.cost = 8 * count;
     plan.slab_hint = std::max<std::int64_t>(8, 4 * reach_.z);
     bool const narrow = size_of(type_) <= 2 || type_ == DataType::float32;
     plan.error.kind = ErrorBound::Kind::estimate;

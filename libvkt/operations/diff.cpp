@@ -92,7 +92,7 @@ Plan Diff::plan(std::span<Header const> inputs) {
                        information ? ", joint histogram" : "");
     plan.error.kind = ErrorBound::Kind::estimate;
     plan.error.magnitude = 1e-15;
-    plan.cost = ssim ? 200 : 4;
+    plan.cost = ssim ? 1000 : 4;
     return plan;
 }
 

@@ -74,7 +74,7 @@ Plan Distance::plan(std::span<Header const> inputs) {
     plan.output.units.clear();
     plan.output.attributes.erase("background");
     plan.whole = true;
-    plan.cost = 30;
+    plan.cost = 300;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
     region_ = roi.resolve(input_.dims);
     Index3 const dims = region_.dims();

@@ -54,7 +54,7 @@ Plan FillHoles::plan(std::span<Header const> inputs) {
     if (!is_integer(input_.dtype)) plan.passing = {};
     if (value) plan.passing = {};
     plan.method = text("runs and union-find, holes ", connectivity, "-connected");
-    plan.cost = 2;
+    plan.cost = 60;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
     Components::Rules rules;
     rules.connectivity = connectivity;

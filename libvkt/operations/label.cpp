@@ -67,7 +67,7 @@ Plan Label::plan(std::span<Header const> inputs) {
     plan.scans = true;
     plan.passing = ErrorPassing::jumps();
     plan.method = text("runs and union-find, ", connectivity, "-connected");
-    plan.cost = 2;
+    plan.cost = 120;
     if (input_.kind == Kind::hierarchical) return plan; // refused by the engine
     Components::Rules rules;
     rules.connectivity = connectivity;

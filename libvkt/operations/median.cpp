@@ -53,7 +53,7 @@ void Median::prepare(Header const& in, Plan& plan) {
                                       : text("sliding histogram of ranks, ", edges.x, "x", edges.y, "x", edges.z);
     plan.cost = reach_ == Index3{1, 1, 1}   ? 110
                 : reach_ == Index3{2, 2, 2} ? 1400
-                                            : 40 + 8 * static_cast<double>(edges.y * edges.z);
+                                            : 300 * static_cast<double>(edges.y * edges.z);
     plan.slab_hint = std::max<std::int64_t>(8, 2 * reach_.z);
 }
 

@@ -73,7 +73,7 @@ Plan MakeMesh::plan(std::span<Header const> inputs) {
     plan.output = input_;
     plan.scans = finding_;
     plan.method = iso ? "marching cubes, manifold" : "marching cubes around labels, manifold";
-    plan.cost = 4;
+    plan.cost = 60;
     // The slice before, one that comes in rows, and bits of both.
     Index3 const n = region_.dims();
     held_ = static_cast<std::size_t>(n.x * n.y) * (2 * size_of(input_.dtype) + 1);

@@ -109,7 +109,7 @@ std::size_t Morphology::fit(Index3 largest, Execution const& execution) {
 void Morphology::filter(ConstView in, AnyView out, Execution const& execution) {
     Index3 const r = radius_.voxels;
     auto const take = [&](ConstView from, AnyView to, bool least) {
-        Extreme const extreme = least != reversed_ ? Extreme::least : Extreme::greatest;
+        WindowExtreme const extreme = least != reversed_ ? WindowExtreme::least : WindowExtreme::greatest;
         if (shape_ == WindowShape::box)
             extreme_of_boxes(from, to, r, extreme, execution);
         else

@@ -156,7 +156,7 @@ Plan Refine::plan(std::span<Header const> inputs) {
         plan.passing.because = "all voxels are read before the noise is known";
     else
         plan.passing = ErrorPassing::averaged(1, values_of(input_));
-    plan.cost = block.best ? 48 : 16;
+    plan.cost = block.best ? 1500 : 500;
     plan.state_bytes =
         input_.bytes() * (dtype ? 2 : 1) + static_cast<std::size_t>(input_.voxels() / 7) * sizeof(double);
     return plan;

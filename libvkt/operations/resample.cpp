@@ -231,7 +231,7 @@ Index3 Resample::target_dims(Header const& input, Vec3 extent) const {
 
 ResampleMethod Resample::used() const { return chosen_ ? *chosen_ : method.value_or(ResampleMethod::automatic); }
 
-Kernel Resample::kernel_of(std::int64_t n_in, std::int64_t n_out) const {
+ResampleKernel Resample::kernel_of(std::int64_t n_in, std::int64_t n_out) const {
     double const width = static_cast<double>(n_in) / static_cast<double>(n_out);
     // An estimate says what lies between voxels, not what several of them amount to.
     return kernel_for(chosen_ && width > 1 ? ResampleMethod::automatic : used(), width);
@@ -348,7 +348,8 @@ Plan Resample::planned(Header const& input) {
         WeightTable& table = tables_[static_cast<std::size_t>(axis)];
         table = WeightTable(from_[axis], to_[axis], kernel_of(from_[axis], to_[axis]), rule.boundary);
         halving[axis] = table.halving();
-        all_nearest = all_nearest && (table.kernel() == Kernel::nearest || table.kernel() == Kernel::identity);
+        all_nearest =
+            all_nearest && (table.kernel() == ResampleKernel::nearest || table.kernel() == ResampleKernel::identity);
         plan.state_bytes += table.bytes();
     }
     bool const same_map = scale_value_ == 1 && offset_value_ == 0, same_values = same_map && out_type_ == input.dtype;

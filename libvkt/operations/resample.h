@@ -106,7 +106,7 @@ private:
     void reconstruct_tree(AnyView out, Execution const& execution);
     bool changes_values() const { return dtype || bytes_per_voxel || dist || voxel_mapping; }
     ResampleMethod used() const;
-    Kernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
+    ResampleKernel kernel_of(std::int64_t n_in, std::int64_t n_out) const;
     void choose_header(Header const& input, bool moves, Header& output);
     std::string describe() const;
     bool sums_exactly(DataType input) const;

@@ -36,16 +36,16 @@ template <> struct EnumNames<ResampleMethod> {
 struct InterpolantOf {
     ResampleMethod method;
     Interpolant interpolant;
-    Kernel kernel;
+    ResampleKernel kernel;
     bool has_lobes; ///< negative weights: results can leave the range of the input
 };
 inline constexpr std::array<InterpolantOf, 6> interpolants{
-    {{ResampleMethod::nearest, Interpolant::nearest, Kernel::nearest, false},
-     {ResampleMethod::linear, Interpolant::linear, Kernel::linear, false},
-     {ResampleMethod::cubic, Interpolant::cubic, Kernel::cubic, true},
-     {ResampleMethod::bspline3, Interpolant::bspline3, Kernel::bspline3, true},
-     {ResampleMethod::bspline5, Interpolant::bspline5, Kernel::bspline5, true},
-     {ResampleMethod::lanczos3, Interpolant::lanczos3, Kernel::lanczos3, true}}};
+    {{ResampleMethod::nearest, Interpolant::nearest, ResampleKernel::nearest, false},
+     {ResampleMethod::linear, Interpolant::linear, ResampleKernel::linear, false},
+     {ResampleMethod::cubic, Interpolant::cubic, ResampleKernel::cubic, true},
+     {ResampleMethod::bspline3, Interpolant::bspline3, ResampleKernel::bspline3, true},
+     {ResampleMethod::bspline5, Interpolant::bspline5, ResampleKernel::bspline5, true},
+     {ResampleMethod::lanczos3, Interpolant::lanczos3, ResampleKernel::lanczos3, true}}};
 
 /// nullptr for the methods that are none, and sample linearly.
 constexpr InterpolantOf const* interpolant_of(ResampleMethod method) {
@@ -58,9 +58,9 @@ constexpr bool has_lobes(ResampleMethod method) {
     return found != nullptr && found->has_lobes;
 }
 /// How one axis is resampled, whose voxels become `width` input voxels wide.
-constexpr Kernel kernel_for(ResampleMethod method, double width) {
+constexpr ResampleKernel kernel_for(ResampleMethod method, double width) {
     if (auto const* const found = interpolant_of(method)) return found->kernel;
-    return method == ResampleMethod::area || width > 1 ? Kernel::area : Kernel::linear;
+    return method == ResampleMethod::area || width > 1 ? ResampleKernel::area : ResampleKernel::linear;
 }
 
 } // namespace vkt

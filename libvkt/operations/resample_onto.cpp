@@ -175,9 +175,9 @@ void Onto::plan_aligned() {
         LinePlacement const line{from_[placement_.axis[static_cast<std::size_t>(a)]], to_[a], placement_.scale[a],
                                  placement_.offset[a]};
         bool const on_lattice = std::abs(line.scale) == 1 && line.offset == std::nearbyint(line.offset);
-        Kernel kernel = on_lattice ? Kernel::nearest : kernel_for(method_, std::abs(line.scale));
-        all_single = all_single && kernel == Kernel::nearest;
-        if (on_lattice && line.scale == 1 && !boundary_) kernel = Kernel::identity;
+        ResampleKernel kernel = on_lattice ? ResampleKernel::nearest : kernel_for(method_, std::abs(line.scale));
+        all_single = all_single && kernel == ResampleKernel::nearest;
+        if (on_lattice && line.scale == 1 && !boundary_) kernel = ResampleKernel::identity;
         tables_[static_cast<std::size_t>(a)] =
             WeightTable(line, kernel, boundary_ ? boundary_->boundary : Boundary::clamp);
         inner_.lower[a] = 0;

@@ -73,7 +73,7 @@ long double sinc(long double t) {
 /// The weights of an interpolant at a position `fraction` beyond the input voxel `whole`, of a grid whose voxels are
 /// `width` input voxels apart. Wider kernels average what falls between the new voxels: convolution kernels are
 /// stretched, splines are sampled several times.
-Line smooth_line(Kernel kernel, std::int64_t whole, long double fraction, long double width) {
+Line smooth_line(ResampleKernel kernel, std::int64_t whole, long double fraction, long double width) {
     if (fraction == 0 && width <= 1) return {whole, {1.0}};
     auto const round = [whole](std::vector<long double> const& weights, std::int64_t lower) {
         long double sum = 0;
@@ -82,8 +82,8 @@ Line smooth_line(Kernel kernel, std::int64_t whole, long double fraction, long d
         for (long double const w : weights) line.weights.push_back(static_cast<double>(w / sum));
         return line;
     };
-    if (kernel == Kernel::bspline3 || kernel == Kernel::bspline5) {
-        int const degree = kernel == Kernel::bspline3 ? 3 : 5;
+    if (kernel == ResampleKernel::bspline3 || kernel == ResampleKernel::bspline5) {
+        int const degree = kernel == ResampleKernel::bspline3 ? 3 : 5;
         auto const samples = static_cast<std::int64_t>(std::max(1.0L, std::ceil(width - 1e-6L)));
         static SplinePrefilter const cubic(3, 1e-13), quintic(5, 1e-13);
         SplinePrefilter const& filter = degree == 3 ? cubic : quintic;
@@ -103,7 +103,7 @@ Line smooth_line(Kernel kernel, std::int64_t whole, long double fraction, long d
         return round(weights, -reach);
     }
     long double const stretch = std::max(1.0L, width);
-    bool const keys = kernel == Kernel::cubic;
+    bool const keys = kernel == ResampleKernel::cubic;
     auto const reach = static_cast<std::int64_t>(std::ceil((keys ? 2 : 3) * stretch)) + 1;
     std::vector<long double> weights;
     for (std::int64_t i = -reach; i <= reach; ++i) {
@@ -113,7 +113,7 @@ Line smooth_line(Kernel kernel, std::int64_t whole, long double fraction, long d
     return round(weights, -reach);
 }
 
-Line smooth_line(std::int64_t o, Ratio r, Kernel kernel) {
+Line smooth_line(std::int64_t o, Ratio r, ResampleKernel kernel) {
     Int128 const position = (2 * Int128{o} + 1) * r.a - r.b, unit = 2 * Int128{r.b};
     std::int64_t const whole = floor_quotient(position, unit);
     auto const fraction = static_cast<long double>(position - Int128{whole} * unit) / static_cast<long double>(unit);
@@ -155,44 +155,44 @@ Line folded(Line const& line, std::int64_t n, Boundary boundary) {
     return result;
 }
 
-Line line_of(std::int64_t o, Ratio ratio, Kernel kernel) {
+Line line_of(std::int64_t o, Ratio ratio, ResampleKernel kernel) {
     switch (kernel) {
-    case Kernel::identity:
+    case ResampleKernel::identity:
         return {o, {1.0}};
-    case Kernel::nearest:
+    case ResampleKernel::nearest:
         return {floor_quotient((2 * Int128{o} + 1) * ratio.a, 2 * Int128{ratio.b}), {1.0}};
-    case Kernel::linear:
+    case ResampleKernel::linear:
         return linear_line(o, ratio);
-    case Kernel::area:
+    case ResampleKernel::area:
         return area_line(o, ratio);
-    case Kernel::cubic:
-    case Kernel::bspline3:
-    case Kernel::bspline5:
-    case Kernel::lanczos3:
+    case ResampleKernel::cubic:
+    case ResampleKernel::bspline3:
+    case ResampleKernel::bspline5:
+    case ResampleKernel::lanczos3:
         return smooth_line(o, ratio, kernel);
     }
     return {};
 }
 
-double divisor_of(Ratio ratio, Kernel kernel) {
-    if (kernel == Kernel::linear) return 2 * static_cast<double>(ratio.b);
-    if (kernel == Kernel::area) return static_cast<double>(ratio.a);
+double divisor_of(Ratio ratio, ResampleKernel kernel) {
+    if (kernel == ResampleKernel::linear) return 2 * static_cast<double>(ratio.b);
+    if (kernel == ResampleKernel::area) return static_cast<double>(ratio.a);
     return 1;
 }
 
 /// Weights at a position that need not be rational.
-Line placed_line(LinePlacement const& placement, std::int64_t o, Kernel kernel) {
+Line placed_line(LinePlacement const& placement, std::int64_t o, ResampleKernel kernel) {
     // Beyond that nothing is inside, and no index overflows.
     double const far = 4 * static_cast<double>(std::int64_t{1} << 50);
     double const p = std::clamp(placement.position(o), -far, far), width = std::abs(placement.scale);
     auto const whole = static_cast<std::int64_t>(std::floor(p));
     double const fraction = p - std::floor(p);
     Line line{whole, {1.0}};
-    if (kernel == Kernel::nearest || kernel == Kernel::identity) { // ties that rounding broke are ties
+    if (kernel == ResampleKernel::nearest || kernel == ResampleKernel::identity) { // ties that rounding broke are ties
         line.lower = static_cast<std::int64_t>(std::floor(p + (0.5 + 1e-6)));
-    } else if (kernel == Kernel::linear) {
+    } else if (kernel == ResampleKernel::linear) {
         line.weights = {1 - fraction, fraction};
-    } else if (kernel == Kernel::area) {
+    } else if (kernel == ResampleKernel::area) {
         double const begin = p - width / 2 + 0.5, end = p + width / 2 + 0.5; // in faces: voxel i lies in [i, i + 1)
         line.lower = static_cast<std::int64_t>(std::floor(begin + 1e-9));
         line.weights.clear();
@@ -224,19 +224,21 @@ void brought_near(Line& line, std::int64_t n, Boundary boundary) {
 
 } // namespace
 
-std::string_view name_of(Kernel kernel) {
+std::string_view name_of(ResampleKernel kernel) {
     static constexpr std::array<std::string_view, 8> names{"copy",  "nearest",  "linear",   "area",
                                                            "cubic", "bspline3", "bspline5", "lanczos3"};
     return names[static_cast<std::size_t>(kernel)];
 }
 
-WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary)
-    : kernel_(n_in == n_out ? Kernel::identity : kernel), n_out_(n_out) {
+WeightTable::WeightTable(std::int64_t n_in, std::int64_t n_out, ResampleKernel kernel, Boundary boundary)
+    : kernel_(n_in == n_out ? ResampleKernel::identity : kernel), n_out_(n_out) {
     std::int64_t const divisor = std::gcd(n_in, n_out);
     Ratio const ratio{n_in / divisor, n_out / divisor};
     if (n_out > most_entries || n_in > 16 * most_entries) refuse(n_in, n_out);
     divisor_ = divisor_of(ratio, kernel_);
-    halving_ = kernel_ == Kernel::identity ? 1 : kernel_ == Kernel::area && ratio.a == 2 && ratio.b == 1 ? 2 : 0;
+    halving_ = kernel_ == ResampleKernel::identity                               ? 1
+               : kernel_ == ResampleKernel::area && ratio.a == 2 && ratio.b == 1 ? 2
+                                                                                 : 0;
     build(n_in, n_out, boundary, [&](std::int64_t o) { return line_of(o, ratio, kernel_); });
 }
 
@@ -245,12 +247,12 @@ double LinePlacement::position(std::int64_t o) const {
     return std::abs(p - r) < 1e-9 ? r : p;
 }
 
-WeightTable::WeightTable(LinePlacement const& placement, Kernel kernel, Boundary boundary)
+WeightTable::WeightTable(LinePlacement const& placement, ResampleKernel kernel, Boundary boundary)
     : kernel_(kernel), n_out_(placement.n_out) {
     bool const wide = std::abs(placement.scale) > static_cast<double>(most_entries);
     if (wide || placement.n_out > most_entries || placement.n_in > 16 * most_entries)
         refuse(placement.n_in, placement.n_out);
-    halving_ = kernel_ == Kernel::identity ? 1 : 0;
+    halving_ = kernel_ == ResampleKernel::identity ? 1 : 0;
     build(placement.n_in, placement.n_out, boundary, [&](std::int64_t o) {
         Line line = placed_line(placement, o, kernel_);
         brought_near(line, placement.n_in, boundary);

@@ -12,8 +12,8 @@
 
 namespace vkt {
 
-enum class Kernel : std::uint8_t { identity, nearest, linear, area, cubic, bspline3, bspline5, lanczos3 };
-std::string_view name_of(Kernel kernel);
+enum class ResampleKernel : std::uint8_t { identity, nearest, linear, area, cubic, bspline3, bspline5, lanczos3 };
+std::string_view name_of(ResampleKernel kernel);
 
 /// The table of one axis as kernels see it. Output voxel o is the sum over i of weight[start[o] + i] * in(first[o] +
 /// i), 0 <= i < start[o + 1] - start[o], divided by the product of the axes' divisors.
@@ -45,12 +45,12 @@ class WeightTable {
 public:
     WeightTable() = default;
     /// Throws Error{resources} if the table would need more than 2 GiB.
-    WeightTable(std::int64_t n_in, std::int64_t n_out, Kernel kernel, Boundary boundary);
+    WeightTable(std::int64_t n_in, std::int64_t n_out, ResampleKernel kernel, Boundary boundary);
     /// At any position, with weights in double that sum to 1; identity copies from whole positions. What lies outside
     /// at any distance is folded back, or moved to just outside for the engine to fill.
-    WeightTable(LinePlacement const& placement, Kernel kernel, Boundary boundary);
+    WeightTable(LinePlacement const& placement, ResampleKernel kernel, Boundary boundary);
 
-    Kernel kernel() const { return kernel_; }
+    ResampleKernel kernel() const { return kernel_; }
     double divisor() const { return divisor_; }
     /// Largest sum of |weight| of an output, over the divisor: by how much errors and values can grow. 1 where all
     /// are positive.
@@ -72,7 +72,7 @@ public:
 private:
     template <class LineAt> void build(std::int64_t n_in, std::int64_t n_out, Boundary boundary, LineAt const& line_at);
 
-    Kernel kernel_ = Kernel::identity;
+    ResampleKernel kernel_ = ResampleKernel::identity;
     std::int64_t n_out_ = 0, most_taps_ = 0, total_ = 0;
     double divisor_ = 1, gain_ = 1;
     int halving_ = 0;

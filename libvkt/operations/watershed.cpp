@@ -113,7 +113,7 @@ Plan Watershed::plan(std::span<Header const> inputs) {
     mark_as_labels(plan.output);
     plan.whole = true;
     plan.passing = ErrorPassing::jumps();
-    plan.cost = 100;
+    plan.cost = 3000;
     plan.method = text("flooding from ",
                        markers     ? "markers"
                        : depth > 0 ? "deep minima"

@@ -1,6 +1,6 @@
 // Multiple scattering: transmittance, furnace, single scattering in closed form, agreement with the marcher.
 // SPDX-License-Identifier: MIT
-#include "libvkt/render/inner/philox.h"
+#include "libvkt/render/inner/random.h"
 #include "libvkt/render/inner/scatter.h"
 #include "tests/unit/render_testing.h"
 

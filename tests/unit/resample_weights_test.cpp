@@ -14,14 +14,15 @@ double sum_of_weights(AxisTable const& t, std::int64_t o) {
 }
 
 TEST(WeightTable, WeightsSumToTheDivisor) {
-    for (Kernel const kernel : {Kernel::nearest, Kernel::linear, Kernel::area, Kernel::cubic})
+    for (ResampleKernel const kernel :
+         {ResampleKernel::nearest, ResampleKernel::linear, ResampleKernel::area, ResampleKernel::cubic})
         for (Boundary const boundary : {Boundary::clamp, Boundary::mirror, Boundary::wrap})
             for (auto const& [from, to] :
                  {std::pair<int, int>{7, 3}, {3, 7}, {512, 216}, {1, 5}, {5, 1}, {9, 9}, {2, 1000}}) {
                 WeightTable const table(from, to, kernel, boundary);
                 AxisTable const t = table.taps(Space::host);
                 for (std::int64_t o = 0; o < to; ++o) {
-                    if (kernel == Kernel::cubic)
+                    if (kernel == ResampleKernel::cubic)
                         EXPECT_NEAR(sum_of_weights(t, o), table.divisor(), 1e-14);
                     else
                         EXPECT_EQ(sum_of_weights(t, o), table.divisor()) << from << " to " << to << " at " << o;
@@ -30,7 +31,7 @@ TEST(WeightTable, WeightsSumToTheDivisor) {
 }
 
 TEST(WeightTable, BordersKeepTapsInsideAndSayWhatIsMissing) {
-    for (Kernel const kernel : {Kernel::linear, Kernel::cubic})
+    for (ResampleKernel const kernel : {ResampleKernel::linear, ResampleKernel::cubic})
         for (auto const& [from, to] : {std::pair<int, int>{7, 3}, {3, 7}, {1, 5}, {50, 1}, {3, 2}}) {
             WeightTable const table(from, to, kernel, Boundary::border);
             auto const [low, high] = table.footprint(0, to);
@@ -51,7 +52,8 @@ TEST(WeightTable, BordersKeepTapsInsideAndSayWhatIsMissing) {
 }
 
 TEST(WeightTable, ClampAndMirrorStayInside) {
-    for (Kernel const kernel : {Kernel::nearest, Kernel::linear, Kernel::area, Kernel::cubic})
+    for (ResampleKernel const kernel :
+         {ResampleKernel::nearest, ResampleKernel::linear, ResampleKernel::area, ResampleKernel::cubic})
         for (Boundary const boundary : {Boundary::clamp, Boundary::mirror})
             for (auto const& [from, to] : {std::pair<int, int>{7, 3}, {3, 7}, {1, 5}, {50, 1}, {3, 2}}) {
                 WeightTable const table(from, to, kernel, boundary);
@@ -62,7 +64,7 @@ TEST(WeightTable, ClampAndMirrorStayInside) {
 }
 
 TEST(WeightTable, PositionsAreCellCentred) {
-    WeightTable const table(4, 8, Kernel::linear, Boundary::clamp);
+    WeightTable const table(4, 8, ResampleKernel::linear, Boundary::clamp);
     AxisTable const t = table.taps(Space::host);
     EXPECT_EQ(t.first[0], 0); // -1/4, folded onto the first voxel
     EXPECT_EQ(t.start[1] - t.start[0], 1);
@@ -73,19 +75,19 @@ TEST(WeightTable, PositionsAreCellCentred) {
 }
 
 TEST(WeightTable, KnowsHalvings) {
-    EXPECT_EQ(WeightTable(8, 4, Kernel::area, Boundary::clamp).halving(), 2);
-    EXPECT_EQ(WeightTable(8, 8, Kernel::area, Boundary::clamp).halving(), 1);
-    EXPECT_EQ(WeightTable(9, 4, Kernel::area, Boundary::clamp).halving(), 0);
-    EXPECT_EQ(WeightTable(8, 4, Kernel::linear, Boundary::clamp).halving(), 0);
+    EXPECT_EQ(WeightTable(8, 4, ResampleKernel::area, Boundary::clamp).halving(), 2);
+    EXPECT_EQ(WeightTable(8, 8, ResampleKernel::area, Boundary::clamp).halving(), 1);
+    EXPECT_EQ(WeightTable(9, 4, ResampleKernel::area, Boundary::clamp).halving(), 0);
+    EXPECT_EQ(WeightTable(8, 4, ResampleKernel::linear, Boundary::clamp).halving(), 0);
 }
 
 TEST(WeightTable, PositionsOfLongLinesAreExact) {
     // (2 o + 1) n / 6 for a prime n near 10^9: far beyond what float32 coordinates tell apart
     std::int64_t const n = 1'000'000'007;
-    WeightTable const nearest(n, 3, Kernel::nearest, Boundary::clamp);
+    WeightTable const nearest(n, 3, ResampleKernel::nearest, Boundary::clamp);
     AxisTable const t = nearest.taps(Space::host);
     for (std::int64_t o = 0; o < 3; ++o) EXPECT_EQ(t.first[o], (2 * o + 1) * n / 6);
-    WeightTable const linear(n, 3, Kernel::linear, Boundary::clamp);
+    WeightTable const linear(n, 3, ResampleKernel::linear, Boundary::clamp);
     EXPECT_EQ(linear.taps(Space::host).first[2], (5 * n - 3) / 6);
 }
 

@@ -249,7 +249,7 @@ void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Losses& losses, Exe
         mean_in<double>(in, out, radius, losses, execution);
 }
 
-void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution) {
+void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution) {
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) {
         box_windows<Op, K>(
             out.box, radius, execution,
@@ -262,7 +262,7 @@ void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Extreme extreme,
     });
 }
 
-void extreme_of_balls(ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution) {
+void extreme_of_balls(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution) {
     if (out.box.empty()) return;
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) { balls<Op, K>(in, out, radius, execution); });
 }

@@ -133,12 +133,12 @@ void mean_of_boxes(ConstView in, AnyView out, Index3 radius, Losses& losses, Exe
         windows<Sum, double>(in, out, radius, losses);
 }
 
-void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const&) {
+void extreme_of_boxes(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const&) {
     Losses none;
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) { windows<Op, K>(in, out, radius, none); });
 }
 
-void extreme_of_balls(ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const&) {
+void extreme_of_balls(ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const&) {
     if (out.box.empty()) return;
     with_extreme(extreme, in.type, [&]<class Op, class K>(Op, K) { balls<Op, K>(in, out, radius); });
 }

@@ -7,16 +7,18 @@
 namespace vkt {
 
 /// Which voxel of a window: NaN counts as larger than all numbers.
-enum class Extreme : std::uint8_t { least, greatest };
+enum class WindowExtreme : std::uint8_t { least, greatest };
 
 /// Mean of the (2 rx + 1)(2 ry + 1)(2 rz + 1) voxels around each, rounded once to the type; `in` covers them. Integers
 /// are summed exactly below 2^53, floats in float64. A NaN spoils its boxes and nothing else.
 VKT_KERNEL(mean_of_boxes, (ConstView in, AnyView out, Index3 radius, Losses& losses, Execution const& execution),
            (in, out, radius, losses, execution))
-VKT_KERNEL(extreme_of_boxes, (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
+VKT_KERNEL(extreme_of_boxes,
+           (ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution),
            (in, out, radius, extreme, execution))
 /// The same of ellipsoids with these half axes: offsets with (x / rx)^2 + (y / ry)^2 + (z / rz)^2 <= 1.
-VKT_KERNEL(extreme_of_balls, (ConstView in, AnyView out, Index3 radius, Extreme extreme, Execution const& execution),
+VKT_KERNEL(extreme_of_balls,
+           (ConstView in, AnyView out, Index3 radius, WindowExtreme extreme, Execution const& execution),
            (in, out, radius, extreme, execution))
 /// out = a - b, rounded and saturated.
 VKT_KERNEL(difference_of, (ConstView a, ConstView b, AnyView out, Losses& losses, Execution const& execution),

@@ -61,7 +61,7 @@ template <class C> struct Columns {
 
 /// Shares of a piece of a row from curves that are blended along y and z.
 template <class C>
-void map_blended(Window<C> const window, C const* row, std::int32_t const* first, std::int32_t const* second,
+void map_blended(IntensityWindow<C> const window, C const* row, std::int32_t const* first, std::int32_t const* second,
                  C const* weight, C const* values, C* results, std::int64_t n) {
 #pragma omp simd
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
@@ -75,7 +75,7 @@ void map_blended(Window<C> const window, C const* row, std::int32_t const* first
 
 /// The same from curves blended along z only: `upper` is the row of bricks after `row`.
 template <class C>
-void map_between(Window<C> const window, C const* row, C const* upper, C const y, std::int32_t const* first,
+void map_between(IntensityWindow<C> const window, C const* row, C const* upper, C const y, std::int32_t const* first,
                  std::int32_t const* second, C const* weight, C const* values, C* results, std::int64_t n) {
 #pragma omp simd
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
@@ -88,7 +88,7 @@ void map_between(Window<C> const window, C const* row, C const* upper, C const y
     }
 }
 
-template <class C> std::int64_t count_outside(Window<C> const window, C const* values, std::int64_t n) {
+template <class C> std::int64_t count_outside(IntensityWindow<C> const window, C const* values, std::int64_t n) {
     std::int32_t count = 0;
 #pragma omp simd reduction(+ : count)
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) count += window.outside(values[i]) ? 1 : 0;
@@ -156,7 +156,7 @@ private:
     AnyView out_;
     ClaheField const& field_;
     Columns<C> const& columns_;
-    Window<C> window_;
+    IntensityWindow<C> window_;
     AxisBlend y_;
     std::int64_t points_; ///< of a row of bricks' curves
     bool blends_;

@@ -14,7 +14,7 @@ namespace {
 
 /// A voxel on its own. V is what it is given as.
 template <class V, class C> struct Equalize {
-    Window<C> window;
+    IntensityWindow<C> window;
     AxisBlend x, y, z;
     C const* curves;
     std::int32_t across, down; ///< bricks along x and y
@@ -59,7 +59,7 @@ template <class V, class C>
 void map_all(ConstView in, AnyView out, ClaheField const& field, Buffer& curves, Losses& losses,
              Execution const& execution) {
     BrickGrid const& grid = field.grid;
-    Equalize<V, C> const equalize{Window<C>(field),
+    Equalize<V, C> const equalize{IntensityWindow<C>(field),
                                   AxisBlend(grid, 0),
                                   AxisBlend(grid, 1),
                                   AxisBlend(grid, 2),

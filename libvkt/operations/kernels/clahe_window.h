@@ -39,11 +39,11 @@ template <class C> struct Place {
 };
 
 /// From values to bins, and from shares to values. C is float or double.
-template <class C> struct Window {
+template <class C> struct IntensityWindow {
     std::int32_t bins;
     C low, high, scale, unscale, scaled_low, scaled_width, per_unit;
 
-    explicit Window(ClaheField const& f)
+    explicit IntensityWindow(ClaheField const& f)
         : bins(f.bins), low(static_cast<C>(f.low)), high(static_cast<C>(f.high)), scale(static_cast<C>(f.scale)),
           unscale(static_cast<C>(1 / f.scale)), scaled_low(static_cast<C>(f.scaled_low)),
           scaled_width(static_cast<C>(f.scaled_width)), per_unit(static_cast<C>(f.per_unit)) {}

@@ -3,6 +3,7 @@
 #include "libvkt/operations/kernels/make.h"
 
 #include "libvkt/kernel/kernel.h"
+#include "libvkt/kernel/philox.h"
 #include "libvkt/kernel/rows.h"
 
 #include <cmath>
@@ -28,24 +29,12 @@ VKT_HD double cos_turns(double u) {
     return flip ? -sum : sum;
 }
 
-/// Philox4x32-10: the four words of a block (Salmon et al. 2011).
+/// The four random words of a block.
 VKT_HD void philox_block(std::uint64_t block, std::uint64_t seed, std::uint32_t* words) {
-    auto c0 = static_cast<std::uint32_t>(block), c1 = static_cast<std::uint32_t>(block >> 32);
-    std::uint32_t c2 = 0, c3 = 0;
-    auto k0 = static_cast<std::uint32_t>(seed), k1 = static_cast<std::uint32_t>(seed >> 32);
-    for (int round = 0; round < 10; ++round) {
-        std::uint64_t const p0 = std::uint64_t{0xD2511F53u} * c0, p1 = std::uint64_t{0xCD9E8D57u} * c2;
-        c0 = static_cast<std::uint32_t>(p1 >> 32) ^ c1 ^ k0;
-        c2 = static_cast<std::uint32_t>(p0 >> 32) ^ c3 ^ k1;
-        c1 = static_cast<std::uint32_t>(p1);
-        c3 = static_cast<std::uint32_t>(p0);
-        k0 += 0x9E3779B9u;
-        k1 += 0xBB67AE85u;
-    }
-    words[0] = c0;
-    words[1] = c1;
-    words[2] = c2;
-    words[3] = c3;
+    PhiloxBlock const random =
+        philox({{static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0}},
+               static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32));
+    for (int i = 0; i < 4; ++i) words[i] = random.word[i];
 }
 
 /// The words of the blocks that voxels take in their order: one each, or two where R holds more than 32 bits.

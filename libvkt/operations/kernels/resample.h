@@ -45,7 +45,7 @@ inline WeightedSum weighted_sum(std::array<WeightTable, 3> const& tables, DataTy
     // Sums of float64 then stay below a quarter of the largest number, those of kernels that overshoot as well.
     double const gain = tables[0].gain() * tables[1].gain() * tables[2].gain();
     if (type == DataType::float64) sum.unit = std::exp2(-std::ceil(std::log2(sum.divisor * gain)) - 2);
-    sum.x_identity = tables[0].kernel() == Kernel::identity;
+    sum.x_identity = tables[0].kernel() == ResampleKernel::identity;
     return sum;
 }
 

@@ -40,9 +40,9 @@ inline std::vector<int> halves_of(Index3 radius) {
 }
 
 /// Calls f(Op{}, K{}).
-template <class F> inline void with_extreme(Extreme extreme, DataType type, F const& f) {
+template <class F> inline void with_extreme(WindowExtreme extreme, DataType type, F const& f) {
     with_order_key(type, [&]<class K>(K key) {
-        if (extreme == Extreme::least)
+        if (extreme == WindowExtreme::least)
             f(Least{}, key);
         else
             f(Greatest{}, key);

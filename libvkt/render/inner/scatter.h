@@ -4,7 +4,7 @@
 #pragma once
 
 #include "libvkt/render/inner/march.h"
-#include "libvkt/render/inner/philox.h"
+#include "libvkt/render/inner/random.h"
 
 namespace vkt::render {
 
