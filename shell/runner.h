@@ -41,6 +41,7 @@ public:
     void plan(Header const& header, std::string const& output) override;
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
+    void refuse_lossy() override;
     std::function<void(std::string const&)> detail() override;
     std::string format(std::string const& input) const override;
     std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override;
@@ -63,6 +64,7 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
+    void refuse_lossy();
     /// None without one that was kept of this machine and build.
     Calibration const* calibration();
     /// Of the stages that were planned so far; null without a calibration.
@@ -94,7 +96,6 @@ private:
     void tell_prediction() const;
     void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold
-    void refuse_lossy();
     void tell_transport() const;
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;
