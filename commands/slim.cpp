@@ -52,7 +52,7 @@ private:
     Source& now() const { return model_ ? *model_ : *source_; }
 
     void tell(SlimModel const& found) const {
-        std::string const unit = found.picture ? " display levels" : "";
+        std::string const unit = found.pictures > 0 ? " display levels" : "";
         auto const ms = [](double seconds) { return text(short_number(1000 * seconds), " ms"); };
         if (found.made.empty()) {
             context_.note(text("nothing smaller stays within ", request_.within, unit, " (", found.tried,
@@ -61,8 +61,11 @@ private:
         }
         auto const bytes = static_cast<double>(found.bytes), before = static_cast<double>(found.bytes_before);
         context_.note(text(bytes_text(bytes), " instead of ", bytes_text(before), " (", short_number(before / bytes),
-                           " times smaller), ", found.picture ? "drawn in " : "computed in ", ms(found.seconds),
-                           " instead of ", ms(found.seconds_before)));
+                           " times smaller), ",
+                           found.pictures > 1    ? text(found.pictures, " pictures drawn in ")
+                           : found.pictures == 1 ? "drawn in "
+                                                 : "computed in ",
+                           ms(found.seconds), " instead of ", ms(found.seconds_before)));
         context_.note(text("differs by ", short_number(found.max_error), unit, " at most, root mean square ",
                            short_number(found.rms_error), "; the smallest of ", found.tried, " models tried"));
         context_.note(text("made by: ", found.made));

@@ -173,8 +173,8 @@ Volume Chain::run(Volume const& input, Execution const& execution, PictureReques
     if (picturing() == nullptr) return run_first(input, execution, stages_.size());
     Volume const volume = operations() == 0 ? input : run_first(input, execution, operations());
     drawn_ = volume.header();
-    DrawnPicture drawn = picturing()->picture(volume, request, execution);
-    drawing_ = drawn.seconds_per_picture;
+    DrawnPictures drawn = picturing()->pictures(volume, request, execution);
+    drawing_ = drawn.seconds;
     return std::move(drawn.levels);
 }
 

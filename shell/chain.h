@@ -54,7 +54,7 @@ public:
 
     /// Multiply-adds of the last run, as planned.
     double cost() const;
-    /// Seconds that the last run drew a picture.
+    /// Seconds that the last run drew pictures.
     double drawing() const { return drawing_; }
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }

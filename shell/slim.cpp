@@ -56,7 +56,7 @@ public:
         reference_ = chain_.run(volume_, request_.execution);
         if (draws_) preview_ = chain_.run(volume_, request_.execution, {false, preview_share});
         SlimModel model;
-        model.picture = draws_;
+        model.pictures = draws_ ? chain_.picturing()->picture_dims().z / 3 : 0;
         model.bytes_before = model_bytes(volume_);
         std::vector<Candidate> candidates = list();
         std::stable_sort(candidates.begin(), candidates.end(),

@@ -5,6 +5,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
 
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -12,7 +13,7 @@ namespace vkt::shell {
 
 struct SlimRequest {
     std::string pipeline; ///< operations of one volume, perhaps up to a picture
-    double within = 0;    ///< largest difference: display levels of a picture, physical values of a volume
+    double within = 0;    ///< largest difference: display levels of all pictures, physical values of a volume
     Execution execution;
     std::function<void(std::string const&)> detail; ///< told of each candidate; may be empty
 };
@@ -22,8 +23,8 @@ struct SlimModel {
     std::string made;                        ///< by these stages, as for a shell; empty: nothing smaller holds
     std::size_t bytes = 0, bytes_before = 0; ///< voxels, and what bricks are told by
     double max_error = 0, rms_error = 0;     ///< measured, with the pipeline as it was given
-    double seconds = 0, seconds_before = 0;  ///< of a picture, or of the pipeline; medians
-    bool picture = false;
+    double seconds = 0, seconds_before = 0;  ///< of all pictures, or of the pipeline; medians
+    std::int64_t pictures = 0;               ///< that were compared; 0: volumes were
     int tried = 0;
 };
 

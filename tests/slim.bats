@@ -51,6 +51,24 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
     vkt history slim.vkt --as-shell | grep -q 'crop --roi .* | vkt convert --dtype auto'
 }
 
+# A ball that a wall hides from the first of four cameras, and from no other.
+@test "of an orbit every picture stays within the bound" {
+    vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 3 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
+    orbit="render --size 48 --domain 100:1000 --opacity 0,0.99 --unit-distance 0.5 --view=-y --orbit 4"
+    vkt slim hidden.nrrd --for "$orbit" --within 1 -o slim.vkt 2>said
+    cat said >&3
+    grep -q 'times smaller), 4 pictures drawn in' said
+    # shellcheck disable=SC2086
+    vkt $orbit hidden.nrrd -o a-%d.png -q
+    # shellcheck disable=SC2086
+    vkt $orbit slim.vkt -o b-%d.png -q
+    for i in 0 1 2 3; do
+        vkt image diff a-$i.png b-$i.png --json >diff || true
+        /usr/bin/python3 -c 'import json; found = json.load(open("diff")); assert found["levels"] <= 2.01, found'
+    done
+    fails_with 5 '400 pictures take' vkt slim hidden.nrrd --for 'render --orbit 400' --within 1 --memory 64M -o x.vkt
+}
+
 @test "a bound of 0 is met by an equal picture, and nothing that misses a bound is written" {
     ball
     vkt convert ball.nrrd --dtype uint8 --range minmax -q -o bytes.nrrd
