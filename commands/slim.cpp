@@ -67,7 +67,9 @@ private:
                                                  : "computed in ",
                            ms(found.seconds), " instead of ", ms(found.seconds_before)));
         context_.note(text("differs by ", short_number(found.max_error), unit, " at most, root mean square ",
-                           short_number(found.rms_error), "; the smallest of ", found.tried, " models tried"));
+                           short_number(found.rms_error),
+                           found.pictures > 0 ? text(", FLIP ", short_number(found.flip)) : std::string(),
+                           "; the smallest of ", found.tried, " models tried"));
         context_.note(text("made by: ", found.made));
     }
 
@@ -117,7 +119,9 @@ Command slim_command() {
          "Models of the volume, the smallest first, are put through the pipeline as it is given, and the first whose "
          "picture (or result) differs by at most --within anywhere is written: cut to what is seen, in a smaller type, "
          "over the values that matter, at a lower resolution, as bricks that are fine only where they have to be. What "
-         "was saved and what it differs by are measured and said; where nothing smaller holds, the voxels are those of "
+         "was saved and what it differs by (the most, the root mean square, and of pictures FLIP) are measured and "
+         "said; "
+         "where nothing smaller holds, the voxels are those of "
          "the input.",
          {{"For this picture, to half a display level", "vkt slim volume.nrrd --for 'render --size 128 --domain 0:500 "
                                                         "--opacity 0,0.2 --unit-distance 1' --within 0.5 "

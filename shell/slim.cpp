@@ -8,6 +8,7 @@
 #include "libvkt/engine/registry.h"
 #include "libvkt/operations/difference.h"
 #include "shell/chain.h"
+#include "shell/picture_levels.h"
 #include "shell/short_number.h"
 
 #include <algorithm>
@@ -44,7 +45,7 @@ struct Candidate {
 
 struct Found {
     bool holds = false;
-    double max_error = 0, rms_error = 0;
+    double max_error = 0, rms_error = 0, flip = 0;
 };
 
 class Search {
@@ -63,7 +64,7 @@ public:
                          [](Candidate const& a, Candidate const& b) { return a.bytes < b.bytes; });
         Candidate best{{}, model.bytes_before};
         Volume chosen = volume_;
-        Found measured{true, 0, 0};
+        Found measured{true, 0, 0, 0};
         for (auto const& candidate : candidates) {
             if (candidate.bytes >= best.bytes) break;
             Volume const smaller = made(volume_, candidate.stages);
@@ -80,6 +81,7 @@ public:
         model.bytes = best.bytes;
         model.max_error = measured.max_error;
         model.rms_error = measured.rms_error;
+        model.flip = measured.flip;
         model.seconds_before = seconds(volume_);
         model.seconds = best.stages.empty() ? model.seconds_before : seconds(chosen);
         model.volume = std::move(chosen);
@@ -223,13 +225,15 @@ private:
         std::string said;
         try {
             DifferenceResult all;
+            Volume result;
             if (draws_) all = compared(preview_, chain_.run(model, request_.execution, {false, preview_share}));
             if (!draws_ || all.max_abs <= hopeless * request_.within)
-                all = compared(reference_, chain_.run(model, request_.execution));
+                all = compared(reference_, result = chain_.run(model, request_.execution));
             else
                 said = " in a preview";
             bool const comparable = all.same_dims && (draws_ || all.same_geometry);
-            found = {comparable && said.empty() && all.max_abs <= request_.within, all.max_abs, all.rmse};
+            found = {comparable && said.empty() && all.max_abs <= request_.within, all.max_abs, all.rmse, 0};
+            if (draws_ && found.holds) found.flip = largest_flip(reference_, result);
             said = comparable ? text(short_number(all.max_abs), said) : std::string("of another extent");
         } catch (Error const& e) {
             if (e.kind() != ErrorKind::usage) throw;

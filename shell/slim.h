@@ -23,6 +23,7 @@ struct SlimModel {
     std::string made;                        ///< by these stages, as for a shell; empty: nothing smaller holds
     std::size_t bytes = 0, bytes_before = 0; ///< voxels, and what bricks are told by
     double max_error = 0, rms_error = 0;     ///< measured, with the pipeline as it was given
+    double flip = 0;                         ///< of the picture that differs most
     double seconds = 0, seconds_before = 0;  ///< of all pictures, or of the pipeline; medians
     std::int64_t pictures = 0;               ///< that were compared; 0: volumes were
     int tried = 0;

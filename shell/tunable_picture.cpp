@@ -4,10 +4,9 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
-#include "libvkt/render/image.h"
+#include "shell/picture_levels.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -25,17 +24,6 @@ void make_reference(render::RenderSettings& settings) {
             settings.skip = true;
         else
             settings.step = 1.0 / 32;
-    }
-}
-
-/// Three planes.
-void put_levels(render::Image const& image, render::Background const& background, float* levels) {
-    std::size_t const pixels = image.pixels.size() / 4;
-    for (std::size_t i = 0; i < pixels; ++i) {
-        std::array<float, 4> const light = render::over(image.pixels.data() + 4 * i, background);
-        for (std::size_t c = 0; c < 3; ++c)
-            levels[c * pixels + i] =
-                static_cast<float>(255 * render::linear_to_srgb(std::clamp(static_cast<double>(light[c]), 0.0, 1.0)));
     }
 }
 
@@ -69,8 +57,7 @@ DrawnPictures TunablePicture::pictures(Volume const& volume, PictureRequest cons
                     "raise --memory, or ask for fewer or smaller pictures");
     DrawnPictures drawn{Volume(header)};
     auto* levels = reinterpret_cast<float*>(drawn.levels.mutable_view().data);
-    render::Background background = options_.background();
-    background.alpha = 1;
+    render::Color const background = options_.background().color;
     render::Renderer const renderer(volume, execution, settings.tree);
     for (render::CameraRequest const& camera : cameras) {
         settings.camera = camera;

@@ -51,6 +51,18 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
     vkt history slim.vkt --as-shell | grep -q 'crop --roi .* | vkt convert --dtype auto'
 }
 
+@test "FLIP is told, as vkt image diff finds it in the pictures" {
+    ball
+    vkt slim ball.nrrd --for "$look" --within 30 -o slim.vkt 2>said
+    levels_apart ball.nrrd slim.vkt
+    vkt image diff a.png b.png --json >diff || true
+    /usr/bin/python3 -c '
+import json, re
+told = float(re.search(", root mean square [0-9.]*, FLIP ([0-9.e-]+);", open("said").read()).group(1))
+found = json.load(open("diff"))["flip"]
+assert found > 0.002 and abs(told - found) < 0.05 * found, (told, found)' # levels are rounded in files
+}
+
 # A ball that a wall hides from the first of four cameras, and from no other.
 @test "of an orbit every picture stays within the bound" {
     vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 3 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
@@ -58,6 +70,7 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
     vkt slim hidden.nrrd --for "$orbit" --within 1 -o slim.vkt 2>said
     cat said >&3
     grep -q 'times smaller), 4 pictures drawn in' said
+    grep -q 'at most, root mean square .*, FLIP [0-9.e-]*; the smallest of' said
     # shellcheck disable=SC2086
     vkt $orbit hidden.nrrd -o a-%d.png -q
     # shellcheck disable=SC2086
@@ -89,7 +102,9 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
         vkt filter gaussian v.nrrd --sigma 1 -q | vkt convert --dtype float64 -q >v
         vkt diff v s --tolerance "$(awk "BEGIN { print $within * 1.0001 }")"
     done
-    vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within 3 -q | vkt info | grep -q 'uint8'
+    vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within 3 2>said | vkt info | grep -q 'uint8'
+    grep -q 'root mean square' said
+    run ! grep FLIP said
 }
 
 @test "pipes, vkt pipe, dry runs, refusals" {
