@@ -117,7 +117,9 @@ Command slim_command() {
     return opener_command<Slim>(
         {"No more of a volume than a picture or a result needs.",
          "Models of the volume, the smallest first, are put through the pipeline as it is given, and the first whose "
-         "picture (or result) differs by at most --within anywhere is written: cut to what is seen, in a smaller type, "
+         "picture (or result) differs by at most --within anywhere is written: cut to what is seen or read, in a "
+         "smaller "
+         "type, "
          "over the values that matter, at a lower resolution, as bricks that are fine only where they have to be. What "
          "was saved and what it differs by (the most, the root mean square, and of pictures FLIP) are measured and "
          "said; "

@@ -4,6 +4,7 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/operations/difference.h"
@@ -89,14 +90,15 @@ public:
     }
 
 private:
-    /// All that need no look at the voxels but for their range: crops, resolutions and types, in any combination.
+    /// Crops, resolutions and types, in any combination.
     std::vector<Candidate> list() {
         Header const& header = volume_.header();
         std::vector<std::vector<Words>> crops{{}}, scales{{}};
-        if (header.kind == Kind::structured && draws_) {
-            if (auto const box = visible()) crops.push_back({{"crop", "--roi", to_text(*box)}});
+        if (header.kind == Kind::structured) {
+            for (Box const& box : draws_ ? visible() : read()) crops.push_back({{"crop", "--roi", to_text(box)}});
+            bool const any_scale = draws_ || keeps_its_lattice();
             for (char const* const scale : {"0.25", "0.375", "0.5", "0.625", "0.75"})
-                scales.push_back({{"resample", "--scale", scale}});
+                if (any_scale) scales.push_back({{"resample", "--scale", scale}});
         }
         std::vector<std::vector<Words>> const types = conversions();
         std::vector<Candidate> result;
@@ -180,7 +182,7 @@ private:
 
     /// The box outside of which nothing changes the picture by more than a part of what is allowed: every face is
     /// moved inwards as far as it may. None if that is the whole, or the picture follows the volume's extent.
-    std::optional<Box> visible() {
+    std::vector<Box> visible() {
         Header const& header = volume_.header();
         Box box = box_of(header.dims);
         auto const unseen = [&](Box const& part) { return difference_in_preview(part) <= 0.25 * request_.within; };
@@ -202,9 +204,31 @@ private:
             if (wider == box_of(header.dims)) return {};
             Volume const cut = vkt::apply({"crop", "--roi", to_text(wider)}, {volume_});
             if (compared(reference_, chain_.run(cut, request_.execution)).max_abs <= 0.25 * request_.within)
-                return wider;
+                return {wider};
         }
         return {};
+    }
+
+    /// The box that the operations read, for those that name places in the world; for those that count voxels with all
+    /// that lies before it. None if that is the whole.
+    std::vector<Box> read() {
+        Box const whole = box_of(volume_.header().dims), box = chain_.part_read(volume_, request_.execution);
+        std::vector<Box> boxes;
+        for (Box const& part : {box, Box{whole.lower, box.upper}})
+            if (!(part == whole) && (boxes.empty() || !(part == boxes.back()))) boxes.push_back(part);
+        return boxes;
+    }
+
+    /// Whether the result of the operations has the same voxels at another resolution of the volume, so that it can be
+    /// compared.
+    bool keeps_its_lattice() {
+        try {
+            Volume const coarse = made(volume_, {{"resample", "--scale", "0.5"}});
+            return same_place(chain_.output(coarse, request_.execution), reference_.header());
+        } catch (Error const& e) {
+            if (e.kind() != ErrorKind::usage) throw;
+            return false;
+        }
     }
 
     double difference_in_preview(Box const& part) {

@@ -29,8 +29,9 @@ struct SlimModel {
     int tried = 0;
 };
 
-/// Tries models of the volume, the one of fewest bytes first: cut to what the picture shows, in a smaller type, over
-/// the range of values that matters, at a lower resolution; what is best of these also as a hierarchical volume. Each
+/// Tries models of the volume, the one of fewest bytes first: cut to what the picture shows or the operations read,
+/// in a smaller type, over the range of values that matters, at a lower resolution (of operations: where their result
+/// has the same voxels then); what is best of these also as a hierarchical volume. Each
 /// goes through the pipeline as it was given, and the first whose result differs by at most `within` anywhere is taken;
 /// of pictures a smaller one is drawn first, and a model that fails there by far is not drawn in full. Bricks are not
 /// told before they are made: tolerances of a hierarchical volume are halved from coarse to fine until one holds.

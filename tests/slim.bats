@@ -107,6 +107,45 @@ assert found > 0.002 and abs(told - found) < 0.05 * found, (told, found)' # leve
     run ! grep FLIP said
 }
 
+# dims_of FILE
+dims_of() { vkt info "$1" --json | /usr/bin/python3 -c 'import json, sys; print(*json.load(sys.stdin)["dims"])'; }
+
+# within PIPELINE E A B: what the pipeline makes of B is within E of what it makes of A.
+within() {
+    vkt pipe -q "read $3 | $1 | convert --dtype float64 | write whole.vkt" --force
+    vkt pipe -q "read $4 | $1 | convert --dtype float64 | write part.vkt" --force
+    vkt diff whole.vkt part.vkt --tolerance "$2"
+}
+
+@test "operations keep of the volume what they read, with their margins" {
+    vkt make noise --dims 64 48 56 --low 0 --high 500 --dtype float32 -o v.nrrd
+    while read -r dims work; do
+        vkt slim v.nrrd --for "$work" --within 0.5 -o s.vkt --force -q
+        [ "$(dims_of s.vkt)" = "${dims//x/ }" ] || { echo "$work: $(dims_of s.vkt)" >&2; return 1; }
+        within "$work" 0.5 v.nrrd s.vkt
+    done <<'END'
+40x40x40 crop --roi 0:40,0:40,0:40 | filter gaussian --sigma 1
+40x30x48 crop --roi 10:40,0:30,40:48
+64x48x13 filter median --radius 3 | crop --roi :,:,0:10
+16x18x5 filter box --radius 2 | crop --roi-world 10:21,20:33,7:7
+64x48x9 slice --z 8
+64x48x56 filter box --radius 2 --boundary wrap | crop --roi :,:,0:10
+64x48x56 transform 'v * 2'
+END
+}
+
+@test "operations that name the lattice of their result are given a lower resolution, if it suffices" {
+    vkt make noise --dims 64 48 56 --low 0 --high 500 --dtype float32 | vkt filter gaussian --sigma 4 -o smooth.nrrd
+    work='resample --dims 16 12 14 | filter gaussian --sigma 1'
+    vkt slim smooth.nrrd --for "$work" --within 2 -o s.vkt
+    vkt history s.vkt --as-shell | grep -q 'resample --scale'
+    [ "$(dims_of s.vkt)" = "16 12 14" ]
+    within "$work" 2 smooth.nrrd s.vkt
+    # What has as many voxels as the volume cannot be compared with less.
+    vkt slim smooth.nrrd --for 'flip x' --within 2 -o t.vkt
+    [ "$(dims_of t.vkt)" = "64 48 56" ]
+}
+
 @test "pipes, vkt pipe, dry runs, refusals" {
     vkt make noise --dims 20 21 22 --low 0 --high 500 --dtype float32 -o v.nrrd
     vkt read v.nrrd | vkt slim --for 'flip x' --within 2 -q | vkt write a.nrrd
