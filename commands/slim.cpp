@@ -52,7 +52,7 @@ private:
     Source& now() const { return model_ ? *model_ : *source_; }
 
     void tell(SlimModel const& found) const {
-        std::string const unit = found.picture ? " display levels" : "";
+        std::string const unit = found.pictures > 0 ? " display levels" : "";
         auto const ms = [](double seconds) { return text(short_number(1000 * seconds), " ms"); };
         if (found.made.empty()) {
             context_.note(text("nothing smaller stays within ", request_.within, unit, " (", found.tried,
@@ -61,10 +61,15 @@ private:
         }
         auto const bytes = static_cast<double>(found.bytes), before = static_cast<double>(found.bytes_before);
         context_.note(text(bytes_text(bytes), " instead of ", bytes_text(before), " (", short_number(before / bytes),
-                           " times smaller), ", found.picture ? "drawn in " : "computed in ", ms(found.seconds),
-                           " instead of ", ms(found.seconds_before)));
+                           " times smaller), ",
+                           found.pictures > 1    ? text(found.pictures, " pictures drawn in ")
+                           : found.pictures == 1 ? "drawn in "
+                                                 : "computed in ",
+                           ms(found.seconds), " instead of ", ms(found.seconds_before)));
         context_.note(text("differs by ", short_number(found.max_error), unit, " at most, root mean square ",
-                           short_number(found.rms_error), "; the smallest of ", found.tried, " models tried"));
+                           short_number(found.rms_error),
+                           found.pictures > 0 ? text(", FLIP ", short_number(found.flip)) : std::string(),
+                           "; the smallest of ", found.tried, " models tried"));
         context_.note(text("made by: ", found.made));
     }
 
@@ -112,9 +117,13 @@ Command slim_command() {
     return opener_command<Slim>(
         {"No more of a volume than a picture or a result needs.",
          "Models of the volume, the smallest first, are put through the pipeline as it is given, and the first whose "
-         "picture (or result) differs by at most --within anywhere is written: cut to what is seen, in a smaller type, "
+         "picture (or result) differs by at most --within anywhere is written: cut to what is seen or read, in a "
+         "smaller "
+         "type, "
          "over the values that matter, at a lower resolution, as bricks that are fine only where they have to be. What "
-         "was saved and what it differs by are measured and said; where nothing smaller holds, the voxels are those of "
+         "was saved and what it differs by (the most, the root mean square, and of pictures FLIP) are measured and "
+         "said; "
+         "where nothing smaller holds, the voxels are those of "
          "the input.",
          {{"For this picture, to half a display level", "vkt slim volume.nrrd --for 'render --size 128 --domain 0:500 "
                                                         "--opacity 0,0.2 --unit-distance 1' --within 0.5 "

@@ -173,8 +173,8 @@ Volume Chain::run(Volume const& input, Execution const& execution, PictureReques
     if (picturing() == nullptr) return run_first(input, execution, stages_.size());
     Volume const volume = operations() == 0 ? input : run_first(input, execution, operations());
     drawn_ = volume.header();
-    DrawnPicture drawn = picturing()->picture(volume, request, execution);
-    drawing_ = drawn.seconds_per_picture;
+    DrawnPictures drawn = picturing()->pictures(volume, request, execution);
+    drawing_ = drawn.seconds;
     return std::move(drawn.levels);
 }
 
@@ -185,6 +185,30 @@ std::string Chain::plan(Volume const& input, Execution const& execution) {
         all += text(plan.method.substr(0, plan.method.find(';')), " ", plan.output.dtype, " ", plan.cost, " ",
                     plan.error.range, " ", plan.error.magnitude, " ", plan.error.absolute, "\n");
     return all;
+}
+
+Header Chain::output(Volume const& input, Execution const& execution) {
+    return attached(input, execution, operations())->header();
+}
+
+Box Chain::part_read(Volume const& input, Execution const& execution) {
+    Box part = box_of(output(input, execution).dims);
+    for (std::size_t i = plans_.size(); i-- > 0;) {
+        Box const whole = box_of(headers_[i].dims);
+        Plan const& plan = plans_[i];
+        // What is kept from one region to the next, or looked at before, is of the whole.
+        bool const all = plan.whole || plan.carries || plan.scans;
+        Box const wanted = all ? whole : stages_[i].operation()->footprint(part, 0);
+        part = intersect(wanted, whole);
+        for (int axis = 0; axis < 3; ++axis)
+            if (plan.boundary == Boundary::wrap &&
+                (wanted.lower[axis] < whole.lower[axis] || wanted.upper[axis] > whole.upper[axis])) {
+                part.lower[axis] = whole.lower[axis];
+                part.upper[axis] = whole.upper[axis];
+            }
+        if (part.empty()) part = whole;
+    }
+    return part;
 }
 
 double Chain::cost() const {

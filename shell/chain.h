@@ -52,9 +52,14 @@ public:
     /// all voxels, on how many there are, or on where they lie. After it, plan() or run() come first.
     bool fits_part(Header const& whole, Header const& part);
 
+    /// Describes what comes out of the operations, without computing it.
+    Header output(Volume const& input, Execution const& execution);
+    /// The part of the input that what comes out of the operations is made of: their footprints, the last one's first.
+    Box part_read(Volume const& input, Execution const& execution);
+
     /// Multiply-adds of the last run, as planned.
     double cost() const;
-    /// Seconds that the last run drew a picture.
+    /// Seconds that the last run drew pictures.
     double drawing() const { return drawing_; }
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }

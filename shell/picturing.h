@@ -14,20 +14,22 @@ struct PictureRequest {
     double share = 1;       ///< width and height, of those asked for
 };
 
-struct DrawnPicture {
-    /// Red, green and blue as three slices: display levels, 0 to 255, not rounded; the background lies behind.
+struct DrawnPictures {
+    /// Of each picture red, green and blue as three slices: display levels, 0 to 255, not rounded; the background lies
+    /// behind.
     Volume levels;
-    double seconds_per_picture = 0; ///< of drawing, which grows with the pixels; the rest readies the volume
+    double seconds = 0; ///< of drawing all of them, which grows with the pixels; the rest readies the volume
 };
 
 class Picturing {
 public:
     virtual ~Picturing() = default;
-    virtual DrawnPicture picture(Volume const& volume, PictureRequest const& request,
-                                 Execution const& execution) const = 0;
-    /// Of pictures in the size asked for.
+    /// All that the options ask for. Throws Error{resources} where the memory does not hold them.
+    virtual DrawnPictures pictures(Volume const& volume, PictureRequest const& request,
+                                   Execution const& execution) const = 0;
+    /// Of the levels of pictures in the size asked for.
     virtual Index3 picture_dims() const = 0;
-    /// Steps or paths of a whole picture of such a volume; 0 if not known beforehand.
+    /// Steps or paths of all pictures of such a volume; 0 if not known beforehand.
     virtual double picture_cost(Header const& header) const = 0;
     /// How the reference is drawn.
     virtual std::string reference_method() const = 0;

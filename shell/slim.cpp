@@ -4,10 +4,12 @@
 
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
+#include "libvkt/core/frame.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/engine/registry.h"
 #include "libvkt/operations/difference.h"
 #include "shell/chain.h"
+#include "shell/picture_levels.h"
 #include "shell/short_number.h"
 
 #include <algorithm>
@@ -44,7 +46,7 @@ struct Candidate {
 
 struct Found {
     bool holds = false;
-    double max_error = 0, rms_error = 0;
+    double max_error = 0, rms_error = 0, flip = 0;
 };
 
 class Search {
@@ -56,14 +58,14 @@ public:
         reference_ = chain_.run(volume_, request_.execution);
         if (draws_) preview_ = chain_.run(volume_, request_.execution, {false, preview_share});
         SlimModel model;
-        model.picture = draws_;
+        model.pictures = draws_ ? chain_.picturing()->picture_dims().z / 3 : 0;
         model.bytes_before = model_bytes(volume_);
         std::vector<Candidate> candidates = list();
         std::stable_sort(candidates.begin(), candidates.end(),
                          [](Candidate const& a, Candidate const& b) { return a.bytes < b.bytes; });
         Candidate best{{}, model.bytes_before};
         Volume chosen = volume_;
-        Found measured{true, 0, 0};
+        Found measured{true, 0, 0, 0};
         for (auto const& candidate : candidates) {
             if (candidate.bytes >= best.bytes) break;
             Volume const smaller = made(volume_, candidate.stages);
@@ -80,6 +82,7 @@ public:
         model.bytes = best.bytes;
         model.max_error = measured.max_error;
         model.rms_error = measured.rms_error;
+        model.flip = measured.flip;
         model.seconds_before = seconds(volume_);
         model.seconds = best.stages.empty() ? model.seconds_before : seconds(chosen);
         model.volume = std::move(chosen);
@@ -87,14 +90,15 @@ public:
     }
 
 private:
-    /// All that need no look at the voxels but for their range: crops, resolutions and types, in any combination.
+    /// Crops, resolutions and types, in any combination.
     std::vector<Candidate> list() {
         Header const& header = volume_.header();
         std::vector<std::vector<Words>> crops{{}}, scales{{}};
-        if (header.kind == Kind::structured && draws_) {
-            if (auto const box = visible()) crops.push_back({{"crop", "--roi", to_text(*box)}});
+        if (header.kind == Kind::structured) {
+            for (Box const& box : draws_ ? visible() : read()) crops.push_back({{"crop", "--roi", to_text(box)}});
+            bool const any_scale = draws_ || keeps_its_lattice();
             for (char const* const scale : {"0.25", "0.375", "0.5", "0.625", "0.75"})
-                scales.push_back({{"resample", "--scale", scale}});
+                if (any_scale) scales.push_back({{"resample", "--scale", scale}});
         }
         std::vector<std::vector<Words>> const types = conversions();
         std::vector<Candidate> result;
@@ -178,7 +182,7 @@ private:
 
     /// The box outside of which nothing changes the picture by more than a part of what is allowed: every face is
     /// moved inwards as far as it may. None if that is the whole, or the picture follows the volume's extent.
-    std::optional<Box> visible() {
+    std::vector<Box> visible() {
         Header const& header = volume_.header();
         Box box = box_of(header.dims);
         auto const unseen = [&](Box const& part) { return difference_in_preview(part) <= 0.25 * request_.within; };
@@ -200,9 +204,31 @@ private:
             if (wider == box_of(header.dims)) return {};
             Volume const cut = vkt::apply({"crop", "--roi", to_text(wider)}, {volume_});
             if (compared(reference_, chain_.run(cut, request_.execution)).max_abs <= 0.25 * request_.within)
-                return wider;
+                return {wider};
         }
         return {};
+    }
+
+    /// The box that the operations read, for those that name places in the world; for those that count voxels with all
+    /// that lies before it. None if that is the whole.
+    std::vector<Box> read() {
+        Box const whole = box_of(volume_.header().dims), box = chain_.part_read(volume_, request_.execution);
+        std::vector<Box> boxes;
+        for (Box const& part : {box, Box{whole.lower, box.upper}})
+            if (!(part == whole) && (boxes.empty() || !(part == boxes.back()))) boxes.push_back(part);
+        return boxes;
+    }
+
+    /// Whether the result of the operations has the same voxels at another resolution of the volume, so that it can be
+    /// compared.
+    bool keeps_its_lattice() {
+        try {
+            Volume const coarse = made(volume_, {{"resample", "--scale", "0.5"}});
+            return same_place(chain_.output(coarse, request_.execution), reference_.header());
+        } catch (Error const& e) {
+            if (e.kind() != ErrorKind::usage) throw;
+            return false;
+        }
     }
 
     double difference_in_preview(Box const& part) {
@@ -223,13 +249,15 @@ private:
         std::string said;
         try {
             DifferenceResult all;
+            Volume result;
             if (draws_) all = compared(preview_, chain_.run(model, request_.execution, {false, preview_share}));
             if (!draws_ || all.max_abs <= hopeless * request_.within)
-                all = compared(reference_, chain_.run(model, request_.execution));
+                all = compared(reference_, result = chain_.run(model, request_.execution));
             else
                 said = " in a preview";
             bool const comparable = all.same_dims && (draws_ || all.same_geometry);
-            found = {comparable && said.empty() && all.max_abs <= request_.within, all.max_abs, all.rmse};
+            found = {comparable && said.empty() && all.max_abs <= request_.within, all.max_abs, all.rmse, 0};
+            if (draws_ && found.holds) found.flip = largest_flip(reference_, result);
             said = comparable ? text(short_number(all.max_abs), said) : std::string("of another extent");
         } catch (Error const& e) {
             if (e.kind() != ErrorKind::usage) throw;

@@ -5,6 +5,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/volume.h"
 
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -12,7 +13,7 @@ namespace vkt::shell {
 
 struct SlimRequest {
     std::string pipeline; ///< operations of one volume, perhaps up to a picture
-    double within = 0;    ///< largest difference: display levels of a picture, physical values of a volume
+    double within = 0;    ///< largest difference: display levels of all pictures, physical values of a volume
     Execution execution;
     std::function<void(std::string const&)> detail; ///< told of each candidate; may be empty
 };
@@ -22,13 +23,15 @@ struct SlimModel {
     std::string made;                        ///< by these stages, as for a shell; empty: nothing smaller holds
     std::size_t bytes = 0, bytes_before = 0; ///< voxels, and what bricks are told by
     double max_error = 0, rms_error = 0;     ///< measured, with the pipeline as it was given
-    double seconds = 0, seconds_before = 0;  ///< of a picture, or of the pipeline; medians
-    bool picture = false;
+    double flip = 0;                         ///< of the picture that differs most
+    double seconds = 0, seconds_before = 0;  ///< of all pictures, or of the pipeline; medians
+    std::int64_t pictures = 0;               ///< that were compared; 0: volumes were
     int tried = 0;
 };
 
-/// Tries models of the volume, the one of fewest bytes first: cut to what the picture shows, in a smaller type, over
-/// the range of values that matters, at a lower resolution; what is best of these also as a hierarchical volume. Each
+/// Tries models of the volume, the one of fewest bytes first: cut to what the picture shows or the operations read,
+/// in a smaller type, over the range of values that matters, at a lower resolution (of operations: where their result
+/// has the same voxels then); what is best of these also as a hierarchical volume. Each
 /// goes through the pipeline as it was given, and the first whose result differs by at most `within` anywhere is taken;
 /// of pictures a smaller one is drawn first, and a model that fails there by far is not drawn in full. Bricks are not
 /// told before they are made: tolerances of a hierarchical volume are halved from coarse to fine until one holds.

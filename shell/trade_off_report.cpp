@@ -37,7 +37,9 @@ std::string place(TradeOff const& found) {
     bool const draws = found.picture.x > 0;
     std::string const share =
         found.scale() > 1 ? text(", 1/", short_number(found.scale()), draws ? " of the pixels" : " of the voxels") : "";
-    if (draws) return text("pictures of ", found.picture.x, "x", found.picture.y, share);
+    std::int64_t const pictures = found.picture.z / 3;
+    std::string const count = pictures > 1 ? text(pictures, " ") : "";
+    if (draws) return text(count, "pictures of ", found.picture.x, "x", found.picture.y, share);
     return text(to_text(found.part), " of ", to_text(found.whole), share);
 }
 

@@ -1,11 +1,12 @@
-// A picture as vkt chart varies it.
+// Pictures as vkt chart varies them.
 // SPDX-License-Identifier: MIT
 #include "shell/tunable_picture.h"
 
+#include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "shell/picture_levels.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -35,8 +36,8 @@ std::vector<Knob> TunablePicture::knobs() const {
     return {{"step", {"4", "2", "1", "0.5", "0.25", "0.125"}, "0.125"}};
 }
 
-DrawnPicture TunablePicture::picture(Volume const& volume, PictureRequest const& request,
-                                     Execution const& execution) const {
+DrawnPictures TunablePicture::pictures(Volume const& volume, PictureRequest const& request,
+                                       Execution const& execution) const {
     render::RenderSettings settings = options_.settings();
     auto const part = [&](int pixels) {
         return std::max(1, static_cast<int>(std::lround(request.share * static_cast<double>(pixels))));
@@ -44,34 +45,40 @@ DrawnPicture TunablePicture::picture(Volume const& volume, PictureRequest const&
     settings.width = part(settings.width);
     settings.height = part(settings.height);
     if (request.reference) make_reference(settings);
-    render::RenderReport report;
-    render::Image const image = render::render(volume, settings, execution, &report);
-    render::Background const background = options_.background();
+    std::vector<render::CameraRequest> const cameras = options_.cameras();
     Header header;
-    header.dims = {settings.width, settings.height, 3};
+    header.dims = {settings.width, settings.height, 3 * static_cast<std::int64_t>(cameras.size())};
     header.dtype = DataType::float32;
-    DrawnPicture drawn{Volume(header), report.render_seconds};
-    auto* const levels = reinterpret_cast<float*>(drawn.levels.mutable_view().data);
-    auto const pixels = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
-    std::array<double, 3> const behind{background.color.red, background.color.green, background.color.blue};
-    for (std::size_t i = 0; i < pixels; ++i)
-        for (std::size_t c = 0; c < 3; ++c) {
-            float const* const p = image.pixels.data() + 4 * i;
-            double const light =
-                static_cast<double>(p[c]) + static_cast<double>(p[3]) * render::srgb_to_linear(behind[c]);
-            levels[c * pixels + i] = static_cast<float>(255 * render::linear_to_srgb(std::clamp(light, 0.0, 1.0)));
-        }
+    // What is compared with them, and what is drawn meanwhile.
+    if (header.bytes() > execution.memory / 4)
+        throw Error(ErrorKind::resources,
+                    text(static_cast<std::uint64_t>(cameras.size()), " pictures take ",
+                         bytes_text(static_cast<double>(header.bytes())), ", and a quarter of --memory is less"),
+                    "raise --memory, or ask for fewer or smaller pictures");
+    DrawnPictures drawn{Volume(header)};
+    auto* levels = reinterpret_cast<float*>(drawn.levels.mutable_view().data);
+    render::Color const background = options_.background().color;
+    render::Renderer const renderer(volume, execution, settings.tree);
+    for (render::CameraRequest const& camera : cameras) {
+        settings.camera = camera;
+        render::RenderReport report;
+        render::Image const image = renderer.render(settings, &report);
+        drawn.seconds += report.render_seconds;
+        put_levels(image, background, levels);
+        levels += image.pixels.size() / 4 * 3;
+    }
     return drawn;
 }
 
 Index3 TunablePicture::picture_dims() const {
     render::RenderSettings const settings = options_.settings();
-    return {settings.width, settings.height, 3};
+    return {settings.width, settings.height, 3 * static_cast<std::int64_t>(options_.cameras().size())};
 }
 
 double TunablePicture::picture_cost(Header const& header) const {
     render::RenderSettings const settings = options_.settings();
-    double const rays = static_cast<double>(settings.width) * settings.height;
+    double const rays =
+        static_cast<double>(settings.width) * settings.height * static_cast<double>(options_.cameras().size());
     auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
     if (settings.algorithm == render::Algorithm::multi_scattering) return rays * settings.samples;
     if (settings.algorithm != render::Algorithm::ray_marching || settings.exact) return 0;

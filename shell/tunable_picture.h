@@ -1,4 +1,4 @@
-// A picture as vkt chart varies it: what trades error for time, and pictures whose light can be compared.
+// Pictures as vkt chart varies them: what trades error for time, and pictures whose light can be compared.
 // SPDX-License-Identifier: MIT
 #pragma once
 
@@ -15,8 +15,8 @@ namespace vkt::shell {
 class TunablePicture : public Tunable, public Picturing {
 public:
     std::vector<Knob> knobs() const override;
-    DrawnPicture picture(Volume const& volume, PictureRequest const& request,
-                         Execution const& execution) const override;
+    DrawnPictures pictures(Volume const& volume, PictureRequest const& request,
+                           Execution const& execution) const override;
     Index3 picture_dims() const override;
     double picture_cost(Header const& header) const override;
     std::string reference_method() const override;

@@ -157,6 +157,27 @@ for step in ("0.25", "1", "4"):
 END
 }
 
+@test "all pictures of an orbit are compared, and the largest error is told" {
+    # A small ball behind a wall: the first camera does not see what long steps make of it.
+    vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 2 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
+    local look="--domain 100:1000 --opacity 0,0.9 --shade none --no-skip --size 48 --view=-y --orbit 4"
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads --budget 1 >chart
+    grep -q '^measured on 4 pictures of 48x48' chart
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads --budget 1 --json >chart.json
+    # shellcheck disable=SC2086
+    vkt render hidden.nrrd $look --step 4 -o long-%d.png
+    # shellcheck disable=SC2086
+    vkt render hidden.nrrd ${look/--shade none --no-skip/} --exact -o exact-%d.png
+    for i in 0 1 2 3; do vkt image diff exact-$i.png long-$i.png --json >diff-$i || true; done
+    /usr/bin/python3 - <<'END'
+import json
+levels = [json.load(open(f"diff-{i}"))["levels"] for i in range(4)]
+given, = [p for p in json.load(open("chart.json"))["points"] if p["given"]]
+assert max(levels) > levels[0] + 3, levels # or the first picture would do
+assert abs(given["max_error"] - max(levels)) <= 1.01, (levels, given) # files hold whole levels
+END
+}
+
 @test "pictures of a size that takes too long are measured smaller, after other stages, and made by the command" {
     vkt chart 'crop --roi :,:,20:60 | render --step 1 --size 1200x800' phantom.nrrd --keep threads --budget 0.3 >chart
     grep -Eq '^measured on pictures of [0-9]+x[0-9]+, 1/[0-9.e+]+ of the pixels: all 6 settings' chart

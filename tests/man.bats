@@ -68,10 +68,10 @@ SEE ALSO"
     done
 }
 
-@test "vkt-stability(7) names every operation, every line of the table, and tests that exist" {
+@test "vkt-stability(7) names every command and algorithm, every line of the table, and tests that exist" {
     python_with numpy scipy
     VKT=$(command -v vkt) /usr/bin/python3 - "$VKT_ROOT" <<'END'
-import os, re, subprocess, sys
+import glob, os, re, subprocess, sys
 root = sys.argv[1]
 page = open(f"{root}/man/vkt-stability.7").read()
 run = lambda *words: subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
@@ -82,13 +82,28 @@ for group in re.findall(r"^\[([0-9, -]+)\]", page, re.MULTILINE):
         named |= set(range(int(first), int(last or first) + 1))
 assert named == lines, f"not named: {sorted(lines - named)}; not lines: {sorted(named - lines)}"
 commands = run("vkt", "help", "--list")
-known = {name for command in commands for name in (command.replace(" ", "-"), command.split()[0])}
-for stem in set(re.findall(r"([a-z0-9-]+)\.bats", page)):
-    assert os.path.exists(f"{root}/tests/{stem}.bats") or stem not in known, f"there is no {stem}.bats"
-items = " , ".join(re.findall(r"^\.It Cm (.*)", page, re.MULTILINE)).split(" , ")
+units = "".join(open(path).read() for path in glob.glob(f"{root}/tests/unit/*.cpp"))
+tests = {f"{suite}.{name}" for suite, name in re.findall(r"^TEST\w*\((\w+), (\w+)\)", units, re.MULTILINE)}
+rows = re.findall(r"^\.It (.*)\n((?:(?!\.It|\.El).*\n)*)", page, re.MULTILINE)
+for item, row in rows:
+    stems = re.findall(r"\b([a-z0-9-]+)\.bats", row)
+    cases = re.findall(r"\b([A-Z]\w+\.\w+)\b", row)
+    assert stems or cases or re.search(r"^\[[0-9, -]+\]", row, re.MULTILINE), f"no test: {item}"
+    for stem in stems:
+        assert os.path.exists(f"{root}/tests/{stem}.bats"), f"there is no {stem}.bats"
+    for case in cases:
+        assert case in tests, f"there is no {case}"
+usage = " ".join(run("vkt", "render", "--help"))
+algorithms = re.search(r"--render-algo[^[]*\[([a-z|-]+)\]", usage).group(1).split("|")
+items = [name for item, _ in rows if item.startswith("Cm ") for name in item[3:].split(" , ")]
 plain = {"completion", "dump", "dump-range", "help", "history", "info", "pipe"}  # move, print or start; compute nothing
-absent = [c for c in commands if c not in items and c.split()[0] not in items and c not in plain]
+absent = [name for name in commands + algorithms if name not in items and name not in plain]
 assert not absent, f"not named: {absent}"
+unknown = [name for name in items if name not in commands + algorithms]
+assert not unknown, f"neither commands nor algorithms: {unknown}"
+options = [word for item, _ in rows if item.startswith("Fl ") for word in re.findall(r"Fl (-[a-z-]+)", item)]
+unknown = [option for option in options if f"-{option} " not in usage]
+assert not unknown, f"no options of vkt render: {unknown}"
 END
 }
 

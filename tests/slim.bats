@@ -51,6 +51,37 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
     vkt history slim.vkt --as-shell | grep -q 'crop --roi .* | vkt convert --dtype auto'
 }
 
+@test "FLIP is told, as vkt image diff finds it in the pictures" {
+    ball
+    vkt slim ball.nrrd --for "$look" --within 30 -o slim.vkt 2>said
+    levels_apart ball.nrrd slim.vkt
+    vkt image diff a.png b.png --json >diff || true
+    /usr/bin/python3 -c '
+import json, re
+told = float(re.search(", root mean square [0-9.]*, FLIP ([0-9.e-]+);", open("said").read()).group(1))
+found = json.load(open("diff"))["flip"]
+assert found > 0.002 and abs(told - found) < 0.05 * found, (told, found)' # levels are rounded in files
+}
+
+# A ball that a wall hides from the first of four cameras, and from no other.
+@test "of an orbit every picture stays within the bound" {
+    vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 3 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
+    orbit="render --size 48 --domain 100:1000 --opacity 0,0.99 --unit-distance 0.5 --view=-y --orbit 4"
+    vkt slim hidden.nrrd --for "$orbit" --within 1 -o slim.vkt 2>said
+    cat said >&3
+    grep -q 'times smaller), 4 pictures drawn in' said
+    grep -q 'at most, root mean square .*, FLIP [0-9.e-]*; the smallest of' said
+    # shellcheck disable=SC2086
+    vkt $orbit hidden.nrrd -o a-%d.png -q
+    # shellcheck disable=SC2086
+    vkt $orbit slim.vkt -o b-%d.png -q
+    for i in 0 1 2 3; do
+        vkt image diff a-$i.png b-$i.png --json >diff || true
+        /usr/bin/python3 -c 'import json; found = json.load(open("diff")); assert found["levels"] <= 2.01, found'
+    done
+    fails_with 5 '400 pictures take' vkt slim hidden.nrrd --for 'render --orbit 400' --within 1 --memory 64M -o x.vkt
+}
+
 @test "a bound of 0 is met by an equal picture, and nothing that misses a bound is written" {
     ball
     vkt convert ball.nrrd --dtype uint8 --range minmax -q -o bytes.nrrd
@@ -71,7 +102,48 @@ print(max(abs(x - y) for x, y in zip(levels("a.png"), levels("b.png"))))'
         vkt filter gaussian v.nrrd --sigma 1 -q | vkt convert --dtype float64 -q >v
         vkt diff v s --tolerance "$(awk "BEGIN { print $within * 1.0001 }")"
     done
-    vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within 3 -q | vkt info | grep -q 'uint8'
+    vkt slim v.nrrd --for 'filter gaussian --sigma 1' --within 3 2>said | vkt info | grep -q 'uint8'
+    grep -q 'root mean square' said
+    run ! grep FLIP said
+}
+
+# dims_of FILE
+dims_of() { vkt info "$1" --json | /usr/bin/python3 -c 'import json, sys; print(*json.load(sys.stdin)["dims"])'; }
+
+# within PIPELINE E A B: what the pipeline makes of B is within E of what it makes of A.
+within() {
+    vkt pipe -q "read $3 | $1 | convert --dtype float64 | write whole.vkt" --force
+    vkt pipe -q "read $4 | $1 | convert --dtype float64 | write part.vkt" --force
+    vkt diff whole.vkt part.vkt --tolerance "$2"
+}
+
+@test "operations keep of the volume what they read, with their margins" {
+    vkt make noise --dims 64 48 56 --low 0 --high 500 --dtype float32 -o v.nrrd
+    while read -r dims work; do
+        vkt slim v.nrrd --for "$work" --within 0.5 -o s.vkt --force -q
+        [ "$(dims_of s.vkt)" = "${dims//x/ }" ] || { echo "$work: $(dims_of s.vkt)" >&2; return 1; }
+        within "$work" 0.5 v.nrrd s.vkt
+    done <<'END'
+40x40x40 crop --roi 0:40,0:40,0:40 | filter gaussian --sigma 1
+40x30x48 crop --roi 10:40,0:30,40:48
+64x48x13 filter median --radius 3 | crop --roi :,:,0:10
+16x18x5 filter box --radius 2 | crop --roi-world 10:21,20:33,7:7
+64x48x9 slice --z 8
+64x48x56 filter box --radius 2 --boundary wrap | crop --roi :,:,0:10
+64x48x56 transform 'v * 2'
+END
+}
+
+@test "operations that name the lattice of their result are given a lower resolution, if it suffices" {
+    vkt make noise --dims 64 48 56 --low 0 --high 500 --dtype float32 | vkt filter gaussian --sigma 4 -o smooth.nrrd
+    work='resample --dims 16 12 14 | filter gaussian --sigma 1'
+    vkt slim smooth.nrrd --for "$work" --within 2 -o s.vkt
+    vkt history s.vkt --as-shell | grep -q 'resample --scale'
+    [ "$(dims_of s.vkt)" = "16 12 14" ]
+    within "$work" 2 smooth.nrrd s.vkt
+    # What has as many voxels as the volume cannot be compared with less.
+    vkt slim smooth.nrrd --for 'flip x' --within 2 -o t.vkt
+    [ "$(dims_of t.vkt)" = "64 48 56" ]
 }
 
 @test "pipes, vkt pipe, dry runs, refusals" {
