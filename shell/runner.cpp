@@ -143,8 +143,7 @@ void Runner::tell_prediction() const {
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
-    bool const describes = stage.opener() != nullptr && stage.own_parameters().find("dims") != nullptr;
-    if (!describes) stated.asked_by = "vkt " + stage.verb().name;
+    if (!stage.describes_raw()) stated.asked_by = "vkt " + stage.verb().name;
     auto const open_one = [this, &stage, stated, path](std::string const& one) {
         auto source = open(stage, open_bytes(one), stated);
         formats_[path] = format_;
