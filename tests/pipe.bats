@@ -69,7 +69,7 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
 @test "so do those of files, of --strict and of trees, hints and remarks" {
     vkt make ramp --dims 300 4 4 -o v.nrrd
     fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe 'read absent.nrrd | flip x | stats'
-    fails_with 4 "vkt pipe: arith add: cannot open 'absent.nrrd'" vkt pipe 'read v.nrrd | arith add - absent.nrrd'
+    fails_with 4 "vkt pipe: arith: cannot open 'absent.nrrd'" vkt pipe 'read v.nrrd | arith add - absent.nrrd'
     fails_with 4 "vkt pipe: flip: cannot open 'absent.nrrd'" vkt pipe 'flip x absent.nrrd'
     fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe --tolerance 1 'read absent.nrrd | flip x'
     fails_with 4 "vkt pipe: write: cannot write 'v.nrrd'" vkt pipe 'read v.nrrd | flip x | write v.nrrd'

@@ -106,7 +106,7 @@ bool is_text(std::span<std::byte const> head) {
     while (!rest.empty()) {
         Character const next = first_character(rest);
         bool const blank = rest.front() == '\n' || rest.front() == '\r' || rest.front() == '\t';
-        if (!blank && !(next.valid && next.visible())) return rest.size() < 4;
+        if (!blank && !(next.valid && next.visible())) return !next.valid && rest.size() < 4;
         rest.remove_prefix(next.bytes);
     }
     return true;
