@@ -3,6 +3,7 @@
 #include "shell/runner.h"
 
 #include "ipc/descriptor.h"
+#include "ipc/input.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
@@ -20,6 +21,7 @@
 #include "shell/relabelled.h"
 #include "shell/run.h"
 #include "shell/short_number.h"
+#include "shell/stage_error.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
 
@@ -35,13 +37,13 @@ Execution Runner::execution_of(Invocation const& stage) const { return stage.com
 StageInfo Runner::stage_info(Invocation const& stage) {
     StageInfo info;
     info.name = stage.stage();
-    if (stages_.size() > 1) info.label = stage.verb().name;
     if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
     info.input_names = stage.inputs();
     bool const strict = stage.common().strict || last_.common().strict;
-    info.listener = [this, strict](std::string const& name, std::string const& message, bool lossy) {
+    info.listener = [this, strict, label = stage.label()](std::string const& name, std::string const& message,
+                                                          bool lossy) {
         log_.note(name, message);
-        if (lossy && strict) lossy_ = message;
+        if (lossy && strict) lossy_ = {label, message};
     };
     if (!stage.common().report_file.empty()) {
         auto const collected = std::make_shared<std::vector<Report>>();
@@ -109,10 +111,10 @@ void Runner::tell_seconds(Invocation const& stage, std::string const& what, doub
     log_.answer(text(stage.stage(), ":   ", what, "about ", short_number(seconds), " s on this machine\n"));
 }
 
-void Runner::predict_reading(Invocation const& stage, Header const& header) {
+void Runner::predict_reading(Invocation const& stage, Header const& header, std::int64_t parts) {
     Calibration const* const known = calibration();
     if (known == nullptr || header.kind != Kind::structured) return;
-    double const seconds = known->reading(header);
+    double const seconds = static_cast<double>(parts) * known->reading(header);
     prediction()->read(seconds);
     bool const reads_only = stage.opener() != nullptr;
     if (reads_only) predicted_.insert(&stage);
@@ -141,6 +143,7 @@ void Runner::tell_prediction() const {
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
+    if (!stage.describes_raw()) stated.asked_by = "vkt " + stage.verb().name;
     auto const open_one = [this, &stage, stated, path](std::string const& one) {
         auto source = open(stage, open_bytes(one), stated);
         formats_[path] = format_;
@@ -171,8 +174,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         source = std::move(stream);
     } else {
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
-            throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
-                        ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
+            ipc::refuse_empty(bytes->name(), bytes->descriptor());
         if (stage.consumer() != nullptr && stage.consumer()->reads_pictures() && !directory && is_picture(*bytes))
             return picture_source(std::move(bytes));
         ReadOptions options = stated;
@@ -184,12 +186,12 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
     if (stage.opener() == nullptr && file && format_ != "shm")
-        source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h) {
-            if (explains(stage) || h.dry_run) predict_reading(stage, h);
+        source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h, std::int64_t parts) {
+            if (explains(stage) || h.dry_run) predict_reading(stage, h, parts);
         });
     if (log_.verbosity() == Verbosity::verbose)
         source = std::make_unique<Announced>(
-            std::move(source), [this, &stage, name, format = format_](Header const& header) {
+            std::move(source), [this, &stage, name, format = format_](Header const& header, std::int64_t) {
                 log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
             });
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
@@ -208,10 +210,17 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
             sources.push_back(open(stage, path));
         }
     }
-    if (previous)
-        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),
-                    "let one of its inputs be '-'");
     return sources;
+}
+
+void Runner::refuse_unread(Invocation const& stage) const {
+    bool const opens = stage.consumer() != nullptr && stage.consumer()->opens_inputs();
+    if (&stage == &stages_.front() || (!opens && std::ranges::count(stage.inputs(), "-") > 0)) return;
+    std::string const name = text("'", stage.verb().name, "'");
+    if (stage.opener() != nullptr || stage.inputs().empty())
+        throw Error(ErrorKind::usage, text(name, " can only begin a pipeline"));
+    throw Error(ErrorKind::usage, text(name, " does not read what the stage before it writes"),
+                "let one of its inputs be '-'");
 }
 
 /// The library opens files of its formats; the volume that --like names may be a stream as well.
@@ -227,9 +236,6 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
     Execution const execution = execution_of(stage);
     std::unique_ptr<Source> source;
     if (stage.opener() != nullptr) {
-        bool const reads_previous = std::ranges::count(stage.inputs(), "-") > 0;
-        if (previous && !reads_previous)
-            throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
         // Sources may open more files as long as they live.
         contexts_.push_back(std::make_unique<StageContext>(*this, stage, execution, std::move(previous)));
         source = stage.opener()->open(*contexts_.back());
@@ -237,10 +243,11 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (explains(stage))
-            source = std::make_unique<Announced>(std::move(source), [this, &stage, execution](Header const& h) {
-                log_.answer(opener_plan_text(stage.stage(), h, execution));
-                predict_reading(stage, h);
-            });
+            source = std::make_unique<Announced>(std::move(source),
+                                                 [this, &stage, execution](Header const& h, std::int64_t parts) {
+                                                     log_.answer(opener_plan_text(stage.stage(), h, parts, execution));
+                                                     predict_reading(stage, h, parts);
+                                                 });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);
@@ -248,19 +255,18 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
     }
     if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
+    if (!stage.label().empty()) source = std::make_unique<StageSource>(std::move(source), stage.label());
     return source;
 }
 
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu) refuse_cpu(std::string(stage.verb().name));
-    if (stage.consumer()->opens_inputs() && previous)
-        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"));
     auto inputs = stage.consumer()->opens_inputs() ? std::vector<std::unique_ptr<Source>>{}
                                                    : open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
     if (stage.common().explain && !inputs.empty())
-        inputs.front() = std::make_unique<Announced>(std::move(inputs.front()),
-                                                     [&context](Header const& header) { context.explain(header); });
+        inputs.front() = std::make_unique<Announced>(
+            std::move(inputs.front()), [&context](Header const& header, std::int64_t) { context.explain(header); });
     if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
         inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
     int code = 0;
@@ -311,8 +317,10 @@ int Runner::run() {
     try {
         take_gpus();
         for (auto& stage : stages_) {
-            if (stage.consumer() != nullptr) return consume(stage, std::move(source));
-            source = build(stage, std::move(source));
+            refuse_unread(stage);
+            if (stage.consumer() != nullptr)
+                return in_stage(stage.label(), [&] { return consume(stage, std::move(source)); });
+            source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
         }
     } catch (std::exception const& e) {
         say_downstream(last_, e.what());

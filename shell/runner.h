@@ -66,9 +66,9 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
-    void predict_reading(Invocation const& stage, Header const& header);
+    void predict_reading(Invocation const& stage, Header const& header, std::int64_t parts);
     void predict_writing(Invocation const& stage, Header const& header);
-    void refuse_lossy();
+    void refuse_lossy() const;
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
     std::string format(std::string const& input) const {
@@ -82,9 +82,12 @@ private:
     }
     Execution execution_of(Invocation const& stage) const;
     void check_ends();
+    void check_output_end();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
     void look_at_like(Invocation const& stage);
+    /// What no stage reads must not be written.
+    void refuse_unread(Invocation const& stage) const;
     int consume(Invocation& stage, std::unique_ptr<Source> previous);
     int drain(std::unique_ptr<Source> source);
     void take_gpus();
@@ -111,8 +114,13 @@ private:
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
     std::optional<Prediction> prediction_;
-    std::set<Invocation const*> predicted_;           ///< stages that are in it
-    std::string lossy_, lost_;                        ///< what --strict refuses; what was told last
+    std::set<Invocation const*> predicted_; ///< stages that are in it
+    /// What --strict refuses, and whose it is.
+    struct Loss {
+        std::string label, message;
+    };
+    std::optional<Loss> lossy_;
+    std::string lost_;                                ///< what was told last
     std::vector<std::function<void()>> late_reports_; ///< to what takes them once
     std::string format_;                              ///< of the file opened last
     std::map<std::string, std::string> formats_;      ///< of the files opened last for inputs, by their names
