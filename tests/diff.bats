@@ -253,3 +253,31 @@ END
     run -1 vkt diff a.vkt small.vkt --ssim --json
     [[ "$output" == *'"ssim": null'* ]]
 }
+
+@test "trees are compared cell by cell, if they are the same" {
+    vkt make amr --blocks 40 --levels 3 -o t.vkt
+    vkt diff t.vkt t.vkt --json >d
+    vkt info t.vkt --json >i
+    vkt arith add t.vkt 0.5 | vkt diff t.vkt --tolerance 0.6
+    vkt arith add t.vkt 0.5 -o half.vkt
+    run -1 vkt diff t.vkt half.vkt --json
+    echo "$output" >e
+    # One cell is another: its corner is told, and what it is off by.
+    vkt fill t.vkt --roi 5:6,7:8,9:10 --value 1e6 -o other.vkt
+    run -1 vkt diff t.vkt other.vkt --json
+    [[ "$output" == *'"differing": 1'*'"first": [5, 7, 9]'* ]]
+    python3 -c '
+import json
+d, e, i = (json.load(open(n)) for n in "dei")
+assert d["max_abs"] == 0 and d["differing"] == 0 and d["same_tree"], d
+assert d["count"] == i["cells"], (d, i)
+assert abs(e["max_abs"] - 0.5) < 1e-6 and abs(e["rmse"] - 0.5) < 1e-6 and e["differing"] == d["count"], e'
+    # Threads change nothing.
+    cmp <(vkt arith mul t.vkt 1.7 | vkt diff t.vkt --json --threads 1) <(vkt arith mul t.vkt 1.7 | vkt diff t.vkt --json --threads 4)
+    vkt make amr --blocks 80 --levels 3 -o u.vkt
+    run -1 --separate-stderr vkt diff t.vkt u.vkt --json
+    [[ "$output" == *'"max_abs": null'* ]]
+    vkt resample t.vkt --cells 10k -o g.vkt
+    fails_with 2 "one of the volumes is hierarchical and one is not" vkt diff t.vkt g.vkt
+    fails_with 2 "--ssim compares grids" vkt diff t.vkt t.vkt --ssim
+}

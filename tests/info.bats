@@ -74,6 +74,11 @@ END
     [ "$status" -eq 0 ]
     [[ "$output" == *"vkt (not nrrd, as the name says)"* ]]
     [[ "$stderr" == *"'w.nrrd' is a vkt stream, whatever its name says"* ]]
+    vkt info w.nrrd --json 2>/dev/null | python3 -c '
+import json, sys
+info = json.load(sys.stdin)
+assert info["format"] == "vkt" and info["format_of_name"] == "nrrd", info'
+    run ! grep -q format_of_name <(vkt info v.nrrd --json)
     vkt flip x v.nrrd | vkt info | grep -q '^format *vkt$'
 }
 
@@ -137,6 +142,7 @@ page = open(sys.argv[1]).read()
 promised = re.findall(r"^\.Va (\w+)", page[page.index("Fl -json"):], re.M)
 info, one = json.load(open("info")), json.load(open("one"))
 own = {"level", "cell_width", "not_read"} # of the objects in level_list, and of files with more than is read
+own |= {"format_of_name"} # of streams under the name of another format
 own |= {"at_most", "values", "because"} # of the object that says of an error
 assert len(promised) > 12 and not set(promised) - own - set(info), set(promised) - set(info)
 for key in ("dims", "levels", "bricks", "cells", "holes", "level_list"): assert info[key] == one[key], key
@@ -152,4 +158,14 @@ END
     cp -r "$VKT_DATA/amr/plt_eb_3d" plt1
     cp -r plt1 plt2
     vkt info 'plt*' --json | python3 -c 'import json, sys; assert [len(v["level_list"]) for v in json.load(sys.stdin)] == [2, 2]'
+}
+
+@test "a picture with colours is said to be one before its pixels are refused" {
+    vkt make ramp --dims 8 8 8 -o v.nrrd
+    vkt render v.nrrd --colormap viridis --size 16 -o a.png
+    vkt info a.png | grep -q '^not read *pixels of [34] channels, colours.*, are refused unless all are opaque and grey'
+    vkt info a.png --json | grep -q '"not_read": \["pixels of'
+    fails_with 3 "has colours" vkt convert a.png --dtype uint8 -o b.nrrd
+    vkt slice v.nrrd --range 0:7 -o grey.png
+    run ! grep -q 'not read' <(vkt info grey.png)
 }

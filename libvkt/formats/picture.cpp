@@ -161,6 +161,7 @@ public:
     Header const& header() const override { return header_; }
     Access access() const override { return Access::forward; }
     void read(AnyView out) override;
+    std::vector<std::string> not_read() const override;
     void finish() override {
         if (std::exchange(finished_, true)) return;
         skip_to(header_.dims.y);
@@ -266,6 +267,13 @@ void PngSource::next_row() {
                                                   "' is transparent in places; a volume has one number in each voxel"));
         std::memmove(held_.data() + x * size, p, size);
     }
+}
+
+/// Whether pixels are grey is known only after they are decoded.
+std::vector<std::string> PngSource::not_read() const {
+    if (channels_ == 1) return {};
+    char const* const what = channels_ == 2 ? "transparency" : channels_ == 3 ? "colours" : "colours and transparency";
+    return {text("pixels of ", channels_, " channels, ", what, ", are refused unless all are opaque and grey")};
 }
 
 void PngSource::read(AnyView out) {

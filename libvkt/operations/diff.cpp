@@ -29,14 +29,15 @@ private:
     Source& source_;
 };
 
-Report report_of(DifferenceResult const& r) {
+Report report_of(DifferenceResult const& r, bool trees) {
     double const unknown = std::nan("");
     Report report;
-    report.add("max_abs", r.same_dims ? r.max_abs : unknown);
-    report.add("rmse", r.same_dims ? r.rmse : unknown);
-    report.add("psnr", r.same_dims ? r.psnr : unknown);
+    report.add("max_abs", r.comparable() ? r.max_abs : unknown);
+    report.add("rmse", r.comparable() ? r.rmse : unknown);
+    report.add("psnr", r.comparable() ? r.psnr : unknown);
     report.add("same_geometry", r.same_geometry);
     report.add("same_dims", r.same_dims).add("same_dtype", r.same_type);
+    if (trees) report.add("same_tree", r.same_tree);
     report.add("count", r.count).add("differing", r.differing);
     if (r.differing > 0) report.add("first", r.first);
     return report;
@@ -48,7 +49,8 @@ Texts Diff::texts() const {
     return {"Compare two volumes.",
             "Exit code 0 if no voxel differs by more than the tolerance, 1 if one does or if the sizes differ. "
             "Physical values are "
-            "compared, whatever the data types. NaN equals NaN."
+            "compared, whatever the data types. NaN equals NaN. Hierarchical volumes are compared cell by cell, if "
+            "they have the same bricks."
             "\n\n"
             "Accuracy: The largest difference is exact in double precision, RMSE to about 1e-15, SSIM to about 1e-12 "
             "(estimate); counts behind the mutual information are exact.",
@@ -81,10 +83,13 @@ void Diff::check() const {
 }
 
 Plan Diff::plan(std::span<Header const> inputs) {
-    for (Header const& header : inputs)
-        if (header.kind != Kind::structured)
-            throw Error(ErrorKind::usage, "one of the volumes is hierarchical",
-                        "make it a grid first: vkt resample --cells 50M");
+    if (inputs.front().kind != inputs.back().kind)
+        throw Error(ErrorKind::usage, "one of the volumes is hierarchical and one is not",
+                    "make a grid of it first: vkt resample --like GRID");
+    if (inputs.front().kind == Kind::hierarchical && (ssim || information))
+        throw Error(ErrorKind::usage,
+                    text(ssim ? "--ssim" : "--mutual-information", " compares grids, and the volumes are hierarchical"),
+                    "make grids of them first: vkt resample --cells 50M, the other one --like the first");
     Plan plan;
     plan.output = inputs.front();
     plan.scans = ssim || information;
@@ -128,8 +133,13 @@ Report Diff::compared(Measurement& to) {
     std::unique_ptr<Source> const kept_other = several_passes ? again(other) : nullptr;
     Source &a = several_passes ? *kept_one : one, &b = several_passes ? *kept_other : other;
     DifferenceResult const r = compare(a, b, execution);
-    satisfied_ = satisfied_ && r.same_dims && r.max_abs <= tolerance && (!geometry || r.same_geometry);
-    Report report = report_of(r);
+    if (!r.same_tree && to.info.listener)
+        to.info.listener(to.info.name,
+                         "the volumes are hierarchical and have different bricks: make grids of them "
+                         "first, with vkt resample",
+                         false);
+    satisfied_ = satisfied_ && r.comparable() && r.max_abs <= tolerance && (!geometry || r.same_geometry);
+    Report report = report_of(r, one.header().kind == Kind::hierarchical);
     if (ssim) {
         // Of a constant volume there is no range; differences from it have one.
         double const of_data = r.range > 0 ? r.range : r.max_abs;

@@ -12,12 +12,17 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 namespace vkt {
 namespace {
 
-/// One decimal, as volkit prints it, where that says all; else as many digits as tell the value from its neighbours in
-/// Real. Without locale.
+/// Below this Real holds every whole number, and all digits before the point mean something.
+template <class Real>
+constexpr Real all_digits_count = static_cast<Real>(std::int64_t{1} << std::numeric_limits<Real>::digits);
+
+/// One decimal, as volkit prints it, where that and nothing less says all; else the shortest text that is read back as
+/// the value. Without locale.
 template <class Real> void append_value(std::string& to, Real value) {
     if (!std::isfinite(value)) {
         to += std::isnan(value) ? "nan" : value < 0 ? "-inf" : "inf";
@@ -27,7 +32,8 @@ template <class Real> void append_value(std::string& to, Real value) {
     auto end = std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed, 1).ptr;
     Real shown = 0;
     std::from_chars(digits, end, shown);
-    if (shown != value) end = std::to_chars(digits, digits + sizeof digits, value).ptr;
+    if (shown != value || std::abs(value) > all_digits_count<Real>)
+        end = std::to_chars(digits, digits + sizeof digits, value).ptr;
     to.append(digits, end);
 }
 

@@ -19,6 +19,7 @@ struct Description {
     std::string name; ///< of the file, where there are several
     Header header;
     std::string format;                  ///< may be empty
+    std::string promised;                ///< another one, that the file's name promises; may be empty
     std::vector<std::string> not_read{}; ///< what else the file holds
     std::optional<TreeSummary> tree{};   ///< of trees whose bricks are known
 };
@@ -33,6 +34,7 @@ std::string json_of(Description const& description) {
     json.resize(json.size() - 2); // the object goes on: without its "\n}"
     if (!description.name.empty()) json += text(",\n \"name\": ", json_string(description.name));
     if (!description.format.empty()) json += text(",\n \"format\": \"", description.format, "\"");
+    if (!description.promised.empty()) json += text(",\n \"format_of_name\": \"", description.promised, "\"");
     if (!description.not_read.empty())
         json += text(",\n \"not_read\": [", join(collect(description.not_read, json_string), ", "), "]");
     if (!description.tree) return json + "\n}";
@@ -59,7 +61,9 @@ Report report_of(Description const& description) {
     Geometry const& g = header.geometry;
     bool const hierarchical = header.kind == Kind::hierarchical;
     line("name", description.name);
-    line("format", description.format);
+    std::string const& promised = description.promised;
+    line("format",
+         promised.empty() ? description.format : text(description.format, " (not ", promised, ", as the name says)"));
     line("kind", hierarchical ? "hierarchical" : "structured");
     line("dims", to_text(header.dims));
     if (hierarchical && header.attributes.count("roi") > 0) line("region", text(region_of(header).dims()));
@@ -97,18 +101,17 @@ Report report_of(Description const& description) {
     return report;
 }
 
-/// The format; where a file is a stream under the name of another format, as after `vkt crop … > out.nrrd`, this is
-/// said, because other programs will not read it.
-std::string described_format(std::string const& format, std::string const& name, StageInfo const& info) {
-    if (format != "vkt" || name == "-" || lower_case(name).ends_with(".vkt")) return format;
-    std::string const promised = format_of_name(name);
-    if (promised.empty()) return format;
-    if (info.listener)
+/// The format that a stream's name promises where it is another one, as after `vkt crop … > out.nrrd`. This is said,
+/// because other programs will not read it.
+std::string promised_format(std::string const& format, std::string const& name, StageInfo const& info) {
+    if (format != "vkt" || name == "-" || lower_case(name).ends_with(".vkt")) return {};
+    std::string promised = format_of_name(name);
+    if (!promised.empty() && info.listener)
         info.listener(
             info.name,
             text("'", name, "' is a vkt stream, whatever its name says: -o ", name, " writes a file, '>' does not"),
             false);
-    return text(format, " (not ", promised, ", as the name says)");
+    return promised;
 }
 
 bool lists_variables(Header const& header) { return header.attributes.count("variables") > 0; }
@@ -147,13 +150,13 @@ void Info::measure(Measurement& to) {
 
 void Info::measure_input(Source& source, std::string const& name, Measurement& to) {
     file_ = 0;
-    std::string opened, format;
+    std::string opened, promised;
     while (source.next_volume()) {
         // Of a series each file is opened when it is its turn.
         std::string const now = to.info.format ? to.info.format(name) : "";
-        if (now != opened) format = described_format(now, name, to.info);
+        if (now != opened) promised = promised_format(now, name, to.info);
         opened = now;
-        Description volume{files.size() > 1 ? name : "", source.header(), format, source.not_read()};
+        Description volume{files.size() > 1 ? name : "", source.header(), now, promised, source.not_read()};
         Header& header = volume.header;
         header.timing = false;
         bool const planned = header.dry_run;
