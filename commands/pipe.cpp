@@ -59,7 +59,7 @@ int pipe(std::vector<std::string> const& words) {
     shared.positional("pipeline", line, "the stages, quoted as one word");
     common.declare(shared,
                    {.volume_output = true, .file_output = true, .report = true, .report_file = true, .input = true});
-    parse_words(words, {&shared, &own});
+    parse_words(words, {&shared, &own}, "pipe");
     std::vector<Verb> verbs;
     for (auto& words_of_stage : stages_of(line)) {
         verbs.push_back(find_verb(words_of_stage));

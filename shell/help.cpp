@@ -67,7 +67,7 @@ void examples_into(std::string& lines, Command const& command) {
 /// What people call a command who do not know our word for it.
 std::map<std::string, std::string> const& synonyms() {
     static std::map<std::string, std::string> const words{
-        {"arith", "clamp difference subtract add multiply divide"},
+        {"arith", "clamp difference subtract add multiply divide invert negate"},
         {"brick", "tile chunk block decompose subdivide ghost"},
         {"clahe", "contrast equalize equalise adaptive histogram enhance"},
         {"convert", "cast quantize normalize rescale"},
@@ -78,7 +78,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"distance", "edt euclidean transform depth thickness signed"},
         {"dump", "print values"},
         {"fill-holes", "cavities close solid enclosed"},
-        {"filter bilateral", "denoise edge preserving smooth"},
+        {"filter bilateral", "denoise edge-preserving"},
         {"filter box", "mean average uniform"},
         {"filter dog", "difference gaussians band blob"},
         {"filter gaussian", "blur smooth denoise gauss"},
@@ -88,7 +88,7 @@ std::map<std::string, std::string> const& synonyms() {
         {"filter log", "laplacian gaussian blob edge"},
         {"filter median", "despeckle rank salt pepper"},
         {"filter nlmeans", "denoise non-local means nlm noise"},
-        {"filter sharpen", "unsharp mask crisp"},
+        {"filter sharpen", "unsharp unsharp-mask crisp"},
         {"filter sobel", "edge derivative gradient"},
         {"flip", "mirror reverse"},
         {"histogram", "distribution bins counts frequency"},
@@ -183,9 +183,15 @@ std::string common_help() {
     return option_lines(parameters);
 }
 
-std::string command_of_synonym(std::string const& word) {
+std::string command_of_synonym(std::string const& word, std::string const& among) {
     std::string const needle = lower_case(word);
+    // Who names a method and not the command that has it.
+    for (auto const& [command, of] : commands())
+        for (auto const& verb : of.verbs)
+            if (std::string name = text(command, " ", verb.name); verb.name == needle && name.starts_with(among))
+                return name;
     for (auto const& [name, words] : synonyms()) {
+        if (!name.starts_with(among)) continue;
         auto const known = split(words, ' ');
         if (std::find(known.begin(), known.end(), needle) != known.end()) return name;
     }

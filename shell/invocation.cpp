@@ -32,7 +32,8 @@ std::vector<std::string> names_of(std::vector<NamedCommand> const& list) {
 /// A command that needs a method was given a word that is none.
 [[noreturn]] void unknown_method(std::string const& command, std::string const& word,
                                  std::vector<std::string> const& names) {
-    std::string const near = nearest_name(word, names);
+    std::string const other = command_of_synonym(word, command + " ");
+    std::string const near = other.empty() ? nearest_name(word, names) : other.substr(command.size() + 1);
     bool const file = word == "-" || word.find_first_of("./") != std::string::npos;
     throw Error(ErrorKind::usage,
                 file ? text("'vkt ", command, "' needs a method before '", word, "'")
@@ -122,7 +123,7 @@ void Invocation::parse() {
         throw Error(ErrorKind::usage, text("'vkt ", verb_.name, "' needs one of: ", join(names, ", ")),
                     text("try 'vkt ", verb_.name, " --help'"));
     }
-    parse_words(words, {&own_, &positional_inputs_, &shared_});
+    parse_words(words, {&own_, &positional_inputs_, &shared_}, verb_.name);
     if (verb_.command->takes_output) take_output();
     if (operation_) operation_->check();
     if (consumer_) consumer_->check();

@@ -92,7 +92,7 @@ std::vector<std::string> prepared(std::vector<std::string> const& words, std::ve
             result.push_back(word.substr(0, equals));
             word.erase(0, equals + 1);
         }
-        bool const number = is_negative_number(word) || is_number(word);
+        bool const number = is_negative_number(word) || are_numbers(word);
         if (in_numbers && !number) result.emplace_back(end_of_list);
         in_numbers = number && (in_numbers || (last != nullptr && last->numbers));
         if (last != nullptr && last->is_tuple() && word.find(',') != std::string::npos) {
@@ -133,7 +133,31 @@ std::string spelling(Parameter const& p, bool as_option) {
     return names;
 }
 
-[[noreturn]] void unexpected_argument(std::string const& word, std::vector<Parameters*> const& lists) {
+/// The option whose three numbers stand in words of their own, "--spacing 1 2 3", as it should be written; empty if
+/// there is none.
+std::string triple_in_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
+    for (std::size_t i = 0; i + 3 < words.size(); ++i) {
+        Parameter const* const p = named_option(lists, words[i]);
+        if (p == nullptr || !p->triple || words[i].find('=') != std::string::npos) continue;
+        auto const first = words.begin() + static_cast<std::ptrdiff_t>(i) + 1;
+        if (std::all_of(first, first + 3, [](std::string const& word) { return is_number(word); }))
+            return text(words[i], " ", join({first, first + 3}, ","));
+    }
+    return {};
+}
+
+/// What the words are, and where they came from.
+struct Line {
+    std::vector<std::string> const& words;
+    std::vector<Parameters*> const& lists;
+    std::string const& command;
+};
+
+[[noreturn]] void unexpected_argument(std::string const& word, Line const& line) {
+    auto const& lists = line.lists;
+    if (std::string const triple = triple_in_words(line.words, lists); is_number(word) && !triple.empty())
+        throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"),
+                    text("three numbers are written with commas: ", triple));
     bool const writes =
         std::any_of(lists.begin(), lists.end(), [](Parameters* list) { return list->find("output") != nullptr; });
     throw Error(ErrorKind::usage, text("unexpected argument '", word, "'"),
@@ -141,21 +165,34 @@ std::string spelling(Parameter const& p, bool as_option) {
                        : "a value with spaces stands in quotes");
 }
 
-/// Sets a parameter from its words; what they are refused for names it.
-void set(Parameter& p, std::vector<std::string> const& words) {
+/// "vkt flip AXIS IN": the arguments in their order.
+std::string order_of_arguments(Line const& line) {
+    std::string result = "vkt " + line.command;
+    for (Parameters* list : line.lists)
+        for (Parameter const& p : list->all())
+            if (p.positional) result += " " + p.value_name;
+    return result;
+}
+
+/// Sets a parameter from its words; what they are refused for names it. A word that is none of a few and resembles none
+/// of them stands in the place of another one.
+void set(Parameter& p, std::vector<std::string> const& words, Line const& line) {
     try {
         p.set(words);
     } catch (Error const& e) {
         std::string const message = e.what();
-        if (message.find(p.name) != std::string::npos) throw;
-        throw Error(e.kind(), text(p.positional ? p.value_name : "--" + p.name, ": ", message), e.hint());
+        bool const named = message.find(p.spelling()) != std::string::npos || message.find(p.name) != std::string::npos;
+        bool const misplaced = p.positional && !p.choices.empty() && e.hint().empty();
+        throw Error(e.kind(), named ? message : text(p.spelling(), ": ", message),
+                    misplaced ? text("it comes first: ", order_of_arguments(line)) : e.hint());
     }
 }
 
 /// Turns CLI11's complaint about surplus words into ours.
-[[noreturn]] void unknown_word(std::string const& raw, std::vector<Parameters*> const& lists) {
+[[noreturn]] void unknown_word(std::string const& raw, Line const& line) {
+    auto const& lists = line.lists;
     std::string const word = restored(raw);
-    if (raw.size() < 2 || raw[0] != '-') unexpected_argument(word, lists);
+    if (raw.size() < 2 || raw[0] != '-') unexpected_argument(word, line);
     std::vector<std::string> names;
     for (Parameters* list : lists)
         for (auto const& p : list->all()) {
@@ -167,15 +204,18 @@ void set(Parameter& p, std::vector<std::string> const& words) {
         throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
                     "every command treats each of several volumes by itself; see vkt(7)");
     std::string const near = nearest_name(bare.compare(0, 2, "--") == 0 ? bare : "-" + bare, names);
+    std::string const help = text("see 'vkt ", line.command, " --help'");
     throw Error(ErrorKind::usage, text("unknown option '", bare, "'"),
                 !near.empty()                   ? text("did you mean '", near, "'?")
-                : bare.compare(0, 2, "--") == 0 ? "see --help"
-                                                : "see --help; arguments that begin with - stand behind --");
+                : bare.compare(0, 2, "--") == 0 ? help
+                                                : text(help, "; arguments that begin with - stand behind --"));
 }
 
 } // namespace
 
-void parse_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists) {
+void parse_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists,
+                 std::string const& command) {
+    Line const line{words, lists, command};
     CLI::App app;
     app.set_help_flag("");
     app.allow_extras();
@@ -205,24 +245,22 @@ void parse_words(std::vector<std::string> const& words, std::vector<Parameters*>
     } catch (CLI::ParseError const& e) {
         throw Error(ErrorKind::usage, e.what());
     }
-    if (auto const extra = app.remaining(); !extra.empty()) unknown_word(extra.front(), lists);
+    if (auto const extra = app.remaining(); !extra.empty()) unknown_word(extra.front(), line);
     for (Parameters* list : lists) {
         for (Parameter& p : list->all()) {
             if (options[&p]->count() == 0) {
-                if (p.required)
-                    throw Error(ErrorKind::usage,
-                                text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
+                if (p.required) throw Error(ErrorKind::usage, text("missing ", p.spelling(), ": ", p.help));
                 continue;
             }
             auto& given = values[&p];
             for (auto& word : given) word = restored(word);
             auto const most = static_cast<std::size_t>(std::max(p.max_values, 0));
             if (most > 0 && given.size() > most) {
-                if (p.positional) unexpected_argument(given[most], lists);
+                if (p.positional) unexpected_argument(given[most], line);
                 throw Error(ErrorKind::usage,
                             text("--", p.name, most == 1 ? " is given more than once" : " is given too many values"));
             }
-            set(p, given);
+            set(p, given, line);
             p.given = true;
         }
     }

@@ -10,7 +10,8 @@
 namespace vkt::shell {
 
 /// Parses the words into all lists at once. Unknown options, missing values and surplus words throw Error{usage} with a
-/// suggestion; values are set in the order of declaration.
-void parse_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists);
+/// suggestion, or the command whose help tells; values are set in the order of declaration.
+void parse_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists,
+                 std::string const& command);
 
 } // namespace vkt::shell

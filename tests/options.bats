@@ -149,6 +149,58 @@ setup_more() { vkt make ramp --dims 4 4 4 -o v.nrrd; }
     fails_with 2 "did you mean 'vkt crop'?" vkt corp v.nrrd
     fails_with 2 "did you mean 'vkt filter gaussian'?" vkt filter gauss v.nrrd
     fails_with 2 "needs a method before 'v.nrrd'" vkt filter v.nrrd
+    # A method's name alone is that method, whatever else the word may mean.
+    while read -r ours word; do
+        fails_with 2 "did you mean 'vkt ${ours//_/ }'?" vkt $word v.nrrd
+        fails_with 2 "did you mean 'vkt ${ours//_/ }'?" vkt help $word
+    done <<'END'
+filter_gaussian gaussian
+filter_sobel sobel
+filter_median median
+filter_gradient gradient
+make_noise noise
+filter_gaussian smooth
+threshold mask
+arith invert
+END
+    fails_with 2 "did you mean 'vkt filter gaussian'?" vkt filter blur v.nrrd
+    fails_with 2 "did you mean 'vkt filter box'?" vkt filter mean v.nrrd
+    fails_with 2 "did you mean 'vkt filter sharpen'?" vkt filter unsharp v.nrrd
+}
+
+@test "a triple is X,Y,Z for every option that takes numbers" {
+    vkt render v.nrrd -ra implicit-iso --iso 2 5 --iso-color 1 0 0 0 0 1 --clip-plane -1 0 0 -5 --size 24 -o a.png
+    vkt render v.nrrd -ra implicit-iso --iso 2,5 --iso-color 1,0,0 0,0,1 --clip-plane=-1,0,0,-5 --size 24 -o b.png
+    vkt image diff a.png b.png
+    vkt render --iso-color 1,0,0 --iso 2 v.nrrd -ra implicit-iso --size 24 -o c.png # the list ends before the file
+    fails_with 2 "three numbers are written with commas: --spacing 1,2,3" vkt set --spacing 1 2 3 v.nrrd -o s.nrrd
+    fails_with 2 "three numbers are written with commas: --sigma 1,2,3" vkt filter gaussian v.nrrd --sigma 1 2 3 -o s.nrrd
+    fails_with 2 "--sigma: '1,2,': a number is missing after a comma" vkt filter gaussian v.nrrd --sigma 1,2, -o s.nrrd
+    fails_with 2 "--dims: '4,4,': a number is missing after a comma" vkt make ramp --dims 4,4, -o s.nrrd
+    fails_with 2 "--radius: ',1,1': a number is missing before a comma" vkt filter box v.nrrd --radius ,1,1 -o s.nrrd
+    fails_with 2 "--percentiles: '1,50,': a number is missing" vkt stats v.nrrd --percentiles 1,50,
+    fails_with 2 "--iso: '2,,5': a number is missing" vkt render v.nrrd --iso 2,,5 -ra implicit-iso -o d.png
+}
+
+@test "an argument in the place of another is named as the usage names it, and where it belongs is said" {
+    fails_with 2 "AXIS: 'v.nrrd' is not one of x, y, z" vkt flip v.nrrd
+    [[ "$stderr" == *"hint: it comes first: vkt flip AXIS IN"* ]]
+    fails_with 2 "WHAT: 'v.nrrd' is not one of" vkt project v.nrrd
+    [[ "$stderr" == *"hint: it comes first: vkt project WHAT IN"* ]]
+    fails_with 2 "WHAT: 'v.nrrd' is not one of" vkt morphology v.nrrd
+    [[ "$stderr" == *"hint: it comes first: vkt morphology WHAT IN"* ]]
+    fails_with 2 "OP: 'v.nrrd' is not one of" vkt arith v.nrrd
+    [[ "$stderr" == *"hint: it comes first: vkt arith OP A B C"* ]]
+    # An option keeps its dashes.
+    fails_with 2 "--axis: 'w' is not one of x, y, z" vkt project max v.nrrd --axis w
+}
+
+@test "a domain's ends and an absolute tolerance are told what they are" {
+    fails_with 2 "--domain '7:5': 7 is not below 5" vkt render v.nrrd --domain 7:5 -o a.png
+    fails_with 2 "--domain '0-10' is not LO:HI" vkt render v.nrrd --domain 0-10 -o a.png
+    [[ "$stderr" != *"domain: domain"* ]]
+    fails_with 2 "--tolerance: '1%' is a percentage" vkt diff v.nrrd v.nrrd --tolerance 1%
+    [[ "$stderr" == *"it is an absolute value here"* ]]
 }
 
 @test "a usage error leaves nothing in a file that standard output goes to" {

@@ -26,7 +26,7 @@ template <> struct ValueText<BoundaryRule> : OneWord {
         rule.boundary = parse_enum<Boundary>(word.substr(0, colon), name);
         if (colon == std::string_view::npos) return rule;
         if (rule.boundary != Boundary::border)
-            throw Error(ErrorKind::usage, text("--", name, ": only 'border' takes a value, as in border:0"));
+            throw Error(ErrorKind::usage, text(name, ": only 'border' takes a value, as in border:0"));
         rule.value = parse_double(word.substr(colon + 1));
         refuse_rounded(word.substr(colon + 1), rule.value, name);
         return rule;
@@ -39,8 +39,7 @@ template <> struct ValueText<BoundaryRule> : OneWord {
             static_cast<std::size_t>(std::snprintf(nearest.data(), nearest.size(), "%.0f", std::abs(value))));
         std::string_view const given = digits.substr(std::min(digits.find_first_not_of("+-0"), digits.size()));
         if (given != nearest)
-            throw Error(ErrorKind::usage,
-                        text("--", name, ": float64, which border values are, does not hold ", digits),
+            throw Error(ErrorKind::usage, text(name, ": float64, which border values are, does not hold ", digits),
                         text("the nearest that it holds is ", value < 0 ? "-" : "", nearest));
     }
     static std::vector<std::string> write(BoundaryRule const& v) {

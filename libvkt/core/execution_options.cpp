@@ -27,7 +27,7 @@ Execution ExecutionOptions::execution() const {
     if (name != asked) {
         if (execution.device != Device::gpu)
             throw Error(ErrorKind::usage, text(what, ": '", asked, "': only GPUs are numbered"));
-        execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "device");
+        execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "--device");
     }
     if (execution.device == Device::gpu) {
         execution.only_gpu = !from_variable;

@@ -10,12 +10,12 @@
 namespace vkt {
 namespace {
 
-/// Adds the option's name to errors of the value parsers.
+/// Adds what the option or argument is called to errors of the value parsers.
 template <class F> auto named(std::string_view name, F const& parse) {
     try {
         return parse();
     } catch (Error const& e) {
-        throw Error(e.kind(), text("--", name, ": ", e.what()), e.hint());
+        throw Error(e.kind(), text(name, ": ", e.what()), e.hint());
     }
 }
 
@@ -41,7 +41,7 @@ Parameter& find_option(std::string const& spelling, std::vector<Parameters*> con
 
 /// Whether a word that follows values of a parameter can be one, too.
 bool continues(Parameter const& p, std::string const& word) {
-    return !is_option(word) && (!p.numbers || is_number(word));
+    return !is_option(word) && (!p.numbers || are_numbers(word));
 }
 
 /// Words that a parameter takes from `next` on: those of a tuple may be one word, "X,Y,Z".
@@ -60,8 +60,26 @@ std::size_t words_taken(Parameter const& p, std::vector<std::string> const& word
 
 } // namespace
 
+std::vector<std::string> parts_of(std::vector<std::string> const& words, std::string_view name) {
+    std::vector<std::string> parts;
+    for (auto const& word : words)
+        for (auto& part : split(word, ',')) parts.push_back(std::move(part));
+    if (parts.size() > 1 && std::find(parts.begin(), parts.end(), "") != parts.end())
+        throw Error(ErrorKind::usage, text(name, ": '", join(words, ","), "': a number is missing ",
+                                           parts.front().empty() ? "before" : "after", " a comma"));
+    return parts;
+}
+
+bool are_numbers(std::string_view word) {
+    auto const parts = split(word, ',');
+    return std::all_of(parts.begin(), parts.end(), [](std::string const& part) { return is_number(part); });
+}
+
 double ValueText<double>::read(std::vector<std::string> const& w, std::string_view name) {
-    return named(name, [&] { return parse_double(w.front()); });
+    std::string const& word = w.front();
+    if (word.ends_with('%') && is_number(std::string_view(word).substr(0, word.size() - 1)))
+        throw Error(ErrorKind::usage, text(name, ": '", word, "' is a percentage"), "it is an absolute value here");
+    return named(name, [&] { return parse_double(word); });
 }
 
 std::int64_t ValueText<std::int64_t>::read(std::vector<std::string> const& w, std::string_view name) {
@@ -71,7 +89,7 @@ std::int64_t ValueText<std::int64_t>::read(std::vector<std::string> const& w, st
 int ValueText<int>::read(std::vector<std::string> const& w, std::string_view name) {
     std::int64_t const value = ValueText<std::int64_t>::read(w, name);
     if (value < std::numeric_limits<int>::min() || value > std::numeric_limits<int>::max())
-        throw Error(ErrorKind::usage, text("--", name, ": '", w.front(), "' is out of range"));
+        throw Error(ErrorKind::usage, text(name, ": '", w.front(), "' is out of range"));
     return static_cast<int>(value);
 }
 
@@ -86,16 +104,16 @@ DataType ValueText<DataType>::read(std::vector<std::string> const& w, std::strin
 }
 
 Index3 ValueText<Index3>::read(std::vector<std::string> const& w, std::string_view name) {
-    std::vector<std::string> const parts = w.size() == 1 ? split(w.front(), ',') : w;
+    std::vector<std::string> const parts = parts_of(w, name);
     if (parts.size() != 3)
-        throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not three integers X Y Z"));
+        throw Error(ErrorKind::usage, text(name, ": '", join(w, " "), "' is not three integers X Y Z"));
     return named(name, [&] {
         return Index3{parse_integer(parts[0]), parse_integer(parts[1]), parse_integer(parts[2])};
     });
 }
 
 Vec3 ValueText<Vec3>::read(std::vector<std::string> const& w, std::string_view name) {
-    std::vector<std::string> const parts = w.size() == 1 ? split(w.front(), ',') : w;
+    std::vector<std::string> const parts = parts_of(w, name);
     return named(name, [&] {
         if (parts.size() == 1) {
             double const s = parse_double(parts[0]);
@@ -203,8 +221,7 @@ std::vector<std::string> read_words(std::vector<std::string> const& words, std::
                 p.set(values[&p]);
                 p.given = true;
             } else if (p.required) {
-                throw Error(ErrorKind::usage,
-                            text("missing ", p.positional ? p.value_name : "--" + p.name, ": ", p.help));
+                throw Error(ErrorKind::usage, text("missing ", p.spelling(), ": ", p.help));
             }
         }
     return {bare.begin() + static_cast<std::ptrdiff_t>(next), bare.end()};

@@ -30,8 +30,12 @@ struct Parameter {
     bool in_history = true;             ///< part of the provenance: it decides the voxels
     int min_values = 1, max_values = 1; ///< words it takes; max_values -1 takes all that follow
     bool numbers = false;               ///< takes any number of numbers: the first other word ends the list
+    bool triple = false;                ///< takes "X,Y,Z" in one word
     std::vector<std::string> choices;
     bool given = false;
+
+    /// What messages call it: "--axis", or "AXIS" of a positional.
+    std::string spelling() const { return positional ? value_name : "--" + name; }
 
     /// Takes exactly so many words, or one with commas between: "X Y Z", "X,Y,Z".
     bool is_tuple() const { return min_values == max_values && min_values > 1; }
@@ -99,26 +103,28 @@ template <> struct EnumNames<Axis> {
     static std::vector<std::pair<Axis, char const*>> all() { return {{Axis::x, "x"}, {Axis::y, "y"}, {Axis::z, "z"}}; }
 };
 
-/// Reads a value from its words and writes it back. Specialised for every type that parameters may have.
+/// Reads a value from its words and writes it back. Specialised for every type that parameters may have. `name` is what
+/// messages call the parameter: "--axis", or "AXIS" of a positional.
 template <class T, class Enable = void> struct ValueText;
 
 template <class T> constexpr bool is_list_of_numbers = false;
 template <class T> constexpr bool is_list_of_numbers<std::vector<T>> = std::is_arithmetic_v<T>;
+template <class T> constexpr bool is_triple = std::is_same_v<T, Vec3>;
+template <class T> constexpr bool is_triple<std::optional<T>> = is_triple<T>;
 
 /// The declared parameters of an operation or command. References returned stay valid while the list lives.
 class Parameters {
 public:
     /// `--name VALUE`
     template <class T> Parameter& option(std::string name, T& target, std::string value_name, std::string help) {
-        Parameter& p = add<T>(std::move(name), target, std::move(value_name), std::move(help));
-        p.required = false;
-        return p;
+        std::string const spelling = "--" + name;
+        return add<T>(std::move(name), target, std::move(value_name), std::move(help), spelling);
     }
     /// A word without dashes, in the order of declaration.
     template <class T> Parameter& positional(std::string name, T& target, std::string help) {
         std::string upper = name;
         for (char& c : upper) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 32 : c);
-        Parameter& p = add<T>(std::move(name), target, upper, std::move(help));
+        Parameter& p = add<T>(std::move(name), target, upper, std::move(help), upper);
         p.positional = true;
         p.required = true;
         return p;
@@ -136,16 +142,20 @@ public:
     std::vector<std::string> words() const;
 
 private:
-    template <class T> Parameter& add(std::string name, T& target, std::string value_name, std::string help) {
+    template <class T>
+    Parameter& add(std::string name, T& target, std::string value_name, std::string help, std::string spelling) {
         Parameter p;
-        p.name = name;
+        p.name = std::move(name);
         p.value_name = std::move(value_name);
         p.help = std::move(help);
         p.min_values = ValueText<T>::min_words;
         p.max_values = ValueText<T>::max_words;
         p.numbers = is_list_of_numbers<T>;
         p.choices = ValueText<T>::choices();
-        p.set = [&target, name](std::vector<std::string> const& words) { target = ValueText<T>::read(words, name); };
+        p.triple = is_triple<T>;
+        p.set = [&target, called = std::move(spelling)](std::vector<std::string> const& words) {
+            target = ValueText<T>::read(words, called);
+        };
         p.get = [&target] { return ValueText<T>::write(target); };
         list_.push_back(std::move(p));
         return list_.back();
@@ -158,6 +168,11 @@ private:
 /// spelled `--name VALUE…`, `--name=VALUE` or, as volkit does, `-name`; positionals also `--name VALUE`. Throws
 /// Error{usage}. This is for callers inside the process; the shell has a parser of its own for what people type.
 std::vector<std::string> read_words(std::vector<std::string> const& words, std::vector<Parameters*> const& lists);
+
+/// The numbers of "X Y Z" or "X,Y,Z". Throws Error{usage} where one is missing at a comma.
+std::vector<std::string> parts_of(std::vector<std::string> const& words, std::string_view name);
+/// A number, or several with commas between.
+bool are_numbers(std::string_view word);
 
 /// Base for values of exactly one word.
 struct OneWord {
@@ -212,9 +227,7 @@ template <class E> struct ValueText<E, std::enable_if_t<std::is_enum_v<E> && !st
         for (auto const& entry : EnumNames<E>::all()) names.emplace_back(entry.second);
         return names;
     }
-    static E read(std::vector<std::string> const& w, std::string_view name) {
-        return parse_enum<E>(w.front(), text("--", name));
-    }
+    static E read(std::vector<std::string> const& w, std::string_view name) { return parse_enum<E>(w.front(), name); }
     static std::vector<std::string> write(E v) { return {enum_name(v)}; }
 };
 template <class T> struct ValueText<std::optional<T>> {
@@ -227,12 +240,13 @@ template <class T> struct ValueText<std::optional<T>> {
         return v ? ValueText<T>::write(*v) : std::vector<std::string>{};
     }
 };
-/// All words that follow, one element each.
+/// All words that follow, one element each; numbers may stand in one word, "X,Y,Z", too.
 template <class T> struct ValueText<std::vector<T>> {
     static constexpr int min_words = 1, max_words = -1;
     static std::vector<std::string> choices() { return ValueText<T>::choices(); }
     static std::vector<T> read(std::vector<std::string> const& w, std::string_view name) {
-        return collect(w, [&](std::string const& word) { return ValueText<T>::read({word}, name); });
+        return collect(std::is_arithmetic_v<T> ? parts_of(w, name) : w,
+                       [&](std::string const& word) { return ValueText<T>::read({word}, name); });
     }
     static std::vector<std::string> write(std::vector<T> const& v) {
         return collect(v, [](T const& element) { return ValueText<T>::write(element).front(); });

@@ -169,16 +169,16 @@ Box parse_box(std::string const& word) {
 } // namespace
 
 BrickSize ValueText<BrickSize>::read(std::vector<std::string> const& w, std::string_view name) {
-    std::vector<std::string> parts = split(w.front(), ',');
+    std::vector<std::string> parts = parts_of(w, name);
     if (parts.size() == 1) parts.resize(3, parts.front());
     if (parts.size() != 3)
-        throw Error(ErrorKind::usage, text("--", name, ": '", w.front(), "' is not N or X,Y,Z"), "for example 64");
+        throw Error(ErrorKind::usage, text(name, ": '", w.front(), "' is not N or X,Y,Z"), "for example 64");
     BrickSize result;
     for (int axis = 0; axis < 3; ++axis) {
         std::string const& part = parts[static_cast<std::size_t>(axis)];
         std::int64_t const n = ValueText<std::int64_t>::read({part}, name);
         if (n < 1 || n > max_extent)
-            throw Error(ErrorKind::usage, text("--", name, ": ", part, " is not a number of voxels from 1 on"));
+            throw Error(ErrorKind::usage, text(name, ": ", part, " is not a number of voxels from 1 on"));
         result.dims[axis] = n;
     }
     return result;

@@ -15,15 +15,9 @@ Radius ValueText<Radius>::read(std::vector<std::string> const& w, std::string_vi
         std::int64_t const r = ValueText<std::int64_t>::read(w, name);
         return {{r, r, r}};
     }
-    std::vector<std::string> parts(1);
-    for (char const c : word) {
-        if (c == ',')
-            parts.emplace_back();
-        else
-            parts.back() += c;
-    }
+    std::vector<std::string> const parts = parts_of(w, name);
     if (parts.size() != 3)
-        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is neither one whole number nor three: X,Y,Z"));
+        throw Error(ErrorKind::usage, text(name, ": '", word, "' is neither one whole number nor three: X,Y,Z"));
     Radius radius;
     for (int axis = 0; axis < 3; ++axis)
         radius.voxels[axis] = ValueText<std::int64_t>::read({parts[static_cast<std::size_t>(axis)]}, name);

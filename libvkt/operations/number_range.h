@@ -19,7 +19,7 @@ template <> struct ValueText<NumberRange> : OneWord {
         std::string const& word = w.front();
         std::size_t const colon = word.find(':');
         if (colon == std::string::npos || word.find(':', colon + 1) != std::string::npos || word == ":")
-            throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
+            throw Error(ErrorKind::usage, text(name, ": '", word, "' is not a range LO:HI"),
                         "for example 100:200, 100: or :200");
         auto const end = [&](std::string const& digits, double open) {
             return digits.empty() ? Number(open) : ValueText<Number>::read({digits}, name);
@@ -28,7 +28,7 @@ template <> struct ValueText<NumberRange> : OneWord {
         bool const whole = range.low.whole && range.high.whole;
         if (!(whole ? *range.low.whole <= *range.high.whole : range.low.value <= range.high.value))
             throw Error(ErrorKind::usage,
-                        text("--", name, ": '", word, "' is empty: the first end must not be above the second"));
+                        text(name, ": '", word, "' is empty: the first end must not be above the second"));
         return range;
     }
     static std::vector<std::string> write(NumberRange const& v) {

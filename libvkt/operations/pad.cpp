@@ -13,7 +13,7 @@ namespace {
 std::int64_t parse_count(std::string const& digits, std::string_view name) {
     std::int64_t const count = digits.empty() ? 0 : ValueText<std::int64_t>::read({digits}, name);
     if (count < 0 || count > max_extent)
-        throw Error(ErrorKind::usage, text("--", name, ": ", digits, " is not a number of voxels to add"),
+        throw Error(ErrorKind::usage, text(name, ": ", digits, " is not a number of voxels to add"),
                     count < 0 ? "vkt crop takes voxels away" : "");
     return count;
 }
@@ -38,7 +38,7 @@ Padding ValueText<Padding>::read(std::vector<std::string> const& w, std::string_
     std::vector<std::string> parts = split(w.front(), ',');
     if (parts.size() == 1 && parts.front().find(':') == std::string::npos) parts.resize(3, parts.front());
     if (parts.size() != 3 || w.front().empty())
-        throw Error(ErrorKind::usage, text("--", name, ": '", w.front(), "' is not X0:X1,Y0:Y1,Z0:Z1"),
+        throw Error(ErrorKind::usage, text(name, ": '", w.front(), "' is not X0:X1,Y0:Y1,Z0:Z1"),
                     "for example 2:3,0:0,5:5, or 4,4,0 for both sides of x and y");
     Padding result;
     for (int axis = 0; axis < 3; ++axis) {

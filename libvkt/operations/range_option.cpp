@@ -16,8 +16,8 @@ RangeEnd parse_end(std::string_view word, std::string_view name) {
     end.value = ValueText<Number>::read({std::string(end.percentile ? word.substr(1) : word)}, name);
     double const value = end.value.value;
     if (end.percentile && !(value >= 0 && value <= 100))
-        throw Error(ErrorKind::usage, text("--", name, ": ", value, " is not a percentile between 0 and 100"));
-    if (!std::isfinite(value)) throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not finite"));
+        throw Error(ErrorKind::usage, text(name, ": ", value, " is not a percentile between 0 and 100"));
+    if (!std::isfinite(value)) throw Error(ErrorKind::usage, text(name, ": '", word, "' is not finite"));
     return end;
 }
 
@@ -38,12 +38,11 @@ RangeOption ValueText<RangeOption>::read(std::vector<std::string> const& w, std:
     if (word == "minmax") return {{true, Number(0)}, {true, Number(100)}};
     std::size_t const colon = word.find(':');
     if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
-        throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not a range LO:HI"),
+        throw Error(ErrorKind::usage, text(name, ": '", word, "' is not a range LO:HI"),
                     "for example 0:255, minmax or p1:p99");
     RangeOption const range{parse_end(word.substr(0, colon), name), parse_end(word.substr(colon + 1), name)};
     if (range.low.percentile == range.high.percentile && !is_below(range.low.value, range.high.value))
-        throw Error(ErrorKind::usage,
-                    text("--", name, ": '", word, "' is empty: the first end must be below the second"));
+        throw Error(ErrorKind::usage, text(name, ": '", word, "' is empty: the first end must be below the second"));
     return range;
 }
 

@@ -172,14 +172,14 @@ WantedDims ValueText<WantedDims>::read(std::vector<std::string> const& w, std::s
             continue;
         }
         ++given;
-        if (part == "0") throw Error(ErrorKind::usage, text("--", name, ": 0 is not a positive number of voxels"));
+        if (part == "0") throw Error(ErrorKind::usage, text(name, ": 0 is not a positive number of voxels"));
     }
     if (given == 0)
-        throw Error(ErrorKind::usage, text("--", name, " gives no axis a number of voxels"),
+        throw Error(ErrorKind::usage, text(name, " gives no axis a number of voxels"),
                     "for example --dims 512,auto,auto");
     Index3 const dims = ValueText<Index3>::read(parts, name);
     if (std::min({dims.x, dims.y, dims.z}) < 0)
-        throw Error(ErrorKind::usage, text("--", name, ": ", dims, " are not positive numbers of voxels"));
+        throw Error(ErrorKind::usage, text(name, ": ", dims, " are not positive numbers of voxels"));
     return dims;
 }
 
@@ -200,7 +200,7 @@ CellCount ValueText<CellCount>::read(std::vector<std::string> const& w, std::str
     }
     double const count = ValueText<double>::read({number}, name) * factor;
     if (!(count >= 1 && count <= 1e15))
-        throw Error(ErrorKind::usage, text("--", name, ": ", w.front(), " is not a number of cells"),
+        throw Error(ErrorKind::usage, text(name, ": ", w.front(), " is not a number of cells"),
                     "for example --cells 50M");
     return {static_cast<std::int64_t>(std::llround(count))};
 }

@@ -16,13 +16,13 @@ namespace {
 using Matrix = std::array<std::array<double, 3>, 3>; ///< rows
 
 std::vector<double> numbers_of(std::string const& word, std::string_view name, std::size_t count, char const* form) {
-    std::vector<std::string> const parts = split(word, ',');
+    std::vector<std::string> const parts = parts_of({word}, name);
     std::vector<double> result;
     for (std::string const& part : parts)
         if (is_number(part)) result.push_back(parse_double(part));
     bool finite = result.size() == count && parts.size() == count;
     for (double const v : result) finite = finite && std::isfinite(v);
-    if (!finite) throw Error(ErrorKind::usage, text("--", name, ": '", word, "' is not ", form));
+    if (!finite) throw Error(ErrorKind::usage, text(name, ": '", word, "' is not ", form));
     return result;
 }
 
@@ -84,7 +84,7 @@ TurnAxis ValueText<TurnAxis>::read(std::vector<std::string> const& w, std::strin
     if (w.front() == "y") return {{0, 1, 0}};
     if (w.front() == "z") return {{0, 0, 1}};
     std::vector<double> const v = numbers_of(w.front(), name, 3, "x, y, z or three numbers X,Y,Z");
-    if (v[0] == 0 && v[1] == 0 && v[2] == 0) throw Error(ErrorKind::usage, text("--", name, ": 0,0,0 is no direction"));
+    if (v[0] == 0 && v[1] == 0 && v[2] == 0) throw Error(ErrorKind::usage, text(name, ": 0,0,0 is no direction"));
     return {{v[0], v[1], v[2]}};
 }
 std::vector<std::string> ValueText<TurnAxis>::write(TurnAxis v) { return ValueText<Vec3>::write(v.direction); }
@@ -92,7 +92,7 @@ std::vector<std::string> ValueText<TurnAxis>::write(TurnAxis v) { return ValueTe
 Quaternion ValueText<Quaternion>::read(std::vector<std::string> const& w, std::string_view name) {
     std::vector<double> const v = numbers_of(w.front(), name, 4, "four numbers X,Y,Z,W");
     if (v[0] == 0 && v[1] == 0 && v[2] == 0 && v[3] == 0)
-        throw Error(ErrorKind::usage, text("--", name, ": 0,0,0,0 is no rotation"));
+        throw Error(ErrorKind::usage, text(name, ": 0,0,0,0 is no rotation"));
     return {{v[0], v[1], v[2]}, v[3]};
 }
 std::vector<std::string> ValueText<Quaternion>::write(Quaternion v) {

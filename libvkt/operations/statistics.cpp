@@ -199,16 +199,11 @@ void PartialStatistics::append(PartialStatistics const& next, DataType type) {
 
 PercentList ValueText<PercentList>::read(std::vector<std::string> const& w, std::string_view name) {
     PercentList list;
-    std::string_view rest = w.front();
-    for (bool more = true; more;) {
-        std::size_t const comma = rest.find(',');
-        std::string const word(rest.substr(0, comma));
+    for (std::string const& word : parts_of(w, name)) {
         double const percent = ValueText<double>::read({word}, name);
         if (!(percent >= 0 && percent <= 100))
-            throw Error(ErrorKind::usage, text("--", name, ": ", word, " is not between 0 and 100"));
+            throw Error(ErrorKind::usage, text(name, ": ", word, " is not between 0 and 100"));
         list.values.push_back(percent);
-        more = comma != std::string_view::npos;
-        if (more) rest.remove_prefix(comma + 1);
     }
     return list;
 }

@@ -19,7 +19,7 @@ template <> struct ValueText<VoxelMapping> {
     static VoxelMapping read(std::vector<std::string> const& w, std::string_view name) {
         std::vector<std::string> const parts = w.size() == 1 ? split(w.front(), ',') : w;
         if (parts.size() != 2)
-            throw Error(ErrorKind::usage, text("--", name, ": '", join(w, " "), "' is not two numbers LO HI"));
+            throw Error(ErrorKind::usage, text(name, ": '", join(w, " "), "' is not two numbers LO HI"));
         return {ValueText<double>::read({parts[0]}, name), ValueText<double>::read({parts[1]}, name)};
     }
     static std::vector<std::string> write(VoxelMapping const& v) { return {to_text(v.low), to_text(v.high)}; }

@@ -234,7 +234,7 @@ Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
     if (text_of == "auto" || text_of == "minmax" || text_of.empty())
         return {text_of, histogram.least, histogram.greatest};
     auto const fail = [&] {
-        return Error(ErrorKind::usage, text("domain '", text_of, "' is not LO:HI, minmax, pA:pB or auto"),
+        return Error(ErrorKind::usage, text("--domain '", text_of, "' is not LO:HI, minmax, pA:pB or auto"),
                      "for example --domain 0:255 or --domain p1:p99");
     };
     auto const parts = split(text_of, ':');
@@ -247,9 +247,12 @@ Domain resolve_domain(std::string const& text_of, Histogram const& histogram) {
     };
     Domain domain{text_of, read(parts[0]), read(parts[1])};
     if (is_number(parts[0]) && is_number(parts[1]) && domain.lower == domain.upper)
-        throw Error(ErrorKind::usage, text("domain '", text_of, "' holds a single value"),
+        throw Error(ErrorKind::usage, text("--domain '", text_of, "' holds a single value"),
                     "give LO:HI with LO below HI; --opacity VALUE:A,VALUE:A places opacities at values");
-    if (!std::isfinite(domain.lower) || !std::isfinite(domain.upper) || domain.lower > domain.upper) throw fail();
+    if (domain.lower > domain.upper)
+        throw Error(ErrorKind::usage, text("--domain '", text_of, "': ", parts[0], " is not below ", parts[1]),
+                    "LO:HI begins with the lower end; --colormap NAME:reverse turns the colours round");
+    if (!std::isfinite(domain.lower) || !std::isfinite(domain.upper)) throw fail();
     return domain;
 }
 
