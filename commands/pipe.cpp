@@ -5,6 +5,7 @@
 #include "shell/log.h"
 #include "shell/options.h"
 #include "shell/run.h"
+#include "shell/stage_error.h"
 
 #include <algorithm>
 
@@ -69,12 +70,8 @@ int pipe(std::vector<std::string> const& words) {
     share(shared, verbs);
     std::deque<Invocation> stages;
     for (auto& verb : verbs) {
-        Invocation& stage = stages.emplace_back(std::move(verb));
-        try {
-            stage.parse();
-        } catch (Error const& e) {
-            throw Error(e.kind(), text(stage.verb().name, ": ", e.what()), e.hint());
-        }
+        Invocation& stage = stages.emplace_back(std::move(verb), Invocation::Place::pipeline);
+        in_stage(stage.label(), [&] { stage.parse(); });
         if (stage.common().help || stage.common().examples)
             throw Error(ErrorKind::usage, "--help has no meaning within a pipeline", "see 'vkt help'");
     }

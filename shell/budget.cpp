@@ -10,6 +10,7 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/stack.h"
 #include "shell/command.h"
+#include "shell/stage_error.h"
 
 #include <cmath>
 
@@ -65,13 +66,14 @@ public:
         for (auto& stage : stages) {
             bool const first = &stage == &stages.front();
             if (stage.operation() == nullptr) { // read and write, or what reports
-                if (first) input_ = read(stage);
+                if (first) input_ = in_stage(stage.label(), [&] { return read(stage); });
                 if (first || &stage == &stages.back()) continue;
                 refuse(stage);
             }
             std::size_t const inputs = stage.inputs().size();
             if (stage.operation()->inputs() > 1 || inputs > 1) refuse(stage);
-            if (first && stage.operation()->inputs() == 1) input_ = read(stage);
+            if (first && stage.operation()->inputs() == 1)
+                input_ = in_stage(stage.label(), [&] { return read(stage); });
             operations_.push_back(&stage);
         }
     }
@@ -84,7 +86,7 @@ public:
             Operation& operation = *stage->operation();
             std::vector<Header> inputs;
             if (operation.inputs() == 1) inputs.push_back(header);
-            Plan plan = operation.plan(inputs);
+            Plan plan = in_stage(stage->label(), [&] { return operation.plan(inputs); });
             plan.output.error = travelled(inputs, plan, operation.name());
             cost += plan.cost * static_cast<double>(plan.output.voxels());
             header = plan.output;

@@ -69,7 +69,7 @@ Verb find_verb(std::vector<std::string> const& words) {
     return {verb.name + " " + verb.words.front(), sub, {verb.words.begin() + 1, verb.words.end()}};
 }
 
-Invocation::Invocation(Verb verb) : verb_(std::move(verb)) {
+Invocation::Invocation(Verb verb, Place place) : verb_(std::move(verb)), place_(place) {
     Command const& c = *verb_.command;
     CommonKind kind;
     int inputs = 0;

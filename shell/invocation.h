@@ -23,15 +23,24 @@ Verb find_verb(std::vector<std::string> const& words);
 
 class Invocation {
 public:
+    /// Whether a process is the stage, or `vkt pipe` runs it.
+    enum class Place : bool { process, pipeline };
     /// Declares the parameters; parse() reads them.
-    explicit Invocation(Verb verb);
+    explicit Invocation(Verb verb, Place place = Place::process);
     Invocation(Invocation const&) = delete; // the parameters point at its members
     Invocation& operator=(Invocation const&) = delete;
 
     /// Parses the words and checks what can be checked without input. Unless help was asked for.
     void parse();
 
-    std::string stage() const { return "vkt " + verb_.name.substr(0, verb_.name.find(' ')); }
+    /// What lines of the process begin with, errors included.
+    std::string process() const {
+        return "vkt " + (label().empty() ? verb_.name.substr(0, verb_.name.find(' ')) : "pipe");
+    }
+    /// What follows it where the process has several stages: the stage's name; else empty.
+    std::string label() const { return place_ == Place::pipeline ? verb_.name : ""; }
+    /// Both: what remarks of the stage begin with.
+    std::string stage() const { return label().empty() ? process() : process() + ": " + label(); }
     Verb const& verb() const { return verb_; }
     Command const& command() const { return *verb_.command; }
     Common const& common() const { return common_; }
@@ -55,6 +64,7 @@ private:
     void resolve_inputs();
 
     Verb verb_;
+    Place place_;
     Common common_;
     Parameters own_, shared_, positional_inputs_;
     std::vector<std::string> given_inputs_, inputs_;

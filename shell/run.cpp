@@ -42,7 +42,7 @@ void say_downstream(Invocation const& stage, std::string const& message) {
     bool const streams = stage.yields_volumes() && stage.common().output == "-" && ipc::is_pipe(STDOUT_FILENO);
     if (!streams) return;
     ipc::StreamSink sink(STDOUT_FILENO, {});
-    tell(sink, stage.stage(), message);
+    tell(sink, stage.process(), message);
 }
 
 int run(std::deque<Invocation>& stages) {

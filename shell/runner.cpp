@@ -20,6 +20,7 @@
 #include "shell/relabelled.h"
 #include "shell/run.h"
 #include "shell/short_number.h"
+#include "shell/stage_error.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
 
@@ -35,13 +36,13 @@ Execution Runner::execution_of(Invocation const& stage) const { return stage.com
 StageInfo Runner::stage_info(Invocation const& stage) {
     StageInfo info;
     info.name = stage.stage();
-    if (stages_.size() > 1) info.label = stage.verb().name;
     if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
     info.input_names = stage.inputs();
     bool const strict = stage.common().strict || last_.common().strict;
-    info.listener = [this, strict](std::string const& name, std::string const& message, bool lossy) {
+    info.listener = [this, strict, label = stage.label()](std::string const& name, std::string const& message,
+                                                          bool lossy) {
         log_.note(name, message);
-        if (lossy && strict) lossy_ = message;
+        if (lossy && strict) lossy_ = {label, message};
     };
     if (!stage.common().report_file.empty()) {
         auto const collected = std::make_shared<std::vector<Report>>();
@@ -134,8 +135,8 @@ void Runner::tell_prediction() const {
     std::vector<std::string> left_out;
     for (Invocation const& stage : stages_)
         if (!predicted_.contains(&stage)) left_out.push_back(stage.verb().name);
-    log_.answer(text(last_.stage(), ":   all stages", left_out.empty() ? "" : " but ", join(left_out, ", "), ": about ",
-                     short_number(prediction_->seconds() + calibration_->start),
+    log_.answer(text(last_.process(), ":   all stages", left_out.empty() ? "" : " but ", join(left_out, ", "),
+                     ": about ", short_number(prediction_->seconds() + calibration_->start),
                      " s, the start of the program included\n"));
 }
 
@@ -208,10 +209,17 @@ std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std:
             sources.push_back(open(stage, path));
         }
     }
-    if (previous)
-        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"),
-                    "let one of its inputs be '-'");
     return sources;
+}
+
+void Runner::refuse_unread(Invocation const& stage) const {
+    bool const opens = stage.consumer() != nullptr && stage.consumer()->opens_inputs();
+    if (&stage == &stages_.front() || (!opens && std::ranges::count(stage.inputs(), "-") > 0)) return;
+    std::string const name = text("'", stage.verb().name, "'");
+    if (stage.opener() != nullptr || stage.inputs().empty())
+        throw Error(ErrorKind::usage, text(name, " can only begin a pipeline"));
+    throw Error(ErrorKind::usage, text(name, " does not read what the stage before it writes"),
+                "let one of its inputs be '-'");
 }
 
 /// The library opens files of its formats; the volume that --like names may be a stream as well.
@@ -227,9 +235,6 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
     Execution const execution = execution_of(stage);
     std::unique_ptr<Source> source;
     if (stage.opener() != nullptr) {
-        bool const reads_previous = std::ranges::count(stage.inputs(), "-") > 0;
-        if (previous && !reads_previous)
-            throw Error(ErrorKind::usage, text("'", stage.verb().name, "' can only begin a pipeline"));
         // Sources may open more files as long as they live.
         contexts_.push_back(std::make_unique<StageContext>(*this, stage, execution, std::move(previous)));
         source = stage.opener()->open(*contexts_.back());
@@ -248,13 +253,12 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
     }
     if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
+    if (!stage.label().empty()) source = std::make_unique<StageSource>(std::move(source), stage.label());
     return source;
 }
 
 int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     if (!stage.consumer()->runs_on_gpu() && execution_of(stage).only_gpu) refuse_cpu(std::string(stage.verb().name));
-    if (stage.consumer()->opens_inputs() && previous)
-        throw Error(ErrorKind::usage, text("'", stage.verb().name, "' does not read what the stage before it writes"));
     auto inputs = stage.consumer()->opens_inputs() ? std::vector<std::unique_ptr<Source>>{}
                                                    : open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
@@ -311,8 +315,10 @@ int Runner::run() {
     try {
         take_gpus();
         for (auto& stage : stages_) {
-            if (stage.consumer() != nullptr) return consume(stage, std::move(source));
-            source = build(stage, std::move(source));
+            refuse_unread(stage);
+            if (stage.consumer() != nullptr)
+                return in_stage(stage.label(), [&] { return consume(stage, std::move(source)); });
+            source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
         }
     } catch (std::exception const& e) {
         say_downstream(last_, e.what());

@@ -80,9 +80,12 @@ private:
     }
     Execution execution_of(Invocation const& stage) const;
     void check_ends();
+    void check_output_end();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
     void look_at_like(Invocation const& stage);
+    /// What no stage reads must not be written.
+    void refuse_unread(Invocation const& stage) const;
     int consume(Invocation& stage, std::unique_ptr<Source> previous);
     int drain(std::unique_ptr<Source> source);
     void take_gpus();
@@ -98,7 +101,7 @@ private:
     void tell_prediction() const;
     void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold
-    void refuse_lossy();
+    void refuse_lossy() const;
     void tell_transport() const;
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;
@@ -110,8 +113,13 @@ private:
     bool asked_calibration_ = false;
     std::optional<Calibration> calibration_;
     std::optional<Prediction> prediction_;
-    std::set<Invocation const*> predicted_;           ///< stages that are in it
-    std::string lossy_, lost_;                        ///< what --strict refuses; what was told last
+    std::set<Invocation const*> predicted_; ///< stages that are in it
+    /// What --strict refuses, and whose it is.
+    struct Loss {
+        std::string label, message;
+    };
+    std::optional<Loss> lossy_;
+    std::string lost_;                                ///< what was told last
     std::vector<std::function<void()>> late_reports_; ///< to what takes them once
     std::string format_;                              ///< of the file opened last
     std::map<std::string, std::string> formats_;      ///< of the files opened last for inputs, by their names

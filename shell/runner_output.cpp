@@ -9,6 +9,7 @@
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/io/shared_memory.h"
+#include "shell/stage_error.h"
 #include "shell/terminal.h"
 #include "shell/timing.h"
 #include "shell/viewer/viewer.h"
@@ -52,6 +53,15 @@ void Runner::check_ends() {
         if (!stages_[i].yields_volumes())
             throw Error(ErrorKind::usage,
                         text("'", stages_[i].verb().name, "' yields no volume for the stage after it"));
+    in_stage(last_.label(), [this] { check_output_end(); });
+    Invocation const& first = stages_.front();
+    bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();
+    if (reads_stdin && input_is_terminal())
+        throw Error(ErrorKind::usage, "no input: standard input is a terminal",
+                    text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
+}
+
+void Runner::check_output_end() {
     Common const& c = last_.common();
     bool const volumes = last_.yields_volumes();
     bool const picture =
@@ -74,11 +84,6 @@ void Runner::check_ends() {
     if (picture) check_suffix(c.output, last_.consumer()->suffixes());
     if (picture && !window_) last_.consumer()->check_file(c.output);
     if (picture && !window_) check_output(numbered_path(c.output, 0), c.force); // drawing may take long
-    Invocation const& first = stages_.front();
-    bool const reads_stdin = std::find(first.inputs().begin(), first.inputs().end(), "-") != first.inputs().end();
-    if (reads_stdin && input_is_terminal())
-        throw Error(ErrorKind::usage, "no input: standard input is a terminal",
-                    text("name a file, or pipe a volume in; see 'vkt ", first.verb().name, " --help'"));
 }
 
 std::unique_ptr<Sink> Runner::make_sink() {
@@ -134,11 +139,11 @@ void Runner::remark(std::string const& message) {
 
 void Runner::lose(std::string const& message) {
     remark(message);
-    if (last_.common().strict) lossy_ = message;
+    if (last_.common().strict) lossy_ = {last_.label(), message};
 }
 
-void Runner::refuse_lossy() {
-    if (!lossy_.empty()) throw Error(ErrorKind::data, text("--strict: ", lossy_));
+void Runner::refuse_lossy() const {
+    if (lossy_) in_stage(lossy_->label, [this] { throw Error(ErrorKind::data, text("--strict: ", lossy_->message)); });
 }
 
 void Runner::drain_all(Source& source, Sink& sink) {
@@ -183,21 +188,21 @@ int Runner::drain(std::unique_ptr<Source> source) {
     bool const last_in_line = last_.common().output != "-" || !ipc::is_pipe(STDOUT_FILENO);
     if (last_in_line && errors_are_terminal() && log_.verbosity() != Verbosity::quiet)
         source = with_progress(std::move(source), last_.stage());
-    auto const sink = make_sink();
+    auto const sink = in_stage(last_.label(), [this] { return make_sink(); });
     // A file that standard output was redirected to has no reader to tell, unless it holds a part already.
     auto const tell_reader = [&](std::string const& stage, std::string const& message) {
         bool const reader = stream_out_ == nullptr || ipc::is_pipe(STDOUT_FILENO);
         if (reader || stream_out_->traffic().bytes > 0) tell(*sink, stage, message);
     };
     try {
-        drain_all(*source, *sink);
+        in_stage(last_.label(), [&] { drain_all(*source, *sink); });
     } catch (ipc::BrokenPipe const&) {
         throw;
     } catch (UpstreamError const& e) {
         tell_reader("", e.what());
         throw;
     } catch (std::exception const& e) {
-        tell_reader(last_.stage(), e.what());
+        tell_reader(last_.process(), e.what());
         throw;
     }
     return 0;

@@ -66,6 +66,31 @@ setup_more() { vkt make noise --seed 1 --dims 20 18 16 --dtype uint8 -o noise.nr
     fails_with 2 "vkt pipe: crop: --roi 0:99" vkt pipe 'read v.nrrd | crop --roi 0:99,:,: | stats'
 }
 
+@test "so do those of files, of --strict and of trees, hints and remarks" {
+    vkt make ramp --dims 300 4 4 -o v.nrrd
+    fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe 'read absent.nrrd | flip x | stats'
+    fails_with 4 "vkt pipe: arith: cannot open 'absent.nrrd'" vkt pipe 'read v.nrrd | arith add - absent.nrrd'
+    fails_with 4 "vkt pipe: flip: cannot open 'absent.nrrd'" vkt pipe 'flip x absent.nrrd'
+    fails_with 4 "vkt pipe: read: cannot open 'absent.nrrd'" vkt pipe --tolerance 1 'read absent.nrrd | flip x'
+    fails_with 4 "vkt pipe: write: cannot write 'v.nrrd'" vkt pipe 'read v.nrrd | flip x | write v.nrrd'
+    fails_with 4 "vkt pipe: flip: cannot write 'v.nrrd'" vkt pipe 'read v.nrrd | flip x' -o v.nrrd
+    fails_with 2 "vkt pipe: render: 'v.txt'" vkt pipe 'read v.nrrd | render -o v.txt'
+    head -c 3000 v.nrrd >cut.nrrd
+    fails_with 3 "vkt pipe: read: 'cut.nrrd' ended early" vkt pipe 'read cut.nrrd | filter box --radius 1 | stats'
+    vkt make amr --blocks 20 --levels 3 -o t.vkt
+    head -c 30000 t.vkt >cut.vkt
+    fails_with 3 "vkt pipe: read: the volume on cut.vkt ended early" vkt pipe 'read cut.vkt | arith mul - 2 | write w.vkt'
+    run -0 --separate-stderr vkt pipe 'read v.nrrd | convert --dtype uint8 | flip x | write a.nrrd'
+    [[ "$stderr" == "vkt pipe: convert: "*clipped* ]]
+    fails_with 3 "vkt pipe: convert: --strict: " vkt pipe --strict 'read v.nrrd | convert --dtype uint8 | flip x | write b.nrrd'
+    fails_with 2 "see 'vkt filter box --help'" vkt pipe 'read v.nrrd | filter box --nothing 1 | stats'
+    fails_with 2 "see 'vkt pipe --help'" vkt pipe 'read v.nrrd | stats' --nothing
+    fails_with 2 "'make noise' can only begin a pipeline" vkt pipe 'read v.nrrd | make noise --dims 4 4 4'
+    # What reads on is told once.
+    run -3 --separate-stderr bash -o pipefail -c "vkt pipe 'read absent.nrrd | flip x' | vkt stats"
+    [ "$stderr" = "vkt pipe: read: cannot open 'absent.nrrd': no such file or directory" ]
+}
+
 @test "operations that report end a pipeline of one process as they end one of many" {
     vkt flip z noise.nrrd -o other.nrrd
     while read -r last; do

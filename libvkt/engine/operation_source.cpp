@@ -31,16 +31,6 @@ void check_result(Header const& output) {
 /// core).
 constexpr double gpu_cost_threshold = 60;
 
-/// What an operation says went wrong, with the stage's name before it if the process has several.
-template <class F> auto labelled(StageInfo const& info, F const& work) {
-    if (info.label.empty()) return work();
-    try {
-        return work();
-    } catch (Error const& e) {
-        throw Error(e.kind(), text(info.label, ": ", e.what()), e.hint());
-    }
-}
-
 constexpr char placeholder_mark = '\x02';
 
 Execution resolve_device(Execution execution, Operation const& operation, Plan const& plan) {
@@ -143,7 +133,6 @@ void OperationSource::Input::spool(std::size_t in_memory, Execution const& execu
 void OperationSource::Input::prepare(Operation& by, Execution const& execution, StageInfo const& info) {
     StageInfo quiet;
     quiet.name = info.name;
-    quiet.label = info.label;
     quiet.times = info.times;
     std::vector<std::unique_ptr<Source>> inputs;
     inputs.push_back(std::make_unique<CurrentVolume>(*source_));
@@ -193,7 +182,7 @@ void OperationSource::plan_volume() {
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
-    plan_ = labelled(info_, [&] { return operation_.plan(headers); });
+    plan_ = operation_.plan(headers);
     check_result(plan_.output);
     if (!headers.empty()) {
         plan_.output.dry_run = headers.front().dry_run;
@@ -294,7 +283,7 @@ void OperationSource::plan_tree(std::vector<Header> const& headers) {
         if (header.kind != Kind::hierarchical) refuse_both_kinds(operation_);
     std::optional<Plan> plan;
     bool const alone = headers.size() == 1 && operation_.shape() == Shape::geometric;
-    if (alone) plan = labelled(info_, [&] { return operation_.plan(headers); });
+    if (alone) plan = operation_.plan(headers);
     execution_ = requested_;
     bool const gridded = plan && plan->output.kind == Kind::structured && operation_.runs_from_tree_on_gpu();
     if (execution_.device != Device::gpu || !gridded) {

@@ -27,7 +27,6 @@ struct StageTimes {
 /// What a stage is to the engine besides its operation.
 struct StageInfo {
     std::string name;                     ///< for messages: "vkt crop"
-    std::string label;                    ///< begins messages of errors where several stages share a process: "crop"
     std::vector<std::string> words;       ///< for the history: {"crop", "--roi", …}; empty leaves the history alone
     std::vector<std::string> input_names; ///< what input_placeholder words stand for
     Listener listener;                    ///< may be empty
