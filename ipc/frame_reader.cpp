@@ -130,9 +130,7 @@ bool FrameReader::next_volume() {
     std::array<char, 8> start{};
     std::size_t const got = input_.read(start.data(), start.size());
     if (got == 0 && any_volume_) return false;
-    if (got == 0)
-        throw Error(ErrorKind::data, text("no volume on ", name(), ": it is empty"),
-                    "an upstream command failed before it wrote anything");
+    if (got == 0) refuse_empty(name(), input_.descriptor());
     if (got < start.size() && std::memcmp(start.data(), magic.data(), got) == 0) ended_early();
     if (start != magic) {
         if (std::memcmp(start.data(), magic.data(), 4) == 0)

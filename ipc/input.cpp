@@ -17,6 +17,13 @@
 
 namespace vkt::ipc {
 
+void refuse_empty(std::string const& name, int descriptor) {
+    throw Error(ErrorKind::data, text("no volume on ", name, ": it is empty"),
+                is_pipe(descriptor)
+                    ? "the command before it wrote no volume: it failed, or writes none to standard output"
+                    : "");
+}
+
 Input::Input(std::unique_ptr<ByteSource> bytes, std::function<void()> waiting)
     : bytes_(std::move(bytes)), ahead_(bytes_->take_lookahead()), pipe_(is_pipe(bytes_->descriptor())),
       waiting_(std::move(waiting)) {

@@ -17,6 +17,9 @@ namespace vkt::ipc {
 /// Thrown by a read that was cancelled.
 struct Cancelled {};
 
+/// Throws Error{data} for an input that ended before anything came.
+[[noreturn]] void refuse_empty(std::string const& name, int descriptor);
+
 /// Descriptor plus the bytes that format detection already took from it.
 class Input {
 public:

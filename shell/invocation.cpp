@@ -160,6 +160,10 @@ void Invocation::resolve_inputs() {
                     "give the other input as a file or as <(vkt …)");
 }
 
+bool Invocation::describes_raw() const {
+    return opener_ != nullptr && std::ranges::any_of(own_.all(), [](Parameter const& p) { return p.name == "dims"; });
+}
+
 std::vector<std::string> Invocation::history_words() const {
     return vkt::history_words(verb_.name, own_, inputs_, inputs_are_parameters_);
 }

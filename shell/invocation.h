@@ -54,6 +54,8 @@ public:
 
     /// Paths of the inputs, "-" for standard input or the stage before.
     std::vector<std::string> const& inputs() const { return inputs_; }
+    /// True if it takes descriptions of bare voxels, as vkt read does.
+    bool describes_raw() const;
     /// True if volumes come out.
     bool yields_volumes() const { return operation_ != nullptr || opener_ != nullptr; }
     /// The words that the history keeps, with placeholders for inputs (see StageInfo).

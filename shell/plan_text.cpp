@@ -151,10 +151,11 @@ std::string plan_text(std::string const& stage, Operation* operation, Plan const
     return line;
 }
 
-std::string opener_plan_text(std::string const& stage, Header const& output, Execution const& execution) {
+std::string opener_plan_text(std::string const& stage, Header const& output, std::int64_t parts,
+                             Execution const& execution) {
     auto const bytes = static_cast<double>(output.bytes());
-    return text(stage, ": -> ", shape_text(output), ", ", bytes_text(bytes), ", peak memory about ",
-                bytes_text(in_flight(output, execution)), ", streaming\n");
+    return text(stage, ": -> ", parts > 1 ? text(parts, " parts, the first ") : "", shape_text(output), ", ",
+                bytes_text(bytes), ", peak memory about ", bytes_text(in_flight(output, execution)), ", streaming\n");
 }
 
 std::string consumer_plan_text(std::string const& stage, Header const& input, std::string const& output,

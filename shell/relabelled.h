@@ -47,19 +47,27 @@ private:
     void relabel(Header& header) const override { header.dry_run = true; }
 };
 
-/// Tells of each volume of a source, for --dry-run, --explain and --verbose.
+/// Tells of each volume of a source, for --dry-run, --explain and --verbose; of the parts of a whole only with the
+/// first, and how many there are.
 class Announced : public SourceDecorator {
 public:
-    Announced(std::unique_ptr<Source> source, std::function<void(Header const&)> tell)
-        : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
+    using Tell = std::function<void(Header const& header, std::int64_t parts)>;
+
+    Announced(std::unique_ptr<Source> source, Tell tell) : SourceDecorator(std::move(source)), tell_(std::move(tell)) {}
     bool next_volume() override {
         if (!inner().next_volume()) return false;
-        tell_(inner().header());
+        if (to_come_ > 0) {
+            --to_come_;
+            return true;
+        }
+        to_come_ = inner().parts_to_come();
+        tell_(inner().header(), to_come_ + 1);
         return true;
     }
 
 private:
-    std::function<void(Header const&)> tell_;
+    Tell tell_;
+    std::int64_t to_come_ = 0;
 };
 
 /// Asks the stages downstream for their times.

@@ -3,6 +3,7 @@
 #include "shell/runner.h"
 
 #include "ipc/descriptor.h"
+#include "ipc/input.h"
 #include "ipc/stream.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
@@ -110,10 +111,10 @@ void Runner::tell_seconds(Invocation const& stage, std::string const& what, doub
     log_.answer(text(stage.stage(), ":   ", what, "about ", short_number(seconds), " s on this machine\n"));
 }
 
-void Runner::predict_reading(Invocation const& stage, Header const& header) {
+void Runner::predict_reading(Invocation const& stage, Header const& header, std::int64_t parts) {
     Calibration const* const known = calibration();
     if (known == nullptr || header.kind != Kind::structured) return;
-    double const seconds = known->reading(header);
+    double const seconds = static_cast<double>(parts) * known->reading(header);
     prediction()->read(seconds);
     bool const reads_only = stage.opener() != nullptr;
     if (reads_only) predicted_.insert(&stage);
@@ -142,6 +143,7 @@ void Runner::tell_prediction() const {
 
 std::unique_ptr<Source> Runner::open(Invocation const& stage, std::string const& path, ReadOptions stated) {
     stated.trust_paths = stated.trust_paths || stage.common().trust_paths;
+    if (!stage.describes_raw()) stated.asked_by = "vkt " + stage.verb().name;
     auto const open_one = [this, &stage, stated, path](std::string const& one) {
         auto source = open(stage, open_bytes(one), stated);
         formats_[path] = format_;
@@ -172,8 +174,7 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         source = std::move(stream);
     } else {
         if (!described && !directory && bytes->peek(1).empty() && !bytes->seekable())
-            throw Error(ErrorKind::data, text("no volume on ", bytes->name(), ": it is empty"),
-                        ipc::is_pipe(bytes->descriptor()) ? "an upstream command failed before it wrote anything" : "");
+            ipc::refuse_empty(bytes->name(), bytes->descriptor());
         if (stage.consumer() != nullptr && stage.consumer()->reads_pictures() && !directory && is_picture(*bytes))
             return picture_source(std::move(bytes));
         ReadOptions options = stated;
@@ -185,12 +186,12 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
     if (stage.opener() == nullptr && file && format_ != "shm")
-        source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h) {
-            if (explains(stage) || h.dry_run) predict_reading(stage, h);
+        source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h, std::int64_t parts) {
+            if (explains(stage) || h.dry_run) predict_reading(stage, h, parts);
         });
     if (log_.verbosity() == Verbosity::verbose)
         source = std::make_unique<Announced>(
-            std::move(source), [this, &stage, name, format = format_](Header const& header) {
+            std::move(source), [this, &stage, name, format = format_](Header const& header, std::int64_t) {
                 log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
             });
     if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
@@ -242,10 +243,11 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
         if (explains(stage))
-            source = std::make_unique<Announced>(std::move(source), [this, &stage, execution](Header const& h) {
-                log_.answer(opener_plan_text(stage.stage(), h, execution));
-                predict_reading(stage, h);
-            });
+            source = std::make_unique<Announced>(std::move(source),
+                                                 [this, &stage, execution](Header const& h, std::int64_t parts) {
+                                                     log_.answer(opener_plan_text(stage.stage(), h, parts, execution));
+                                                     predict_reading(stage, h, parts);
+                                                 });
     } else {
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);
@@ -263,8 +265,8 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
                                                    : open_inputs(stage, std::move(previous));
     StageContext context(*this, stage, execution_of(stage));
     if (stage.common().explain && !inputs.empty())
-        inputs.front() = std::make_unique<Announced>(std::move(inputs.front()),
-                                                     [&context](Header const& header) { context.explain(header); });
+        inputs.front() = std::make_unique<Announced>(
+            std::move(inputs.front()), [&context](Header const& header, std::int64_t) { context.explain(header); });
     if (errors_are_terminal() && log_.verbosity() != Verbosity::quiet && !inputs.empty())
         inputs.front() = with_progress(std::move(inputs.front()), stage.stage());
     int code = 0;

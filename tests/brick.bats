@@ -342,7 +342,9 @@ assert raw("median.nrrd") == whole.tobytes()'
     bash -c "$(cat again.sh)" | vkt diff m.nrrd
     # A dry run tells of bricks and moves no voxel.
     vkt brick v.nrrd --size 40 -o n -n 2>plan
-    grep -q '40x40x40' plan
+    [ "$(grep -c '40x40x40' plan)" -eq 1 ]
+    [ "$(wc -l <plan)" -le 2 ]
+    grep -q '8 parts, the first 40x40x40' plan
     [ ! -e n ]
     vkt brick v.nrrd --size 40 -n 2>/dev/null | vkt merge -n 2>plan >/dev/null
     grep -q '64x60x50' plan

@@ -215,7 +215,12 @@ END
     [[ "$stderr" != *upstream* ]]
     run --separate-stderr bash -c 'true | vkt info'
     [ "$status" -eq 3 ]
-    [[ "$stderr" == *"an upstream command failed"* ]]
+    [[ "$stderr" == *"is empty"*"the command before it wrote no volume: it failed, or writes none"* ]]
+    # It need not have failed.
+    run -3 --separate-stderr bash -c 'vkt make noise --dims 8 8 8 | vkt write x.nrrd | vkt stats'
+    [[ "$stderr" == *"writes none to standard output"* ]]
+    run -3 --separate-stderr bash -c 'true | vkt flip x'
+    [[ "$stderr" != *"upstream command failed"* ]]
 }
 
 @test "an option means one thing in every command" {

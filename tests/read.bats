@@ -252,5 +252,27 @@ assert info["dims"] == [117, 159, 126] and info["origin"] == [-49.84375, 67.8906
     printf '<?xml version="1.0"?>\n<VTKFile type="RectilinearGrid">' >r.vtr
     fails_with 3 "in ParaView: Resample To Image" vkt info r.vtr
     printf 'nothing known' >f.bin
-    fails_with 3 "vkt read f.bin --dims X Y Z --dtype TYPE" vkt info f.bin
+    fails_with 3 "vkt read f.bin --dims X Y Z --dtype TYPE | vkt info" vkt info f.bin
+    # What is known to hold no bare voxels is not taken for them.
+    printf 'BM\106\000\000\000\000\000\000\000\066\000\000\000\050\000\000\000aaaaaaaaaaaaaaaa' >b.bmp
+    fails_with 3 "is a BMP picture" vkt info b.bmp
+    printf '\000\000\000\014jP  \r\n\207\naaaa' >j.jp2
+    fails_with 3 "is a JPEG 2000 picture" vkt info j.jp2
+    printf 'x,y,z\n1,2,3 \303\244\n' >t.csv
+    fails_with 3 "is plain text" vkt info t.csv
+    [[ "$stderr" != *--dims* ]]
+    # Bytes that could be voxels still are.
+    printf 'BMaaaaaaaaaaaaaaaaaa\n\001' >v.bin
+    fails_with 3 "--dims X Y Z" vkt info v.bin
+}
+
+@test "bare voxels are described to the command that takes the description" {
+    cp ramp_7x5x3_int16.raw x.raw
+    fails_with 2 "say vkt read x.raw --dims X Y Z --dtype TYPE | vkt info, or name it" vkt info x.raw
+    fails_with 2 "say vkt read x.raw --dims X Y Z --dtype TYPE | vkt flip, or" vkt flip x x.raw -o y.nrrd
+    fails_with 2 "say vkt read x.raw --dims X Y Z --dtype TYPE | vkt filter box, or" vkt filter box x.raw --radius 1 -o y.nrrd
+    fails_with 2 "| vkt stack" vkt stack x.raw x.raw -o y.nrrd
+    fails_with 2 "say --dims X Y Z --dtype TYPE, or" vkt read x.raw -o y.nrrd
+    cp ramp_7x5x3_int16.raw x_7x5x3.raw
+    fails_with 2 "say vkt read x_7x5x3.raw --dtype TYPE | vkt info, or" vkt info x_7x5x3.raw
 }

@@ -23,6 +23,7 @@ public:
     bool narrow(Roi const& roi, WorldRoi const& world_roi) override { return source_->narrow(roi, world_roi); }
     BrickSequence take_bricks() override { return source_->take_bricks(); }
     std::vector<std::string> not_read() const override { return source_->not_read(); }
+    std::int64_t parts_to_come() const override { return source_->parts_to_come(); }
     std::optional<Volume> take_whole() override { return source_->take_whole(); }
     void expect(Box const& region) override { source_->expect(region); }
     std::int64_t natural_slab() const override { return source_->natural_slab(); }

@@ -68,6 +68,9 @@ public:
     /// What the file of the current volume holds besides and nobody here can read: "grid 'v' of type vec3s".
     virtual std::vector<std::string> not_read() const { return {}; }
 
+    /// How many volumes follow that are parts of the same whole as the current one, if the source cuts one up.
+    virtual std::int64_t parts_to_come() const { return 0; }
+
     /// The whole current volume, finished, if it lies in memory in one piece that may be had without a copy. Only
     /// before anything else was asked of it.
     virtual std::optional<Volume> take_whole() { return std::nullopt; }

@@ -27,6 +27,9 @@ constexpr Signature signatures[] = {
     {0, "# vtk DataFile"sv, "a VTK legacy file"},
     {0, "\xff\xd8\xff"sv, "a JPEG picture"},
     {0, "GIF8"sv, "a GIF picture"},
+    {8, "WEBP"sv, "a WebP picture"},
+    {0, "\0\0\0\x0cjP  \r\n\x87\n"sv, "a JPEG 2000 picture"},
+    {0, "\xff\x4f\xff\x51\0"sv, "a JPEG 2000 picture"},
     {0, "v/1\x01"sv, "an OpenEXR picture"},
     {0, "PF\n"sv, "a PFM picture"},
     {0, "Pf\n"sv, "a PFM picture"},
@@ -89,6 +92,26 @@ bool is_at(std::span<std::byte const> head, std::size_t at, std::string_view byt
     return head.size() >= at + bytes.size() && std::memcmp(head.data() + at, bytes.data(), bytes.size()) == 0;
 }
 
+/// Two letters alone may be voxels: reserved zeros follow, and the size of one of the headers that there are.
+bool is_bitmap(std::span<std::byte const> head) {
+    if (!is_at(head, 0, "BM"sv) || !is_at(head, 6, "\0\0\0\0"sv) || !is_at(head, 15, "\0\0\0"sv)) return false;
+    auto const size = std::to_integer<int>(head[14]);
+    return size == 12 || size == 40 || size == 52 || size == 56 || size == 64 || size == 108 || size == 124;
+}
+
+/// Lines of what can be read. The head may end within a character.
+bool is_text(std::span<std::byte const> head) {
+    std::string_view rest(reinterpret_cast<char const*>(head.data()), head.size());
+    if (rest.find('\n') == std::string_view::npos) return false;
+    while (!rest.empty()) {
+        Character const next = first_character(rest);
+        bool const blank = rest.front() == '\n' || rest.front() == '\r' || rest.front() == '\t';
+        if (!blank && !(next.valid && next.visible())) return !next.valid && rest.size() < 4;
+        rest.remove_prefix(next.bytes);
+    }
+    return true;
+}
+
 } // namespace
 
 std::string foreign_format(std::span<std::byte const> head) {
@@ -99,6 +122,8 @@ std::string foreign_format(std::span<std::byte const> head) {
         std::string_view const all(reinterpret_cast<char const*>(head.data()), head.size());
         return all.find("<VTKFile") != std::string_view::npos ? "a VTK XML file" : "an XML document";
     }
+    if (is_bitmap(head)) return "a BMP picture";
+    if (is_text(head)) return "plain text";
     return {};
 }
 

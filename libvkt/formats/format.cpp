@@ -177,9 +177,9 @@ Format const& format_of(ByteSource& bytes, ReadOptions const& options) {
     if (!what.empty())
         throw Error(ErrorKind::data, text("'", bytes.name(), "' is ", what, ", a format that vkt does not read"),
                     "other tools turn it into NRRD or MetaImage, which vkt reads");
-    throw Error(ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
-                text("bare voxels are read by: vkt read ", bytes.name() == "standard input" ? "-" : bytes.name(),
-                     " --dims X Y Z --dtype TYPE"));
+    throw Error(
+        ErrorKind::data, text("'", bytes.name(), "' has no format that vkt knows"),
+        text("if it is bare voxels, say ", raw_description(bytes.name(), options, "--dims X Y Z --dtype TYPE")));
 }
 
 } // namespace

@@ -30,6 +30,7 @@ struct ReadOptions {
     bool force_uniform = false; ///< DICOM: slices with gaps or on a slant as if they lay at equal distances
     bool personal = false;      ///< DICOM: who was examined, when and where, too
     bool trust_paths = false;   ///< follow headers out of their directory, and to pipes and devices
+    std::string asked_by{};     ///< for hints: the command that reads, "vkt info", if it takes none of the above
 
     /// True if anything is said about what the file holds.
     bool describes() const;

@@ -58,10 +58,12 @@ std::unique_ptr<Source> open_raw(std::unique_ptr<ByteSource> bytes, ReadOptions 
     RawLayout layout;
     if (!options.dims && !name.dims)
         throw Error(ErrorKind::usage, text("'", bytes->name(), "': dims are unknown"),
-                    "say --dims X Y Z --dtype TYPE, or name it like engine_256x256x128_uint8.raw");
+                    text("say ", raw_description(bytes->name(), options, "--dims X Y Z --dtype TYPE"),
+                         ", or name it like engine_256x256x128_uint8.raw"));
     if (!options.dtype && !name.dtype)
         throw Error(ErrorKind::usage, text("'", bytes->name(), "': the data type is unknown"),
-                    "say --dtype TYPE, or name it like engine_256x256x128_uint8.raw");
+                    text("say ", raw_description(bytes->name(), options, "--dtype TYPE"),
+                         ", or name it like engine_256x256x128_uint8.raw"));
     if (options.skip < 0) throw Error(ErrorKind::usage, text("cannot skip ", options.skip, " bytes"));
     layout.header.dims = options.dims ? *options.dims : *name.dims;
     layout.header.dtype = options.dtype ? *options.dtype : *name.dtype;

@@ -12,6 +12,12 @@
 
 namespace vkt {
 
+std::string raw_description(std::string const& name, ReadOptions const& options, std::string_view missing) {
+    if (options.asked_by.empty()) return std::string(missing);
+    return text("vkt read ", name == "standard input" ? "-" : shell_quoted(name), " ", missing, " | ",
+                options.asked_by);
+}
+
 void refuse_bricks(Header const& header, std::string_view what) {
     if (header.kind != Kind::structured)
         throw Error(ErrorKind::usage, text(what, " cannot hold bricks"), "make a grid of them first: vkt resample");

@@ -5,6 +5,7 @@
 #include "libvkt/core/header.h"
 #include "libvkt/formats/format.h"
 
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -20,6 +21,10 @@ void refuse_series(bool& begun, std::string_view file, std::string_view extensio
 /// Both.
 void refuse_bricks_and_series(Header const& header, bool& begun, std::string_view what, std::string_view file,
                               std::string_view extension);
+
+/// What a user has to say of bare voxels that no name describes: the options that are missing, or the command that
+/// takes them where the one that asked has none.
+std::string raw_description(std::string const& name, ReadOptions const& options, std::string_view missing);
 
 /// What a format has places for.
 struct Kept {

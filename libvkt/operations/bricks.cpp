@@ -27,6 +27,7 @@ public:
     void read(AnyView out) override;
     std::optional<ConstView> borrow(Box const& region) override;
     void finish() override {} // the whole is finished after its last brick
+    std::int64_t parts_to_come() const override { return lattice_.count() - next_; }
 
 private:
     void begin_whole();
