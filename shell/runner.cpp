@@ -136,8 +136,8 @@ void Runner::tell_prediction() const {
     std::vector<std::string> left_out;
     for (Invocation const& stage : stages_)
         if (!predicted_.contains(&stage)) left_out.push_back(stage.verb().name);
-    log_.answer(text(last_.stage(), ":   all stages", left_out.empty() ? "" : " but ", join(left_out, ", "), ": about ",
-                     short_number(prediction_->seconds() + calibration_->start),
+    log_.answer(text(last_.process(), ":   all stages", left_out.empty() ? "" : " but ", join(left_out, ", "),
+                     ": about ", short_number(prediction_->seconds() + calibration_->start),
                      " s, the start of the program included\n"));
 }
 

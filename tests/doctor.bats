@@ -31,20 +31,20 @@ kept() { vkt doctor --calibrate >said; }
     [ "$(stat -c %a "$XDG_CACHE_HOME/vkt")" = 700 ]
     [ "$(stat -c %a "$XDG_CACHE_HOME/vkt/calibration")" = 600 ]
     vkt pipe -n 'read v.nrrd | filter gaussian --sigma 1 | stats' 2>plan
-    for stage in read filter stats; do grep -q "^vkt $stage:   about .* s on this machine" plan; done
+    for stage in read 'filter gaussian' stats; do grep -q "^vkt pipe: $stage:   about .* s on this machine" plan; done
     # With the start of the program, which the report tells in milliseconds. Reading and writing overlap with computing,
     # but what needs all of its input waits for it.
     truncate -s 256M big_512x512x256_float32.raw
     total() { # all stages without the start, their sum, and the longest
         awk -v start="$(sed -n 's/^start  *\(.*\) ms until.*/\1/p' said)" '
-            /on this machine$/ { sum += $4; if ($4 > most) most = $4 }
+            /on this machine$/ { sum += $(NF - 4); if ($(NF - 4) > most) most = $(NF - 4) }
             /all stages: about/ { all = $6; n++ }
             END { if (n == 1 && start > 0.5) print all - 1e-3 * start, sum, most }' "$1"
     }
     vkt pipe -n 'read big_512x512x256_float32.raw | arith mul - 2 | write out.vkt' 2>plan
     total plan | awk '{ exit !($1 > 0.98 * $3 && $1 < 0.95 * $2) }'
     vkt pipe -n 'read big_512x512x256_float32.raw | rotate --angle 20 | stats' 2>plan
-    total plan | awk -v read="$(sed -n 's/^vkt read:   about \(.*\) s on.*/\1/p' plan)" -v rotate="$(sed -n 's/^vkt rotate:   about \(.*\) s on.*/\1/p' plan)" \
+    total plan | awk -v read="$(sed -n 's/^vkt pipe: read:   about \(.*\) s on.*/\1/p' plan)" -v rotate="$(sed -n 's/^vkt pipe: rotate:   about \(.*\) s on.*/\1/p' plan)" \
         '{ exit !($1 > 0.98 * (read + rotate)) }'
     # What a command reads and writes by itself counts, too; what cannot be told is named.
     vkt arith mul big_512x512x256_float32.raw 2 -o big.vkt -n 2>plan
