@@ -212,6 +212,31 @@ assert np.abs(z[hit] - (eye - 31.5 + 2)).max() < 1e-4, (eye, z[hit])"
 assert np.isinf(exr('b.exr')['Z']).all()"
 }
 
+@test "distance where opacities rise, below many colours: as the integral says, and in about the time of the picture" {
+    needs_exr
+    # Values are x; the extinction of 0.04 x a unit has the depth 0.02 (b^2 - a^2) from a to b.
+    vkt make ramp --dims 40 12 12 --dtype float32 -o ramp.nrrd
+    transfer=$(/usr/bin/python3 -c "
+import json, math
+print(json.dumps({'unit': 1, 'points': [[v, v % 3 / 2, v % 5 / 4, v % 7 / 6, 1 - math.exp(-0.04 * v)] for v in range(40)]}))")
+    vkt render ramp.nrrd --transfer "$transfer" --size 64 --view -x --projection orthographic --span 16 -o a.exr
+    /usr/bin/python3 -c "$readers
+z = exr('a.exr')['Z']
+eye = float(exr.texts['Camera'].decode().split()[1])
+hit = np.isfinite(z)
+assert hit[20:44, 20:44].all()
+assert np.abs(z[hit] + eye - (2 * np.log(2) / 0.04) ** 0.5).max() < 1e-4, (eye, z[hit])"
+    vkt make sphere --dims 32 24 16 -o ball.nrrd
+    /usr/bin/python3 -c "
+import os, resource, subprocess
+def seconds(name):
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    subprocess.run([os.environ['VKT'], 'render', 'ball.nrrd', '--size', '256', '--threads', '1', '-o', name], check=True)
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+picture, layers = seconds('b.png'), seconds('b.exr')
+assert layers < 8 * picture + 0.5, (picture, layers)"
+}
+
 @test "variance of paths is that of pictures with other seeds" {
     needs_exr
     vkt make noise --dims 12 12 12 -o v.nrrd

@@ -305,6 +305,9 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     scene.table = table.view();
     scene.knots = knots.data();
     scene.knot_count = static_cast<int>(knots.size());
+    std::vector<Knot> const bends = bends_of(knots);
+    scene.bends = bends.data();
+    scene.bend_count = static_cast<int>(bends.size());
     scene.cells = view_of(macrocells(), cells);
     TreeView const tree = tree_ ? tree_->view(bricks, ready->blocks) : TreeView{};
     Integrator const integrator = surfaces                                            ? Integrator::iso

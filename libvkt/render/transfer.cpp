@@ -111,6 +111,32 @@ std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& val
     return knots;
 }
 
+std::vector<Knot> bends_of(std::vector<Knot> const& knots) {
+    double greatest = 0;
+    for (Knot const& k : knots) greatest = std::max(greatest, k.extinction);
+    double const allowed = 1e-10 * greatest; // opacities near 1 were rounded to that
+    constexpr double any = std::numeric_limits<double>::infinity();
+    std::vector<Knot> bends{knots.front()};
+    double least = -any, most = any; // slopes that keep to all knots since the last bend
+    for (std::size_t i = 1; i < knots.size(); ++i) {
+        auto const width = [&] { return knots[i].value - bends.back().value; };
+        auto const rise = [&] { return knots[i].extinction - bends.back().extinction; };
+        if (width() > 0 && !(rise() >= least * width() && rise() <= most * width())) {
+            bends.push_back(knots[i - 1]);
+            least = -any, most = any;
+        }
+        if (width() > 0) {
+            least = std::max(least, (rise() - allowed) / width());
+            most = std::min(most, (rise() + allowed) / width());
+        } else if (std::abs(rise()) > allowed) { // the other side of a step
+            bends.push_back(knots[i]);
+            least = -any, most = any;
+        }
+    }
+    if (knots.size() > 1) bends.push_back(knots.back());
+    return bends;
+}
+
 TransferTable::TransferTable(std::vector<Knot> const& knots, int nodes) : count_(std::max(nodes, 2)) {
     double lower = knots.front().value, upper = knots.back().value;
     // Positions are floats: nodes are no closer together than these are, and begin at one of them. Closer than the

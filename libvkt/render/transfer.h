@@ -70,6 +70,9 @@ struct Rescaling {
 std::vector<Knot> knots_of(TransferFunction const& transfer, ValueMap const& values, Rescaling const& rescaling,
                            double unit, double scale);
 
+/// Those of them between which the extinction is linear but for rounding, the first and the last included.
+std::vector<Knot> bends_of(std::vector<Knot> const& knots);
+
 /// The knots sampled at equidistant nodes with running integrals, and maxima over ranges for majorants.
 class TransferTable {
 public:

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
 #include "libvkt/formats/series.h"
+#include "libvkt/render/inner/exact.h"
 #include "libvkt/render/settings.h"
 #include "tests/unit/render_testing.h"
 
@@ -41,6 +42,26 @@ TEST(RenderTransfer, TablesFollowTheKnots) {
         EXPECT_NEAR(c.density[0], expected, 1e-6) << v;
         EXPECT_NEAR(c.density[3], expected * (v <= 20 ? 0 : v <= 30 ? (v - 20) / 10 : 1), 1e-5) << v;
     }
+}
+
+TEST(RenderTransfer, BendsAreWhereTheExtinctionBends) {
+    // Colours bend more often than opacities: 16 knots between two points, of which extinction needs none.
+    TransferFunction const slope = transfer_from_lut({0, 0, 0, 0.1, 1, 0, 0, 0.1, 1, 1, 0, 0.6, 0, 1, 0, 0.6}, 0, 3);
+    std::vector<Knot> const knots = knots_of(slope, {}, {}, 1, 1), bends = bends_of(knots);
+    EXPECT_EQ(knots.size(), 49U);
+    ASSERT_EQ(bends.size(), 4U);
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(bends[i].value, static_cast<double>(i));
+    for (Knot const& k : knots)
+        EXPECT_NEAR(evaluate(bends.data(), 4, k.value).extinction, k.extinction, 1e-12) << k.value;
+    // Both sides of a step stay, and what bends a little everywhere bends.
+    std::vector<Knot> const step = bends_of({{0, 1, 0, 0, 0}, {1, 1, 1, 0, 0}, {1, 3, 1, 0, 0}, {2, 3, 0, 0, 0}});
+    ASSERT_EQ(step.size(), 4U);
+    EXPECT_EQ(step[1].extinction, 1);
+    EXPECT_EQ(step[2].extinction, 3);
+    std::vector<Knot> parabola;
+    for (int i = 0; i <= 100; ++i) parabola.push_back({i * 0.01, i * i * 1e-4, 0, 0, 0});
+    EXPECT_EQ(bends_of(parabola).size(), parabola.size());
+    EXPECT_EQ(bends_of({{5, 1, 0, 0, 0}}).size(), 1U);
 }
 
 TEST(RenderTransfer, ADomainWithoutExtentIsAStep) {

@@ -60,36 +60,30 @@ VKT_HD Radiance surface_albedo(S const& sampler, SceneView const& scene, Ray con
 }
 
 /// Distance at which half of the light is held back, exact but for rounding; infinity where less is on the whole ray.
-template <class S>
-VKT_HD float half_distance(S const& sampler, SceneView const& scene, Ray const& ray, Counters& counters) {
+template <class S> VKT_HD float half_distance(S const& sampler, SceneView const& scene, Ray const& ray, Counters&) {
     constexpr double half = 0.69314718055994531; // of the light: optical depth ln 2
-    ExactMarch march{scene.knots, scene.knot_count, &counters};
+    double depth = 0;
     float found = std::numeric_limits<float>::infinity();
     each_piece(
         sampler, scene, ray, true, [&](auto const& piece) __attribute__((always_inline)) {
             if (piece.missing) return true;
-            return piece.each_cubic([&](Cubic const& f, double from, double to) __attribute__((always_inline)) {
-                double const world = (to - from) * piece.width * ray.world_per_lattice;
-                auto const depth_to = [&](double share) __attribute__((always_inline)) {
-                    ExactMarch part = march;
-                    Cubic const begun{f.a * share * share * share, f.b * share * share, f.c * share, f.d};
-                    part.add_cell(begun, static_cast<double>(piece.least), static_cast<double>(piece.greatest),
-                                  share * world);
-                    return part.depth;
-                };
-                double low = 0, high = 1, depth = 0;
-                // First the whole, then where in it.
-                for (int i = 0; i < 31; ++i) {
-                    double const middle = i == 0 ? 1 : 0.5 * (low + high);
-                    depth = depth_to(middle);
-                    if (i == 0 && depth < half) {
-                        march.depth = depth;
-                        return true;
-                    }
-                    (depth < half ? low : high) = middle;
-                }
-                found = distance_of(ray, piece.t + (from + high * (to - from)) * piece.width);
-                return false;
+            return piece.each_cubic([&](Cubic const& f, double begin, double end) __attribute__((always_inline)) {
+                double const world = (end - begin) * piece.width * ray.world_per_lattice;
+                return between_knots(
+                    scene.bends, scene.bend_count, f, static_cast<double>(piece.least),
+                    static_cast<double>(piece.greatest),
+                    [&](double from, double to, int i) __attribute__((always_inline)) {
+                        KnotGap const gap(scene.bends, scene.bend_count, i);
+                        if (!(to > from) || !gap.shows()) return true;
+                        double const beyond = depth + gap.depth(f, from, to) * world;
+                        if (beyond < half) {
+                            depth = beyond;
+                            return true;
+                        }
+                        double const s = gap.place_of_depth(f, (half - depth) / world, from, to);
+                        found = distance_of(ray, piece.t + (begin + s * (end - begin)) * piece.width);
+                        return false;
+                    });
             });
         });
     return found;

@@ -77,6 +77,8 @@ struct SceneView {
     TableView table;
     Knot const* knots;
     int knot_count;
+    Knot const* bends; ///< of these the ones where the extinction bends, which is all that depths depend on
+    int bend_count;
     ShadeView shade;
     LampView lamp;
     /// The lamp's, if it throws shadows, and then those over which the light from everywhere is measured.
