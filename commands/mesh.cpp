@@ -37,10 +37,16 @@ public:
         if (output_ != "-") check_output(numbered_path(output_, 0), force_);
     }
 
+    int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
+        context_ = &context;
+        return Measure::consume(inputs, context);
+    }
+
 protected:
     void found(Operation const& operation) override {
         auto const& mesh = static_cast<MakeMesh const&>(operation);
         if (output_.empty()) return;
+        context_->refuse_lossy();
         std::span<Mesh const> const all = mesh.meshes();
         if (is_numbered(output_) && !mesh.iso) {
             if (volumes_++ > 0) throw Error(ErrorKind::usage, several, "number them by hand: vkt mesh FILE");
@@ -83,6 +89,7 @@ private:
         file.commit();
     }
 
+    Context* context_ = nullptr;
     std::string output_;
     std::optional<MeshFormat> format_;
     MeshFileOptions file_;

@@ -34,6 +34,7 @@ public:
     void note(std::string const&) override {}
     void plan(Header const&, std::string const&) override {}
     void lossy(std::string const&) override {}
+    void refuse_lossy() override {}
     std::function<void(std::string const&)> detail() override {
         return [](std::string const&) {};
     }

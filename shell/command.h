@@ -41,6 +41,8 @@ public:
     virtual void plan(Header const& header, std::string const& output) = 0;
     /// A note about voxels that are not shown or kept as they are; throws Error{data} with --strict.
     virtual void lossy(std::string const& message) = 0;
+    /// Throws Error{data} with --strict if something lossy was told of already: before a file is written.
+    virtual void refuse_lossy() = 0;
     /// One line on standard error with --verbose. May be called for as long as the stage runs.
     virtual std::function<void(std::string const& message)> detail() = 0;
     /// The format of an input, of what was opened last for it; "vkt" for a stream.

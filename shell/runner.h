@@ -42,6 +42,7 @@ public:
     void plan(Header const& header, std::string const& output) override;
     void explain(Header const& header) const;
     void lossy(std::string const& message) override;
+    void refuse_lossy() override;
     std::function<void(std::string const&)> detail() override;
     std::string format(std::string const& input) const override;
     std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override;
@@ -64,6 +65,7 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
+    void refuse_lossy();
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
     void predict_reading(Invocation const& stage, Header const& header);
     void predict_writing(Invocation const& stage, Header const& header);
@@ -98,7 +100,6 @@ private:
     void tell_prediction() const;
     void remark(std::string const& message);
     void lose(std::string const& message); ///< of what the output's format does not hold
-    void refuse_lossy();
     void tell_transport() const;
     ipc::StageReport own_report() const;
     std::vector<ipc::StageReport> reports() const;

@@ -19,6 +19,7 @@ void StageContext::lossy(std::string const& message) {
     note(message);
     if (invocation_.common().strict) throw Error(ErrorKind::data, text("--strict: ", message));
 }
+void StageContext::refuse_lossy() { runner_.refuse_lossy(); }
 std::function<void(std::string const&)> StageContext::detail() {
     return
         [log = runner_.log(), stage = invocation_.stage()](std::string const& message) { log.detail(stage, message); };

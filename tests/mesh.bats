@@ -91,6 +91,22 @@ py() { /usr/bin/python3 -c "
 from check import *
 $1"; }
 
+@test "a value without a surface is noted, and refused with --strict before a file is there" {
+    vkt make sphere --dims 12 12 12 --edge coverage -o ball.vkt
+    vkt mesh ball.vkt --iso 0.5 --strict 2>said
+    [ ! -s said ]
+    for what in '999 no is_empty' '-999 every is_the_end_of_the_volume'; do
+        read -r value who mesh <<<"$what"
+        vkt mesh ball.vkt --iso=$value -o none.ply --force 2>said
+        grep -qx "vkt mesh: no surface of $value is there: $who voxel is at or above it, and the mesh ${mesh//_/ }" said
+        rm none.ply
+        fails_with 3 "no surface of $value is there" vkt mesh ball.vkt --iso=$value -o none.ply --strict
+        [ ! -e none.ply ]
+    done
+    vkt mesh ball.vkt --iso=-999 --open 2>said
+    grep -q "every voxel is at or above it, and the mesh is empty" said
+}
+
 @test "spheres and tori: closed, Euler characteristic, area and volume of the bodies" {
     py '
 n = 48

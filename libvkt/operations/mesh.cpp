@@ -161,12 +161,21 @@ void MakeMesh::scan_end() {
         }
         return;
     }
+    inside_ = parts_.empty() ? 0 : parts_.front().builder.voxels_inside();
     for (Part& part : parts_) {
         meshes_.push_back(part.builder.finish(execution_));
         meshes_.back().name = part.name;
         meshes_.back().label = part.label;
     }
     parts_.clear();
+}
+
+std::vector<Remark> MakeMesh::remarks() const {
+    bool const nobody = inside_ == 0, everybody = inside_ == region_.voxels();
+    if (!iso || !(nobody || everybody)) return {};
+    return {
+        {text("no surface of ", to_text(*iso), " is there: ", nobody ? "no" : "every",
+              " voxel is at or above it, and the mesh ", nobody || open ? "is empty" : "is the end of the volume")}};
 }
 
 Report MakeMesh::row_of(Mesh const& mesh) const {

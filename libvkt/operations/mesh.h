@@ -39,6 +39,8 @@ public:
     /// Of each surface: vertices, triangles, area and volume in world units, Euler characteristic (vertices - edges +
     /// triangles: 2 for each sphere, 2 less for each handle).
     Report report() const override;
+    /// That a value has no surface in the volume.
+    std::vector<Remark> remarks() const override;
 
     /// Of the volume just finished: one of a value, one of each label.
     std::vector<Mesh> const& meshes() const { return meshes_; }
@@ -64,6 +66,7 @@ private:
     std::vector<Part> parts_;
     std::vector<std::byte> slice_; ///< one that comes in pieces of some rows
     std::vector<Mesh> meshes_;
+    std::int64_t inside_ = 0; ///< voxels at or above the value
     Execution execution_;
 };
 

@@ -8,6 +8,7 @@
 #include "libvkt/core/text.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -182,6 +183,7 @@ void SurfaceBuilder::work(ConstView voxels, std::int64_t slices, bool first, Exe
     slab.cases = &surface_cases();
     slab.mirrored = mirrored_;
     surface_bits(slab, inside_, execution);
+    for (std::size_t i = slice_words; i < bits_.size(); ++i) inside_count_ += std::popcount(bits_[i]);
     // Nothing is crossed on the way from a slice that is not there.
     if (first) std::copy_n(bits_.begin() + static_cast<std::ptrdiff_t>(slice_words), slice_words, bits_.begin());
     surface_count(slab, execution);

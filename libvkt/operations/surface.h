@@ -60,7 +60,8 @@ public:
     /// The next slices, from a view whose rows and columns are those of the region. Throws Error{resources} where the
     /// mesh exceeds the budget or 2^32 vertices.
     void add(ConstView slab, Execution const& execution);
-    std::size_t bytes() const { return mesh_.bytes(); } ///< of the mesh so far
+    std::size_t bytes() const { return mesh_.bytes(); }          ///< of the mesh so far
+    std::int64_t voxels_inside() const { return inside_count_; } ///< of those so far
     /// The mesh, once all slices were added.
     Mesh finish(Execution const& execution);
 
@@ -72,6 +73,7 @@ private:
     Inside inside_;
     bool closed_ = true, mirrored_ = false;
     std::int64_t done_ = 0; ///< lattice slices
+    std::int64_t inside_count_ = 0;
     Index3 lattice_;
     std::int64_t words_ = 0;
     std::vector<std::uint64_t> bits_;
