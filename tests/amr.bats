@@ -22,7 +22,8 @@ s = json.load(open('stats.json'))
 assert s['count'] % 512 == 0 and 300 <= s['count'] // 512 < 307, s['count']"
     vkt make amr --blocks 300 --levels 4 --threads 1 -o u.vkt
     cmp <(vkt resample t.vkt --dims 30 20 10 | raw) <(vkt resample u.vkt --dims 30 20 10 | raw)
-    fails_with 2 'not in 1…20' vkt make amr --levels 0 -o x.vkt
+    fails_with 2 'not in 1…19' vkt make amr --levels 0 -o x.vkt
+    fails_with 2 'not in 1…19' vkt make amr --levels 20 -o x.vkt
     fails_with 2 '--silcc says' vkt make amr --silcc --blocks 5 -o x.vkt
     fails_with 2 'float32 or float64' vkt make amr --dtype uint8 -o x.vkt
 }

@@ -105,5 +105,15 @@ s = np.fromfile("small", "f8"); assert abs(s[13] / (4 / 3 * np.pi * .064) - 1) <
 assert len(levels) >= 4 and sum(levels) == i["bricks"] >= 1000 and min(levels) > 1, i
 assert i["cells"] == 512 * i["bricks"] < np.prod(i["dims"]) / 10, i'
     # One level more than the blocks fill is all of the finest level.
-    vkt make amr --levels 3 | vkt info | grep -qx 'bricks     64 of 1 levels with 32768 cells'
+    vkt make amr --levels 3 2>said | vkt info | grep -qx 'bricks     64 of 1 levels with 32768 cells'
+    grep -qx 'vkt make: bricks are on 1 of 3 levels: with --blocks 1000, the coarsest 2 are divided everywhere' said
+    vkt make amr --levels 6 -o six.vkt 2>said
+    grep -qx 'vkt make: bricks are on 4 of 6 levels: with --blocks 1000, the coarsest 2 are divided everywhere' said
+    vkt make amr --field constant --levels 9 --strict -o nine.vkt 2>said
+    grep -qx 'vkt make: bricks are on 3 of 9 levels: with --blocks 1000, the coarsest 2 are divided everywhere and the finest 4 are not reached' said
+    # All of them, or none in particular, is nothing to tell.
+    vkt make amr --blocks 1 --levels 1 -o one.vkt 2>said
+    [ ! -s said ]
+    vkt make amr -o default.vkt 2>said
+    [ ! -s said ]
 }

@@ -26,9 +26,13 @@ public:
     Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const>, AnyView, Execution const&) override {}
     std::optional<BrickSequence> make_bricks(Execution const& execution) override;
+    /// That not all of the levels that were asked for have bricks, and why.
+    std::vector<Remark> remarks() const override;
 
 private:
     AmrRecipe recipe() const;
+
+    int coarsest_ = 0, finest_ = 0; ///< levels with bricks; the finest of the recipe is 0
 };
 
 } // namespace vkt
