@@ -217,6 +217,24 @@ print(f"{name}{h:08x}")')
     [ -e there/new.raw ]
     [ ! -e new.raw ]
     vkt diff there/new.mhd ramp.vkt
+    # Under another name: what lies beside the header that the link leads to is what counts.
+    for end in nhdr hdr pvti mhd; do
+        rm -rf there/other*
+        vkt write ramp.vkt there/other.$end
+        ln -s there/other.$end alias.$end
+        vkt flip x ramp.vkt -o alias.$end --force
+        [ -L alias.$end ]
+        [ -z "$(find . -maxdepth 1 -name 'other*')" ]
+        vkt diff there/other.$end alias.$end
+        vkt flip x ramp.vkt | vkt diff - alias.$end
+    done
+    # Not what happens to have that name beside the link, but that if there is nothing else.
+    cp there/other.raw kept.raw
+    head -c "$(stat -c %s kept.raw)" /dev/zero >other.raw
+    vkt flip x ramp.vkt | vkt diff - alias.mhd
+    cp kept.raw other.raw
+    rm there/other.raw
+    vkt flip x ramp.vkt | vkt diff - alias.mhd
     ln -s round.nrrd round.nrrd
     fails_with 4 "round.nrrd" vkt write ramp.vkt round.nrrd --force
     [ "$(find . there -name '.*vkt-*' | wc -l)" -eq 0 ]

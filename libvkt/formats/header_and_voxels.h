@@ -45,6 +45,10 @@ public:
     void write(std::byte const* voxels, std::size_t n) override;
     void close() override;
 
+protected:
+    /// Where the header, or all, will lie.
+    std::string const& target() const { return (header_file_ ? header_file_ : data_file_)->target(); }
+
 private:
     void check_volume(Header const& header) const;
     std::string header_text(std::size_t length) const;

@@ -75,7 +75,7 @@ std::string sidecar_text(std::string const& path) {
 class NiftiWriter : public HeaderAndVoxelsWriter {
 public:
     NiftiWriter(HeaderFormat format, std::string const& path, WriteOptions const& options)
-        : HeaderAndVoxelsWriter(std::move(format), path, options), options_(options), sidecar_(sidecar_of(path)) {}
+        : HeaderAndVoxelsWriter(std::move(format), path, options), options_(options), sidecar_(sidecar_of(target())) {}
 
     void begin(Header const& header) override {
         Header own = header;
@@ -106,8 +106,9 @@ std::unique_ptr<Source> open_nifti(std::unique_ptr<ByteSource> bytes, ReadOption
     RawLayout layout = is_analyze(bytes->peek(analyze_size))
                            ? read_analyze(*bytes, options.trust_paths)
                            : nifti_layout(read_nifti_header(*bytes), options.trust_paths);
-    if (std::string sidecar = sidecar_text(sidecar_of(bytes->name())); !sidecar.empty())
-        layout.header.attributes["sidecar"] = std::move(sidecar);
+    std::string sidecar = sidecar_text(sidecar_of(where_linked(bytes->name())));
+    if (sidecar.empty()) sidecar = sidecar_text(sidecar_of(bytes->name()));
+    if (!sidecar.empty()) layout.header.attributes["sidecar"] = std::move(sidecar);
     return raw_source(std::move(bytes), std::move(layout));
 }
 

@@ -391,29 +391,38 @@ void put_place(NiftiFields& f, Header const& header) {
     if (is_orthonormal(g)) f.quatern = quaternion(g);
 }
 
-} // namespace
-
-void find_image(RawLayout& layout, std::string const& header_name, bool trust_paths) {
+/// Takes what lies beside a header of this name, if anything does; of NAME.hdr what should.
+bool look_for_image(RawLayout& layout, std::string const& header_name, bool trust_paths) {
     std::string base =
         lower_case(header_name).ends_with(".gz") ? header_name.substr(0, header_name.size() - 3) : header_name;
-    if (!lower_case(base).ends_with(".hdr"))
-        throw Error(
-            ErrorKind::data,
-            text("'", header_name, "': the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr"),
-            "read the pair by that name");
-    bool const capitals = base.ends_with(".HDR");
-    base.resize(base.size() - 4);
+    bool const named = lower_case(base).ends_with(".hdr"), capitals = base.ends_with(".HDR");
+    if (named) base.resize(base.size() - 4);
     base.erase(0, base.rfind('/') + 1); // npos + 1 is 0
-    layout.files = {beside(header_name, base + (capitals ? ".IMG" : ".img"), trust_paths)};
+    std::string const usual = beside(header_name, base + (capitals ? ".IMG" : ".img"), trust_paths);
     std::error_code error;
-    if (std::filesystem::exists(layout.files.front(), error)) return;
+    bool const there = std::filesystem::exists(usual, error);
+    if (named || there) layout.files = {usual};
+    if (there) return true;
     for (char const* const end : {".img", ".img.gz", ".IMG.gz", ".IMG.GZ"}) {
         std::string const other = beside(header_name, base + end, trust_paths);
         if (!std::filesystem::exists(other, error)) continue;
         if (lower_case(end).ends_with(".gz")) layout.encoding = Encoding::deflate;
         layout.files = {other};
-        return;
+        return true;
     }
+    return false;
+}
+
+} // namespace
+
+void find_image(RawLayout& layout, std::string const& header_name, bool trust_paths) {
+    std::string const real = where_linked(header_name);
+    if (!real.empty() && look_for_image(layout, real, trust_paths)) return;
+    layout.files.clear();
+    if (look_for_image(layout, header_name, trust_paths) || !layout.files.empty()) return; // who opens it will say
+    throw Error(ErrorKind::data,
+                text("'", header_name, "': the header of a pair, whose voxels are in a file NAME.img beside NAME.hdr"),
+                "read the pair by that name");
 }
 
 RawLayout nifti_layout(NiftiHeader const& header, bool trust_paths) { return Reader(header, trust_paths).layout(); }

@@ -332,20 +332,8 @@ void RawSource::order_bytes(AnyView const& out) const {
             swap_bytes(out.at(out.box.lower.x, y, z), static_cast<std::size_t>(out.dims().x), size);
 }
 
-} // namespace
-
-std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout) {
-    mark_as_given(layout.header);
-    return std::make_unique<RawSource>(std::move(bytes), std::move(layout));
-}
-
-void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {
-    if (size == 2) swap_all<std::uint16_t>(data, n);
-    if (size == 4) swap_all<std::uint32_t>(data, n);
-    if (size == 8) swap_all<std::uint64_t>(data, n);
-}
-
-std::string beside(std::string const& header_name, std::string const& file, bool trusted) {
+/// The same as seen from the directory of that name, which may be a link's.
+std::string beside_name(std::string const& header_name, std::string const& file, bool trusted) {
     namespace fs = std::filesystem;
     std::size_t const slash = header_name.rfind('/');
     std::string const folder = slash == std::string::npos ? "" : header_name.substr(0, slash + 1);
@@ -368,6 +356,35 @@ std::string beside(std::string const& header_name, std::string const& file, bool
     }
     if (fs::exists(itself) && !fs::is_regular_file(path, error)) refuse("is no regular file");
     return path;
+}
+
+} // namespace
+
+std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout layout) {
+    mark_as_given(layout.header);
+    return std::make_unique<RawSource>(std::move(bytes), std::move(layout));
+}
+
+void swap_bytes(std::byte* data, std::size_t n, std::size_t size) {
+    if (size == 2) swap_all<std::uint16_t>(data, n);
+    if (size == 4) swap_all<std::uint32_t>(data, n);
+    if (size == 8) swap_all<std::uint64_t>(data, n);
+}
+
+std::string beside(std::string const& header_name, std::string const& file, bool trusted) {
+    if (std::string const real = where_linked(header_name); !real.empty()) {
+        std::string const path = beside_name(real, file, true);
+        std::error_code error;
+        if (std::filesystem::exists(path, error)) return beside_name(real, file, trusted);
+    }
+    return beside_name(header_name, file, trusted);
+}
+
+std::string where_linked(std::string const& path) {
+    std::error_code error;
+    if (!std::filesystem::is_symlink(path, error)) return {};
+    std::string real = std::filesystem::canonical(path, error).string();
+    return error ? std::string() : real;
 }
 
 } // namespace vkt

@@ -43,7 +43,11 @@ std::unique_ptr<Source> raw_source(std::unique_ptr<ByteSource> bytes, RawLayout 
 /// Reverses the bytes of n samples of `size` bytes each, in place.
 void swap_bytes(std::byte* data, std::size_t n, std::size_t size);
 
-/// `file`, which a header names, as seen from the header's directory. Headers come from anywhere, and what they name is
+/// What a symbolic link leads to; empty of other files, and if that is not there.
+std::string where_linked(std::string const& path);
+
+/// `file`, which a header names, as seen from the header's directory: of a link from that of what it leads to, if the
+/// file is there, or else its own. Headers come from anywhere, and what they name is
 /// read: unless they are `trusted`, Error{data} is thrown for absolute names, for those that leave that directory (also
 /// through symbolic links), and for what is there but is no regular file.
 std::string beside(std::string const& header_name, std::string const& file, bool trusted);
