@@ -364,10 +364,29 @@ print(f"{name}{h:08x}")')
 }
 
 @test "a volume that no disk holds is refused at once" {
-    for out in big.nrrd big.vkt big.raw; do
-        fails_with 4 "no space left on device: 3638.0 TiB are needed" timeout 20 vkt make noise --dims 1000000 1000000 1000 -o $out
-        [ ! -e $out ]
+    for out in big.nrrd big.vkt big.raw big.zarr 'big%04d.pgm' 'big%04d.pfm'; do
+        needed="3638.0 TiB"
+        type=(--dtype float32)
+        case $out in *.pgm) needed="909.5 TiB" type=(--dtype uint8) ;; esac
+        fails_with 4 "no space left on device: $needed are needed" timeout 20 vkt make noise --dims 1000000 1000000 1000 "${type[@]}" -o "$out"
+        [ -z "$(find . -name '*big*')" ]
     done
+    # What may become small is not.
+    vkt make constant --dims 2000 2000 3 --dtype uint8 -o 'small%d.png'
+}
+
+@test "what goes wrong in a directory that has no name yet is said of the name that it will have" {
+    mkdir small
+    mount -t tmpfs -o size=1m tmpfs small 2>/dev/null || skip "a tmpfs cannot be mounted here"
+    truncate -s 2M big_128x128x128_uint8.raw
+    failed=0
+    for out in small/dicom/ small/store.zarr; do
+        run timeout 20 vkt write big_128x128x128_uint8.raw $out
+        [[ "$status" -eq 4 && "$output" == *"'small/"*"no space left"* && "$output" != *.vkt-* ]] || failed=1
+        [ -z "$(ls -A small)" ] || failed=1
+    done
+    umount small
+    [ $failed -eq 0 ]
 }
 
 @test "every format keeps each item of a header or names it, and names nothing that it keeps" {

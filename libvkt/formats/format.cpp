@@ -294,6 +294,7 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
         WriteOptions own = options;
         own.force = false;
         own.one_file = true;
+        own.files = 1; // the others will not be there as this one is before it is compressed
         return format->create(inner, own);
     });
 }

@@ -50,6 +50,7 @@ struct WriteOptions {
     bool force = false;    ///< overwrite an existing file
     bool one_file = false; ///< DICOM: a file whatever it is called, as the temporary one of NAME.dcm.gz is
     bool compress = false;
+    std::int64_t files = 1; ///< slices in files of their own: this one and those to come
     /// Sparse formats: voxels of this stored value are not kept; by default what the volume names as its background, or
     /// 0.
     std::optional<double> background{};

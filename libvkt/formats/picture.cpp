@@ -5,6 +5,7 @@
 #include "libvkt/core/execution.h"
 #include "libvkt/core/text.h"
 #include "libvkt/formats/all_formats.h"
+#include "libvkt/formats/encode.h"
 #include "libvkt/formats/exr.h"
 #include "libvkt/formats/pfm.h"
 #include "libvkt/formats/refusals.h"
@@ -27,7 +28,7 @@ namespace {
 class PictureWriter : public VolumeWriter {
 public:
     PictureWriter(std::string const& path, WriteOptions const& options, char const* name)
-        : file_(path, options.force), name_(name) {
+        : file_(path, options.force), name_(name), files_(options.files) {
         if (options.compress)
             throw Error(ErrorKind::usage,
                         text("--compress: ", name, " files are compressed in their own way, or not at all"));
@@ -45,6 +46,7 @@ public:
             throw Error(ErrorKind::usage, text("a picture of ", header.dims.x, " by ", header.dims.y,
                                                " pixels is too large for ", name_));
         row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
+        file_.expect(least_bytes(header) * static_cast<std::size_t>(files_));
         begin_picture(header.dims, header.dtype);
     }
     /// Pieces of a slice are whole rows.
@@ -61,6 +63,8 @@ protected:
                 ErrorKind::usage, text(one_file(), " holds uint8 or uint16, not ", type),
                 "map values to 256 levels: --range LO:HI of 'vkt slice', or vkt convert --dtype uint8 --range p1:p99");
     }
+    /// That a file takes.
+    virtual std::size_t least_bytes(Header const& header) const { return least_deflated(header.bytes()); }
     virtual void begin_picture(Index3 dims, DataType type) = 0;
     virtual void put_row(std::byte const* pixels) = 0;
 
@@ -69,6 +73,7 @@ protected:
     OutputFile file_;
     std::size_t row_ = 0; ///< bytes
     char const* name_;
+    std::int64_t files_; ///< this one and those to come
 
 private:
     static constexpr std::int64_t most_pixels = 1000000; // what libpng and most readers allow
@@ -81,6 +86,7 @@ public:
     PgmWriter(std::string const& path, WriteOptions const& options) : PictureWriter(path, options, "PGM") {}
 
 protected:
+    std::size_t least_bytes(Header const& header) const override { return header.bytes(); }
     void begin_picture(Index3 dims, DataType type) override {
         wide_ = type == DataType::uint16;
         std::string const head = text("P5\n", dims.x, " ", dims.y, "\n", wide_ ? 65535 : 255, "\n");
@@ -324,6 +330,9 @@ public:
     PfmWriter(std::string const& path, WriteOptions const& options) : FloatWriter(path, options, "PFM") {}
 
 protected:
+    std::size_t least_bytes(Header const& header) const override {
+        return static_cast<std::size_t>(header.dims.x * header.dims.y) * sizeof(float);
+    }
     std::vector<std::byte> encoded() override { return pfm_bytes({width_, height_, 1, std::move(values_)}); }
 };
 

@@ -163,7 +163,7 @@ std::vector<std::string> numbered_files_of(std::string const& path) {
 /// Slabs come as they come; each slice is handed to a sink of its own.
 class SlicesSink : public Sink {
 public:
-    SlicesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create)
+    SlicesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create)
         : pattern_(std::move(pattern)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
@@ -201,7 +201,7 @@ public:
 
 private:
     void begin_slice(std::int64_t z) {
-        current_ = create_(numbered_path(pattern_, number_++));
+        current_ = create_(numbered_path(pattern_, number_++), header_.dims.z - z);
         Header slice = header_;
         slice.dims.z = 1;
         slice.geometry = cropped(header_.geometry, {0, 0, z});
@@ -210,7 +210,7 @@ private:
     }
 
     std::string pattern_;
-    std::function<std::unique_ptr<Sink>(std::string const&)> create_;
+    std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create_;
     Header header_;
     Box slab_;
     std::vector<std::byte> held_;
@@ -260,7 +260,7 @@ std::unique_ptr<Sink> series_sink(std::string pattern,
 }
 
 std::unique_ptr<Sink> slices_sink(std::string pattern,
-                                  std::function<std::unique_ptr<Sink>(std::string const&)> create) {
+                                  std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create) {
     return std::make_unique<SlicesSink>(std::move(pattern), std::move(create));
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/source.h"
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -28,7 +29,9 @@ std::string numbered_path(std::string const& path, std::int64_t number);
 /// One file per volume, numbered from 0, each complete under its name as soon as its volume is.
 std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
 
-/// The same with a file for each slice, all volumes' slices numbered on.
-std::unique_ptr<Sink> slices_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
+/// The same with a file for each slice, all volumes' slices numbered on. create() is told how many files of the volume
+/// there are from this one on.
+std::unique_ptr<Sink> slices_sink(std::string pattern,
+                                  std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t files)> create);
 
 } // namespace vkt

@@ -8,6 +8,7 @@
 #include "libvkt/core/text.h"
 #include "libvkt/formats/layers.h"
 #include "libvkt/io/system_error.h"
+#include "libvkt/io/temporaries.h"
 
 #include <nlohmann/json.hpp>
 
@@ -30,7 +31,7 @@ constexpr std::uint64_t absent = ~std::uint64_t{0};
 /// A new file, or more of one.
 void write_file(std::string const& path, void const* data, std::size_t n, int how = O_EXCL) {
     int const file = ::open(path.c_str(), O_CREAT | how | O_WRONLY | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (file < 0) throw system_error(text("cannot write '", path, "'"));
+    if (file < 0) throw system_error(text("cannot write '", lasting_name(path), "'"));
     auto const* next = static_cast<std::byte const*>(data);
     int code = 0;
     while (n > 0 && code == 0) {
@@ -44,7 +45,7 @@ void write_file(std::string const& path, void const* data, std::size_t n, int ho
         }
     }
     if (::close(file) != 0 && code == 0) code = errno;
-    if (code != 0) throw system_error(text("cannot write '", path, "'"), code);
+    if (code != 0) throw system_error(text("cannot write '", lasting_name(path), "'"), code);
 }
 
 std::string type_name_v2(DataType type) {
@@ -113,7 +114,8 @@ void write_json(std::string const& path, Json const& json) {
 }
 
 void make_directory(std::string const& path) {
-    if (::mkdir(path.c_str(), 0777) != 0 && errno != EEXIST) throw system_error(text("cannot write '", path, "'"));
+    if (::mkdir(path.c_str(), 0777) != 0 && errno != EEXIST)
+        throw system_error(text("cannot write '", lasting_name(path), "'"));
 }
 
 LevelWriter::LevelWriter(std::string folder, Index3 dims, DataType dtype, WriteOptions const& options,
@@ -145,6 +147,11 @@ LevelWriter::LevelWriter(std::string folder, Index3 dims, DataType dtype, WriteO
     if (!sharded_) return;
     Index3 const outer = at_least_one(*options.zarr.shard);
     for (int a = 0; a < 3; ++a) shard_[a] = chunk_[a] * parts_of(std::min(outer[a], dims[a]), chunk_[a]);
+}
+
+std::optional<std::size_t> LevelWriter::bytes() const {
+    if (codec_) return {};
+    return row_ * static_cast<std::size_t>(dims_.y) * static_cast<std::size_t>(dims_.z);
 }
 
 void LevelWriter::write(std::byte const* voxels, std::size_t n) {

@@ -30,6 +30,8 @@ public:
     /// After the last voxel: what is left of shards, and the metadata with these attributes.
     void finish(nlohmann::ordered_json const& attributes);
     Index3 dims() const { return dims_; }
+    /// Bytes of all chunks together; not known if they are compressed.
+    std::optional<std::size_t> bytes() const;
 
 private:
     using Index = std::vector<std::uint64_t>; ///< of a shard: where each chunk begins, and its bytes

@@ -128,6 +128,10 @@ void ZarrWriter::begin(Header const& header) {
                            {}});
         share = std::max<std::size_t>(share / 2, 1);
     }
+    // Chunks of zeros are left out, but how many there will be is not known.
+    std::size_t bytes = 0;
+    for (Level const& level : levels_) bytes += level.writer.bytes().value_or(0);
+    directory_.expect(bytes, "write it compressed, of which the size is not known before: --compress");
 }
 
 void ZarrWriter::write(std::byte const* voxels, std::size_t n) { take(0, voxels, n); }

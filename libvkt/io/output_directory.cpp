@@ -4,6 +4,7 @@
 
 #include "libvkt/core/error.h"
 #include "libvkt/core/text.h"
+#include "libvkt/io/free_space.h"
 #include "libvkt/io/system_error.h"
 #include "libvkt/io/temporaries.h"
 
@@ -69,6 +70,10 @@ OutputDirectory::~OutputDirectory() {
 }
 
 std::string OutputDirectory::file(std::string const& name) const { return text(temporary_, "/", name); }
+
+void OutputDirectory::expect(std::size_t bytes, std::string const& hint) const {
+    require_space(descriptor_, bytes, text("cannot write '", path_, "'"), hint);
+}
 
 void OutputDirectory::commit() {
     // A directory may take the place of an empty one.

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -27,6 +28,8 @@ public:
     std::string const& path() const { return path_; }
     /// Where files of this name are written to until then.
     std::string file(std::string const& name) const;
+    /// Throws Error{io} if the file system has no room for so many bytes more.
+    void expect(std::size_t bytes, std::string const& hint = {}) const;
     void commit();
 
 private:

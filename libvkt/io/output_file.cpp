@@ -114,28 +114,28 @@ void check_output(std::string const& path, bool force) {
         throw unwritable(path, errno);
 }
 
-OutputFile::OutputFile(std::string path, bool force, OutputKind kind)
-    : path_(std::move(path)), target_(path_), force_(force), segment_(kind == OutputKind::segment),
+OutputFile::OutputFile(std::string const& path, bool force, OutputKind kind)
+    : path_(lasting_name(path)), target_(path), force_(force), segment_(kind == OutputKind::segment),
       named_(kind == OutputKind::named_file) {
     if (segment_) {
-        check_segment(path_, force_);
-        target_ = segment_file(path_);
+        check_segment(path, force_);
+        target_ = segment_file(path);
         open_temporary();
         return;
     }
-    if (path_ == "-") {
+    if (path == "-") {
         in_place_ = true;
         descriptor_ = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
         if (descriptor_ < 0) throw system_error("cannot write standard output");
         return;
     }
-    in_place_ = check_name(path_, force_);
+    in_place_ = check_name(path, force_);
     if (!in_place_) {
-        target_ = followed(path_);
+        target_ = followed(path);
         open_temporary();
         return;
     }
-    descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC);
+    descriptor_ = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
     if (descriptor_ < 0) throw system_error(text("cannot write '", path_, "'"));
 }
 

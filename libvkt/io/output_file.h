@@ -26,12 +26,13 @@ enum class OutputKind : std::uint8_t { file, named_file, segment };
 /// Segments are files in memory that are their owner's alone.
 class OutputFile {
 public:
-    OutputFile(std::string path, bool force, OutputKind kind = OutputKind::file);
+    OutputFile(std::string const& path, bool force, OutputKind kind = OutputKind::file);
     ~OutputFile();
     OutputFile(OutputFile const&) = delete;
     OutputFile& operator=(OutputFile const&) = delete;
 
     int descriptor() const { return descriptor_; }
+    /// What messages call it.
     std::string const& path() const { return path_; }
     /// Its name until it is committed; empty if it has none.
     std::string const& temporary() const { return temporary_; }

@@ -35,9 +35,11 @@ constexpr int slots = 64;
 /// The names outlive every object, since a signal may come between any two instructions.
 std::array<std::atomic<char*>, slots> temporaries{};
 
+constexpr std::string_view temporary_mark = ".vkt-";
+
 /// What all temporary names for `path` begin with. A name may not be longer than file systems take.
 std::string prefix_of(std::string const& path) {
-    return text(".", std::filesystem::path(path).filename().string().substr(0, 200), ".vkt-");
+    return text(".", std::filesystem::path(path).filename().string().substr(0, 200), temporary_mark);
 }
 
 /// Four bytes that follow from the rest of a temporary name, and that nobody else's name ends in but by a chance of
@@ -152,6 +154,21 @@ std::string temporary_name(std::string const& path) {
     std::snprintf(nonce.data(), nonce.size(), "%08x", random());
     std::string const name = text(prefix_of(path), static_cast<std::int64_t>(::getpid()), "-", nonce.data());
     return text(directory_of(path), "/", name, check_of(name));
+}
+
+std::string lasting_name(std::string const& path) {
+    std::string result;
+    for (std::size_t begin = 0; begin <= path.size();) {
+        std::size_t const end = std::min(path.find('/', begin), path.size());
+        std::string const part = path.substr(begin, end - begin);
+        std::size_t const mark = part.rfind(temporary_mark);
+        bool const ours = end < path.size() && part.starts_with('.') && mark != std::string::npos &&
+                          is_temporary_name(part, mark + temporary_mark.size());
+        result += ours ? part.substr(1, mark - 1) : part;
+        if (end < path.size()) result += '/';
+        begin = end + 1;
+    }
+    return result;
 }
 
 int remember_temporary(std::string const& path) {

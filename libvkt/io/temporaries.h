@@ -12,6 +12,9 @@ std::string directory_of(std::string const& path);
 /// A hidden name beside `path` that no other process and no other call uses.
 std::string temporary_name(std::string const& path);
 
+/// What a path in a temporary directory will be called when that has its name; any other path is as it is.
+std::string lasting_name(std::string const& path);
+
 /// Remembers a temporary file until it is forgotten. Beyond 64 at a time it is not remembered, and only removed by its
 /// owner. Returns the slot.
 int remember_temporary(std::string const& path);
