@@ -65,7 +65,7 @@ bool Volumes::another() {
 
 bool Volumes::open() {
     if (!another()) return false;
-    render::check_memory(source_.header(), context_.execution(), tree_);
+    render::check_memory(source_.header(), context_.execution(), tree_, false, picture_(source_.header()));
     another_.reset();
     return true;
 }
