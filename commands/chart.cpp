@@ -1,6 +1,7 @@
 // vkt chart: error against time of a pipeline, on one's own data.
 // SPDX-License-Identifier: MIT
 #include "libvkt/core/error.h"
+#include "libvkt/formats/picture_texts.h"
 #include "libvkt/io/output_file.h"
 #include "shell/command.h"
 #include "shell/plot.h"
@@ -63,10 +64,11 @@ public:
         request.roi = roi_;
         request.seconds = budget_;
         request.execution = context.execution();
+        Header const header = source.header();
         TradeOff const found = measure_trade_off(request, source);
         if (source.next_volume()) context.note("the input holds several volumes: only the first is charted");
         TradeOffReport const report{found, pipeline_, volume_, goal_.choose(found), goal_.purpose(found)};
-        if (output_ != "-") write(report);
+        if (output_ != "-") write(report, folded(history_step(context.stage_info(), {header})));
         if (csv_)
             print(report.csv());
         else if (context.json())
@@ -84,9 +86,11 @@ public:
 private:
     bool ends_in(char const* suffix) const { return lower_case(output_).ends_with(suffix); }
 
-    void write(TradeOffReport const& report) const {
+    void write(TradeOffReport const& report, History const& history) const {
         std::string const content =
-            ends_in(".csv") ? report.csv() : drawn(report.plot(), ends_in(".svg") ? PlotFormat::svg : PlotFormat::png);
+            ends_in(".csv")   ? report.csv()
+            : ends_in(".svg") ? drawn(report.plot(), PlotFormat::svg)
+                              : with_png_texts(drawn(report.plot(), PlotFormat::png), texts_of_history(history));
         OutputFile file(output_, force_);
         file.write(content.data(), content.size());
         file.commit();

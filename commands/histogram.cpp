@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "libvkt/operations/histogram.h"
 
+#include "libvkt/formats/picture_texts.h"
 #include "libvkt/formats/series.h"
 #include "libvkt/io/output_file.h"
 #include "libvkt/render/bar_chart.h"
@@ -39,10 +40,12 @@ public:
 
 protected:
     void found(Operation const& histogram) override {
-        results_.push_back(static_cast<Histogram const&>(histogram).result());
+        auto const& counted = static_cast<Histogram const&>(histogram);
+        results_.push_back(counted.result());
+        headers_.push_back(counted.header());
     }
-    void print(std::vector<Report> const& reports, ReportForm form, Context&) const override {
-        if (is_picture()) return draw();
+    void print(std::vector<Report> const& reports, ReportForm form, Context& context) const override {
+        if (is_picture()) return draw(context.stage_info());
         if (form == ReportForm::text && ends_in(".csv")) form = ReportForm::csv;
         if (form == ReportForm::text && ends_in(".json")) form = ReportForm::json;
         if (form == ReportForm::text && (log_ || (output_ == "-" && output_is_terminal())))
@@ -61,7 +64,7 @@ private:
         return all;
     }
 
-    void draw() const {
+    void draw(StageInfo const& stage) const {
         if (results_.size() > 1 && !is_numbered(output_))
             throw Error(ErrorKind::usage, "the input holds several volumes, but -o names one picture",
                         "give a place for the number: -o histogram-%04d.png");
@@ -71,10 +74,10 @@ private:
             if (ends_in(".svg")) {
                 write(path, render::to_svg(chart));
             } else {
-                auto const png = render::to_png(render::draw(chart, 640, 360), render::chart_background(),
-                                                {{"Software", "vkt " VKT_VERSION},
-                                                 {"Range", text(chart.low, ":", chart.high)},
-                                                 {"Tallest bar", chart.top}});
+                PictureTexts texts = texts_of_history(folded(history_step(stage, {headers_[i]})));
+                texts.emplace_back("Range", text(chart.low, ":", chart.high));
+                texts.emplace_back("Tallest bar", chart.top);
+                auto const png = render::to_png(render::draw(chart, 640, 360), render::chart_background(), texts);
                 write(path, {reinterpret_cast<char const*>(png.data()), png.size()});
             }
         }
@@ -101,6 +104,7 @@ private:
     }
 
     std::vector<HistogramResult> results_;
+    std::vector<Header> headers_; ///< of what they count
     std::string output_ = "-";
     bool log_ = false, force_ = false;
 };

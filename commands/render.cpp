@@ -55,14 +55,15 @@ public:
     bool shows() const override { return true; }
     bool needs_whole() const override { return true; }
     bool runs_on_gpu() const override { return true; }
-    std::size_t bytes_held(Header const& header) const override {
+    std::size_t bytes_held(Header const& header, std::string const& output) const override {
         render::RenderSettings const settings = options_.settings();
         auto const& environment = settings.environment;
         std::size_t const floats = environment ? environment->pixels.size() + environment->column_ends.size() : 0;
-        return render::bytes_to_draw(header, settings.tree) + floats * sizeof(float);
+        return render::bytes_to_draw(header, settings.tree) + floats * sizeof(float) +
+               render::bytes_of_picture(settings, header, picture_options(output));
     }
-    std::vector<std::string> explain(Header const& header) const override {
-        return render::explanation(options_.settings(), header);
+    std::vector<std::string> explain(Header const& header, std::string const& output) const override {
+        return render::explanation(options_.settings(), header, picture_options(output));
     }
 
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
@@ -85,7 +86,8 @@ public:
         render::PictureOptions file = picture_options(context.output());
         if (settings.parts > 1) file.part = {0, render::rows_of_part(settings).first, settings.width, settings.height};
         settings.layers = file.format == render::PictureFormat::exr;
-        Volumes volumes(*inputs.front(), context, settings.tree);
+        Volumes volumes(*inputs.front(), context, settings.tree,
+                        [&](Header const& header) { return render::bytes_of_picture(settings, header, file); });
         bool const numbered = is_numbered(context.output());
         std::vector<render::CameraRequest> const cameras = options_.cameras();
         if (!numbered && cameras.size() > 1)

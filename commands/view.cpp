@@ -22,8 +22,12 @@ public:
     bool shows() const override { return true; }
     bool needs_whole() const override { return render_->needs_whole(); }
     bool runs_on_gpu() const override { return render_->runs_on_gpu(); }
-    std::size_t bytes_held(Header const& header) const override { return render_->bytes_held(header); }
-    std::vector<std::string> explain(Header const& header) const override { return render_->explain(header); }
+    std::size_t bytes_held(Header const& header, std::string const& output) const override {
+        return render_->bytes_held(header, output);
+    }
+    std::vector<std::string> explain(Header const& header, std::string const& output) const override {
+        return render_->explain(header, output);
+    }
     int consume(std::vector<std::unique_ptr<Source>>& inputs, Context& context) override {
         return render_->consume(inputs, context);
     }

@@ -180,7 +180,7 @@ Volume Chain::run(Volume const& input, Execution const& execution, PictureReques
 
 std::string Chain::plan(Volume const& input, Execution const& execution) {
     Header const last = attached(input, execution, operations())->header();
-    std::string all = picturing() != nullptr ? join(stages_.back().consumer()->explain(last), ", ") : "";
+    std::string all = picturing() != nullptr ? join(stages_.back().consumer()->explain(last, ""), ", ") : "";
     for (auto const& plan : plans_)
         all += text(plan.method.substr(0, plan.method.find(';')), " ", plan.output.dtype, " ", plan.cost, " ",
                     plan.error.range, " ", plan.error.magnitude, " ", plan.error.absolute, "\n");

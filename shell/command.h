@@ -78,12 +78,13 @@ public:
     virtual bool needs_whole() const { return false; }
     /// False if --device gpu is refused.
     virtual bool runs_on_gpu() const { return false; }
-    /// Bytes it then holds of a volume and of what it makes of it: refused beyond --memory, told by a dry run.
-    virtual std::size_t bytes_held(Header const& header) const { return header.bytes(); }
+    /// Bytes it then holds of a volume and of what it makes of it for this output: refused beyond --memory, told by a
+    /// dry run.
+    virtual std::size_t bytes_held(Header const& header, std::string const& /*output*/) const { return header.bytes(); }
     /// True if an input may be a picture that vkt render wrote: a volume without voxels, but with a history.
     virtual bool reads_pictures() const { return false; }
     /// What --explain says of a volume before it is worked on, one entry a line: method, cost.
-    virtual std::vector<std::string> explain(Header const&) const { return {}; }
+    virtual std::vector<std::string> explain(Header const&, std::string const& /*output*/) const { return {}; }
     /// Returns the exit code. Asked for voxels of volumes that are only planned, sources throw PlannedOnly, which may
     /// pass: the framework then tells of the plan. Must finish() each volume that it reads; framework moves no volume
     /// itself.

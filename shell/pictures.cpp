@@ -6,6 +6,7 @@
 #include "libvkt/engine/cut.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/header_text.h"
+#include "libvkt/formats/picture_texts.h"
 #include "libvkt/render/settings.h"
 
 #include <algorithm>
@@ -14,10 +15,6 @@
 namespace vkt::shell {
 
 namespace {
-
-/// Under this keyword a picture keeps its history as the headers of files do.
-constexpr char history_keyword[] = "vkt history";
-constexpr std::size_t most_history = 400'000;
 
 class PictureSource : public Source {
 public:
@@ -68,7 +65,7 @@ bool Volumes::another() {
 
 bool Volumes::open() {
     if (!another()) return false;
-    render::check_memory(source_.header(), context_.execution(), tree_);
+    render::check_memory(source_.header(), context_.execution(), tree_, false, picture_(source_.header()));
     another_.reset();
     return true;
 }
@@ -113,9 +110,7 @@ render::PictureTexts with_history(render::PictureTexts const& texts, std::vector
             header.history = parse_history(known);
     }
     History const history = folded(history_step(stage, headers));
-    render::PictureTexts result{{"Software", "vkt " VKT_VERSION},
-                                {"History", history_as_shell(history)},
-                                {history_keyword, history_text(history, most_history)}};
+    render::PictureTexts result = texts_of_history(history);
     for (auto const& [keyword, content] : texts)
         if (keyword != "Software" && keyword != "History" && keyword != history_keyword)
             result.emplace_back(keyword, content);
@@ -143,9 +138,7 @@ void write_picture(std::string const& path, bool force, Picture const& picture, 
     render::RenderReport const& r = picture.report;
     History const history = folded(history_step(stage, {header}));
     std::string const quality = render::quality_text(r, picture.goal);
-    std::vector<std::pair<std::string, std::string>> texts{{"Software", "vkt " VKT_VERSION},
-                                                           {"History", history_as_shell(history)},
-                                                           {history_keyword, history_text(history, most_history)}};
+    render::PictureTexts texts = texts_of_history(history);
     for (auto& entry : render::texts_of(r, picture.goal)) texts.push_back(std::move(entry));
     auto const bytes = render::encode_picture(picture.image, picture.background, r.layers, texts, picture.options);
     auto const remarks = render::remarks_of(r, picture.goal);

@@ -7,6 +7,7 @@
 #include "libvkt/render/render.h"
 #include "shell/command.h"
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,8 +18,10 @@ namespace vkt::shell {
 /// The volumes of an input one after the other, one in memory at a time.
 class Volumes {
 public:
-    Volumes(Source& source, Context& context, render::TreeDrawing tree)
-        : source_(source), context_(context), tree_(tree) {}
+    /// `picture`: what one of such a volume takes.
+    Volumes(Source& source, Context& context, render::TreeDrawing tree,
+            std::function<std::size_t(Header const&)> picture)
+        : source_(source), context_(context), tree_(tree), picture_(std::move(picture)) {}
 
     /// Whether one more follows. Waits for its header, so that whoever can do without knowing had better not ask. Those
     /// that are only planned are described and passed over.
@@ -36,6 +39,7 @@ private:
     Source& source_;
     Context& context_;
     render::TreeDrawing tree_;
+    std::function<std::size_t(Header const&)> picture_;
     std::optional<bool> another_; ///< once it is known
     Header header_;
     std::unique_ptr<render::Renderer> renderer_;

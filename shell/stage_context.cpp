@@ -34,14 +34,14 @@ void StageContext::plan(Header const& header, std::string const& output) {
     bool const whole = (invocation_.consumer() != nullptr && invocation_.consumer()->needs_whole()) ||
                        format_of_name(output) == "vdb"; // OpenVDB's trees are made in memory
     std::optional<std::size_t> held;
-    if (whole) held = invocation_.consumer()->bytes_held(header);
+    if (whole) held = invocation_.consumer()->bytes_held(header, output);
     runner_.log().answer(consumer_plan_text(invocation_.stage(), header, output, held, execution_));
     if (invocation_.verb().name == "write") runner_.predict_writing(invocation_, header);
     explain(header);
 }
 
 void StageContext::explain(Header const& header) const {
-    for (auto const& line : invocation_.consumer()->explain(header))
+    for (auto const& line : invocation_.consumer()->explain(header, output()))
         runner_.log().answer(text(invocation_.stage(), ":   ", printable(line)));
 }
 

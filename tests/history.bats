@@ -161,6 +161,33 @@ assert json.load(sys.stdin)["command"][-1] == "note=a\nb\t\x1b[31mred\x9bm it\x2
     vkt pipe "$(sed 's/vkt //g' line) | diff - n.vkt"
 }
 
+@test "pictures of slices, projections, histograms and charts tell their history" {
+    vkt make sphere --dims 20 18 16 --edge coverage -o ball.vkt
+    vkt slice ball.vkt --z 8 --range 0:1 -o slice.png 2>said
+    grep -qx "vkt slice: png files do not hold the place, the map of values, the error: not kept" said
+    vkt flip x ball.vkt | vkt slice --z 8 --range 0:1 -o 'several%d.png'
+    vkt project max ball.vkt --axis z | vkt convert --dtype uint8 --range 0:1 -o project.png
+    vkt histogram ball.vkt --bins 8 -o histogram.png
+    made="vkt make sphere --dims 20 18 16 --edge coverage"
+    [ "$(vkt history slice.png --as-shell)" = "$made | vkt slice --z 8 --range 0:1" ]
+    [ "$(vkt history several0.png --as-shell)" = "$made | vkt flip x | vkt slice --z 8 --range 0:1" ]
+    [ "$(vkt history project.png --as-shell)" = "$made | vkt project max --axis z | vkt convert --dtype uint8 --range 0:1" ]
+    [ "$(vkt history histogram.png --as-shell)" = "$made | vkt histogram --bins 8" ]
+    # It is the same picture to others, and without a history, that of another program.
+    vkt slice ball.vkt --z 8 --range 0:1 --no-history -o bare.png
+    vkt diff slice.png bare.png
+    strings slice.png | grep -q "Software"
+    if command -v gnuplot >/dev/null; then
+        vkt chart 'filter gaussian --sigma 1' ball.vkt --budget 0.5 -o chart.png >/dev/null
+        [ "$(vkt history chart.png --as-shell)" = "$made | vkt chart 'filter gaussian --sigma 1' - --budget 0.5" ]
+        vkt image diff chart.png chart.png >/dev/null # its checksums hold
+    fi
+    # PFM has no place, and says so where something else is lost, too.
+    vkt slice ball.vkt --z 8 | vkt set --spacing 2,2,2 -o slice.pfm 2>said
+    grep -q 'pfm files do not hold .*the history: not kept' said
+    fails_with 1 "no history" vkt history slice.pfm --as-shell
+}
+
 @test "a picture tells its history, and its recipe makes it again" {
     vkt make sphere --dims 24 20 16 --edge coverage | vkt filter gaussian --sigma 1 | vkt render --size 20x16 --view x -o p.png
     vkt history p.png >tree

@@ -67,7 +67,8 @@ vkt_picture drawn(Volume const& volume, std::vector<std::string> const& words, C
     options.check();
     Execution const execution = call.execution(for_execution);
     render::RenderSettings const settings = options.settings();
-    render::check_memory(volume.header(), execution, settings.tree, true);
+    render::check_memory(volume.header(), execution, settings.tree, true,
+                         render::bytes_of_picture(settings, volume.header(), {}));
     render::RenderReport report;
     render::Image image = image_of(volume, settings, execution, report);
     vkt_picture picture{image.width, image.height};

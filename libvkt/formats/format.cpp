@@ -70,12 +70,14 @@ Format const* by_name(std::string const& name) {
 /// Says of bare voxels what else is lost.
 class BareVoxels : public Sink {
 public:
-    BareVoxels(std::unique_ptr<Sink> sink, WriteOptions options, std::string what)
-        : sink_(std::move(sink)), options_(std::move(options)), what_(std::move(what)) {}
+    BareVoxels(std::unique_ptr<Sink> sink, WriteOptions options, Format const& format)
+        : sink_(std::move(sink)), options_(std::move(options)), what_(format.name + " files") {
+        kept_.history = format.name == "png" || format.name == "exr";
+    }
 
     void begin(Header const& header) override {
         sink_->begin(header);
-        if (!std::exchange(told_, true)) tell_losses(options_, header, what_, nothing_kept);
+        if (!std::exchange(told_, true)) tell_losses(options_, header, what_, kept_);
     }
     AnyView acquire(Box const& slab) override { return sink_->acquire(slab); }
     void commit() override { sink_->commit(); }
@@ -91,6 +93,7 @@ private:
     std::unique_ptr<Sink> sink_;
     WriteOptions options_;
     std::string what_;
+    Kept kept_ = nothing_kept;
     bool told_ = false;
 };
 
@@ -271,7 +274,7 @@ std::unique_ptr<Sink> create_volume(std::string const& path, WriteOptions const&
         WriteOptions own = options, tell = options;
         own.notice = own.remark = nullptr;
         if (format->slices) tell.notice = tell.remark;
-        return std::make_unique<BareVoxels>(create_volume(path, own), tell, format->name + " files");
+        return std::make_unique<BareVoxels>(create_volume(path, own), tell, *format);
     }
     if (!format)
         throw Error(ErrorKind::usage, text("cannot tell the format of '", path, "' from its name"),

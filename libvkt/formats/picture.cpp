@@ -8,6 +8,7 @@
 #include "libvkt/formats/encode.h"
 #include "libvkt/formats/exr.h"
 #include "libvkt/formats/pfm.h"
+#include "libvkt/formats/picture_texts.h"
 #include "libvkt/formats/refusals.h"
 #include "libvkt/formats/slab_sink.h"
 #include "libvkt/kernel/rows.h"
@@ -45,6 +46,7 @@ public:
         if (header.dims.x > most_pixels || header.dims.y > most_pixels)
             throw Error(ErrorKind::usage, text("a picture of ", header.dims.x, " by ", header.dims.y,
                                                " pixels is too large for ", name_));
+        if (header.history) texts_ = texts_of_history(*header.history);
         row_ = static_cast<std::size_t>(header.dims.x) * size_of(header.dtype);
         file_.expect(least_bytes(header) * static_cast<std::size_t>(files_));
         begin_picture(header.dims, header.dtype);
@@ -72,6 +74,7 @@ protected:
 
     OutputFile file_;
     std::size_t row_ = 0; ///< bytes
+    PictureTexts texts_;  ///< for formats that have a place for them
     char const* name_;
     std::int64_t files_; ///< this one and those to come
 
@@ -128,6 +131,10 @@ protected:
                      PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
         png_set_compression_level(png_, 5);
         png_write_info(png_, info_);
+        for (auto const& [keyword, content] : texts_) {
+            std::string const chunk = png_text_chunk(keyword, content);
+            file_.write(chunk.data(), chunk.size());
+        }
         if (wide && std::endian::native == std::endian::little) png_set_swap(png_);
     }
     void put_row(std::byte const* pixels) override { png_write_row(png_, reinterpret_cast<png_const_bytep>(pixels)); }
@@ -356,6 +363,7 @@ protected:
         FloatPicture picture;
         picture.width = width_, picture.height = height_;
         picture.planes.push_back({"Y", std::move(values_), type_ == DataType::float16});
+        picture.texts = texts_;
         return exr_bytes(picture, what_);
     }
 

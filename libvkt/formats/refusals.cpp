@@ -82,7 +82,7 @@ void tell_losses(WriteOptions const& options, Header const& header, std::string_
     if (!kept.sidecar && header.attributes.contains("sidecar")) lost.emplace_back("what stood in the JSON file beside");
     if (lost.empty() || !options.notice) return;
     if (!kept.provenance && !header.error.exact() && !header.error.silent()) lost.emplace_back("the error");
-    if (!kept.provenance && header.history) lost.emplace_back("the history");
+    if (!kept.provenance && !kept.history && header.history) lost.emplace_back("the history");
     options.notice(text(what, " do not hold ", join(lost, ", "), ": not kept"));
 }
 

@@ -35,6 +35,7 @@ struct Kept {
     bool attributes = true;                  ///< all others, labels of segmentations among them
     std::vector<std::string_view> named{};   ///< attributes that are kept all the same
     bool provenance = true;                  ///< the error and the history
+    bool history = false;                    ///< that alone is kept
     std::vector<std::string_view> besides{}; ///< what else is lost
 };
 

@@ -59,6 +59,7 @@ public:
     void measure(Measurement& to) override;
     Report report() const override;
     Plan plan(std::span<Header const> inputs) override;
+    Header const& header() const { return input_; } ///< of the volume just counted
     void enter_level(Index3 cell_width, Index3 first) override;
     bool uses_position() const override { return !(finest_region_ == box_of(input_.dims)); }
     Box scanned(Box const& whole) const override { return intersect(whole, region_); }

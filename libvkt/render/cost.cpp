@@ -58,16 +58,42 @@ std::size_t tree_bytes(Header const& header) {
 
 } // namespace
 
-void check_memory(Header const& header, Execution const& execution, TreeDrawing tree, bool copied) {
+void check_memory(Header const& header, Execution const& execution, TreeDrawing tree, bool copied,
+                  std::size_t picture) {
     if ((tree == TreeDrawing::bricks || tree == TreeDrawing::blocks) && header.kind == Kind::structured)
         throw Error(ErrorKind::usage, text("--tree ", enum_name(tree), ": the volume is a grid and has none"),
                     "vkt refine makes bricks of it");
-    std::size_t const bytes = bytes_to_draw(header, tree, copied);
+    std::size_t const volume = bytes_to_draw(header, tree, copied), bytes = volume + picture;
     if (bytes <= execution.memory) return;
     throw Error(ErrorKind::resources,
-                text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory, the budget is ",
-                     bytes_text(static_cast<double>(execution.memory))),
-                "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+                text("drawing the volume needs ", bytes_text(static_cast<double>(bytes)), " of memory",
+                     picture > volume ? text(", ", bytes_text(static_cast<double>(picture)), " of it for the picture")
+                                      : std::string(),
+                     ", the budget is ", bytes_text(static_cast<double>(execution.memory))),
+                picture > volume ? "raise --memory, or make the picture smaller: --size"
+                                 : "raise --memory, or make the volume smaller with 'vkt crop' or 'vkt resample'");
+}
+
+std::size_t bytes_of_picture(RenderSettings const& settings, Header const& header, PictureOptions const& file) {
+    bool const paths = settings.algorithm == Algorithm::multi_scattering, projected = is_projection(settings.algorithm),
+               surfaces = settings.algorithm == Algorithm::implicit_iso || draws_labels(settings, header),
+               exr = file.format == PictureFormat::exr, has_layers = exr && !projected;
+    constexpr int light = 4 * sizeof(float), sums = 4 * sizeof(double); // of a pixel
+    int drawing = 0;
+    if (paths)
+        drawing = (has_layers ? 3 : 2) * sums + (settings.goal.noise > 0 ? 2 * sums + light : 0);
+    else if (settings.goal.any())
+        drawing = sums + 2 * light + 10; // halvings of the step, errors, rays; lists of pixels
+    else if (may_leave_out(settings, header))
+        drawing = light + 2; // corners of blocks of 16
+    int const layers = !has_layers ? 0 : surfaces ? 7 : paths ? 4 : 1, channels = settings.background.alpha < 1 ? 4 : 3;
+    int const making = !has_layers ? 0 : surfaces ? 2 * light : light;
+    int const kept = layers * static_cast<int>(sizeof(float)) + (paths && has_layers ? 12 : 0); // variances
+    int encoding = 2 * channels * (file.depth == 16 ? 2 : 1);                                   // and the file
+    if (exr) encoding = 2 * (channels + layers) * static_cast<int>(sizeof(float));
+    if (file.format == PictureFormat::pfm) encoding = 2 * 3 * static_cast<int>(sizeof(float));
+    return static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height) *
+           static_cast<std::size_t>(light + kept + std::max({drawing, making, encoding}));
 }
 
 bool drawn_as_grid(Header const& header, TreeDrawing tree) {
@@ -94,7 +120,7 @@ std::size_t memory_for_blocks(Header const& header, Execution const& execution) 
     return execution.memory > taken ? execution.memory - taken : 0;
 }
 
-std::vector<std::string> explanation(RenderSettings const& settings, Header const& header) {
+std::vector<std::string> explanation(RenderSettings const& settings, Header const& header, PictureOptions const& file) {
     std::int64_t const rays = std::int64_t{settings.width} * settings.height;
     auto const length = [&](int axis) { return static_cast<double>(header.dims[axis]); };
     std::string method, cost;
@@ -132,8 +158,9 @@ std::vector<std::string> explanation(RenderSettings const& settings, Header cons
     if (ways > 0) cost += text(", ", ways, ways == 1 ? " ray" : " rays", " to light from wherever something is seen");
     std::vector<std::string> lines = model_text(settings);
     lines.push_back("method " + method);
-    lines.push_back(
-        text(cost, ", ", bytes_text(static_cast<double>(bytes_to_draw(header, settings.tree))), " of memory"));
+    std::size_t const volume = bytes_to_draw(header, settings.tree), picture = bytes_of_picture(settings, header, file);
+    lines.push_back(text(cost, ", ", bytes_text(static_cast<double>(picture)), " for the picture, ",
+                         bytes_text(static_cast<double>(volume + picture)), " of memory"));
     return lines;
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/formats/picture_texts.h"
 #include "libvkt/render/image.h"
 
 #include <cstddef>
@@ -35,7 +36,7 @@ struct PictureOptions {
 /// format that this build lacks.
 void check(PictureOptions const& options, Background const& background, std::string const& path);
 
-using PictureTexts = std::vector<std::pair<std::string, std::string>>;
+using vkt::PictureTexts;
 
 /// PNG: sRGB, texts in chunks. OpenEXR: linear, premultiplied, texts as attributes, layers as channels (which keep 32
 /// bits). PFM: linear colours over the background and nothing else. RGB if the background is opaque, else RGBA, which

@@ -18,7 +18,9 @@ namespace {
 class InputScene : public Scene {
 public:
     InputScene(Source& source, Context& context, render::RenderSettings asked, render::Background background)
-        : context_(context), asked_(std::move(asked)), background_(background), opened_(source, context, asked_.tree),
+        : context_(context), asked_(std::move(asked)), background_(background),
+          opened_(source, context, asked_.tree,
+                  [this](Header const& header) { return render::bytes_of_picture(asked_, header, {}); }),
           volumes_(source, context.execution(), asked_.tree, [this] { return opened_.open(); }) {}
 
     std::string name() const override { return text(input(), " (", volumes_.header().dims, ")"); }
