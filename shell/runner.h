@@ -65,7 +65,7 @@ public:
     std::unique_ptr<Source> open(Invocation const& stage, std::string const& path, ReadOptions stated = {});
     std::unique_ptr<Source> open(Invocation const& stage, std::unique_ptr<ByteSource> bytes, ReadOptions const& stated);
     Log const& log() const { return log_; }
-    void refuse_lossy();
+    void refuse_lossy() const;
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
     void predict_reading(Invocation const& stage, Header const& header, std::int64_t parts);
     void predict_writing(Invocation const& stage, Header const& header);
