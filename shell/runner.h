@@ -69,7 +69,6 @@ public:
     /// Tells how long a stage will take to read or write a volume, and counts it; nothing without a calibration.
     void predict_reading(Invocation const& stage, Header const& header, std::int64_t parts);
     void predict_writing(Invocation const& stage, Header const& header);
-    void refuse_lossy() const;
     bool dry_run() const { return dry_run_; }
     bool window() const { return window_; }
     std::string format(std::string const& input) const {
