@@ -117,9 +117,12 @@ Report& Report::add(std::string name, std::vector<double> const& values) {
 /// Rows of a table are written by json(int).
 std::string Report::Field::json() const {
     switch (kind) {
-    case Kind::word: return json_string(text);
-    case Kind::number: return std::string(json_number(text));
-    case Kind::truth: return text == "yes" ? "true" : "false";
+    case Kind::word:
+        return json_string(text);
+    case Kind::number:
+        return std::string(json_number(text));
+    case Kind::truth:
+        return text == "yes" ? "true" : "false";
     case Kind::triple:
         if (text == "nan") return "null";
         [[fallthrough]];
@@ -129,7 +132,8 @@ std::string Report::Field::json() const {
             numbers += vkt::text(numbers.empty() ? "" : ", ", json_number(word));
         return vkt::text("[", numbers, "]");
     }
-    case Kind::table: break;
+    case Kind::table:
+        break;
     }
     return "[]";
 }
@@ -148,7 +152,7 @@ std::string Report::table(std::vector<Report> const& rows) {
             widths[i] = std::max(widths[i], printable(row.fields_[i].text).size());
     }
     std::string result;
-    auto const add_line = [&](Report const& row, std::string Field::* which) {
+    auto const add_line = [&](Report const& row, std::string Field::*which) {
         std::size_t const n = row.fields_.size();
         for (std::size_t i = 0; i < n; ++i) {
             std::string const word = printable(row.fields_[i].*which);

@@ -48,10 +48,10 @@ struct Plan {
     double border_value = 0;
     /// Output voxel p is input voxel p + shift, bit for bit (crop, header edits): the engine hands the input through.
     std::optional<Index3> shift;
-    std::int64_t slab_hint = 0;  ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
-    std::string method;          ///< name of the chosen method, e.g. "direct FIR, radius 8"
-    ErrorBound error;            ///< exact: permutation, integer or correctly rounded result
-    ErrorPassing passing;        ///< what becomes of the inputs' errors; unknown unless the operation says it
+    std::int64_t slab_hint = 0; ///< least slab height at which the operation is efficient (e.g. 4 halos); 0: any
+    std::string method;         ///< name of the chosen method, e.g. "direct FIR, radius 8"
+    ErrorBound error;           ///< exact: permutation, integer or correctly rounded result
+    ErrorPassing passing;       ///< what becomes of the inputs' errors; unknown unless the operation says it
     /// Multiply-adds per output voxel, of what does something else as many as take as long on a CPU: for --explain,
     /// --device auto and predictions of time.
     double cost = 1;

@@ -19,9 +19,7 @@ template <class C> struct Inside {
     VKT_HD C operator()(C v) const { return v >= low && v <= high ? C(1) : C(0); }
 };
 void threshold(ConstView in, AnyView out, double low, double high, Losses& losses, Execution const& execution) {
-    with_compute_type(in.type, [&]<class C>(C) {
-        map<C>(execution, out, losses, Inside<C>{C(low), C(high)}, in);
-    });
+    with_compute_type(in.type, [&]<class C>(C) { map<C>(execution, out, losses, Inside<C>{C(low), C(high)}, in); });
 }
 // The example ends here.
 
@@ -54,10 +52,14 @@ TEST(KernelExample, IsTheOneOfTheHeaderAndWorks) {
 
     char const* const root = std::getenv("VKT_ROOT");
     if (root == nullptr) GTEST_SKIP() << "VKT_ROOT does not name the sources";
-    std::string const shown = words_between(std::string(root) + "/libvkt/kernel/kernel.h", "has is_identity", "#include");
+    std::string const shown =
+        words_between(std::string(root) + "/libvkt/kernel/kernel.h", "has is_identity", "#include");
     EXPECT_NE(shown, "");
     EXPECT_EQ(shown, words_between(std::string(root) + "/tests/unit/kernel_example_test.cpp",
-                                   "// The example begins" " here.", "// The example ends" " here."));
+                                   "// The example begins"
+                                   " here.",
+                                   "// The example ends"
+                                   " here."));
 }
 
 } // namespace
