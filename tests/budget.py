@@ -97,6 +97,7 @@ tree_arguments = {
                 "{f} --dtype uint16 --range p1:100 --memory 64M"],
     "crop": ["{f} --roi 10%:90%,10%:90%,:"],
     "delete": ["{f} --roi 0:64,:,:"],
+    "diff": ["{f} {f}"],
     "fill": ["{f} --value 3 --roi 0:64,:,:"],
     "fill-range": ["{f} --value 3 --first 0 0 0 --last 9 9 9"],
     "filter bilateral": ["{f} --sigma 0.4 --range-sigma 1"],

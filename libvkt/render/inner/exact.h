@@ -183,10 +183,11 @@ struct ExactMarch {
 
     /// Adds one cell. `least` and `greatest` bound its values.
     VKT_HD void add_cell(Cubic const& f, double least, double greatest, double world) {
-        between_knots(knots, count, f, least, greatest, [&](double from, double to, int i) {
-            add_piece(f, from, to, i, world);
-            return !done();
-        });
+        between_knots(
+            knots, count, f, least, greatest, [&](double from, double to, int i) __attribute__((always_inline)) {
+                add_piece(f, from, to, i, world);
+                return !done();
+            });
     }
 };
 
