@@ -172,7 +172,7 @@ for p in (25, 75): assert abs(s["p%d" % p] - np.percentile(v, p)) < 1e-15 * 2'
     vkt stats t.vkt --json --percentiles 0,100 >t.json
     check 's = json.load(open("t.json")); assert s["p0"] == s["min"] and s["p100"] == s["max"]'
     fails_with 2 "not between 0 and 100" vkt stats m.nrrd --percentiles 1,101
-    fails_with 2 "not a number" vkt stats m.nrrd --percentiles 1,,2
+    fails_with 2 "a number is missing after a comma" vkt stats m.nrrd --percentiles 1,,2
 }
 
 @test "the product, its logarithm and its sign are those of exact rationals" {
