@@ -398,6 +398,7 @@ import json, subprocess, sys
 def info(name):
     run = subprocess.run(["vkt", "info", name, "--json"], capture_output=True, text=True)
     return json.loads(run.stdout) if run.returncode == 0 else None
+def history(name): return subprocess.run(["vkt", "history", name], check=True, capture_output=True).stdout
 def placed(i): # in one frame and unit, where they are known
     a = i.get("attributes", {})
     space = {"LPS": "left-posterior-superior", "RAS": "right-anterior-superior"}.get(a.get("space"), a.get("space"))
@@ -422,6 +423,7 @@ for name in sys.argv[1:]:
         continue
     got = None if name.endswith((".raw", ".pgm", ".pfm", ".exr", ".png")) else info(name.split("%")[0])
     got = items(got) if got else dict.fromkeys(want)
+    if name.endswith((".exr", ".png")) and history(name) == history("rich.vkt"): got["the history"] = want["the history"]
     if options: got["the unit of lengths"] = False # Analyze says mm, whatever there was
     if not got["the frame"] or not got["the unit of lengths"]: # what their numbers mean nobody knows: as numbers
         plain = items(info("rich.vkt") | {"attributes": {}})
