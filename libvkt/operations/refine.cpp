@@ -130,6 +130,13 @@ void Refine::check() const {
         throw Error(ErrorKind::usage, "--background is a value, and --metric gradient compares none");
 }
 
+std::vector<Knob> Refine::knobs() const {
+    Knob knob{"tolerance", {}, "0"};
+    for (double const share : {16.0, 4.0, 0.25, 0.0625})
+        if (tolerance.value > 0) knob.values.push_back(to_text(share * tolerance.value));
+    return {knob};
+}
+
 Plan Refine::plan(std::span<Header const> inputs) {
     input_ = inputs.front();
     found_.clear();

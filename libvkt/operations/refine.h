@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/refine.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/convert.h"
 
 namespace vkt {
@@ -51,7 +52,7 @@ template <> struct EnumNames<RefineMetric> {
 /// colour times opacity, or opacity, goes between them (that of the four that goes furthest, at every value): what is
 /// interpolated between voxels then differs by no more either. The volume is held whole, since a tree has no slabs: its
 /// size and 8/7 doubles for every eighth voxel.
-class Refine : public Operation {
+class Refine : public Operation, public Tunable {
 public:
     RefineTolerance tolerance;
     BlockSize block;
@@ -67,6 +68,7 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& p) override;
     void check() const override;
+    std::vector<Knob> knobs() const override;
     Plan plan(std::span<Header const> inputs) override;
     bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void after_scan(Plan& plan) const override;
