@@ -87,7 +87,10 @@ Chain::Chain(std::string const& line) {
 }
 
 void Chain::set(std::size_t stage, std::string const& option, std::string const& value) {
-    stages_[stage].own_parameters().set(option, {value});
+    Parameters& parameters = stages_[stage].own_parameters();
+    Parameter const* const parameter = parameters.find(option);
+    bool const flag = parameter != nullptr && parameter->flag;
+    parameters.set(option, flag ? std::vector<std::string>{} : std::vector{value});
     if (stages_[stage].operation() != nullptr)
         stages_[stage].operation()->check();
     else
@@ -108,7 +111,7 @@ void Chain::set_exact() {
     for (std::size_t i = 0; i < stages_.size(); ++i)
         if (auto const* const tunable = this->tunable(i))
             for (auto const& knob : tunable->knobs())
-                if (knob.bounded) set(i, knob.option, knob.best);
+                if (knob.bounded && !knob.best.empty()) set(i, knob.option, knob.best);
 }
 
 std::vector<std::string> Chain::lines() {

@@ -34,7 +34,8 @@ public:
     Tunable const* tunable(std::size_t stage) const;
     /// What makes a picture at the end; null if a volume comes out.
     Picturing const* picturing() const;
-    /// Gives a stage's option another value. Throws Error{usage} where it does not go together with the others.
+    /// Gives a stage's option another value, or sets a flag, whatever the value. Throws Error{usage} where it does not
+    /// go together with the others.
     void set(std::size_t stage, std::string const& option, std::string const& value);
     /// The knobs whose values the bounds are about, at their most exact. After run(), which plans.
     void set_exact();

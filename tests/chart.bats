@@ -130,7 +130,7 @@ END
 @test "shorter steps make truer pictures, by as much as the pictures that vkt render writes" {
     python_with vtk numpy
     local look="--domain 0:200 --opacity 0,0.3 --shade none --no-skip --size 40x32"
-    vkt chart "render $look" phantom.nrrd --keep threads --budget 1 --json >chart.json
+    vkt chart "render $look" phantom.nrrd --keep threads,leave-out,exact --budget 1 --json >chart.json
     for step in 0.25 1 4; do
         # shellcheck disable=SC2086
         vkt render phantom.nrrd $look --step $step -o $step.png
@@ -161,9 +161,9 @@ END
     # A small ball behind a wall: the first camera does not see what long steps make of it.
     vkt make sphere --dims 32 32 32 --center 16,22,16 --radius 2 | vkt arith mul - 400 | vkt fill --value 900 --roi 4:28,6:9,4:28 -o hidden.nrrd
     local look="--domain 100:1000 --opacity 0,0.9 --shade none --no-skip --size 48 --view=-y --orbit 4"
-    vkt chart "render $look --step 4" hidden.nrrd --keep threads --budget 1 >chart
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 1 >chart
     grep -q '^measured on 4 pictures of 48x48' chart
-    vkt chart "render $look --step 4" hidden.nrrd --keep threads --budget 1 --json >chart.json
+    vkt chart "render $look --step 4" hidden.nrrd --keep threads,leave-out --budget 1 --json >chart.json
     # shellcheck disable=SC2086
     vkt render hidden.nrrd $look --step 4 -o long-%d.png
     # shellcheck disable=SC2086
@@ -179,15 +179,94 @@ END
 }
 
 @test "pictures of a size that takes too long are measured smaller, after other stages, and made by the command" {
-    vkt chart 'crop --roi :,:,20:60 | render --step 1 --size 1200x800' phantom.nrrd --keep threads --budget 0.3 >chart
+    vkt chart 'crop --roi :,:,20:60 | render --step 1 --size 1200x800' phantom.nrrd --keep threads,leave-out --budget 0.3 >chart
     grep -Eq '^measured on pictures of [0-9]+x[0-9]+, 1/[0-9.e+]+ of the pixels: all 6 settings' chart
     grep -q 'drawn with --step 0.03125; its values span [0-9.]* display levels' chart
     tail -1 chart | sed 's/-o OUT/-o out.png/' >again.sh
     sh again.sh
     head -c 24 out.png | tail -c 8 | cmp - <(printf '\0\0\004\260\0\0\003\040')
-    fails_with 2 "nothing in the pipeline" vkt chart 'render --render-algo implicit-iso' phantom.nrrd --threads 1
+    fails_with 2 "nothing in the pipeline" vkt chart 'render --render-algo implicit-iso' phantom.nrrd --threads 1 --keep tolerance
     fails_with 2 "nothing comes after" vkt chart 'render | flip x' phantom.nrrd
     fails_with 2 "the report has one form" vkt chart 'filter gaussian --sigma 2' phantom.nrrd --csv --json
+}
+
+@test "rays that are left out and the exact integral stand beside steps" {
+    local look="--domain 0:200 --opacity 0,0.3 --size 40x32"
+    vkt chart "render $look" phantom.nrrd --keep threads,step --budget 1 --json >chart.json
+    for levels in 0.5 2; do
+        # shellcheck disable=SC2086
+        vkt render phantom.nrrd $look --leave-out $levels -o left-$levels.png
+    done
+    # shellcheck disable=SC2086
+    vkt render phantom.nrrd $look --exact -o exact.png
+    for levels in 0.5 2; do vkt image diff exact.png left-$levels.png --json >diff-$levels || true; done
+    /usr/bin/python3 - <<'END'
+import json
+points = {p["label"]: p for p in json.load(open("chart.json"))["points"]}
+assert points["--exact on"]["max_error"] == 0 and points["--exact on"]["pipeline"].endswith("--exact"), points
+assert points["as given"]["max_error"] > 0
+for levels in ("0.5", "2"):
+    seen, told = json.load(open(f"diff-{levels}"))["levels"], points[f"--leave-out {levels}"]
+    assert abs(seen - told["max_error"]) <= 1.01, (seen, told)
+END
+    # Shading has no exact form, and nothing is exact beside a step that is given.
+    vkt chart 'render --size 16 --shade 1' phantom.nrrd --keep threads,step --budget 0.1 --csv >chart.csv
+    run ! grep -q -- '--exact' chart.csv
+    vkt chart 'render --size 16 --shade none --step 1' phantom.nrrd --keep threads,leave-out --budget 0.1 |
+        grep -q 'all 12 settings of the knobs, 6 of them refused'
+}
+
+@test "pictures with a tolerance, and surfaces, are compared with the mean over each pixel" {
+    vkt make sphere --dims 20 18 16 --edge coverage | vkt filter gaussian --sigma 1 -o soft.nrrd
+    for look in "--render-algo implicit-iso --iso 0.5" "--render-algo maximum" "--domain 0:1 --opacity 0,0.3 --tolerance 2"; do
+        look="--size 8 $look"
+        vkt chart "render $look" soft.nrrd --threads 1 --budget 3 --json >chart.json
+        # shellcheck disable=SC2086
+        vkt render soft.nrrd ${look/--tolerance 2/} --tolerance 0.25 -o all.png --force -q
+        # shellcheck disable=SC2086
+        vkt render soft.nrrd ${look/--tolerance 2/} --tolerance 16 -o few.png --force -q
+        vkt image diff all.png few.png --json >diff || true
+        /usr/bin/python3 - <<'END'
+import json
+chart = json.load(open("chart.json"))
+assert "--tolerance 0.25" in chart["reference"], chart["reference"]
+points = {p["pipeline"].split("--tolerance ")[-1].split()[0]: p for p in chart["points"] if "--tolerance" in p["pipeline"]}
+assert sorted(points, key=float) == ["1", "2", "4", "8", "16"], points
+assert points["16"]["rms_error"] > points["4"]["rms_error"] >= points["1"]["rms_error"], points # which may take all rays
+seen = json.load(open("diff"))["levels"]
+assert abs(seen - points["16"]["max_error"]) <= 1.5, (seen, points["16"]) # files hold whole levels
+END
+    done
+}
+
+@test "filters by weights are tried with smaller boxes, and refined volumes with other tolerances" {
+    # told FILTER KNOB VALUE BEST: the error of a value is what vkt diff finds.
+    told() {
+        vkt chart "$1" noise.nrrd --keep threads --roi :,:,: --json >chart.json
+        vkt pipe -q "read noise.nrrd | $1 --$2 $3 | write less.nrrd" --force
+        vkt pipe -q "read noise.nrrd | $1 --$2 $4 | write best.nrrd" --force
+        vkt diff best.nrrd less.nrrd --json >diff || true
+        /usr/bin/python3 - "$2" "$3" <<'END'
+import json, sys
+points = json.load(open("chart.json"))["points"]
+point, = [p for p in points if p["label"] == f"--{sys.argv[1]} {sys.argv[2]}"]
+seen = json.load(open("diff"))["max_abs"]
+assert seen > 0.01 and abs(point["max_error"] - seen) < 1e-5, (point, seen) # the reference is computed in float64
+END
+    }
+    told 'filter nlmeans --strength 0.5' search 2 5
+    told 'filter nlmeans --strength 0.5' patch 0 1
+    told 'filter bilateral --sigma 1 --range-sigma 1' radius 1 5
+    vkt chart 'refine --tolerance 0.2 --block-size 4 | resample --scale 1' noise.nrrd --keep threads,method,dtype --budget 1 --json >chart.json
+    /usr/bin/python3 - <<'END'
+import json
+chart = json.load(open("chart.json"))
+assert "refine --tolerance 0 " in chart["reference"], chart["reference"]
+errors = {p["pipeline"].split("--tolerance ")[1].split()[0]: p["max_error"] for p in chart["points"]}
+assert sorted(errors, key=float) == ["0.0125", "0.05", "0.2", "0.8", "3.2"], errors
+assert all(error <= float(tolerance) * (1 + 1e-6) for tolerance, error in errors.items()), errors
+assert errors["3.2"] > errors["0.2"] >= errors["0.05"], errors
+END
 }
 
 @test "more paths make less noise, against paths of their own" {

@@ -128,6 +128,53 @@ a, b = (255 * (1 - 0.5 ** np.clip((np.fromfile(f + '_80x64x48_float64.raw') - 20
 assert abs(a - b).max() <= 4.02, abs(a - b).max()"
 }
 
+@test "the smallest type keeps to a tolerance of gradients, and of what a transfer function shows" {
+    python_with numpy
+    # physical: what resample makes of the tree, as physical values.
+    physical() {
+        vkt resample tree.vkt --scale 1 --dtype float64 -q -o back.vkt --force
+        vkt info back.vkt --json >info.json
+        vkt write back.vkt stored_84x60x50_float64.raw --format raw --force -q
+        /usr/bin/python3 -c '
+import json
+import numpy as np
+info = json.load(open("info.json"))
+stored = np.fromfile("stored_84x60x50_float64.raw")
+(info.get("slope", 1) * stored + info.get("intercept", 0)).tofile("a_84x60x50_float64.raw")'
+    }
+    field
+    vkt arith mul smooth.nrrd 1000 | vkt set - --spacing 0.5,1,2 -o spaced.nrrd
+    vkt convert spaced.nrrd --dtype float64 | vkt write b_84x60x50_float64.raw --format raw
+    for tolerance in 40 4 0.4; do
+        vkt refine spaced.nrrd --metric gradient --tolerance $tolerance --dtype auto -o tree.vkt --force -q
+        vkt info tree.vkt | grep -Eq '(uint8|uint16|float16)'
+        physical
+        /usr/bin/python3 -c "
+import numpy as np
+a, b = (np.fromfile(f + '_84x60x50_float64.raw').reshape(50, 60, 84) for f in 'ab')
+worst = max(abs(g).max() for g in np.gradient(a - b, 2, 1, 0.5))
+assert $tolerance / 10 < worst <= $tolerance * 1.001 + 1e-4, worst"
+    done
+    ramp='{"points": [[200, 1, 1, 1, 0], [900, 1, 1, 1, 0.5]]}'
+    step='{"points": [[200, 1, 1, 1, 0], [500, 1, 1, 1, 0], [500, 1, 1, 1, 0.5], [900, 1, 1, 1, 0.5]]}'
+    for tolerance in 8 2 0.2; do
+        vkt refine spaced.nrrd --metric transfer --transfer "$ramp" --tolerance $tolerance --dtype auto -o tree.vkt --force -q
+        vkt info tree.vkt | grep -Eq '(uint8|uint16|float16)'
+        physical
+        /usr/bin/python3 -c "
+import numpy as np
+a, b = (255 * (1 - 0.5 ** np.clip((np.fromfile(f + '_84x60x50_float64.raw') - 200) / 700, 0, 1)) for f in 'ab')
+assert 0 < abs(a - b).max() <= $tolerance * 1.001 + 1e-3, abs(a - b).max()"
+    done
+    # No rounding may carry a value over a jump.
+    vkt refine spaced.nrrd --metric transfer --transfer "$step" --tolerance 8 --dtype auto -o tree.vkt --force -q
+    physical
+    /usr/bin/python3 -c "
+import numpy as np
+a, b = (np.fromfile(f + '_84x60x50_float64.raw') >= 500 for f in 'ab')
+assert b.any() and (a == b).all(), (a != b).sum()"
+}
+
 @test "what makes no sense is refused" {
     field
     run -2 vkt refine smooth.nrrd -o x.vkt

@@ -12,8 +12,8 @@ namespace vkt {
 
 struct Knob {
     std::string option;              ///< its name, without dashes
-    std::vector<std::string> values; ///< to try besides what is given, the fastest first
-    std::string best;                ///< the one with the least error
+    std::vector<std::string> values; ///< to try besides what is given, the fastest first; of a flag "on"
+    std::string best;                ///< the one with the least error; empty: what is given
     /// True if the error bound of a plan tells what a value costs. False where each value is a definition of its own
     /// (an interpolant): a bound is then about that definition.
     bool bounded = true;

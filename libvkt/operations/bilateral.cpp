@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/travelled.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vkt {
@@ -49,6 +50,21 @@ void BilateralFilter::check() const {
         throw Error(ErrorKind::usage, text("--range-sigma ", range_sigma_, " is not a finite number above 0"),
                     "say how far values may be apart: a few times the noise");
     if (radius_) radius_->check(most_bilateral_radius);
+}
+
+std::vector<Knob> BilateralFilter::knobs() const {
+    if (reach_ == Index3{}) return {};
+    auto const reaching = [&](double sigmas) {
+        Radius radius{{0, 0, 0}};
+        for (int axis = 0; axis < 3; ++axis)
+            radius.voxels[axis] = static_cast<std::int64_t>(
+                std::min(static_cast<double>(most_bilateral_radius), std::ceil(sigmas * rule_.sigma[axis])));
+        return ValueText<Radius>::write(radius).front();
+    };
+    std::vector<std::string> values;
+    for (double const sigmas : {1.0, 1.5, 2.0, 2.5, 3.0, 4.0})
+        if (values.empty() || reaching(sigmas) != values.back()) values.push_back(reaching(sigmas));
+    return {{"radius", values, reaching(5), false}};
 }
 
 void BilateralFilter::prepare(Header const& in, Plan& plan) {

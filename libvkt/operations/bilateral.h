@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/gaussian.h"
 #include "libvkt/operations/kernels/bilateral.h"
 #include "libvkt/operations/local_filter.h"
@@ -15,12 +16,14 @@ namespace vkt {
 /// radius, up to 32 voxels. Every weight is computed, to the digits of float32; of 32- and 64-bit types in float64, to
 /// which 64-bit integers are rounded. The type is kept. What is not finite has no weight, and stays as it is. In
 /// hierarchical volumes voxels are cells of their own level.
-class BilateralFilter : public LocalFilter {
+class BilateralFilter : public LocalFilter, public Tunable {
 public:
     std::string_view name() const override { return "filter bilateral"; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
     void check() const override;
+    /// How far the box reaches, in sigmas.
+    std::vector<Knob> knobs() const override;
     std::size_t fit(Index3 largest, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
 

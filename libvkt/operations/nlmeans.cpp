@@ -4,8 +4,10 @@
 
 #include "libvkt/engine/travelled.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <initializer_list>
 
 namespace vkt {
 
@@ -91,6 +93,19 @@ void NlMeans::check() const {
                     "say --strength H in values, or --noise S or --noise auto");
     if (!strength_ && !noise_->automatic && noise_->deviation == 0)
         throw Error(ErrorKind::usage, "--noise 0 needs --strength");
+}
+
+std::vector<Knob> NlMeans::knobs() const {
+    auto const smaller = [](char const* option, Radius const& asked, std::initializer_list<std::int64_t> radii) {
+        Knob knob{option, {}, ValueText<Radius>::write(asked).front(), false};
+        for (std::int64_t const most : radii) {
+            Radius less = asked;
+            for (int axis = 0; axis < 3; ++axis) less.voxels[axis] = std::min(asked.voxels[axis], most);
+            if (!(less.voxels == asked.voxels)) knob.values.push_back(ValueText<Radius>::write(less).front());
+        }
+        return knob;
+    };
+    return {smaller("search", search_, {1, 2, 3, 5, 8}), smaller("patch", patch_, {0, 1, 2, 3})};
 }
 
 void NlMeans::set_noise(double stored) {

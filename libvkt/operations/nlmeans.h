@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/kernels/nlmeans.h"
 #include "libvkt/operations/local_filter.h"
 
@@ -23,12 +24,14 @@ template <> struct ValueText<NoiseOption> : OneWord {
 /// Every voxel becomes a mean of those of a search box around it, weighted by how much the patches around both are
 /// alike (Buades, Coll and Morel 2005), all of them, patches by sums along the axes (Darbon et al. 2008), in float32;
 /// of 32- and 64-bit types in float64, to which 64-bit integers are rounded. The type is kept.
-class NlMeans : public LocalFilter {
+class NlMeans : public LocalFilter, public Tunable {
 public:
     std::string_view name() const override { return "filter nlmeans"; }
     Texts texts() const override;
     void parameters(Parameters& parameters) override;
     void check() const override;
+    /// Smaller boxes and patches than those that are asked for.
+    std::vector<Knob> knobs() const override;
     /// Differences across slices are not looked at, nor those across the rows of two pieces.
     void scan(ConstView slab, Execution const& execution) override { count_noise(slab, counts_, execution); }
     std::int64_t scan_step(Index3) const override { return 2; }

@@ -11,6 +11,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -63,6 +65,49 @@ ValueScale scale_of(render::TransferFunction const& transfer, ValueMap const& va
         before = now;
     }
     return scale;
+}
+
+/// What an error of physical values makes of what a metric looks at, at most, and which error makes no more of it.
+struct ErrorInMetric {
+    std::function<double(double)> of;
+    std::function<double(double)> allowed;
+};
+
+ErrorInMetric error_of_values() {
+    return {[](double e) { return e; }, [](double most) { return most; }};
+}
+
+/// A central difference is of two voxels two spacings apart; at a face of voxels that are neighbours.
+ErrorInMetric error_of_gradient(Header const& header) {
+    double least = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis)
+        if (header.dims[axis] > 1) least = std::min(least, header.geometry.spacing[axis]);
+    if (!std::isfinite(least)) return error_of_values(); // there is no gradient
+    return {[least](double e) { return 2 * e / least; }, [least](double most) { return most * least / 2; }};
+}
+
+/// Between whole nodes, one more than the error spans: what the function does between two of them, it may do at once.
+ErrorInMetric error_of_levels(ValueScale const& scale) {
+    double const width = (scale.high - scale.low) / static_cast<double>(scale.values.size() - 1);
+    auto const over = [values = scale.values](std::size_t nodes) {
+        double most = 0;
+        for (std::size_t i = nodes; i < values.size(); ++i) most = std::max(most, values[i] - values[i - nodes]);
+        return nodes < values.size() ? most : values.back() - values.front();
+    };
+    auto const of = [width, over, last = scale.values.size()](double e) {
+        if (e == 0) return 0.0;
+        double const nodes = std::ceil(e / width) + 1;
+        return over(nodes < static_cast<double>(last) ? static_cast<std::size_t>(nodes) : last);
+    };
+    auto const allowed = [width, over, last = scale.values.size()](double most) {
+        std::size_t fits = 1, beyond = last + 1; // nodes
+        while (beyond - fits > 1) {
+            std::size_t const tried = fits + (beyond - fits) / 2;
+            (over(tried) <= most ? fits : beyond) = tried;
+        }
+        return static_cast<double>(fits - 1) * width;
+    };
+    return {of, allowed};
 }
 
 } // namespace
@@ -125,9 +170,15 @@ void Refine::check() const {
     if (metric == RefineMetric::value) return;
     if (tolerance.noise)
         throw Error(ErrorKind::usage, text("--tolerance noise is one of values, not for --metric ", enum_name(metric)));
-    if (dtype) throw Error(ErrorKind::usage, text("--dtype auto is for --metric value"));
     if (metric == RefineMetric::gradient && background)
         throw Error(ErrorKind::usage, "--background is a value, and --metric gradient compares none");
+}
+
+std::vector<Knob> Refine::knobs() const {
+    Knob knob{"tolerance", {}, "0"};
+    for (double const share : {16.0, 4.0, 0.25, 0.0625})
+        if (tolerance.value > 0) knob.values.push_back(to_text(share * tolerance.value));
+    return {knob};
 }
 
 Plan Refine::plan(std::span<Header const> inputs) {
@@ -182,14 +233,18 @@ bool Refine::run_tree(Volume const& input, Volume& output, Execution const& exec
     Volume stored = input;
     double left = used_;
     if (dtype) {
+        ErrorInMetric const error = metric == RefineMetric::transfer   ? error_of_levels(scale_of(*function_, {}))
+                                    : metric == RefineMetric::gradient ? error_of_gradient(input.header())
+                                                                       : error_of_values();
         Convert convert;
         convert.dtype = ResultType::automatic();
-        convert.tolerance = used_ / 4;
+        convert.tolerance = error.allowed(used_ / 4);
         Volume given = input;
         given.header().error = VolumeError::given();
         stored = apply(convert, {given}, execution);
         // What storing cost, which the rest of the tolerance is less by.
-        left = std::max(0.0, used_ - (stored.header().error.known() ? stored.header().error.at_most : used_ / 4));
+        VolumeError const& cost = stored.header().error;
+        left = std::max(0.0, used_ - (cost.known() ? error.of(cost.at_most) : used_ / 4));
     }
     ValueMap const values = stored.header().values;
     RefineOptions options;

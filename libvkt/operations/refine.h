@@ -4,6 +4,7 @@
 
 #include "libvkt/amr/refine.h"
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/tunable.h"
 #include "libvkt/operations/convert.h"
 
 namespace vkt {
@@ -46,12 +47,12 @@ template <> struct EnumNames<RefineMetric> {
 };
 
 /// What resampling makes of the result at the voxels' centres differs by no more than the tolerance; see
-/// vkt::refine(). With a dtype voxels are first stored in the smallest type that a quarter of the tolerance allows, see
-/// Convert; what that leaves is for the bricks. Under a transfer function a difference of two values is the way that
-/// colour times opacity, or opacity, goes between them (that of the four that goes furthest, at every value): what is
-/// interpolated between voxels then differs by no more either. The volume is held whole, since a tree has no slabs: its
-/// size and 8/7 doubles for every eighth voxel.
-class Refine : public Operation {
+/// vkt::refine(). With a dtype voxels are first stored in the smallest type whose error makes no more than a quarter of
+/// the tolerance of what the metric looks at, see Convert; what that leaves is for the bricks. Under a transfer
+/// function a difference of two values is the way that colour times opacity, or opacity, goes between them (that of the
+/// four that goes furthest, at every value): what is interpolated between voxels then differs by no more either. The
+/// volume is held whole, since a tree has no slabs: its size and 8/7 doubles for every eighth voxel.
+class Refine : public Operation, public Tunable {
 public:
     RefineTolerance tolerance;
     BlockSize block;
@@ -67,6 +68,7 @@ public:
     Shape shape() const override { return Shape::geometric; }
     void parameters(Parameters& p) override;
     void check() const override;
+    std::vector<Knob> knobs() const override;
     Plan plan(std::span<Header const> inputs) override;
     bool run_tree(Volume const& input, Volume& output, Execution const& execution) override;
     void after_scan(Plan& plan) const override;

@@ -245,7 +245,7 @@ void SettingsParameters::refuse_misfits() const {
             refuse("--labels always: labels are opaque, and nothing is scattered in them",
                    "--render-algo ray-marching with --ambient-occlusion lights them softly");
     }
-    exclude("exact", "shade");
+    if (shading_ != "none") exclude("exact", "shade"); // which has none
     for (char const* other : {"light-direction", "ambient", "specular", "shadows", "ambient-occlusion"})
         exclude("exact", other);
     exclude("exact", "no-skip");
