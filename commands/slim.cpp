@@ -118,12 +118,10 @@ Command slim_command() {
         {"No more of a volume than a picture or a result needs.",
          "Models of the volume, the smallest first, are put through the pipeline as it is given, and the first whose "
          "picture (or result) differs by at most --within anywhere is written: cut to what is seen or read, in a "
-         "smaller "
-         "type, "
-         "over the values that matter, at a lower resolution, as bricks that are fine only where they have to be. What "
+         "smaller type, over the values that matter, at a lower resolution, as bricks that are fine only where they "
+         "have to be. What "
          "was saved and what it differs by (the most, the root mean square, and of pictures FLIP) are measured and "
-         "said; "
-         "where nothing smaller holds, the voxels are those of "
+         "said; where nothing smaller holds, the voxels are those of "
          "the input.",
          {{"For this picture, to half a display level", "vkt slim volume.nrrd --for 'render --size 128 --domain 0:500 "
                                                         "--opacity 0,0.2 --unit-distance 1' --within 0.5 "

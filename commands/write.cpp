@@ -78,7 +78,7 @@ private:
             throw Error(ErrorKind::usage, "refusing to write a binary volume to the terminal", "name a file");
         if (out() != "-" || !stream()) {
             auto const told = std::make_shared<std::string>(); // of many files one line
-            auto const create_one = [this, &context, told](std::string const& path, std::int64_t files) {
+            auto const create = [this, &context, told](std::string const& path, std::int64_t files) {
                 Execution const& execution = context.execution();
                 WriteOptions options = request_.options();
                 options.notice = [&context, told](std::string const& message) {
@@ -92,10 +92,8 @@ private:
                 options.files = files;
                 return stream() ? ipc::create_stream_file(path, options.force, true) : create_volume(path, options);
             };
-            auto const create = [create_one](std::string const& path) { return create_one(path, 1); };
-            if (!is_numbered(out())) return create(numbered_path(out(), 0));
-            bool const slices = holds_slices(out(), request_.options().format);
-            return slices ? slices_sink(out(), create_one) : series_sink(out(), create);
+            if (!is_numbered(out())) return create(numbered_path(out(), 0), 1);
+            return numbered_sink(out(), holds_slices(out(), request_.options().format), create);
         }
         ipc::StreamOptions stream_options;
         stream_options.stage = context.stage_info().name;

@@ -57,15 +57,14 @@ Volume read_one(Source& source, std::string const& path, std::int64_t index, Exe
 std::unique_ptr<Sink> file_sink(std::string const& path, WriteOptions options, Execution const& execution) {
     options.memory = execution.memory;
     options.threads = execution.threads;
-    auto const create_one = [options](std::string const& one, std::int64_t files) {
+    auto const create = [options](std::string const& one, std::int64_t files) {
         WriteOptions own = options;
         own.files = files;
         return ipc::is_stream_file(one, own.format) ? ipc::create_stream_file(one, own.force, true)
                                                     : create_volume(one, own);
     };
-    auto const create = [create_one](std::string const& one) { return create_one(one, 1); };
-    if (!is_numbered(path)) return create(path);
-    return holds_slices(path, options.format) ? slices_sink(path, create_one) : series_sink(path, create);
+    if (!is_numbered(path)) return create(path, 1);
+    return numbered_sink(path, holds_slices(path, options.format), create);
 }
 
 } // namespace

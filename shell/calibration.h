@@ -30,7 +30,7 @@ struct Calibration {
     ByThreads copy{}, scan{}; ///< bytes a second: from memory to memory, and read only
     double file_read = 0;     ///< bytes a second, of a file that lies in the page cache
     double file_write = 0;
-    double start = 0; ///< seconds until the program has begun and ended, doing nothing
+    double start = 0; ///< seconds until the program has begun and ended, doing little
     std::vector<OperationRate> rates;
 
     /// Seconds that a stage computes, of voxels of the output, or of the input for reductions: from what was measured

@@ -39,12 +39,8 @@ void put_levels(render::Image const& image, render::Color const& background, flo
 
 double largest_flip(Volume const& reference, Volume const& test) {
     double largest = 0;
-    for (std::int64_t number = 0; number < reference.header().dims.z / 3; ++number) {
-        double sum = 0;
-        std::vector<float> const errors = render::flip(picture(reference, number), picture(test, number));
-        for (float const error : errors) sum += static_cast<double>(error);
-        largest = std::max(largest, sum / static_cast<double>(errors.size()));
-    }
+    for (std::int64_t number = 0; number < reference.header().dims.z / 3; ++number)
+        largest = std::max(largest, render::mean_flip(picture(reference, number), picture(test, number)));
     return largest;
 }
 

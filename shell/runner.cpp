@@ -185,9 +185,9 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         // What lies in shared memory is there already.
         if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
-    if (stage.opener() == nullptr && file && format_ != "shm")
+    if (stage.opener() == nullptr && file && format_ != "shm" && explains(stage))
         source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h, std::int64_t parts) {
-            if (explains(stage) || h.dry_run) predict_reading(stage, h, parts);
+            predict_reading(stage, h, parts);
         });
     if (log_.verbosity() == Verbosity::verbose)
         source = std::make_unique<Announced>(

@@ -1,5 +1,5 @@
-// Errors of stages that share a process: each begins with the name of the stage whose work it was, as the stages'
-// remarks do. SPDX-License-Identifier: MIT
+// Errors of stages that share a process: each begins with the name of the stage whose work it was, as remarks do.
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include "libvkt/core/error.h"

@@ -1,12 +1,14 @@
 # Random pipelines against float64: the error that a header states is never below the true one, and not far above it.
 # SPDX-License-Identifier: MIT
 #
-# usage: travelling_errors.py LIBRARY COUNT [SEED]; writes its files to the current directory. Runs in one process, through
+# usage: travelling_errors.py LIBRARY COUNT [SEED]; its files lie in a scratch directory. Runs in one process, through
 # the C API. Everything is computed a second time here, from the definitions, in float64, with SciPy where it has the
 # filter; nothing is rounded on the way, and saturated where the type of a stage is an integer's.
 import ctypes
 import json
+import os
 import sys
+import tempfile
 
 import numpy as np
 from scipy import ndimage
@@ -336,6 +338,12 @@ class Pipeline:
 def main():
     library, count = Library(sys.argv[1]), int(sys.argv[2])
     seed = int(sys.argv[3]) if len(sys.argv) > 3 else 1
+    with tempfile.TemporaryDirectory() as scratch: # of the kernels that pipelines read
+        os.chdir(scratch)
+        check(library, count, seed)
+
+
+def check(library, count, seed):
     ratios, kinds, because, exceeded = [], {}, {}, []
     for number in range(count):
         pipeline = Pipeline(library, np.random.default_rng([seed, number]), number)

@@ -29,17 +29,6 @@ std::string_view json_number(std::string_view digits) {
     return digits.find_first_of("ni") == std::string_view::npos ? digits : "null"; // nan, inf
 }
 
-/// What spaces part.
-std::vector<std::string_view> words_of(std::string_view text) {
-    std::vector<std::string_view> words;
-    while (!text.empty()) {
-        std::size_t const end = std::min(text.find(' '), text.size());
-        words.push_back(text.substr(0, end));
-        text.remove_prefix(std::min(end + 1, text.size()));
-    }
-    return words;
-}
-
 void append_word(std::string& line, std::string const& word) {
     if (!line.empty()) line += ',';
     line += csv_word(word);
@@ -128,7 +117,7 @@ std::string Report::Field::json() const {
         [[fallthrough]];
     case Kind::list: {
         std::string numbers;
-        for (std::string_view const word : words_of(text))
+        for (std::string const& word : text.empty() ? std::vector<std::string>{} : split(text, ' '))
             numbers += vkt::text(numbers.empty() ? "" : ", ", json_number(word));
         return vkt::text("[", numbers, "]");
     }
@@ -232,10 +221,10 @@ void Report::csv_into(std::string& lines, std::string& last_names) const {
                 append_word(to_values, field.text);
                 continue;
             }
-            std::vector<std::string_view> const three = words_of(field.text); // or one "nan"
+            std::vector<std::string> const three = split(field.text, ' '); // or one "nan"
             for (std::size_t i = 0; i < 3; ++i) {
                 append_word(to_names, vkt::text(field.name, std::array{"_x", "_y", "_z"}[i]));
-                append_word(to_values, std::string(three[three.size() == 3 ? i : 0]));
+                append_word(to_values, three[three.size() == 3 ? i : 0]);
             }
         }
     };

@@ -97,7 +97,7 @@ Decoded zstd(Bytes from, Settings) {
     unsigned long long const size = ZSTD_getFrameContentSize(from.data(), from.size());
     if (size > most_chunk) return std::nullopt; // unknown ones, too: filters encode whole chunks, which have a size
     std::vector<std::byte> to(static_cast<std::size_t>(size));
-    if (ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) != to.size()) return std::nullopt;
+    if (!unpack(Packing::zstd, from, to)) return std::nullopt;
     return to;
 }
 #endif
@@ -207,8 +207,8 @@ Decoded bitshuffle(Bytes from, Settings settings) {
             std::size_t const stored = big_endian(from, in, 4);
             in += 4;
             if (stored > from.size() - in) return std::nullopt;
-            Packing const packing = compressor == 3 ? Packing::zstd : Packing::lz4;
             if (compressor != 2 && compressor != 3) return std::nullopt;
+            Packing const packing = compressor == 2 ? Packing::lz4 : Packing::zstd;
             if (!unpack(packing, from.subspan(in, stored), std::span(plain).first(bytes))) return std::nullopt;
             packed = Bytes(plain).first(bytes);
             in += stored;

@@ -80,11 +80,10 @@ private:
 
 class SeriesSink : public Sink {
 public:
-    SeriesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create)
-        : pattern_(std::move(pattern)), create_(std::move(create)) {}
+    SeriesSink(std::string pattern, CreateFile create) : pattern_(std::move(pattern)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
-        current_ = create_(numbered_path(pattern_, number_++));
+        current_ = create_(numbered_path(pattern_, number_++), 1);
         current_->begin(header);
     }
     AnyView acquire(Box const& slab) override { return current_->acquire(slab); }
@@ -100,7 +99,7 @@ public:
 
 private:
     std::string pattern_;
-    std::function<std::unique_ptr<Sink>(std::string const&)> create_;
+    CreateFile create_;
     std::unique_ptr<Sink> current_;
     std::int64_t number_ = 0;
 };
@@ -163,8 +162,7 @@ std::vector<std::string> numbered_files_of(std::string const& path) {
 /// Slabs come as they come; each slice is handed to a sink of its own.
 class SlicesSink : public Sink {
 public:
-    SlicesSink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create)
-        : pattern_(std::move(pattern)), create_(std::move(create)) {}
+    SlicesSink(std::string pattern, CreateFile create) : pattern_(std::move(pattern)), create_(std::move(create)) {}
 
     void begin(Header const& header) override {
         if (header.kind != Kind::structured)
@@ -210,7 +208,7 @@ private:
     }
 
     std::string pattern_;
-    std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create_;
+    CreateFile create_;
     Header header_;
     Box slab_;
     std::vector<std::byte> held_;
@@ -254,14 +252,9 @@ std::string numbered_path(std::string const& path, std::int64_t number) {
     return without_escapes(path.substr(0, begin)) + digits + without_escapes(path.substr(begin + length));
 }
 
-std::unique_ptr<Sink> series_sink(std::string pattern,
-                                  std::function<std::unique_ptr<Sink>(std::string const&)> create) {
+std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, CreateFile create) {
+    if (slices) return std::make_unique<SlicesSink>(std::move(pattern), std::move(create));
     return std::make_unique<SeriesSink>(std::move(pattern), std::move(create));
-}
-
-std::unique_ptr<Sink> slices_sink(std::string pattern,
-                                  std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t)> create) {
-    return std::make_unique<SlicesSink>(std::move(pattern), std::move(create));
 }
 
 } // namespace vkt

@@ -26,12 +26,11 @@ bool is_numbered(std::string const& path);
 /// The path with the number in its place. Throws Error{usage} for anything else after a per cent sign.
 std::string numbered_path(std::string const& path, std::int64_t number);
 
-/// One file per volume, numbered from 0, each complete under its name as soon as its volume is.
-std::unique_ptr<Sink> series_sink(std::string pattern, std::function<std::unique_ptr<Sink>(std::string const&)> create);
+/// Makes the sink of one file. `files`: how many of the same volume there are from this one on.
+using CreateFile = std::function<std::unique_ptr<Sink>(std::string const& path, std::int64_t files)>;
 
-/// The same with a file for each slice, all volumes' slices numbered on. create() is told how many files of the volume
-/// there are from this one on.
-std::unique_ptr<Sink> slices_sink(std::string pattern,
-                                  std::function<std::unique_ptr<Sink>(std::string const&, std::int64_t files)> create);
+/// One file per volume, or one for each slice of all volumes, numbered from 0, each complete under its name as soon as
+/// its volume or slice is.
+std::unique_ptr<Sink> numbered_sink(std::string pattern, bool slices, CreateFile create);
 
 } // namespace vkt

@@ -24,6 +24,7 @@ namespace {
 
 using Bytes = std::span<std::byte const>;
 using Room = std::span<std::byte>;
+using Unpack = bool (*)(Bytes, Room); ///< null in builds without the library
 
 bool inflated(Bytes from, Room to) {
     z_stream state{};
@@ -41,6 +42,8 @@ bool inflated(Bytes from, Room to) {
 bool zstd_unpacked(Bytes from, Room to) {
     return ZSTD_decompress(to.data(), to.size(), from.data(), from.size()) == to.size();
 }
+#else
+constexpr Unpack zstd_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_LZ4
@@ -50,6 +53,8 @@ bool lz4_unpacked(Bytes from, Room to) {
     return LZ4_decompress_safe(reinterpret_cast<char const*>(from.data()), reinterpret_cast<char*>(to.data()),
                                static_cast<int>(from.size()), size) == size;
 }
+#else
+constexpr Unpack lz4_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_BZIP2
@@ -61,6 +66,8 @@ bool bzip2_unpacked(Bytes from, Room to) {
                                       0, 0) == BZ_OK &&
            size == to.size();
 }
+#else
+constexpr Unpack bzip2_unpacked = nullptr;
 #endif
 
 #ifdef VKT_HAVE_LZMA
@@ -76,40 +83,26 @@ bool lzma_unpacked(Bytes from, Room to) {
     lzma_end(&state);
     return whole;
 }
+#else
+constexpr Unpack lzma_unpacked = nullptr;
 #endif
 
-/// What does the work, and what it is of; a build without it has only the words.
+/// What does the work, and what it is of.
 struct Library {
-    bool (*unpacked)(Bytes, Room);
+    Unpack unpacked;
     char const *name, *package;
 };
 
 Library library_of(Packing packing) {
     switch (packing) {
     case Packing::zstd:
-#ifdef VKT_HAVE_ZSTD
         return {zstd_unpacked, "Zstandard", "libzstd-dev"};
-#else
-        return {nullptr, "Zstandard", "libzstd-dev"};
-#endif
     case Packing::lz4:
-#ifdef VKT_HAVE_LZ4
         return {lz4_unpacked, "LZ4", "liblz4-dev"};
-#else
-        return {nullptr, "LZ4", "liblz4-dev"};
-#endif
     case Packing::bzip2:
-#ifdef VKT_HAVE_BZIP2
         return {bzip2_unpacked, "bzip2", "libbz2-dev"};
-#else
-        return {nullptr, "bzip2", "libbz2-dev"};
-#endif
     case Packing::lzma:
-#ifdef VKT_HAVE_LZMA
         return {lzma_unpacked, "LZMA", "liblzma-dev"};
-#else
-        return {nullptr, "LZMA", "liblzma-dev"};
-#endif
     case Packing::deflate:
         break;
     }

@@ -61,9 +61,7 @@ PictureDifference compare_pictures(Image const& reference, Image const& test, Ex
     d.relmse = relative / count;
     for (std::size_t c = 0; c < 3; ++c)
         d.ssim += structural_similarity(*displayed(reference, c), *displayed(test, c), 1, execution) / 3;
-    double sum = 0;
-    for (float const error : flip(reference, test)) sum += static_cast<double>(error);
-    d.flip = sum / (static_cast<double>(reference.width) * reference.height);
+    d.flip = mean_flip(reference, test);
     return d;
 }
 

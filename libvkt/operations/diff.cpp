@@ -83,9 +83,7 @@ void Diff::check() const {
 }
 
 Plan Diff::plan(std::span<Header const> inputs) {
-    if (inputs.front().kind != inputs.back().kind)
-        throw Error(ErrorKind::usage, "one of the volumes is hierarchical and one is not",
-                    "make a grid of it first: vkt resample --like GRID");
+    require_same_kind(inputs.front(), inputs.back());
     if (inputs.front().kind == Kind::hierarchical && (ssim || information))
         throw Error(ErrorKind::usage,
                     text(ssim ? "--ssim" : "--mutual-information", " compares grids, and the volumes are hierarchical"),

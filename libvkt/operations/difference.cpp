@@ -122,11 +122,15 @@ void compare_trees(Source& a, Source& b, Execution execution, DifferenceResult& 
 
 } // namespace
 
-DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
-    Header const &ha = a.header(), &hb = b.header();
-    if (ha.kind != hb.kind)
+void require_same_kind(Header const& a, Header const& b) {
+    if (a.kind != b.kind)
         throw Error(ErrorKind::usage, "one of the volumes is hierarchical and one is not",
                     "make a grid of it first: vkt resample --like GRID");
+}
+
+DifferenceResult compare(Source& a, Source& b, Execution const& execution) {
+    Header const &ha = a.header(), &hb = b.header();
+    require_same_kind(ha, hb);
     DifferenceResult r;
     r.same_dims = ha.dims == hb.dims;
     r.same_type = ha.dtype == hb.dtype;

@@ -21,6 +21,9 @@ struct DifferenceResult {
     double range = 0; ///< that range
 };
 
+/// Throws Error{usage} for a tree and a grid, which cannot be compared.
+void require_same_kind(Header const& a, Header const& b);
+
 /// Compares the current volumes of two sources slab by slab, or the cells of two trees, and finishes both. Volumes of
 /// different dims and trees of different bricks are not compared further. The same bits for every thread count and slab
 /// height. Throws Error{usage} for a tree and a grid.

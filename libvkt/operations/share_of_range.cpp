@@ -11,7 +11,7 @@ ShareOfRange ValueText<ShareOfRange>::read(std::vector<std::string> const& w, st
     if (!number.ends_with('%')) {
         double const share = ValueText<double>::read({number}, name);
         throw Error(ErrorKind::usage, text(name, ": ", number, " lacks the sign of a share of the value range"),
-                    text("in percent: --", name, " ", share >= 1e-12 && share < 1 ? 100 * share : 1, "%"));
+                    text("in percent: ", name, " ", share >= 1e-12 && share < 1 ? 100 * share : 1, "%"));
     }
     number.pop_back();
     return {ValueText<double>::read({number}, name)};

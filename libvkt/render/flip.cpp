@@ -211,4 +211,11 @@ std::vector<float> flip(Image const& reference, Image const& test, double pixels
     return errors;
 }
 
+double mean_flip(Image const& reference, Image const& test) {
+    std::vector<float> const errors = flip(reference, test);
+    double sum = 0;
+    for (float const error : errors) sum += static_cast<double>(error);
+    return sum / static_cast<double>(errors.size());
+}
+
 } // namespace vkt::render

@@ -16,4 +16,7 @@ inline constexpr double flip_pixels_per_degree = 67.0206432765823;
 /// shines through counts as black. Both pictures have the same size. O(pixels * pixels_per_degree).
 std::vector<float> flip(Image const& reference, Image const& test, double pixels_per_degree = flip_pixels_per_degree);
 
+/// The mean of these errors.
+double mean_flip(Image const& reference, Image const& test);
+
 } // namespace vkt::render

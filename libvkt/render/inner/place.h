@@ -60,7 +60,7 @@ VKT_HD Radiance surface_albedo(S const& sampler, SceneView const& scene, Ray con
 }
 
 /// Distance at which half of the light is held back, exact but for rounding; infinity where less is on the whole ray.
-template <class S> VKT_HD float half_distance(S const& sampler, SceneView const& scene, Ray const& ray, Counters&) {
+template <class S> VKT_HD float half_distance(S const& sampler, SceneView const& scene, Ray const& ray) {
     constexpr double half = 0.69314718055994531; // of the light: optical depth ln 2
     double depth = 0;
     float found = std::numeric_limits<float>::infinity();

@@ -44,7 +44,7 @@ VKT_HD void integrate(S const& sampler, SceneView const& scene, Integrator integ
         break;
     case Integrator::half_distance:
         for_middles(scene, tile, pixels, width, std::numeric_limits<float>::infinity(), [&](Ray const& ray) {
-            float const at = half_distance(sampler, scene, ray, counters);
+            float const at = half_distance(sampler, scene, ray);
             return Radiance{at, at, at, at};
         });
         break;
