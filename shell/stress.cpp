@@ -6,6 +6,7 @@
 #include "libvkt/core/collect.h"
 #include "libvkt/core/error.h"
 #include "libvkt/engine/pipeline.h"
+#include "libvkt/engine/verifiable.h"
 #include "shell/chain.h"
 #include "shell/damage.h"
 #include "shell/hard_volumes.h"
@@ -133,8 +134,7 @@ private:
         return text("vkt stress --volume ", volume, " | ", between, stages(told_program_, options, last));
     }
 
-    TrialResult run(std::string const& feeder, std::string const& options, std::string const& last,
-                    std::optional<std::int64_t> limit = std::nullopt) {
+    TrialResult run_line(std::string const& line, std::optional<std::int64_t> limit = std::nullopt) {
         ++report_.trials;
         TrialOptions trial;
         trial.folder = here_; // files that the pipeline names are found
@@ -142,9 +142,11 @@ private:
         trial.stderr_file = scratch_.path() + "/stderr";
         trial.seconds = request_.seconds;
         trial.file_limit = limit;
-        return try_line(text("export TMPDIR=", shell_quoted(scratch_.path() + "/tmp"), "; ", feeder, " <",
-                             shell_quoted(in_), " | ", stages(program_, options, last)),
-                        trial);
+        return try_line(text("export TMPDIR=", shell_quoted(scratch_.path() + "/tmp"), "; ", line), trial);
+    }
+    TrialResult run(std::string const& feeder, std::string const& options, std::string const& last,
+                    std::optional<std::int64_t> limit = std::nullopt) {
+        return run_line(text(feeder, " <", shell_quoted(in_), " | ", stages(program_, options, last)), limit);
     }
 
     /// One of a kind and cause is told: the first volume that shows it.
@@ -242,7 +244,11 @@ private:
             ++worked_;
         else
             refuse(plain, line, name);
-        if (plain.ok() && made) compare_with_promise(name, volume, *made);
+        if (plain.ok() && made && computes()) {
+            compare(name, volume, *made, request_.pipeline, line_for(name, "", "", " | vkt dump"));
+            if (stages_.size() > 1) try_stages(name, volume, *expected);
+            write(volume, in_);
+        }
         for (Variation const& variation : variations) {
             if (variation.reads_again && !made) continue;
             std::string const last = variation.reads_again ? text(" | ", program_, " read -") : "";
@@ -262,16 +268,72 @@ private:
         }
     }
 
+    /// The pipeline is of operations on one volume, and one comes out.
+    bool computes() const { return chain_ && chain_->picturing() == nullptr; }
+
+    /// Stage by stage, each from a file that the one before has written: what each of them makes is looked at by
+    /// itself, and in the end there is what the pipeline makes.
+    void try_stages(std::string const& name, Volume const& volume, std::string const& expected) {
+        std::optional<Volume> made;
+        Volume input = volume;
+        std::string lines, last = text("vkt stress --volume ", name);
+        for (std::size_t i = 0; i < stages_.size(); ++i) {
+            write(input, in_);
+            TrialResult const one = run_line(text(program_, " ", stages_[i], " <", shell_quoted(in_)));
+            std::string const file = text(i + 1, ".vkt");
+            lines += text(i == 0 ? last + " | " : "", told_program_, " ", stages_[i],
+                          i == 0 ? "" : text(" <", i, ".vkt"), " >", file, "; ");
+            std::string const line = lines + "vkt dump " + file;
+            if (!ended_well(name, one, "stage by stage", line)) return;
+            std::optional<std::string> const found = result(made);
+            if (!one.ok() || !made)
+                return find("changes", "stage by stage", text("stage ", i + 1, " fails, but not in the pipeline"), line,
+                            name);
+            compare(name, input, *made, stages_[i], line);
+            if (i + 1 == stages_.size() && found != expected)
+                find("changes", "stage by stage", "another result stage by stage", line, name);
+            input = *made;
+        }
+    }
+
+    void compare(std::string const& name, Volume const& input, Volume const& made, std::string const& pipeline,
+                 std::string const& line) {
+        if (made.header().kind != Kind::structured || input.header().kind != Kind::structured) return;
+        compare_with_promise(name, input, made, pipeline, line);
+        compare_with_definition(name, input, made, pipeline, line);
+    }
+
+    /// What came out of one operation beside what it works out by other means.
+    void compare_with_definition(std::string const& name, Volume const& input, Volume const& made,
+                                 std::string const& pipeline, std::string const& line) {
+        std::optional<WrongVoxel> wrong;
+        try {
+            Chain chain(pipeline);
+            auto const* const verifiable = dynamic_cast<Verifiable const*>(chain.stages().front().operation());
+            if (chain.stages().size() != 1 || verifiable == nullptr) return;
+            Header const planned = chain.output(input, context_.execution());
+            if (!(planned.dims == made.header().dims && planned.dtype == made.header().dtype)) return;
+            wrong = verifiable->wrong_voxel(input.view(), made.view());
+        } catch (Error const&) {
+            return; // refused beside
+        }
+        if (!wrong) return;
+        find("is not as defined", "",
+             text("voxel ", wrong->index, " is ", wrong->found, " in ", made.header().dtype, ", but ", wrong->expected,
+                  " by definition", wrong->allowed > 0 ? text(", ", wrong->allowed, " off at most") : std::string()),
+             line, name);
+    }
+
     /// What came out beside the same operations on the same voxels as float64, saturated: no further away than the
     /// plan says.
-    void compare_with_promise(std::string const& name, Volume const& input, Volume const& made) {
+    void compare_with_promise(std::string const& name, Volume const& input, Volume const& made,
+                              std::string const& pipeline, std::string const& line) {
         Header const& h = made.header();
-        if (!chain_ || chain_->picturing() != nullptr || h.kind != Kind::structured) return;
         if (!has_bounded_sums(input)) return;
         std::optional<double> bound;
         std::optional<Volume> exact;
         try {
-            Chain& chain = chain_.emplace(request_.pipeline);
+            Chain chain(pipeline);
             Volume const out = chain.run(input, context_.execution());
             bound = chain.bound(input, out, context_.execution());
             if (!bound) return;
@@ -301,7 +363,7 @@ private:
         find("loses accuracy", "",
              text("voxel ", where, " is ", found[where], " in ", h.dtype, ", but ", stored,
                   " by way of float64: ", worst, " off, at most ", *bound, " was promised"),
-             text(line_for(name, "", "", " | vkt dump"), "  # beside: vkt convert --dtype float64 before"), name);
+             text(line, "  # beside: vkt convert --dtype float64 before"), name);
     }
 
     void try_damaged(std::string const& name) {

@@ -1,14 +1,14 @@
 # vkt stress: planted faults are found, each with a command that repeats it; what is shipped shows none.
 load helper
 
-# fake BODY: a vkt whose filter box does BODY; all else is passed on. $slab: --slab was given, $out: file behind -o.
+# fake BODY [VERB]: a vkt whose VERB, filter box, does BODY; all else is passed on. $slab: --slab was given, $out: file behind -o.
 fake() {
     {
         echo '#!/bin/bash'
         echo "real=$(command -v vkt)"
         # shellcheck disable=SC2016
         echo 'slab=; out=; last=; for w in "$@"; do [ "$w" != --slab ] || slab=1; [ "$last" != -o ] || out=$w; last=$w; done'
-        echo '[ "$1 $2" = "filter box" ] || exec "$real" "$@"'
+        echo "[[ \"\$* \" = \"${2:-filter box} \"* ]] || exec \"\$real\" \"\$@\""
         echo "$1"
         # shellcheck disable=SC2016
         echo 'exec "$real" "$@"'
@@ -16,9 +16,9 @@ fake() {
     chmod +x fake
 }
 
-# finds KIND VOLUME,...: the fake is caught at it, exit code 1.
+# finds KIND VOLUME,... [PIPELINE]: the fake is caught at it, exit code 1.
 finds() {
-    run --separate-stderr vkt stress 'filter box --radius 1' --vkt "$PWD/fake" --volume "$2" --json
+    run --separate-stderr vkt stress "${3:-filter box --radius 1}" --vkt "$PWD/fake" --volume "$2" --json
     [ "$status" -eq 1 ] || { echo "status $status: $output $stderr" >&2; return 1; }
     echo "$output" >found.json
     /usr/bin/python3 -c '
@@ -76,6 +76,47 @@ print(found["repeat"])' >again.sh
     finds "loses accuracy" noise-uint16
 }
 
+# One voxel that is wrong in the same way whatever the slabs, threads and transports are.
+@test "a wrong label and a wrong voxel of CLAHE are found by what these are defined as" {
+    # shellcheck disable=SC2016
+    local wrong='"$real" "$@" | "$real" fill --value 77 --roi 3:4,3:4,3:4; exit ${PIPESTATUS[1]}'
+    fake "$wrong" label
+    finds "is not as defined" noise-uint16 'label --connectivity 26'
+    finds "is not as defined" nan-float32 'label --by-value'
+    fake "$wrong" clahe
+    finds "is not as defined" noise-uint16 clahe
+    finds "is not as defined" noise-float32 'clahe --clip-as pizer --bricks 3,2,4 --clip 3'
+    # Two components under one name, and one under two.
+    # shellcheck disable=SC2016
+    fake '"$real" "$@" | "$real" transform "min(v, 1)" --dtype uint32; exit ${PIPESTATUS[1]}' label
+    finds "is not as defined" noise-uint16 'label --by-value'
+    # The command that repeats it shows the voxel.
+    /usr/bin/python3 -c '
+import json
+found, = [f for f in json.load(open("found.json"))["findings"] if f["kind"] == "is not as defined"]
+print(found["repeat"])' >again.sh
+    sh again.sh >dumped
+    [ -s dumped ]
+}
+
+@test "of several stages that compute each is looked at by itself" {
+    # shellcheck disable=SC2016
+    local wrong='"$real" "$@" | "$real" fill --value 77 --roi 3:4,3:4,3:4; exit ${PIPESTATUS[1]}'
+    fake "$wrong"
+    finds "loses accuracy" noise-uint16 'filter box --radius 1 | filter gaussian --sigma 1'
+    finds "loses accuracy" noise-uint16 'filter gaussian --sigma 1 | filter box --radius 1'
+    fake "$wrong" label
+    finds "is not as defined" noise-uint16 'filter gaussian --sigma 1 | threshold --above 50 | label'
+    # What a pipe does to the result is found by files.
+    # shellcheck disable=SC2016
+    fake '[ -f /dev/stdin ] || exec "$real" filter box --radius 2'
+    finds changes noise-uint16 'flip x | filter box --radius 1'
+    /usr/bin/python3 -c '
+import json
+found = [f for f in json.load(open("found.json"))["findings"] if f["kind"] == "changes"]
+assert any("stage by stage" in f["what"] for f in found), found'
+}
+
 @test "a stream without its end under exit code 0 is found" {
     # shellcheck disable=SC2016
     fake '[ -n "$out" ] || { "$real" "$@" | head -c 500; exit 0; }'
@@ -97,6 +138,10 @@ print(found["repeat"])' >again.sh
     tail -1 found | grep -q 'on 6 volumes: nothing found'
     vkt stress 'affine 0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0' --volume offset-float64,large,flat-z >found || { cat found >&2; false; }
     vkt stress 'flip x | stats' --volume extremes-int8 >found || { cat found >&2; false; }
+    vkt stress 'label --connectivity 18 --min-size 3 --by-value' --volume noise-uint8,nan-float32,infinite-float16,mapped,flat-y >found || { cat found >&2; false; }
+    vkt stress 'clahe | filter median --radius 1' --volume noise-int64,offset-float32,extremes-uint64,mapped >found || { cat found >&2; false; }
+    # Sums over many bins are as exact as is promised in float64.
+    vkt stress 'clahe --clip-as skimage --bricks 2,2,2 --bins 1000' --volume nan-float64 >found || { cat found >&2; false; }
 }
 
 @test "volumes that are refused are told with the command that shows it, and are no faults" {

@@ -59,11 +59,12 @@ std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRul
         cut = clip > 1 ? pizer_cut(counts, clip * voxels / n) : 0;
         break;
     }
-    double excess = 0, below = 0;
+    // As many roundings as there are bins would show in float64.
+    long double excess = 0, below = 0;
     for (std::uint64_t const count : counts) excess += std::max(0.0, static_cast<double>(count) - cut);
-    double const spread = excess / n;
+    long double const spread = excess / n;
     for (std::size_t i = 0; i < counts.size(); ++i) {
-        curve[i] = std::min(1.0, below / voxels);
+        curve[i] = std::min(1.0, static_cast<double>(below / voxels));
         below += std::min(static_cast<double>(counts[i]), cut) + spread;
     }
     curve.back() = 1;
@@ -158,6 +159,7 @@ Plan Clahe::plan(std::span<Header const> inputs) {
     plan.error.range = (4 * steepest + 16) * unit;
     plan.error.magnitude = (4 * steepest + 4) * unit + storing_error(input_.dtype);
     plan.error.limit(input_.dtype, input_.values.slope, std::nullopt);
+    error_ = plan.error;
     return plan;
 }
 

@@ -4,6 +4,7 @@
 
 #include "libvkt/engine/operation.h"
 #include "libvkt/engine/tunable.h"
+#include "libvkt/engine/verifiable.h"
 #include "libvkt/operations/bins.h"
 #include "libvkt/operations/kernels/clahe.h"
 #include "libvkt/operations/range_option.h"
@@ -43,7 +44,7 @@ std::vector<double> clipped_curve(std::span<std::uint64_t const> counts, ClipRul
 ///
 /// Two passes, one more for the extremes and up to four more for percentiles of the window. Memory: 12 to 28 bytes a
 /// bin and brick. Counts are exact; curves and voxels are computed in float32, of 32- and 64-bit types in float64.
-class Clahe : public Operation, public Tunable {
+class Clahe : public Operation, public Tunable, public Verifiable {
 public:
     std::string_view name() const override { return "clahe"; }
     Shape shape() const override { return Shape::neighbourhood; }
@@ -60,6 +61,8 @@ public:
     bool runs_on_gpu() const override { return true; }
     bool scans_on_gpu() const override { return !range_.percentiles(); }
     std::vector<Remark> remarks() const override;
+    /// For windows from the smallest to the largest value.
+    std::optional<WrongVoxel> wrong_voxel(ConstView input, ConstView output) const override;
 
 private:
     double clip() const;
@@ -74,6 +77,7 @@ private:
     Roi roi_;
 
     Header input_;
+    ErrorBound error_; ///< as planned
     std::optional<RangeScan> ends_;
     bool ends_known_ = false, scans_again_ = false, copies_ = false;
     Bins bins_;

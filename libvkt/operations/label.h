@@ -3,6 +3,7 @@
 #pragma once
 
 #include "libvkt/engine/operation.h"
+#include "libvkt/engine/verifiable.h"
 #include "libvkt/operations/components.h"
 #include "libvkt/operations/kernels/device_components.h"
 
@@ -17,7 +18,7 @@ namespace vkt {
 /// numbered 1, 2, … by their first voxel in x-fastest order, as SciPy does. Exact. Two passes over the input: one
 /// joins runs of voxels, the other writes; what is held is 4 bytes a run and 72 a component, whatever the slabs are. On
 /// a GPU that is a bit a voxel, 4 bytes for 32 voxels and 12 a run; components by value are found on CPUs only.
-class Label : public Operation {
+class Label : public Operation, public Verifiable {
 public:
     int connectivity = 6;  ///< 6, 18 or 26
     bool by_value = false; ///< only equal values belong together
@@ -45,6 +46,8 @@ public:
     bool reports() const override { return true; }
     /// How many components there are, and size, bounding box and centroid of those that are labelled.
     Report report() const override;
+    /// By a flood from each voxel that none has reached.
+    std::optional<WrongVoxel> wrong_voxel(ConstView input, ConstView output) const override;
 
 private:
     void choose(std::span<ComponentFacts const> all);
