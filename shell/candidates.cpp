@@ -41,7 +41,7 @@ std::vector<std::string> variables_of(std::vector<std::string> const& words) {
 /// What may stand for an option's value, as far as it can be known; `words` are those before it.
 std::vector<std::string> values_of(Parameter const& p, Invocation const& invocation,
                                    std::vector<std::string> const& words) {
-    if (p.name == "device") return {"auto", "cpu", "gpu"};
+    if (p.name == "device") return {"auto", "cpu", "gpu", "gpu:all"};
     if (p.name == "colormap") return render::colormap_names();
     if (p.name == "view") return {"oblique", "x", "-x", "y", "-y", "z", "-z"};
     if (p.name == "variable") return variables_of(words);

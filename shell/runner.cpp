@@ -8,6 +8,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/engine/cut.h"
 #include "libvkt/engine/decorator.h"
+#include "libvkt/engine/divided.h"
 #include "libvkt/engine/pipeline.h"
 #include "libvkt/formats/format.h"
 #include "libvkt/formats/stack.h"
@@ -32,13 +33,21 @@
 
 namespace vkt::shell {
 
-Execution Runner::execution_of(Invocation const& stage) const { return stage.common().execution(); }
+Execution Runner::execution_of(Invocation const& stage) const {
+    Execution execution = stage.common().execution();
+    if (shares_ > 1) {
+        execution = share_of(execution, shares_);
+        execution.gpu = share_;
+    }
+    return execution;
+}
 
 StageInfo Runner::stage_info(Invocation const& stage) {
     StageInfo info;
     info.name = stage.stage();
     if (!last_.common().no_history && !stage.common().no_history) info.words = stage.history_words();
     info.input_names = stage.inputs();
+    if (share_ > 0) return info; // the first tells for all of them
     bool const strict = stage.common().strict || last_.common().strict;
     info.listener = [this, strict, label = stage.label()](std::string const& name, std::string const& message,
                                                           bool lossy) {
@@ -185,11 +194,11 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
         // What lies in shared memory is there already.
         if (stage.opener() == nullptr && format_ != "shm") source = prefetch(std::move(source), execution_of(stage));
     }
-    if (stage.opener() == nullptr && file && format_ != "shm" && explains(stage))
+    if (stage.opener() == nullptr && file && format_ != "shm" && explains(stage) && share_ == 0)
         source = std::make_unique<Announced>(std::move(source), [this, &stage](Header const& h, std::int64_t parts) {
             predict_reading(stage, h, parts);
         });
-    if (log_.verbosity() == Verbosity::verbose)
+    if (log_.verbosity() == Verbosity::verbose && share_ == 0)
         source = std::make_unique<Announced>(
             std::move(source), [this, &stage, name, format = format_](Header const& header, std::int64_t) {
                 log_.detail(stage.stage(), text(name, ": format ", format, ", ", header.dims, " ", header.dtype));
@@ -200,8 +209,11 @@ std::unique_ptr<Source> Runner::open(Invocation const& stage, std::unique_ptr<By
 
 std::vector<std::unique_ptr<Source>> Runner::open_inputs(Invocation& stage, std::unique_ptr<Source> previous) {
     std::vector<std::unique_ptr<Source>> sources;
+    bool const begins = &stage == &stages_.front() || (!twins_.empty() && &stage == &twins_.back().front());
     for (auto const& path : stage.inputs()) {
-        if (path == "-" && previous) {
+        if (previous && begins) { // opened already, for several
+            sources.push_back(std::move(previous));
+        } else if (path == "-" && previous) {
             sources.push_back(std::move(previous));
             formats_[path] = format_ = "vkt"; // what is computed has the format of a stream
         } else if (std::error_code error; stage.inputs().size() > 1 && std::filesystem::is_regular_file(path, error)) {
@@ -242,7 +254,7 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (!stage.common().no_history)
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
-        if (explains(stage))
+        if (explains(stage) && share_ == 0)
             source = std::make_unique<Announced>(std::move(source),
                                                  [this, &stage, execution](Header const& h, std::int64_t parts) {
                                                      log_.answer(opener_plan_text(stage.stage(), h, parts, execution));
@@ -305,6 +317,7 @@ void Runner::take_gpus() {
             : first.consumer() != nullptr && first.consumer()->runs_on_gpu() && !first.consumer()->writes();
     bool const reads_pipe = std::ranges::count(first.inputs(), "-") > 0 && ipc::is_pipe(STDIN_FILENO);
     if (dry_run_ || execution.device != Device::gpu || !computes || !reads_pipe) return;
+    if (gpus() > 1) return; // what arrives is read by several
     bool const same = gpu_out_ && execution.gpu == execution_of(last_).gpu;
     gpu_in_ = same ? gpu_out_ : ipc::cuda_memory(execution.gpu, "--device gpu");
 }
@@ -316,11 +329,12 @@ int Runner::run() {
     std::unique_ptr<Source> source;
     try {
         take_gpus();
+        source = build_divided();
         for (auto& stage : stages_) {
             refuse_unread(stage);
             if (stage.consumer() != nullptr)
                 return in_stage(stage.label(), [&] { return consume(stage, std::move(source)); });
-            source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
+            if (twins_.empty()) source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
         }
     } catch (std::exception const& e) {
         say_downstream(last_, e.what());

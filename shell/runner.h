@@ -84,6 +84,10 @@ private:
     void check_ends();
     void check_output_end();
     std::unique_ptr<Source> build(Invocation& stage, std::unique_ptr<Source> previous);
+    /// How many GPUs the stages that make volumes work on at once.
+    int gpus() const;
+    /// The stages that make volumes, once for each GPU; null if there are no several.
+    std::unique_ptr<Source> build_divided();
     std::vector<std::unique_ptr<Source>> open_inputs(Invocation& stage, std::unique_ptr<Source> previous);
     void look_at_like(Invocation const& stage);
     /// What no stage reads must not be written.
@@ -109,6 +113,8 @@ private:
 
     std::deque<Invocation>& stages_;
     Invocation& last_;
+    std::deque<std::deque<Invocation>> twins_; ///< of the stages that make volumes, for each further GPU
+    int shares_ = 1, share_ = 0;               ///< while they are built: how many there are, and whose turn it is
     Log log_;
     bool dry_run_ = false, window_ = false;
     bool asked_calibration_ = false;

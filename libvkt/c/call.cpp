@@ -171,7 +171,7 @@ vkt_status vkt_get_policy(vkt_policy* policy) {
         need(policy, "policy");
         Execution const execution = call.policy().execution();
         device_in_force = enum_name(execution.device);
-        if (execution.device == Device::gpu) device_in_force += text(":", execution.gpu);
+        if (execution.device == Device::gpu) device_in_force += execution.gpus > 1 ? ":all" : text(":", execution.gpu);
         *policy = {device_in_force.c_str(), execution.threads, execution.memory};
     });
 }

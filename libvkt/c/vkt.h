@@ -64,7 +64,7 @@ VKT_API vkt_status vkt_error_status(void);
 
 /** How the calls of a thread run whose words say nothing of --device, --threads and --memory. */
 typedef struct vkt_policy {
-    char const* device; /**< "auto", "cpu", "gpu", "gpu:N"; null: what VKT_DEVICE says, or "auto" */
+    char const* device; /**< "auto", "cpu", "gpu", "gpu:N", "gpu:all"; null: what VKT_DEVICE says, or "auto" */
     int threads;        /**< to compute with; 0: what VKT_THREADS says, or one for each processor that it may use */
     size_t memory;      /**< bytes that a volume may take; 0: what VKT_MEMORY says, or a quarter of the machine's */
 } vkt_policy;

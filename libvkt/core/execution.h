@@ -20,6 +20,7 @@ class ProgressMonitor;
 struct Execution {
     Device device = Device::cpu; ///< resolved: never `automatic` when an operation sees it
     int gpu = 0;                 ///< index of the GPU
+    int gpus = 1;                ///< of the host that work at once, `gpu` and those after it, where work can be divided
     bool only_gpu = false;       ///< what does not run on a GPU is refused instead of done on the CPU
     int threads = 1;
     std::size_t memory = std::size_t{1} << 30; ///< bytes one stage may hold before it spools

@@ -4,12 +4,13 @@
 
 #include "libvkt/core/error.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 namespace vkt {
 
 void ExecutionOptions::declare(Parameters& p) {
-    p.option("device", device, "D", "auto, cpu, gpu or gpu:N (VKT_DEVICE)").not_in_history();
+    p.option("device", device, "D", "auto, cpu, gpu, gpu:N or gpu:all (VKT_DEVICE)").not_in_history();
     p.option("threads", threads, "N", "threads to compute with (VKT_THREADS)").not_in_history();
     p.option("memory", memory, "SIZE", "memory a stage may hold before it spools, e.g. 2GiB (VKT_MEMORY)")
         .not_in_history();
@@ -26,8 +27,13 @@ Execution ExecutionOptions::execution() const {
     execution.device = parse_enum<Device>(name, what);
     if (name != asked) {
         if (execution.device != Device::gpu)
-            throw Error(ErrorKind::usage, text(what, ": '", asked, "': only GPUs are numbered"));
-        execution.gpu = ValueText<int>::read({asked.substr(name.size() + 1)}, "--device");
+            throw Error(ErrorKind::usage, text(what, ": '", asked, "': only GPUs are numbered"),
+                        "gpu:0, gpu:1, …, or gpu:all");
+        std::string const number = asked.substr(name.size() + 1);
+        if (number == "all")
+            execution.gpus = std::max(1, gpu_count());
+        else
+            execution.gpu = ValueText<int>::read({number}, what);
     }
     if (execution.device == Device::gpu) {
         execution.only_gpu = !from_variable;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 namespace vkt {
 
@@ -17,6 +18,7 @@ struct Losses {
         undefined += other.undefined;
         return *this;
     }
+    std::vector<std::int64_t*> counters() { return {&clipped, &nan, &undefined}; }
     bool any() const { return (clipped | nan | undefined) != 0; }
 };
 

@@ -26,6 +26,8 @@ public:
     std::int64_t parts_to_come() const override { return source_->parts_to_come(); }
     std::optional<Volume> take_whole() override { return source_->take_whole(); }
     void expect(Box const& region) override { source_->expect(region); }
+    bool divisible(bool ascending) const override { return source_->divisible(ascending); }
+    void count_only(std::int64_t begin, std::int64_t end) override { source_->count_only(begin, end); }
     std::int64_t natural_slab() const override { return source_->natural_slab(); }
     Space space() const override { return source_->space(); }
     void finish() override { source_->finish(); }

@@ -130,8 +130,9 @@ public:
     /// Pointwise operations whose result never depends on positions say false: cells then come as long rows instead of
     /// brick by brick.
     virtual bool uses_position() const { return true; }
-    /// What was run so far was a trial (what becomes of a hierarchical volume's background): remarks() leave it out.
-    virtual void forget_trial() {}
+    /// The numbers of voxels that remarks() are made of, where they add up over regions: the engine takes out what was
+    /// a trial, or what others computed, too, and adds what several instances counted in parts of one volume.
+    virtual std::vector<std::int64_t*> counters() { return {}; }
     /// Geometric operations on hierarchical volumes give the bricks of the result here, after plan(); they are made of
     /// the input's when they are asked for. None if bricks cannot be moved so.
     virtual std::optional<BrickSequence> move_bricks(BrickSequence /*input*/, Execution const&) { return {}; }

@@ -179,6 +179,7 @@ void OperationSource::plan_volume() {
     result_.reset();
     done_y_ = done_z_ = 0;
     ahead_box_ = {};
+    counted_.reset();
     bool const hierarchical =
         std::any_of(headers.begin(), headers.end(), [](Header const& h) { return h.kind == Kind::hierarchical; });
     if (hierarchical && !headers.front().dry_run) return plan_tree(headers);
@@ -384,6 +385,36 @@ void OperationSource::expect(Box const& region) {
     }
 }
 
+/// Stages that look at all of their input first, keep what came before or ask for slabs in another order would do all
+/// of the work before them in every share.
+bool OperationSource::divisible(bool ascending) const {
+    bool const slabs = !tree_ && !made_ && !inputs_used_up_ && plan_.output.kind == Kind::structured &&
+                       !plan_.carries && !plan_.whole && !plan_.scans && !work_.bands && !result_;
+    bool const in_order = plan_.access == Access::forward && plan_.boundary != Boundary::wrap;
+    return ascending && slabs &&
+           std::ranges::all_of(inputs_, [&](auto const& input) { return input->divisible(in_order); });
+}
+
+void OperationSource::count_only(std::int64_t begin, std::int64_t end) {
+    counted_ = {begin, end};
+    // What was computed before did not count.
+    ahead_box_ = {};
+    for (auto& input : inputs_) input->window.forget();
+    Index3 const n = plan_.output.dims;
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+        std::int64_t const all = inputs_[i]->header().dims.z;
+        // Of the slices that two slabs are made of, those of the lower one are counted with it.
+        auto const first_for = [&](std::int64_t z) {
+            if (z <= 0) return std::int64_t{0};
+            if (z >= n.z) return all;
+            Box const below{{}, {n.x, n.y, z}};
+            Box const from = plan_.shift ? moved(below) : operation_.footprint(below, static_cast<int>(i));
+            return std::clamp<std::int64_t>(from.upper.z, 0, all);
+        };
+        inputs_[i]->count_only(first_for(begin), first_for(end));
+    }
+}
+
 std::optional<ConstView> OperationSource::borrow(Box const& region) {
     if (work_.bands) return result_ ? result_->borrow(region) : std::nullopt;
     if (!plan_.shift) return std::nullopt;
@@ -519,6 +550,28 @@ void OperationSource::run_in_pieces(AnyView out) {
 }
 
 void OperationSource::run(AnyView out) {
+    if (!counted_) return compute_region(out);
+    auto const slices = [&](std::int64_t begin, std::int64_t end) {
+        Box box = out.box;
+        box.lower.z = std::clamp(begin, out.box.lower.z, out.box.upper.z);
+        box.upper.z = std::clamp(end, box.lower.z, out.box.upper.z);
+        return out.part(box);
+    };
+    run_uncounted(slices(out.box.lower.z, counted_->begin));
+    compute_region(slices(std::max(out.box.lower.z, counted_->begin), counted_->end));
+    run_uncounted(slices(std::max(counted_->begin, counted_->end), out.box.upper.z));
+}
+
+void OperationSource::run_uncounted(AnyView out) {
+    if (out.box.empty()) return;
+    std::vector<std::int64_t> before;
+    for (std::int64_t const* const counter : operation_.counters()) before.push_back(*counter);
+    compute_region(out);
+    std::vector<std::int64_t*> const counters = operation_.counters();
+    for (std::size_t i = 0; i < counters.size(); ++i) *counters[i] = before[i];
+}
+
+void OperationSource::compute_region(AnyView out) {
     if (out.box.empty()) return;
     if (execution_.device == Device::gpu) device_select(execution_.gpu); // every thread chooses for itself
     std::vector<ConstView> views;

@@ -23,6 +23,8 @@ public:
     std::shared_ptr<Lease> lease(Box const& region) override;
     BrickSequence take_bricks() override;
     void expect(Box const& region) override;
+    bool divisible(bool ascending) const override;
+    void count_only(std::int64_t begin, std::int64_t end) override;
     std::int64_t natural_slab() const override;
     /// What is handed through lies where the input lies, what is spooled on the host.
     Space space() const override {
@@ -46,6 +48,8 @@ private:
         std::optional<ConstView> borrow(Box const& region) override;
         std::shared_ptr<Lease> lease(Box const& region) override;
         void expect(Box const& region) override;
+        bool divisible(bool ascending) const override { return !spool_ && source_->divisible(ascending); }
+        void count_only(std::int64_t begin, std::int64_t end) override { source_->count_only(begin, end); }
         std::int64_t natural_slab() const override { return source_->natural_slab(); }
         Space space() const override { return spool_ ? spool_->space() : source_->space(); }
         BrickSequence take_bricks() override { return source_->take_bricks(); }
@@ -81,6 +85,8 @@ private:
     bool descends(Box const& region) const;
     void run_on_gpu(AnyView out);
     void run(AnyView out);
+    void run_uncounted(AnyView out);
+    void compute_region(AnyView out);
     /// Bytes that a window may hold: it may need a second buffer to slide, and there is a result, too.
     double share_of_memory() const { return static_cast<double>(requested_.memory) / 4; }
     ConstView fetch(std::size_t i, Box const& footprint);
@@ -102,6 +108,10 @@ private:
     std::int64_t expected_end_ = 0;        ///< no slices are asked for from there on
     std::int64_t done_y_ = 0, done_z_ = 0; ///< if run() keeps what came before: the row that it computes next
     bool generated_ = false;               ///< a source operation yields exactly one volume
+    struct Slices {
+        std::int64_t begin, end;
+    };
+    std::optional<Slices> counted_; ///< in remarks, if others compute the rest
 };
 
 } // namespace vkt

@@ -7,6 +7,7 @@
 #include "libvkt/core/execution_options.h"
 #include "libvkt/core/pool.h"
 #include "libvkt/core/text.h"
+#include "libvkt/engine/divided.h"
 
 #include <algorithm>
 
@@ -150,13 +151,29 @@ Prepared prepare(std::vector<std::string> words, std::vector<Volume> const& inpu
 } // namespace
 
 Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, CallOptions const& options) {
-    Prepared prepared = prepare(std::move(words), inputs, options);
+    Prepared prepared = prepare(words, inputs, options);
     if (prepared.operation->shape() == Shape::reduction)
         throw Error(ErrorKind::usage, text(prepared.info.name, " makes no volume"), "it has a report: measure with it");
     Volume volume;
     {
-        Execution const whole = on_whole_volumes(prepared.execution, *prepared.operation, prepared.headers);
-        auto const result = attach(std::move(prepared.sources), *prepared.operation, whole, std::move(prepared.info));
+        int const gpus = prepared.execution.gpus;
+        std::vector<Prepared> others;
+        for (int i = 1; i < gpus; ++i) {
+            others.push_back(prepare(words, inputs, options));
+            others.back().info.listener = {};
+        }
+        std::vector<Share> shares;
+        auto const add = [&](Prepared& one, int gpu) {
+            Execution execution = on_whole_volumes(one.execution, *one.operation, one.headers);
+            if (gpus > 1) execution = share_of(execution, gpus);
+            execution.gpu += gpu;
+            shares.push_back({attach(std::move(one.sources), *one.operation, execution, std::move(one.info)),
+                              {one.operation.get()}});
+        };
+        add(prepared, 0);
+        for (std::size_t i = 0; i < others.size(); ++i) add(others[i], static_cast<int>(i) + 1);
+        auto const result =
+            gpus == 1 ? std::move(shares.front().source) : divided(std::move(shares), prepared.execution);
         result->next_volume();
         volume = load(*result, prepared.execution);
     }

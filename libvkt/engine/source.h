@@ -53,6 +53,11 @@ public:
     virtual std::shared_ptr<Lease> lease(Box const& /*region*/) { return nullptr; }
     /// The consumer will ask for nothing outside this region of the current volume: a chance to read ahead.
     virtual void expect(Box const& /*region*/) {}
+    /// Whether the current volume is computed slab by slab from what lies where it can be read by several at once, so
+    /// that each of several such sources may be asked for some of its slabs. `ascending`: slabs are asked for in order.
+    virtual bool divisible(bool /*ascending*/) const { return true; }
+    /// What is read from now on counts in remarks only in these slices: others compute the rest, too.
+    virtual void count_only(std::int64_t /*begin*/, std::int64_t /*end*/) {}
     /// Slab height in which the source hands out slices most cheaply; 0 if all heights are alike.
     virtual std::int64_t natural_slab() const { return 0; }
     /// Where read() expects its output and borrow() hands it out.

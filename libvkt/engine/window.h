@@ -26,8 +26,10 @@ public:
     /// Forgets what it holds (a new volume begins).
     void reset(WindowRule const& rule) {
         rule_ = rule;
-        held_ = {};
+        forget();
     }
+    /// The next region is read anew, all of it.
+    void forget() { held_ = {}; }
     /// A view that covers `region`, read from the source (slices already held are not read again).
     ConstView fetch(Source& source, Box const& region, Execution const& execution);
 

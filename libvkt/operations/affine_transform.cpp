@@ -264,6 +264,12 @@ void AffineTransform::run(std::span<ConstView const> inputs, AnyView out, Execut
     onto_->run(ConstView(filled).part(needed), to, losses_, execution);
 }
 
+std::vector<std::int64_t*> AffineTransform::counters() {
+    auto all = losses_.counters();
+    if (onto_) all.push_back(onto_->outside_counter());
+    return all;
+}
+
 std::vector<Remark> AffineTransform::remarks() const {
     Index3 const n = box_.dims();
     std::int64_t const voxels = n.x * n.y * n.z;

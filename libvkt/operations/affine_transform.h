@@ -47,6 +47,7 @@ public:
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 protected:

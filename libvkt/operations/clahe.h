@@ -60,6 +60,7 @@ public:
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     bool scans_on_gpu() const override { return !range_.percentiles(); }
+    std::vector<std::int64_t*> counters() override { return losses_.counters(); }
     std::vector<Remark> remarks() const override;
     /// For windows from the smallest to the largest value.
     std::optional<WrongVoxel> wrong_voxel(ConstView input, ConstView output) const override;

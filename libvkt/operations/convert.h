@@ -63,7 +63,7 @@ public:
     bool runs_on_gpu() const override { return !scan_ || !scan_->has_percentiles(); }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
-    void forget_trial() override { counts_ = {}; }
+    std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
 private:

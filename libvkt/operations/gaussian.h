@@ -75,6 +75,7 @@ public:
     std::size_t fit(Index3 largest, Execution const& execution) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return !passes_.clips; }
+    std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
     void set_tolerance(double share) { tolerance_ = ShareOfRange{100 * share}; }

@@ -40,6 +40,7 @@ public:
     /// Grown by the reach, with or without a region: the slices that a window keeps are then always the next ones.
     Box footprint(Box const& output, int) const override { return grow(output, reach_); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<std::int64_t*> counters() override { return losses_.counters(); }
     std::vector<Remark> remarks() const override;
 
 protected:

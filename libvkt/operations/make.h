@@ -91,6 +91,7 @@ public:
     void check() const override;
     Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const>, AnyView out, Execution const& execution) override;
+    std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
 private:

@@ -26,6 +26,7 @@ public:
     Box footprint(Box const& output, int input) const override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
+    std::vector<std::int64_t*> counters() override { return counts_.counters(); }
     std::vector<Remark> remarks() const override;
 
 private:

@@ -63,6 +63,11 @@ struct ProgramPlace {
 struct TransformLosses {
     Losses losses;
     std::int64_t inexact = 0;
+    std::vector<std::int64_t*> counters() {
+        auto all = losses.counters();
+        all.push_back(&inexact);
+        return all;
+    }
 };
 
 /// Instructions for an expression without extents (see Expression::with_extent).

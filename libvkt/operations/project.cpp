@@ -128,6 +128,13 @@ void Project::run(std::span<ConstView const> inputs, AnyView out, Execution cons
         project_store(state_, out, counts_, execution);
 }
 
+std::vector<std::int64_t*> Project::counters() {
+    auto all = counts_.counters();
+    all.push_back(&nan_);
+    all.push_back(&state_.nan);
+    return all;
+}
+
 std::vector<Remark> Project::remarks() const {
     std::vector<Remark> result;
     std::int64_t const nan = kind == Projection::median ? nan_ : state_.nan;

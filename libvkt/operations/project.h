@@ -45,6 +45,7 @@ public:
     bool runs_on_gpu() const override { return kind != Projection::median; }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 private:

@@ -680,6 +680,12 @@ void Resample::run(std::span<ConstView const> inputs, AnyView out, Execution con
     count();
 }
 
+std::vector<std::int64_t*> Resample::counters() {
+    auto all = counts_.counters();
+    if (onto_) all.push_back(onto_->outside_counter());
+    return all;
+}
+
 std::vector<Remark> Resample::remarks() const {
     if (from_tree_) return values_ ? values_->remarks() : std::vector<Remark>{};
     std::int64_t const voxels = to_.x * to_.y * to_.z;

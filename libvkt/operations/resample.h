@@ -87,6 +87,7 @@ public:
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
     bool runs_on_gpu() const override { return true; }
     bool runs_from_tree_on_gpu() const override;
+    std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 private:

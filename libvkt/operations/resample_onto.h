@@ -91,6 +91,7 @@ public:
     void run(ConstView in, AnyView out, Losses& losses, Execution const& execution);
     /// Voxels of what was computed that became background.
     std::int64_t outside() const { return outside_; }
+    std::int64_t* outside_counter() { return &outside_; }
 
 private:
     enum class Algorithm : std::uint8_t { copy, convert, nearest, weighted, turned_nearest, turned };

@@ -34,6 +34,7 @@ public:
     /// But for percentiles, once it is planned.
     bool runs_on_gpu() const override { return !range || convert_.runs_on_gpu(); }
     bool scans_on_gpu() const override { return runs_on_gpu(); }
+    std::vector<std::int64_t*> counters() override { return convert_.counters(); }
     std::vector<Remark> remarks() const override;
 
 private:

@@ -62,6 +62,12 @@ void TransformEach::run(std::span<ConstView const> inputs, AnyView out, Executio
             }
 }
 
+std::vector<std::int64_t*> TransformEach::counters() {
+    auto all = losses_.counters();
+    all.push_back(&inexact_);
+    return all;
+}
+
 std::vector<Remark> TransformEach::remarks() const {
     std::vector<Remark> result = store_remarks(losses_, planned_.voxels(), planned_.dtype);
     if (inexact_ > 0)

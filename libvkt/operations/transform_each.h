@@ -28,6 +28,7 @@ public:
     void parameters(Parameters& parameters) override;
     Plan plan(std::span<Header const> inputs) override;
     void run(std::span<ConstView const> inputs, AnyView out, Execution const& execution) override;
+    std::vector<std::int64_t*> counters() override;
     std::vector<Remark> remarks() const override;
 
 private:

@@ -26,8 +26,9 @@ def _get():
 
 
 class policy:
-    """How calls of this thread run that say nothing else: device "auto", "cpu", "gpu" or "gpu:N", so many threads, so many
-    bytes of memory. What is None stays as it is. It holds from now on, or, in a with statement, until its end:
+    """How calls of this thread run that say nothing else: device "auto", "cpu", "gpu", "gpu:N" or "gpu:all", so many
+    threads, so many bytes of memory. What is None stays as it is. It holds from now on, or, in a with statement, until
+    its end:
 
         with vkt.policy(device="gpu"):
             small = vkt.resample(vkt.filter.gaussian(volume, sigma=2), scale=0.5)  # nothing comes back in between
