@@ -54,7 +54,7 @@ completes() {
 }
 
 @test "values known to the program are completed" {
-    [ "$(completes convert --device g)" = gpu ]
+    [ "$(completes convert --device g)" = $'gpu\ngpu:all' ]
     completes flip x --format n | grep -qx nrrd
     completes write --format v | grep -qx vkt
     completes read --format r | grep -qx raw
@@ -141,7 +141,7 @@ EOF
     [ "$(completes pipe "'read volume.nrrd | filter gaussian --bou")" = "read volume.nrrd | filter gaussian --boundary" ]
     [ "$(completes pipe "'read volume.nrrd | filter gaussian --boundary mi")" = "read volume.nrrd | filter gaussian --boundary mirror" ]
     [ "$(completes pipe "'read vol")" = "read volume.nrrd" ]
-    [ "$(completes pipe -n "'read volume.nrrd | convert --device g")" = "read volume.nrrd | convert --device gpu" ]
+    [ "$(completes pipe -n "'read volume.nrrd | convert --device gpu:")" = "read volume.nrrd | convert --device gpu:all" ]
     [ "$(completes pipe --thr)" = --threads ]
     # What cannot be part of a pipeline is no candidate.
     completes pipe "'" >offered
