@@ -361,9 +361,20 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
         auto& copies = cache_->copies;
-        if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), copies->lattice(), integrator,
-                              in_passes, image, counters, gpu_seconds);
+        if (!copies)
+            copies = tree_ ? std::make_unique<DeviceCopies>()
+                           : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
+        if (tree_ && !cache_->tree) cache_->tree = std::make_unique<DeviceTree>(*tree_);
+        TreeView const bricks_there = tree_ ? cache_->tree->view(bricks, ready->blocks, ready) : TreeView{};
+        LatticeView const voxels_there = tree_ ? LatticeView{} : copies->lattice();
+        auto const launch = [&](SceneView const& view, Tile part, float* pixels, std::uint64_t* totals) {
+            if (tree_)
+                launch_drawing(view, bricks_there, integrator, part, pixels, totals);
+            else
+                launch_drawing(view, voxels_there, integrator, part, pixels, totals);
+        };
+        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), launch, integrator, in_passes,
+                              image, counters, gpu_seconds);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
