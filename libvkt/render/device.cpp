@@ -66,6 +66,8 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
         if (scene.cells.depth != nullptr) depth_ = copied_to_device(scene.cells.depth, cells);
         nodes_ = copied_to_device(scene.table.nodes, 2 * static_cast<std::size_t>(scene.table.count) * sizeof(Quad));
         knots_ = copied_to_device(scene.knots, static_cast<std::size_t>(scene.knot_count) * sizeof(Knot));
+        if (scene.label_count > 0)
+            labels_ = copied_to_device(scene.labels, static_cast<std::size_t>(scene.label_count) * sizeof(IsoView));
         made_for_ = made_for;
     }
     if (environment_ != environment && environment != nullptr) {
@@ -86,6 +88,7 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
     if (scene.cells.depth != nullptr) result.cells.depth = on_device<std::uint8_t>(depth_);
     result.table.nodes = on_device<Quad>(nodes_);
     result.knots = on_device<Knot>(knots_);
+    if (scene.label_count > 0) result.labels = on_device<IsoView>(labels_);
     return result;
 }
 

@@ -26,14 +26,14 @@ public:
     DeviceCopies(LatticeView const& lattice, std::size_t bytes);
     LatticeView lattice();
 
-    /// The scene with its cells, table and knots on the GPU. They are copied when `made_for`, which keeps them alive,
+    /// The scene with its cells, table, knots and labels on the GPU. They are copied when `made_for`, which keeps them alive,
     /// is another than the last time; the same goes for the environment, which may be null.
     SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for,
                     std::shared_ptr<Environment const> const& environment);
 
 private:
     LatticeView lattice_;
-    Buffer voxels_, lowest_, majorant_, distance_, depth_, nodes_, knots_, pixels_, row_ends_, column_ends_;
+    Buffer voxels_, lowest_, majorant_, distance_, depth_, nodes_, knots_, labels_, pixels_, row_ends_, column_ends_;
     std::shared_ptr<void const> made_for_;
     std::shared_ptr<Environment const> environment_;
 };

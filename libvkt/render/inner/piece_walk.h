@@ -100,6 +100,7 @@ template <class T> struct PieceWalk {
         piece = {t, end - t, 0, 0, active == 0, {}, {0, 0, 0, 1}, true};
         T const* const cells = static_cast<T const*>(tree.cells);
         detail::Corners corners;
+        corners.clear();
         BrickLine lead{}; // its cell is that of all bricks of its level, whatever was rounded
         SampledBrick const* one = nullptr;
         bool none = true;

@@ -45,7 +45,9 @@ template <class T> struct PointField {
         for (int k = 0; k < chunk; ++k) {
             Double3 const middle = o + d * t[k];
             float difference[3] = {0, 0, 0};
+#ifdef __CUDACC__
 #pragma unroll 1
+#endif
             for (int s = 0; s < 6; ++s) {
                 int const along = s >> 1;
                 double place[3] = {middle.x, middle.y, middle.z};

@@ -26,13 +26,13 @@ public:
 
     /// The stretch that holds the place t of the part.
     VKT_HD Stretch at(double t) {
-        if (!reach(t)) return behind();
+        reach(t);
         Stretch here = stretch(t);
         if (!here.hole()) return here;
         // Where nothing is, steps are those of what comes next.
         StretchWalk ahead = *this;
         while (here.end < slabs_.part.end) {
-            if (!ahead.reach(here.end)) return behind();
+            ahead.reach(here.end);
             Stretch const next = ahead.stretch(here.end);
             if (!next.hole()) {
                 here.level = next.level;
@@ -44,13 +44,18 @@ public:
     }
 
 private:
-    /// Behind the last brick.
-    VKT_HD Stretch behind() const { return {slabs_.part.end, 0, 0, no_level, false}; }
-    VKT_HD double leave() const { return slabs_.part.begin + cells_.leave(); }
-    /// Moves on to the macrocell that holds a place; false if it is behind them all.
-    VKT_HD bool reach(double t) {
-        while (within_ && !(leave() > t)) within_ = cells_.advance();
-        return within_;
+    /// Where the ray leaves the macrocell, of which the last one goes on to the end.
+    VKT_HD double leave() const {
+        double const way = cells_.leave();
+        return last_ || !(way < cells_.exit) ? slabs_.part.end : slabs_.part.begin + way;
+    }
+    /// Moves on to the macrocell that holds a place.
+    VKT_HD void reach(double t) {
+        while (!last_ && !(leave() > t)) {
+            last_ = !cells_.advance();
+            for (int a = 0; a < 3 && last_; ++a) // back into the grid
+                cells_.cell[a] -= cells_.cell[a] == cells_.end[a] ? cells_.step[a] : 0;
+        }
     }
     VKT_HD static int level_of(SampledBrick const& brick) {
         // Cells are 2^level finest ones wide; along axes of one cell there is but one width.
@@ -91,7 +96,7 @@ private:
     CellGridView const& grid_;
     detail::Slabs slabs_;
     CellWalk<double> cells_; ///< lengths from where the part begins
-    bool within_ = true;
+    bool last_ = false; ///< no macrocell comes behind the present one
 };
 
 } // namespace vkt::render

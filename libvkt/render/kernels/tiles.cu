@@ -6,6 +6,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/render/inner/exact.h"
 #include "libvkt/render/inner/iso.h"
+#include "libvkt/render/inner/labels.h"
 #include "libvkt/render/inner/project.h"
 #include "libvkt/render/inner/scatter.h"
 #include "libvkt/render/kernels/device_pixels.h"
@@ -37,6 +38,18 @@ __global__ void __launch_bounds__(block_x* block_y)
 /// Blocks of a multiprocessor, by which registers are given out; measured.
 constexpr int blocks_of(Usual usual) { return usual == Usual::flat ? 6 : usual == Usual::shaded ? 5 : 4; }
 
+template <class T>
+__global__ void __launch_bounds__(block_x* block_y)
+    labels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
+                  unsigned long long* totals) {
+    Tile const tile = pixel_of_thread(part);
+    Counters counters;
+    if (tile.x0 < tile.x1)
+        for_rays(scene, tile, pixels, scene.frame.width,
+                 [&](Ray const& ray) { return label_ray(sampler, scene, ray, counters); });
+    add_counters(counters, totals);
+}
+
 template <Usual usual, class T>
 __global__ void __launch_bounds__(block_x* block_y, blocks_of(usual))
     usual_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
@@ -67,6 +80,10 @@ void launch(SceneView const& scene, LatticeView const& lattice, Tile part, float
         if (usual) return check_launch("render");
     }
     if constexpr (integrator == Integrator::iso) {
+        if (scene.label_count > 0) {
+            labels_kernel<T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            return check_launch("render");
+        }
         if (usual && has_layers(scene))
             usual_kernel<Usual::layers, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
         else if (usual)
