@@ -73,7 +73,8 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
     if (environment_ != environment && environment != nullptr) {
         pixels_ = copied_to_device(environment->pixels.data(), environment->pixels.size() * sizeof(float));
         row_ends_ = copied_to_device(environment->row_ends.data(), environment->row_ends.size() * sizeof(float));
-        column_ends_ = copied_to_device(environment->column_ends.data(), environment->column_ends.size() * sizeof(float));
+        column_ends_ =
+            copied_to_device(environment->column_ends.data(), environment->column_ends.size() * sizeof(float));
         environment_ = environment;
     }
     SceneView result = scene;

@@ -26,8 +26,8 @@ public:
     DeviceCopies(LatticeView const& lattice, std::size_t bytes);
     LatticeView lattice();
 
-    /// The scene with its cells, table, knots and labels on the GPU. They are copied when `made_for`, which keeps them alive,
-    /// is another than the last time; the same goes for the environment, which may be null.
+    /// The scene with its cells, table, knots and labels on the GPU. They are copied when `made_for`, which keeps them
+    /// alive, is another than the last time; the same goes for the environment, which may be null.
     SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for,
                     std::shared_ptr<Environment const> const& environment);
 

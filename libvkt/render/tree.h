@@ -52,8 +52,12 @@ public:
         std::size_t nodes, order, bricks, cell_first, cell_bricks, block_nodes;
     };
     Counts counts() const {
-        return {sampler_.index().nodes().size(), sampler_.index().order().size(), sampler_.bricks().size(),
-                cells_.first.size(),             cells_.bricks.size(),            blocks_.node_count()};
+        return {sampler_.index().nodes().size(),
+                sampler_.index().order().size(),
+                sampler_.bricks().size(),
+                cells_.first.size(),
+                cells_.bricks.size(),
+                blocks_.node_count()};
     }
     /// The sampled value at a position in finest cells; NaN where there is no data.
     double value_at(Vec3 position) const;

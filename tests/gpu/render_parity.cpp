@@ -196,9 +196,9 @@ void compare(Volume const& volume, render::TreeDrawing tree, std::string const& 
         // tree bends are worked out in two ways: rays along the rim of a surface may meet it or pass it.
         bool const ok = paths ? share < 0.02 : surfaces && bricks ? share < 5e-4 : most < 2e-4;
         // Of trees those behind what is opaque are counted by batches.
-        bool const segments = bricks ? there.segments <= here.segments + here.segments / 1000 &&
-                                           2 * there.segments > here.segments
-                                     : here.segments == there.segments;
+        bool const segments =
+            bricks ? there.segments <= here.segments + here.segments / 1000 && 2 * there.segments > here.segments
+                   : here.segments == there.segments;
         bool const rays = (paths || here.rays == there.rays) && there.gpu_seconds > 0 && here.gpu_seconds == 0;
         say(ok && segments && rays, c.name, of, most, share);
         if (!segments || !rays)
@@ -242,7 +242,8 @@ void time_frames(char const* name, Volume const& volume, render::TreeDrawing tre
         render::Renderer const renderer(volume, on(device), tree);
         for (Case c : cases()) {
             // On CPUs trees take long; their marches tell how much faster a GPU is.
-            if (bricks && device == Device::cpu && (c.settings.algorithm != Algorithm::ray_marching || c.settings.exact))
+            if (bricks && device == Device::cpu &&
+                (c.settings.algorithm != Algorithm::ray_marching || c.settings.exact))
                 continue;
             c.settings.tree = tree;
             c.settings.width = c.settings.height = 1024;

@@ -206,7 +206,8 @@ TEST(RenderUnlisted, CutsPiecesAsListsDo) {
             for (bool const skip : {true, false}) {
                 scene.skip = skip;
                 Counters one, other;
-                Radiance const a = iso_ray(all.listed(), scene, ray, one), b = iso_ray(all.unlisted(), scene, ray, other);
+                Radiance const a = iso_ray(all.listed(), scene, ray, one),
+                               b = iso_ray(all.unlisted(), scene, ray, other);
                 expect_same(a, b, 1e-4, r, what + ", iso");
                 met += a.transmittance < 1 ? 1 : 0;
             }

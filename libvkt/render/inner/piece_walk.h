@@ -41,8 +41,8 @@ template <class T> struct PieceWalk {
             double const inverse = static_cast<double>(brick.inverse_width[a]);
             entry[a] = (o[a] - brick.lower[a]) * inverse + 0.5;
             way[a] = d[a] * inverse;
-            inside = inside && clip_axis(entry[a], way[a], 0.0, static_cast<double>(brick.dims[a]) + 1, line.enter,
-                                         line.leave);
+            inside = inside &&
+                     clip_axis(entry[a], way[a], 0.0, static_cast<double>(brick.dims[a]) + 1, line.enter, line.leave);
         }
         line.entry = {entry[0], entry[1], entry[2]}, line.direction = {way[0], way[1], way[2]};
         float const *const w = brick.inverse_width, xy = w[0] < w[1] ? w[0] : w[1];

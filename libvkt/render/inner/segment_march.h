@@ -57,8 +57,7 @@ template <class T> struct PointField {
                     place[a] = a == along ? within : place[a];
                 }
                 float const value = points.value({place[0], place[1], place[2]});
-                for (int a = 0; a < 3; ++a)
-                    difference[a] = a == along ? value - difference[a] : difference[a];
+                for (int a = 0; a < 3; ++a) difference[a] = a == along ? value - difference[a] : difference[a];
             }
             gx[k] = 0.5F * difference[0] / width, gy[k] = 0.5F * difference[1] / width;
             gz[k] = 0.5F * difference[2] / width;

@@ -12,7 +12,8 @@ namespace vkt::render {
 /// In the place of lists.
 struct NoScratch {};
 
-/// Goes along a ray: places that are asked for must not come before those asked for earlier. Copies go on by themselves.
+/// Goes along a ray: places that are asked for must not come before those asked for earlier. Copies go on by
+/// themselves.
 class StretchWalk {
 public:
     VKT_HD StretchWalk(TreeView const& tree, CellGridView const& grid, Ray const& ray, RayPart part)
@@ -96,7 +97,7 @@ private:
     CellGridView const& grid_;
     detail::Slabs slabs_;
     CellWalk<double> cells_; ///< lengths from where the part begins
-    bool last_ = false; ///< no macrocell comes behind the present one
+    bool last_ = false;      ///< no macrocell comes behind the present one
 };
 
 } // namespace vkt::render

@@ -115,7 +115,8 @@ template <class T> VKT_HD void add_corners(SampledBrick const& brick, T const* c
 VKT_HD Cubic added(Cubic const& f, Cubic const& g) { return {f.a + g.a, f.b + g.b, f.c + g.c, f.d + g.d}; }
 
 /// Adds what corners contribute to a piece: `entry` and `direction` are the ray's in the cells of their brick, as
-/// BrickWalk counts, and `cell` is the one whose corners they are. `whole`: no others contribute; `first`: none did yet.
+/// BrickWalk counts, and `cell` is the one whose corners they are. `whole`: no others contribute; `first`: none did
+/// yet.
 VKT_HD void add_to_piece(Double3 entry, Double3 direction, int const* cell, Corners& corners, bool whole, bool& first,
                          TreePiece& piece) {
     for (int i = 0; i < 8; ++i) {

@@ -35,11 +35,8 @@ __global__ void __launch_bounds__(block_x* block_y)
     add_counters(counters, totals);
 }
 
-/// Blocks of a multiprocessor, by which registers are given out; measured.
-constexpr int blocks_of(Usual usual) { return usual == Usual::flat ? 6 : usual == Usual::shaded ? 5 : 4; }
-
 template <class T>
-__global__ void __launch_bounds__(block_x* block_y)
+__global__ void __launch_bounds__(block_x* block_y, 4)
     labels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
                   unsigned long long* totals) {
     Tile const tile = pixel_of_thread(part);
@@ -49,6 +46,9 @@ __global__ void __launch_bounds__(block_x* block_y)
                  [&](Ray const& ray) { return label_ray(sampler, scene, ray, counters); });
     add_counters(counters, totals);
 }
+
+/// Blocks of a multiprocessor, by which registers are given out; measured.
+constexpr int blocks_of(Usual usual) { return usual == Usual::flat ? 6 : usual == Usual::shaded ? 5 : 4; }
 
 template <Usual usual, class T>
 __global__ void __launch_bounds__(block_x* block_y, blocks_of(usual))

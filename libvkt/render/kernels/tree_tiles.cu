@@ -37,9 +37,12 @@ __global__ void __launch_bounds__(block_x* block_y)
     add_counters(counters, totals);
 }
 
+/// Blocks of a multiprocessor, by which registers are given out.
+constexpr int blocks_of(bool through_blocks) { return through_blocks ? 4 : 3; }
+
 /// `blocks`: it is marched through them.
 template <Usual usual, bool blocks, class T>
-__global__ void __launch_bounds__(block_x* block_y)
+__global__ void __launch_bounds__(block_x* block_y, blocks_of(blocks))
     usual_kernel(__grid_constant__ SceneView const scene, __grid_constant__ TreeView const tree, Tile part,
                  float* pixels, unsigned long long* totals) {
     Tile const tile = pixel_of_thread(part);
