@@ -13,15 +13,6 @@ namespace {
 
 constexpr int paths_at_once = 8; ///< between two looks at the watch
 
-/// An array of the host, copied.
-Buffer copied(void const* host, std::size_t bytes) {
-    Buffer buffer = Buffer::adopt(static_cast<std::byte*>(const_cast<void*>(host)), bytes, std::make_shared<int>());
-    (void)buffer.read(Space::device);
-    return buffer;
-}
-
-template <class T> T const* on_device(Buffer& buffer) { return reinterpret_cast<T const*>(buffer.read(Space::device)); }
-
 /// Numbers that are summed up on the GPU: those of the host, or as many zeros.
 class DeviceSums {
 public:
@@ -49,8 +40,14 @@ private:
 
 } // namespace
 
+Buffer copied_to_device(void const* host, std::size_t bytes) {
+    Buffer buffer = Buffer::adopt(static_cast<std::byte*>(const_cast<void*>(host)), bytes, std::make_shared<int>());
+    (void)buffer.read(Space::device);
+    return buffer;
+}
+
 DeviceCopies::DeviceCopies(LatticeView const& lattice, std::size_t bytes)
-    : lattice_(lattice), voxels_(copied(lattice.data, bytes)) {}
+    : lattice_(lattice), voxels_(copied_to_device(lattice.data, bytes)) {}
 
 LatticeView DeviceCopies::lattice() {
     LatticeView view = lattice_;
@@ -63,18 +60,21 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
     if (made_for_ != made_for) {
         auto const cells = static_cast<std::size_t>(scene.cells.nx) * static_cast<std::size_t>(scene.cells.ny) *
                            static_cast<std::size_t>(scene.cells.nz);
-        lowest_ = copied(scene.cells.lowest, cells * sizeof(float));
-        majorant_ = copied(scene.cells.majorant, cells * sizeof(float));
-        distance_ = copied(scene.cells.distance, cells);
-        if (scene.cells.depth != nullptr) depth_ = copied(scene.cells.depth, cells);
-        nodes_ = copied(scene.table.nodes, 2 * static_cast<std::size_t>(scene.table.count) * sizeof(Quad));
-        knots_ = copied(scene.knots, static_cast<std::size_t>(scene.knot_count) * sizeof(Knot));
+        lowest_ = copied_to_device(scene.cells.lowest, cells * sizeof(float));
+        majorant_ = copied_to_device(scene.cells.majorant, cells * sizeof(float));
+        distance_ = copied_to_device(scene.cells.distance, cells);
+        if (scene.cells.depth != nullptr) depth_ = copied_to_device(scene.cells.depth, cells);
+        nodes_ = copied_to_device(scene.table.nodes, 2 * static_cast<std::size_t>(scene.table.count) * sizeof(Quad));
+        knots_ = copied_to_device(scene.knots, static_cast<std::size_t>(scene.knot_count) * sizeof(Knot));
+        if (scene.label_count > 0)
+            labels_ = copied_to_device(scene.labels, static_cast<std::size_t>(scene.label_count) * sizeof(IsoView));
         made_for_ = made_for;
     }
     if (environment_ != environment && environment != nullptr) {
-        pixels_ = copied(environment->pixels.data(), environment->pixels.size() * sizeof(float));
-        row_ends_ = copied(environment->row_ends.data(), environment->row_ends.size() * sizeof(float));
-        column_ends_ = copied(environment->column_ends.data(), environment->column_ends.size() * sizeof(float));
+        pixels_ = copied_to_device(environment->pixels.data(), environment->pixels.size() * sizeof(float));
+        row_ends_ = copied_to_device(environment->row_ends.data(), environment->row_ends.size() * sizeof(float));
+        column_ends_ =
+            copied_to_device(environment->column_ends.data(), environment->column_ends.size() * sizeof(float));
         environment_ = environment;
     }
     SceneView result = scene;
@@ -89,6 +89,7 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
     if (scene.cells.depth != nullptr) result.cells.depth = on_device<std::uint8_t>(depth_);
     result.table.nodes = on_device<Quad>(nodes_);
     result.knots = on_device<Knot>(knots_);
+    if (scene.label_count > 0) result.labels = on_device<IsoView>(labels_);
     return result;
 }
 
@@ -96,9 +97,12 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
 void launch_drawing(SceneView const&, LatticeView const&, Integrator, Tile, float*, std::uint64_t*) {
     throw_without_cuda();
 }
+void launch_drawing(SceneView const&, TreeView const&, Integrator, Tile, float*, std::uint64_t*) {
+    throw_without_cuda();
+}
 #endif
 
-Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
+Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, Launch const& launch, Integrator integrator,
                     bool estimates, Image& image, Counters& total, double& seconds) {
     Watch const& watch = drawing.watch;
     Tile const part_drawn{0, drawing.first_row, image.width, drawing.last_row};
@@ -108,9 +112,9 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView 
     device_clear(totals.write(Space::device), 4 * sizeof(std::uint64_t));
     auto* const counts = reinterpret_cast<std::uint64_t*>(totals.update(Space::device));
     Quality quality;
-    auto const launch = [&](SceneView const& some) {
+    auto const draw = [&](SceneView const& some) {
         auto const start = std::chrono::steady_clock::now();
-        launch_drawing(some, lattice, integrator, part_drawn, to, counts);
+        launch(some, part_drawn, to, counts);
         device_synchronize();
         seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
@@ -127,7 +131,7 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView 
             part.samples = std::min(paths_at_once, scene.samples - done);
             part.first_sample = scene.first_sample + done;
             part.before = scene.before + done;
-            launch(part);
+            draw(part);
             // Rays are pixels that meet the volume, however many passes there are.
             if (done == 0)
                 copy_to_host(&met, counts, sizeof met);
@@ -146,7 +150,7 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView 
         quality.stopped = stopped;
         quality.rays = scene.before + done;
     } else {
-        launch(scene);
+        draw(scene);
     }
     std::size_t const row = 4 * static_cast<std::size_t>(image.width);
     std::size_t const first = static_cast<std::size_t>(drawing.first_row) * row,

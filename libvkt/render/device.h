@@ -9,38 +9,49 @@
 #include "libvkt/render/tiles.h"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 
 namespace vkt::render {
 
+/// An array of the host on the current GPU, which has to outlive it and must not change.
+Buffer copied_to_device(void const* host, std::size_t bytes);
+template <class T> T const* on_device(Buffer& buffer) { return reinterpret_cast<T const*>(buffer.read(Space::device)); }
+
 /// Arrays of the host that are wanted on the GPU. They have to outlive it and must not change.
 class DeviceCopies {
 public:
-    /// The lattice's voxels, so many bytes.
+    DeviceCopies() = default;
+    /// With the lattice's voxels, so many bytes.
     DeviceCopies(LatticeView const& lattice, std::size_t bytes);
     LatticeView lattice();
 
-    /// The scene with its cells, table and knots on the GPU. They are copied when `made_for`, which keeps them alive,
-    /// is another than the last time; the same goes for the environment, which may be null.
+    /// The scene with its cells, table, knots and labels on the GPU. They are copied when `made_for`, which keeps them
+    /// alive, is another than the last time; the same goes for the environment, which may be null.
     SceneView scene(SceneView const& scene, std::shared_ptr<void const> const& made_for,
                     std::shared_ptr<Environment const> const& environment);
 
 private:
     LatticeView lattice_;
-    Buffer voxels_, lowest_, majorant_, distance_, depth_, nodes_, knots_, pixels_, row_ends_, column_ends_;
+    Buffer voxels_, lowest_, majorant_, distance_, depth_, nodes_, knots_, labels_, pixels_, row_ends_, column_ends_;
     std::shared_ptr<void const> made_for_;
     std::shared_ptr<Environment const> environment_;
 };
 
-/// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU, as the lattice is. Paths are drawn
-/// some at a time, until the watch says stop; sums that the scene names are of the host, and are brought up to date.
-/// `estimates`: of paths, the error is wanted. Adds to the counters, and to the seconds that the GPU was busy.
-Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, LatticeView const& lattice, Integrator integrator,
+/// A launch for a scene whose arrays, like the volume that it draws, are memory of the current GPU: the pixels of a
+/// part, four floats each, and the four totals to which rays, segments, samples and capped paths are added.
+using Launch = std::function<void(SceneView const& scene, Tile part, float* pixels, std::uint64_t* totals)>;
+
+/// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU. Paths are drawn some at a time,
+/// until the watch says stop; sums that the scene names are of the host, and are brought up to date. `estimates`: of
+/// paths, the error is wanted. Adds to the counters, and to the seconds that the GPU was busy.
+Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, Launch const& launch, Integrator integrator,
                     bool estimates, Image& image, Counters& total, double& seconds);
 
-/// One launch, for the pixels of a part: everything that scene and lattice point to, and `pixels`, four floats each, is
-/// memory of the current GPU, and so are the four totals to which rays, segments, samples and capped paths are added.
+/// One launch: everything that scene and volume point to is memory of the current GPU.
 void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
+                    std::uint64_t* totals);
+void launch_drawing(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile part, float* pixels,
                     std::uint64_t* totals);
 
 } // namespace vkt::render

@@ -4,6 +4,7 @@
 
 #include "libvkt/render/categories.h"
 #include "libvkt/render/device.h"
+#include "libvkt/render/device_tree.h"
 #include "libvkt/render/render.h"
 
 #include <memory>
@@ -51,6 +52,7 @@ struct Renderer::Cache {
     std::unique_ptr<Renderer const> grid; ///< of the labels of a hierarchical volume
     std::mutex drawing;                   ///< of who draws with the copies
     std::unique_ptr<DeviceCopies> copies;
+    std::unique_ptr<DeviceTree> tree;
 };
 
 } // namespace vkt::render

@@ -179,26 +179,20 @@ double Renderer::value_at(Vec3 index) const {
     return header_.values.physical(sampled / r.scale + r.offset);
 }
 
-bool Renderer::on_gpu(RenderSettings const& settings, bool refines, bool labels) const {
+bool Renderer::on_gpu(RenderSettings const& settings, bool refines) const {
     if (execution_.device == Device::automatic) {
         // Getting hold of a GPU takes as long as a picture, unless that takes many paths.
         constexpr double worth_it = 2e8;
         double const paths = static_cast<double>(settings.samples) * settings.width * settings.height;
         bool const heavy = settings.algorithm == Algorithm::multi_scattering && paths > worth_it;
-        return heavy && !tree_ && !refines && gpu_count() > 0;
+        return heavy && !refines && gpu_count() > 0;
     }
     if (execution_.device != Device::gpu) return false;
-    if (!tree_ && !refines && !labels) return true;
-    if (execution_.only_gpu && labels)
-        throw Error(ErrorKind::usage, "--device gpu: labels are not drawn on a GPU",
-                    "leave the choice to vkt: --device auto");
+    if (!refines) return true;
     if (execution_.only_gpu)
-        throw Error(
-            ErrorKind::usage,
-            tree_ ? "--device gpu: hierarchical volumes are not drawn on a GPU"
-                  : "--device gpu: pictures with --noise, --time or --tolerance, and layers, are not drawn on a GPU",
-            tree_ ? "leave the choice to vkt: --device auto"
-                  : "give --spp, write no .exr, or leave the choice to vkt: --device auto");
+        throw Error(ErrorKind::usage,
+                    "--device gpu: pictures with --noise, --time or --tolerance, and layers, are not drawn on a GPU",
+                    "give --spp, write no .exr, or leave the choice to vkt: --device auto");
     return false;
 }
 
@@ -330,7 +324,7 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     Image image{settings.width, settings.height, {}};
     image.pixels.resize(4 * static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height));
     bool const layers = settings.layers && report != nullptr && !projected;
-    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()), labels);
+    bool const with_gpu = on_gpu(settings, layers || (in_passes && settings.goal.any()));
     // Until something is drawn there: a GPU draws all of a picture at once.
     for (std::size_t i = 3; i < image.pixels.size() && !(with_gpu && settings.parts == 1); i += 4) image.pixels[i] = 1;
     Drawing drawing{[&, of_lattice = tile_function(execution_.instructions),
@@ -361,9 +355,20 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
         device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
         auto& copies = cache_->copies;
-        if (!copies) copies = std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), copies->lattice(), integrator,
-                              in_passes, image, counters, gpu_seconds);
+        if (!copies)
+            copies = tree_ ? std::make_unique<DeviceCopies>()
+                           : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
+        if (tree_ && !cache_->tree) cache_->tree = std::make_unique<DeviceTree>(*tree_);
+        TreeView const bricks_there = tree_ ? cache_->tree->view(bricks, ready->blocks, ready) : TreeView{};
+        LatticeView const voxels_there = tree_ ? LatticeView{} : copies->lattice();
+        auto const launch = [&](SceneView const& view, Tile part, float* pixels, std::uint64_t* totals) {
+            if (tree_)
+                launch_drawing(view, bricks_there, integrator, part, pixels, totals);
+            else
+                launch_drawing(view, voxels_there, integrator, part, pixels, totals);
+        };
+        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), launch, integrator, in_passes,
+                              image, counters, gpu_seconds);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)

@@ -229,7 +229,7 @@ private:
     Image draw(RenderSettings const& settings, RenderReport* report, Watch const& watch, Accumulation* accumulation,
                bool in_passes) const;
     /// Whether a GPU draws it. Throws Error{usage} where one was asked for that cannot.
-    bool on_gpu(RenderSettings const& settings, bool refines, bool labels) const;
+    bool on_gpu(RenderSettings const& settings, bool refines) const;
     /// The labels to draw; null where there is something else to draw. Throws Error{usage} where labels are asked for
     /// and are none.
     std::shared_ptr<Categories const> labels_for(RenderSettings const& settings) const;

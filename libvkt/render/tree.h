@@ -47,6 +47,18 @@ public:
     StoredBlocks blocks(CellVisibility const& visibility, TransferTable const& table, bool all, std::size_t most_bytes,
                         int threads) const;
     TreeView view(Visibility const& visibility, StoredBlocks const& blocks = {}) const;
+    /// How many items a view's arrays have, but for those that follow from visibility and blocks.
+    struct Counts {
+        std::size_t nodes, order, bricks, cell_first, cell_bricks, block_nodes;
+    };
+    Counts counts() const {
+        return {sampler_.index().nodes().size(),
+                sampler_.index().order().size(),
+                sampler_.bricks().size(),
+                cells_.first.size(),
+                cells_.bricks.size(),
+                blocks_.node_count()};
+    }
     /// The sampled value at a position in finest cells; NaN where there is no data.
     double value_at(Vec3 position) const;
     /// Of those that are left after joining.

@@ -34,6 +34,7 @@ public:
                        CellVisibility const& visibility, TransferTable const& table, bool all, std::size_t most_bytes,
                        int threads) const;
     BlocksView view(StoredBlocks const& stored) const;
+    std::size_t node_count() const { return nodes_.size(); }
     /// Finest cells that a cell of the coarsest leaf is wide.
     double widest() const { return static_cast<double>(std::int64_t{1} << coarsest_); }
 

@@ -2,106 +2,17 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/inner/block_walk.h"
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_points.h"
 
-#include <bit>
-
 namespace vkt::render {
 
-/// Where a ray is in a leaf.
-struct LeafPart {
-    BlockLeaf const* leaf;
-    double enter, leave;
-};
-
-/// A ray among the leaves. Where it enters and leaves one depends on nothing but both of them.
-struct LeafWalk {
-    BlocksView const& blocks;
-    double origin[3], direction[3];
-    double per[3], entering[3], leaving[3]; ///< lengths along the ray per finest cell; what is added on entry and exit
-    double low[3], high[3];                 ///< 1 where the lower, or the upper, face is met last
-    double hair; ///< more than what rounding does to positions; parts of less than two are passed over
-
-    VKT_HD LeafWalk(TreeView const& tree, Ray const& ray)
-        : blocks(tree.blocks), origin{ray.entry.x, ray.entry.y, ray.entry.z}, direction{ray.direction.x,
-                                                                                        ray.direction.y,
-                                                                                        ray.direction.z},
-          hair(tree.slack) {
-        constexpr double never = std::numeric_limits<double>::infinity();
-        for (int a = 0; a < 3; ++a) {
-            bool const moves = direction[a] != 0;
-            per[a] = moves ? 1 / direction[a] : 0;
-            entering[a] = moves ? -origin[a] * per[a] : -never;
-            leaving[a] = moves ? -origin[a] * per[a] : never;
-            low[a] = direction[a] > 0 ? 0 : 1;
-            high[a] = 1 - low[a];
-        }
-    }
-
-    VKT_HD LeafPart at(double t) const {
-        double const p[3] = {origin[0] + direction[0] * t, origin[1] + direction[1] * t, origin[2] + direction[2] * t};
-        BlockLeaf const& leaf = blocks.at(p);
-        auto const edge = static_cast<double>(leaf.edge);
-        double first[3], last[3];
-        for (int a = 0; a < 3; ++a) {
-            auto const lower = static_cast<double>(leaf.lower[a]);
-            first[a] = (lower + low[a] * edge) * per[a] + entering[a];
-            last[a] = (lower + high[a] * edge) * per[a] + leaving[a];
-        }
-        double const enter = first[0] > first[1] ? first[0] : first[1], leave = last[0] < last[1] ? last[0] : last[1];
-        return {&leaf, enter > first[2] ? enter : first[2], leave < last[2] ? leave : last[2]};
-    }
-    VKT_HD bool counts(LeafPart const& part) const { return part.leave - part.enter > 2 * hair; }
-    /// The one in which the ray goes on at t, and the one that it comes from.
-    VKT_HD LeafPart after(double t, double length) const {
-        LeafPart part = at(t + hair);
-        while (!counts(part) && t < length) {
-            t = part.leave > t + hair ? part.leave : t + hair;
-            part = at(t + hair);
-        }
-        return part;
-    }
-    VKT_HD LeafPart before(double t) const {
-        LeafPart part = at(t - hair);
-        while (!counts(part) && t > 0) {
-            t = part.enter < t - hair ? part.enter : t - hair;
-            part = at(t - hair);
-        }
-        return part;
-    }
-};
-
-/// 2^n.
-VKT_HD double power_of_two(int n) { return std::bit_cast<double>(static_cast<std::int64_t>(1023 + n) << 52); }
-
-/// The points of a ray in a leaf: the multiples of the step times the width of its cells, or, where there is none,
-/// where the ray enters.
-struct LeafPoints {
-    double spacing = 0, enter = 0; ///< enter: where the only one is
-    std::int64_t first = 0;        ///< multiple
-    int count = 0;                 ///< of multiples
-
-    explicit VKT_HD LeafPoints(double only) : enter(only) {}
-    VKT_HD LeafPoints(LeafPart const& part, double step, double per_step, double length, double hair) {
-        spacing = step * power_of_two(part.leaf->level);
-        double const per_spacing = per_step * power_of_two(-part.leaf->level);
-        enter = part.enter > hair ? part.enter : 0; // the ray begins there
-        double const leave = part.leave < length ? part.leave : length;
-        first = static_cast<std::int64_t>(enter * per_spacing);
-        while (static_cast<double>(first) * spacing < enter) ++first;
-        auto last = static_cast<std::int64_t>(leave * per_spacing) + 1;
-        while (last >= first && !(static_cast<double>(last) * spacing < leave)) --last;
-        count = last < first ? 0 : static_cast<int>(last - first + 1);
-    }
-    VKT_HD double at(int i) const { return count == 0 ? enter : static_cast<double>(first + i) * spacing; }
-    /// As many as a register holds; what lies behind the last one is none.
-    VKT_HD Doubles several(int i) const {
-        Doubles const numbers = counting_doubles() + static_cast<double>(first + i);
-        return count == 0 ? all_of(enter) : numbers * spacing;
-    }
-    VKT_HD int last() const { return count == 0 ? 0 : count - 1; }
-};
+/// As many of the points of a leaf as a register holds, from number i on; what lies behind the last one is none.
+VKT_HD Doubles several(LeafPoints const& points, int i) {
+    Doubles const numbers = counting_doubles() + static_cast<double>(points.first + i);
+    return points.count == 0 ? all_of(points.enter) : numbers * points.spacing;
+}
 
 /// Where the segments of a batch lie, and between which points there is none.
 struct PointComb {
@@ -138,7 +49,7 @@ public:
     }
     /// The points [from, to] of a leaf, by their numbers.
     VKT_HD void add(LeafPart const& part, LeafPoints const& points, int from, int to) {
-        Frame const frame = frame_of(part);
+        LeafFrame const frame(walk_, part);
         auto const apart = static_cast<float>(points.spacing);
         auto const start = static_cast<float>(points.at(0) - frame.enter);
         for (bool enters = true; from <= to; enters = false) {
@@ -148,7 +59,7 @@ public:
             int const n = to - from < left ? to - from + 1 : left;
             // Whole registers: what is too much is written again.
             for (int done = 0; done < n; done += group) {
-                for (int j = done; j < done + group; j += wide / 2) store(at_ + k + j, points.several(from + j));
+                for (int j = done; j < done + group; j += wide / 2) store(at_ + k + j, several(points, from + j));
                 for (int j = done; j < done + group; j += wide) {
                     Floats const number = counting() + static_cast<float>(from + j);
                     Floats const way = number * apart + start;
@@ -188,36 +99,12 @@ public:
     }
 
 private:
-    /// From lengths along the ray to the lattice of a leaf's block.
-    struct Frame {
-        double enter;
-        float base[3], way[3]; ///< way: per finest cell
-        float upper[3];        ///< within which there are central differences
-        float per_finest;
-        std::int32_t block;
-    };
-    VKT_HD Frame frame_of(LeafPart const& part) const {
-        Frame frame;
-        BlockLeaf const& leaf = *part.leaf;
-        double const per = power_of_two(-leaf.level);
-        frame.enter = part.enter > 0 ? part.enter : 0;
-        frame.block = leaf.block;
-        frame.per_finest = static_cast<float>(per);
-        for (int a = 0; a < 3; ++a) {
-            double const scale = walk_.blocks.thin[a] ? 1 : per;
-            double const from = walk_.origin[a] + walk_.direction[a] * frame.enter - static_cast<double>(leaf.lower[a]);
-            frame.way[a] = static_cast<float>(walk_.direction[a] * scale);
-            frame.base[a] = static_cast<float>(from * scale + (block_halo - 0.5));
-            frame.upper[a] = static_cast<float>(leaf.thickness[a]) + (block_halo - 1e-3F);
-        }
-        return frame;
-    }
-    VKT_HD static Floats within(Frame const& frame, int axis, Floats p) {
+    VKT_HD static Floats within(LeafFrame const& frame, int axis, Floats p) {
         Floats const least = all_of(1.0F), most = all_of(frame.upper[axis]), above = p > least ? p : least;
         return above < most ? above : most;
     }
     /// Points at lengths from where the ray enters the leaf, and the middles of the segments that end there.
-    VKT_HD void place(Frame const& frame, Floats way, Floats middle, int k) {
+    VKT_HD void place(LeafFrame const& frame, Floats way, Floats middle, int k) {
         for (int a = 0; a < 3; ++a) {
             store(field_.points.at[a] + k, within(frame, a, way * frame.way[a] + frame.base[a]));
             store(field_.middles.at[a] + k, within(frame, a, middle * frame.way[a] + frame.base[a]));
@@ -226,7 +113,7 @@ private:
         store(field_.middles.block + k, all_of(frame.block));
         store(field_.middles.per_finest + k, all_of(frame.per_finest));
     }
-    VKT_HD void place_middle(Frame const& frame, double t, int segment) {
+    VKT_HD void place_middle(LeafFrame const& frame, double t, int segment) {
         Floats const middle = all_of(static_cast<float>(t - frame.enter));
         for (int a = 0; a < 3; ++a)
             field_.middles.at[a][segment + 1] = within(frame, a, middle * frame.way[a] + frame.base[a])[0];
@@ -240,7 +127,7 @@ private:
     alignas(64) double at_[BlockPoints<T>::room];
     bool gaps_[BlockPoints<T>::room];
     March<BlockPoints<T>, PointComb, TreePoints<T, Scratch>> march_;
-    Frame frame_{}; ///< of the last point
+    LeafFrame frame_{}; ///< of the last point
     int count_ = 0;
     int flushed_ = -1; ///< segments of the batch before
     std::int64_t segments_ = 0;

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "libvkt/render/inner/sampler.h"
-#include "libvkt/render/inner/tree.h"
+#include "libvkt/render/inner/tree_lists.h"
 
 namespace vkt::render {
 

@@ -6,17 +6,14 @@
 #include "libvkt/render/inner/march.h"
 #include "libvkt/render/inner/tree_field.h"
 #include "libvkt/render/inner/tree_points.h"
+#include "libvkt/render/inner/tree_steps.h"
 
 namespace vkt::render {
 
-/// The comb of a ray through a tree. Points are multiples of the step; where the finest brick near is of level l every
-/// 2^l-th of them counts, so that one level has the comb of a lattice. A segment depends on where it begins and on the
-/// stretches it meets, not on how the ray came there: leaving some out changes none of the others.
-struct TreeComb {
+/// The comb of a ray through a tree: its stretches in a list.
+struct TreeComb : TreeSteps {
     Stretch const* stretches;
     int count;
-    double step, length;
-    std::int64_t last; ///< the number of the point at that length
 
     struct Segment {
         std::int64_t end; ///< number of the point
@@ -24,12 +21,6 @@ struct TreeComb {
         int level;
         bool visible, hole;
     };
-
-    VKT_HD double at(std::int64_t k) const { return k < last ? static_cast<double>(k) * step : length; }
-    VKT_HD std::int64_t after(std::int64_t k, int level) const {
-        std::int64_t const next = ((k >> level) + 1) << level;
-        return next < last ? next : last;
-    }
 
     /// The segment that begins at point k, which lies in stretch `first`. It is as short as the finest stretch on its
     /// way asks for.
@@ -50,23 +41,6 @@ struct TreeComb {
         }
         return segment;
     }
-
-    /// How many whole segments from point k on lie within its stretch.
-    VKT_HD std::int64_t segments_inside(std::int64_t k, Stretch const& stretch) const {
-        std::int64_t const unit = std::int64_t{1} << stretch.level;
-        if ((k & (unit - 1)) != 0) return 0;
-        auto n = static_cast<std::int64_t>((stretch.end / step - static_cast<double>(k)) / static_cast<double>(unit));
-        while (n > 0 && (k + n * unit > last || at(k + n * unit) > stretch.end)) --n;
-        return n;
-    }
-
-    /// How many of them lie within a length from point k.
-    VKT_HD std::int64_t unseen(std::int64_t k, Stretch const& stretch, double way) const {
-        double const unit = std::ldexp(step, stretch.level);
-        if (!(way > unit)) return 0;
-        auto const n = static_cast<std::int64_t>(way / unit) - 1, inside = segments_inside(k, stretch);
-        return n < inside ? n : inside;
-    }
 };
 
 /// Scratch is a TreeScratch by a name that only one object file knows, so that the functions that are not inlined here
@@ -77,22 +51,12 @@ VKT_HD Radiance march_tree(TreePoints<T, Scratch> const& asked, SceneView const&
     TreeView const& tree = asked.tree;
     Scratch& scratch = asked.scratch;
     ++counters.rays;
-    // Outside of the box nothing can be seen. Points are counted from the entry all the same, as in a lattice.
-    double near = 0, far = ray.length;
-    if (!clip(ray.entry, ray.direction, tree.lower, tree.upper, near, far)) return {0, 0, 0, 1};
-    double const step = static_cast<double>(scene.step);
-    auto const last_point = [&](double length) __attribute__((always_inline)) {
-        auto const n = static_cast<std::int64_t>(std::ceil(length / step));
-        return n > 1 ? n : 1;
-    };
-    auto k = static_cast<std::int64_t>(near / step); // where the next segment begins
-    std::int64_t const last = last_point(far);
-    RayPart const part{static_cast<double>(k) * step,
-                       last < last_point(ray.length) ? static_cast<double>(last) * step : ray.length};
-    if (!(part.begin < part.end)) return {0, 0, 0, 1};
-    cross_bricks(tree, ray, part, scratch);
-    find_stretches(tree, part, scratch);
-    TreeComb const comb{scratch.stretches.items, scratch.stretches.size, step, part.end, last};
+    MarchedPart marched;
+    if (!marched_part(tree, static_cast<double>(scene.step), ray, marched)) return {0, 0, 0, 1};
+    std::int64_t k = marched.first; // where the next segment begins
+    cross_bricks(tree, ray, marched.part, scratch);
+    find_stretches(tree, marched.part, scratch);
+    TreeComb const comb{marched.steps, scratch.stretches.items, scratch.stretches.size};
     TreeField<T> field{tree,
                        scratch.near,
                        {scene.shown.lower.x, scene.shown.lower.y, scene.shown.lower.z},

@@ -67,7 +67,7 @@ private:
         return difference * (back && front ? 0.5F : 1.0F) / static_cast<float>(width);
     }
 
-    __attribute__((noinline)) Look look(Double3 point) const {
+    VKT_HD_CALLED Look look(Double3 point) const {
         double const p[3] = {point.x, point.y, point.z};
         T const* const cells = static_cast<T const*>(tree.cells);
         SamplerView<T> const view{tree.nodes, tree.order, tree.bricks, cells};

@@ -1,7 +1,5 @@
 // Tiles of the image of a hierarchical volume, compiled once per instruction set into a namespace of its own.
 // SPDX-License-Identifier: MIT
-#ifndef VKT_BACKEND_cuda // rays hold lists that grow: a GPU needs other loops around the same integrators
-
 #include "libvkt/render/inner/tree_march.h"
 #include "libvkt/render/inner/tree_pieces.h"
 #include "libvkt/render/kernels/integrate.h"
@@ -39,5 +37,3 @@ void render_tile(SceneView const& scene, TreeView const& tree, Integrator integr
 TreeTileFunction tree_tile_function() { return render_tile; }
 
 } // namespace vkt::render::VKT_BACKEND
-
-#endif

@@ -1,0 +1,50 @@
+// Pixels of a picture that threads of a GPU draw, one each: what every kind of volume does alike there.
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "libvkt/render/kernels/pixels.h"
+
+namespace vkt::render {
+
+// Internal: kernels are.
+namespace {
+
+/// Pixels of a block: rays of a warp stay together in an 8 x 4 patch.
+constexpr int block_x = 8, block_y = 16;
+
+/// The blocks that a part takes.
+dim3 blocks_over(Tile part) {
+    return {static_cast<unsigned>((part.x1 - part.x0 + block_x - 1) / block_x),
+            static_cast<unsigned>((part.y1 - part.y0 + block_y - 1) / block_y)};
+}
+
+/// The pixel of a thread as a tile; nothing if that is none of the part's.
+__device__ __forceinline__ Tile pixel_of_thread(Tile part) {
+    int const x = part.x0 + static_cast<int>(blockIdx.x * block_x + threadIdx.x),
+              y = part.y0 + static_cast<int>(blockIdx.y * block_y + threadIdx.y);
+    return x < part.x1 && y < part.y1 ? Tile{x, y, x + 1, y + 1} : Tile{0, 0, 0, 0};
+}
+
+/// Adds what every thread of a block counted.
+__device__ __forceinline__ void add_counters(Counters const& counters, unsigned long long* totals) {
+    int const lane = static_cast<int>(threadIdx.y * block_x + threadIdx.x) % 32;
+    std::int64_t const own[4] = {counters.rays, counters.segments, counters.samples, counters.capped};
+    for (int i = 0; i < 4; ++i) {
+        auto sum = static_cast<unsigned long long>(own[i]);
+        for (int half = 16; half > 0; half /= 2) sum += __shfl_down_sync(~0u, sum, half);
+        if (lane == 0 && sum != 0) atomicAdd(totals + i, sum);
+    }
+}
+
+/// What the loops of the usual pictures are compiled for: one ray a pixel, of which nothing is kept but the light, and
+/// which meets nothing that holds back the light on it. They hold fewer numbers.
+enum class Usual : std::uint8_t { flat, shaded, surface, layers };
+
+bool is_usual(SceneView const& scene) {
+    return scene.rays == 1 && scene.before == 0 && scene.sums.light == nullptr && scene.sums.odd == nullptr &&
+           scene.sums.squares == nullptr && !scene.lamp.shadows && scene.around_count == 0;
+}
+
+} // namespace
+
+} // namespace vkt::render
