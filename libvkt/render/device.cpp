@@ -6,36 +6,126 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <optional>
+#include <utility>
 
 namespace vkt::render {
 namespace {
 
 constexpr int paths_at_once = 8; ///< between two looks at the watch
 
-/// Numbers that are summed up on the GPU: those of the host, or as many zeros.
+constexpr int bands_of_gpu = 4; ///< so that each of several GPUs has dense and empty parts of a picture
+constexpr int rows_of_block = 16;
+
+/// The rows that one of several GPUs draws, in bands.
+std::vector<Tile> bands_of(Drawing const& drawing, int width, int number, int count) {
+    int const rows = drawing.last_row - drawing.first_row;
+    int height = count == 1 ? rows : (rows + bands_of_gpu * count - 1) / (bands_of_gpu * count);
+    if (count > 1) height = (height + rows_of_block - 1) / rows_of_block * rows_of_block;
+    std::vector<Tile> bands;
+    for (int row = number * height; row < rows; row += count * height)
+        bands.push_back(
+            {0, drawing.first_row + row, width, std::min(drawing.first_row + row + height, drawing.last_row)});
+    return bands;
+}
+
+/// Numbers of the pixels that are summed up on a GPU: those of the host, or zeros.
 class DeviceSums {
 public:
-    DeviceSums(double* host, std::size_t count, bool begun) : host_(host), count_(count) {
+    DeviceSums(double const* host, std::size_t count) {
         memory_.reserve(count * sizeof(double));
         std::byte* const data = memory_.write(Space::device);
-        if (host != nullptr && begun)
+        if (host != nullptr)
             copy_to_device(data, host, count * sizeof(double));
         else
             device_clear(data, count * sizeof(double));
     }
     double* get() { return reinterpret_cast<double*>(memory_.update(Space::device)); }
-    std::vector<double> values() {
-        std::vector<double> result(count_);
-        copy_to_host(result.data(), memory_.read(Space::device), count_ * sizeof(double));
-        return result;
+    void copy(std::size_t first, std::size_t count, double* to) {
+        copy_to_host(to + first, memory_.read(Space::device) + first * sizeof(double), count * sizeof(double));
     }
-    void store() { copy_to_host(host_, memory_.read(Space::device), count_ * sizeof(double)); }
 
 private:
-    double* host_;
-    std::size_t count_;
     Buffer memory_;
+};
+
+/// What one GPU draws of a picture.
+class PartOnGpu {
+public:
+    PartOnGpu(DrawingGpu const& on, std::vector<Tile> bands, Image const& image)
+        : on_(on), bands_(std::move(bands)), row_(4 * static_cast<std::size_t>(image.width)) {
+        device_select(on_.gpu);
+        pixels_.reserve(image.pixels.size() * sizeof(float));
+        to_ = reinterpret_cast<float*>(pixels_.write(Space::device));
+        device_clear(totals_.write(Space::device), 4 * sizeof(std::uint64_t));
+        counts_ = reinterpret_cast<std::uint64_t*>(totals_.update(Space::device));
+    }
+    /// Sums for paths: of light, and of every second path.
+    void begin_sums(double const* light, std::size_t count, bool odd) {
+        device_select(on_.gpu);
+        light_.emplace(light, count);
+        if (odd) odd_.emplace(nullptr, count);
+    }
+    SceneView const& scene() const { return on_.scene; }
+    /// Begins to draw, which takes its time.
+    void launch(SceneView const& scene) {
+        device_select(on_.gpu);
+        for (Tile const& band : bands_) on_.launch(scene, band, to_, counts_);
+    }
+    void launch_paths(int done, int samples) {
+        SceneView part = on_.scene;
+        part.samples = samples;
+        part.first_sample += done;
+        part.before += done;
+        part.sums = {light_->get(), odd_ ? odd_->get() : nullptr, nullptr, {}};
+        launch(part);
+    }
+    void wait() {
+        device_select(on_.gpu);
+        device_synchronize();
+    }
+    /// Rays are pixels that meet the volume, however many passes there are.
+    void settle_rays(bool first_pass) {
+        device_select(on_.gpu);
+        if (first_pass)
+            copy_to_host(&met_, counts_, sizeof met_);
+        else
+            copy_to_device(counts_, &met_, sizeof met_);
+    }
+    void copy_sums(double* light, double* odd) {
+        device_select(on_.gpu);
+        for_bands([&](std::size_t first, std::size_t count) {
+            if (light != nullptr) light_->copy(first, count, light);
+            if (odd != nullptr) odd_->copy(first, count, odd);
+        });
+    }
+    void copy_pixels(Image& image, Counters& total) {
+        device_select(on_.gpu);
+        for_bands([&](std::size_t first, std::size_t count) {
+            copy_to_host(image.pixels.data() + first, to_ + first, count * sizeof(float));
+        });
+        auto const* const found = reinterpret_cast<std::uint64_t const*>(totals_.read(Space::host));
+        total.rays += static_cast<std::int64_t>(found[0]);
+        total.segments += static_cast<std::int64_t>(found[1]);
+        total.samples += static_cast<std::int64_t>(found[2]);
+        total.capped += static_cast<std::int64_t>(found[3]);
+    }
+
+private:
+    template <class F> void for_bands(F const& f) const {
+        for (Tile const& band : bands_)
+            f(static_cast<std::size_t>(band.y0) * row_, static_cast<std::size_t>(band.y1 - band.y0) * row_);
+    }
+
+    DrawingGpu const& on_;
+    std::vector<Tile> bands_;
+    std::size_t row_; ///< numbers of a row
+    Buffer pixels_, totals_{4 * sizeof(std::uint64_t)};
+    float* to_ = nullptr;
+    std::uint64_t* counts_ = nullptr;
+    std::optional<DeviceSums> light_, odd_;
+    std::uint64_t met_ = 0;
 };
 
 } // namespace
@@ -102,42 +192,31 @@ void launch_drawing(SceneView const&, TreeView const&, Integrator, Tile, float*,
 }
 #endif
 
-Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, Launch const& launch, Integrator integrator,
-                    bool estimates, Image& image, Counters& total, double& seconds) {
-    Watch const& watch = drawing.watch;
-    Tile const part_drawn{0, drawing.first_row, image.width, drawing.last_row};
-    std::size_t const count = image.pixels.size();
-    Buffer pixels(count * sizeof(float)), totals(4 * sizeof(std::uint64_t));
-    auto* const to = reinterpret_cast<float*>(pixels.write(Space::device));
-    device_clear(totals.write(Space::device), 4 * sizeof(std::uint64_t));
-    auto* const counts = reinterpret_cast<std::uint64_t*>(totals.update(Space::device));
+Quality draw_on_gpus(Drawing const& drawing, std::vector<DrawingGpu> const& gpus, Integrator integrator, bool estimates,
+                     Image& image, Counters& total, double& seconds) {
+    std::deque<PartOnGpu> parts;
+    for (std::size_t i = 0; i < gpus.size(); ++i)
+        parts.emplace_back(gpus[i], bands_of(drawing, image.width, static_cast<int>(i), static_cast<int>(gpus.size())),
+                           image);
     Quality quality;
-    auto const draw = [&](SceneView const& some) {
+    auto const draw = [&](auto const& launch) {
         auto const start = std::chrono::steady_clock::now();
-        launch(some, part_drawn, to, counts);
-        device_synchronize();
+        for (PartOnGpu& part : parts) launch(part);
+        for (PartOnGpu& part : parts) part.wait();
         seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
     if (integrator == Integrator::scatter) {
-        DeviceSums light(scene.sums.light, count, scene.before > 0);
-        std::optional<DeviceSums> odd;
+        SceneView const& scene = gpus.front().scene;
+        Watch const& watch = drawing.watch;
+        std::size_t const count = image.pixels.size();
         estimates = estimates && scene.before == 0;
-        if (estimates) odd.emplace(nullptr, count, false);
-        SceneView part = scene;
-        part.sums = {light.get(), odd ? odd->get() : nullptr, nullptr, {}};
+        for (PartOnGpu& part : parts) part.begin_sums(scene.before > 0 ? scene.sums.light : nullptr, count, estimates);
         int done = 0;
-        std::uint64_t met = 0;
         while (done < scene.samples) {
-            part.samples = std::min(paths_at_once, scene.samples - done);
-            part.first_sample = scene.first_sample + done;
-            part.before = scene.before + done;
-            draw(part);
-            // Rays are pixels that meet the volume, however many passes there are.
-            if (done == 0)
-                copy_to_host(&met, counts, sizeof met);
-            else
-                copy_to_device(counts, &met, sizeof met);
-            done += part.samples;
+            int const samples = std::min(paths_at_once, scene.samples - done);
+            draw([&](PartOnGpu& part) { part.launch_paths(done, samples); });
+            for (PartOnGpu& part : parts) part.settle_rays(done == 0);
+            done += samples;
             if (watch.progress) watch.progress({static_cast<double>(done) / scene.samples, -1, 0});
             if (watch.stop && done < scene.samples && watch.stop()) {
                 quality.stopped = true;
@@ -145,22 +224,19 @@ Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, Launch const
             }
         }
         bool const stopped = quality.stopped;
-        if (estimates) quality = quality_of_paths(drawing, image.width, done, light.values(), odd->values());
-        if (scene.sums.light != nullptr) light.store();
+        std::vector<double> light(estimates ? count : 0), odd(estimates ? count : 0);
+        if (estimates) {
+            for (PartOnGpu& part : parts) part.copy_sums(light.data(), odd.data());
+            quality = quality_of_paths(drawing, image.width, done, light, odd);
+        }
+        if (scene.sums.light != nullptr)
+            for (PartOnGpu& part : parts) part.copy_sums(scene.sums.light, nullptr);
         quality.stopped = stopped;
         quality.rays = scene.before + done;
     } else {
-        draw(scene);
+        draw([](PartOnGpu& part) { part.launch(part.scene()); });
     }
-    std::size_t const row = 4 * static_cast<std::size_t>(image.width);
-    std::size_t const first = static_cast<std::size_t>(drawing.first_row) * row,
-                      last = static_cast<std::size_t>(drawing.last_row) * row;
-    copy_to_host(image.pixels.data() + first, to + first, (last - first) * sizeof(float));
-    auto const* const found = reinterpret_cast<std::uint64_t const*>(totals.read(Space::host));
-    total.rays += static_cast<std::int64_t>(found[0]);
-    total.segments += static_cast<std::int64_t>(found[1]);
-    total.samples += static_cast<std::int64_t>(found[2]);
-    total.capped += static_cast<std::int64_t>(found[3]);
+    for (PartOnGpu& part : parts) part.copy_pixels(image, total);
     return quality;
 }
 

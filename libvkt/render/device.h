@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <vector>
 
 namespace vkt::render {
 
@@ -42,11 +43,18 @@ private:
 /// part, four floats each, and the four totals to which rays, segments, samples and capped paths are added.
 using Launch = std::function<void(SceneView const& scene, Tile part, float* pixels, std::uint64_t* totals)>;
 
-/// Draws the part of a drawing; `scene` is its scene with arrays on the current GPU. Paths are drawn some at a time,
-/// until the watch says stop; sums that the scene names are of the host, and are brought up to date. `estimates`: of
-/// paths, the error is wanted. Adds to the counters, and to the seconds that the GPU was busy.
-Quality draw_on_gpu(Drawing const& drawing, SceneView const& scene, Launch const& launch, Integrator integrator,
-                    bool estimates, Image& image, Counters& total, double& seconds);
+/// A GPU that draws, the scene with arrays in its memory, and how it is launched there.
+struct DrawingGpu {
+    int gpu = 0;
+    SceneView scene;
+    Launch launch;
+};
+
+/// Draws the part of a drawing, each GPU some of its rows. Paths are drawn some at a time, until the watch says stop;
+/// sums that the scenes name are of the host, and are brought up to date. `estimates`: of paths, the error is wanted.
+/// Adds to the counters, and to the seconds that the GPUs were busy. The same pixels for any number of GPUs.
+Quality draw_on_gpus(Drawing const& drawing, std::vector<DrawingGpu> const& gpus, Integrator integrator, bool estimates,
+                     Image& image, Counters& total, double& seconds);
 
 /// One launch: everything that scene and volume point to is memory of the current GPU.
 void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,

@@ -44,6 +44,12 @@ struct Renderer::Drawn {
     Counters counters;
 };
 
+/// What a GPU has of the volume and of the scene.
+struct OnGpu {
+    std::unique_ptr<DeviceCopies> scene;
+    std::unique_ptr<DeviceTree> tree;
+};
+
 struct Renderer::Cache {
     std::mutex mutex;
     std::shared_ptr<Prepared const> last;
@@ -51,8 +57,7 @@ struct Renderer::Cache {
     std::int64_t made = 0;
     std::unique_ptr<Renderer const> grid; ///< of the labels of a hierarchical volume
     std::mutex drawing;                   ///< of who draws with the copies
-    std::unique_ptr<DeviceCopies> copies;
-    std::unique_ptr<DeviceTree> tree;
+    std::vector<OnGpu> copies;            ///< of each GPU
 };
 
 } // namespace vkt::render

@@ -352,23 +352,32 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
     bool const sparsely = integrator == Integrator::march && !with_gpu && may_leave_out(settings, header_);
     double gpu_seconds = 0;
     if (with_gpu) {
-        device_select(execution_.gpu);
         std::lock_guard const lock(cache_->drawing);
-        auto& copies = cache_->copies;
-        if (!copies)
-            copies = tree_ ? std::make_unique<DeviceCopies>()
-                           : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
-        if (tree_ && !cache_->tree) cache_->tree = std::make_unique<DeviceTree>(*tree_);
-        TreeView const bricks_there = tree_ ? cache_->tree->view(bricks, ready->blocks, ready) : TreeView{};
-        LatticeView const voxels_there = tree_ ? LatticeView{} : copies->lattice();
-        auto const launch = [&](SceneView const& view, Tile part, float* pixels, std::uint64_t* totals) {
-            if (tree_)
-                launch_drawing(view, bricks_there, integrator, part, pixels, totals);
-            else
-                launch_drawing(view, voxels_there, integrator, part, pixels, totals);
-        };
-        quality = draw_on_gpu(drawing, copies->scene(scene, ready, settings.environment), launch, integrator, in_passes,
-                              image, counters, gpu_seconds);
+        std::vector<DrawingGpu> gpus;
+        cache_->copies.resize(static_cast<std::size_t>(execution_.gpus));
+        for (OnGpu& there : cache_->copies) {
+            int const gpu = execution_.gpu + static_cast<int>(gpus.size());
+            device_select(gpu);
+            if (!there.scene)
+                there.scene = tree_ ? std::make_unique<DeviceCopies>()
+                                    : std::make_unique<DeviceCopies>(lattice_.view, lattice_.voxels.bytes());
+            SceneView const view = there.scene->scene(scene, ready, settings.environment);
+            if (tree_) {
+                if (!there.tree) there.tree = std::make_unique<DeviceTree>(*tree_);
+                gpus.push_back({gpu, view,
+                                [bricks_there = there.tree->view(bricks, ready->blocks, ready),
+                                 integrator](SceneView const& some, Tile part, float* pixels, std::uint64_t* totals) {
+                                    launch_drawing(some, bricks_there, integrator, part, pixels, totals);
+                                }});
+            } else {
+                gpus.push_back({gpu, view,
+                                [voxels_there = there.scene->lattice(),
+                                 integrator](SceneView const& some, Tile part, float* pixels, std::uint64_t* totals) {
+                                    launch_drawing(some, voxels_there, integrator, part, pixels, totals);
+                                }});
+            }
+        }
+        quality = draw_on_gpus(drawing, gpus, integrator, in_passes, image, counters, gpu_seconds);
     } else if (integrator == Integrator::scatter && in_passes)
         quality = draw_paths(drawing, image, counters);
     else if (settings.goal.any() && in_passes)
