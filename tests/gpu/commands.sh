@@ -235,6 +235,25 @@ for options in '--method nearest' '--method basis' '--method basis --cells 10000
     same "$tolerance" "$vkt resample tree.vkt $options --device \$DEVICE -q"
 done
 
+# Pictures of trees and of labels.
+drawn() {
+    checked=$((checked + 1))
+    for device in cpu "$gpu"; do
+        "$vkt" render "$@" --size 96 --device "$device" --force -q -o "picture_${device%:*}.png" || failed=$((failed + 1))
+    done
+    "$vkt" image diff picture_cpu.png picture_gpu.png --tolerance 0.01 >report || {
+        echo "FAILED: drawn otherwise: $*"
+        cat report
+        failed=$((failed + 1))
+    }
+}
+for tree in bricks blocks grid; do
+    drawn tree.vkt --tree $tree
+    drawn tree.vkt --tree $tree --render-algo maximum
+done
+"$vkt" threshold a_uint8.vkt --otsu | "$vkt" label -q -o labels.vkt
+drawn labels.vkt --labels always
+
 # Slices cut into rows: wrapped ones come from the other side.
 for rule in wrap mirror border:0.5; do
     for sigma in 1.5 0,15,0 0,40,1; do
