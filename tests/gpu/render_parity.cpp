@@ -160,7 +160,7 @@ std::vector<Case> cases() {
     flat.step = 1, flat.shade = 0;
     add("march, lit by a lamp", Algorithm::ray_marching).light_direction = Vec3{1, -1, 1};
     auto& shadowed = add("march, in shadows", Algorithm::ray_marching);
-    shadowed.light_direction = Vec3{1, -1, 1}, shadowed.shadows = true, shadowed.ambient_occlusion = 3;
+    shadowed.light_direction = Vec3{1, -1, 1}, shadowed.shadows = true, shadowed.ambient_occlusion = 6;
     add("march, exact", Algorithm::ray_marching).exact = true;
     add("iso", Algorithm::implicit_iso);
     auto& layers = add("iso, transparent layers", Algorithm::implicit_iso);
@@ -224,7 +224,7 @@ void compare_labels() {
         render::RenderSettings s;
         s.width = 211, s.height = 160;
         s.labels = render::LabelMode::always;
-        s.ambient_occlusion = lamp ? 2 : 0;
+        s.ambient_occlusion = lamp ? 6 : 0;
         s.shadows = lamp;
         if (lamp) s.light_direction = Vec3{1, -1, 1};
         render::RenderReport there, here;
