@@ -275,9 +275,11 @@ compare_all
 # Nothing depends on how slabs are cut: not even which of two roundings the last slice has.
 for command in 'rotate --axis z --angle 20' 'rotate --axis y --angle 20' 'rotate --axis x --angle 20' \
     'resample --scale 0.7' 'filter gaussian --sigma 2' 'filter median'; do
+    # shellcheck disable=SC2086  # a list of words
     "$vkt" $command in_float32.nrrd --device gpu --force -o whole.nrrd
     for slab in 3 5; do
         checked=$((checked + 1))
+        # shellcheck disable=SC2086  # a list of words
         "$vkt" $command in_float32.nrrd --device gpu --slab $slab --force -o cut.nrrd
         cmp whole.nrrd cut.nrrd || {
             echo "FAILED: differs by slabs of $slab: $command"
