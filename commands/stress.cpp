@@ -119,7 +119,8 @@ Command stress_command() {
          "Constants, single voxels, NaN, infinities, offsets, denormals, extremes of every type, mirrored and oblique "
          "frames; slabs of one slice, one and five threads, both transports, little memory, streams that come byte by "
          "byte; cut and damaged streams, wrong headers, a full disk. What changes, crashes, hangs, is further from "
-         "exact than promised, takes damage for data or leaves files is told with the command that repeats it, and "
+         "exact than promised, loses or spreads NaN, takes damage for data or leaves files is told with the command "
+         "that repeats it, and "
          "makes exit code 1. Volumes that are refused are told, too.",
          {{"A filter on volumes of one's choice; on all of them it takes half a minute",
            "vkt stress 'filter gaussian --sigma 1' --volume extremes-uint8,nan-float32,large"},

@@ -70,14 +70,27 @@ constexpr std::array<Variation, 6> variations{
 /// What feeds a stream of so many bytes in pieces: single bytes, where that takes no seconds.
 std::string feeder_for(std::uintmax_t bytes) { return text("dd bs=", bytes < 65536 ? 1 : 4093, " status=none"); }
 
+/// Largest magnitude whose sums and differences the type holds, too.
+double most_of_sums(DataType type) { return type == DataType::float16 ? highest_of(type) : highest_of(type) * 0x1p-20; }
+
+template <class Is> bool all_of_values(Volume const& volume, Is is) {
+    Volume const wide = in_float64(volume);
+    auto const* const values = reinterpret_cast<double const*>(wide.view().data);
+    return std::all_of(values, values + wide.header().voxels(), is);
+}
+
 /// Bounds are about numbers, and of types of floats about those whose sums and differences the type holds, too.
 bool has_bounded_sums(Volume const& volume) {
     DataType const type = volume.header().dtype;
-    if (is_integer(type)) return true;
-    double const most = type == DataType::float16 ? highest_of(type) : highest_of(type) * 0x1p-20;
-    Volume const wide = in_float64(volume);
-    auto const* const values = reinterpret_cast<double const*>(wide.view().data);
-    return std::all_of(values, values + wide.header().voxels(), [&](double v) { return std::abs(v) <= most; });
+    return is_integer(type) ||
+           all_of_values(volume, [most = most_of_sums(type)](double v) { return std::abs(v) <= most; });
+}
+
+/// Some floats are no numbers; the others are as those of has_bounded_sums().
+bool has_nan_alone(Volume const& volume) {
+    double const most = most_of_sums(volume.header().dtype);
+    return !has_bounded_sums(volume) &&
+           all_of_values(volume, [&](double v) { return std::isnan(v) || std::abs(v) <= most; });
 }
 
 class Trials {
@@ -300,7 +313,32 @@ private:
                  std::string const& line) {
         if (made.header().kind != Kind::structured || input.header().kind != Kind::structured) return;
         compare_with_promise(name, input, made, pipeline, line);
+        compare_numbers(name, input, made, pipeline, line);
         compare_with_definition(name, input, made, pipeline, line);
+    }
+
+    /// Floats that are no numbers come out where they do by way of float64, and nowhere else.
+    void compare_numbers(std::string const& name, Volume const& input, Volume const& made, std::string const& pipeline,
+                         std::string const& line) {
+        Header const& h = made.header();
+        if (is_integer(input.header().dtype) || is_integer(h.dtype) || !has_nan_alone(input)) return;
+        std::optional<Volume> wide;
+        try {
+            wide = Chain(pipeline).run(in_float64(input), context_.execution());
+        } catch (Error const&) {
+            return; // no such definition in float64
+        }
+        if (!(wide->header().dims == h.dims) || is_integer(wide->header().dtype)) return;
+        Volume const a = in_float64(made), b = in_float64(*wide);
+        auto const* const found = reinterpret_cast<double const*>(a.view().data);
+        auto const* const wanted = reinterpret_cast<double const*>(b.view().data);
+        for (std::int64_t i = 0; i < h.voxels(); ++i) {
+            bool const lost = std::isnan(wanted[i]) && !std::isnan(found[i]);
+            if (!lost && (std::isnan(wanted[i]) || !std::isnan(found[i]))) continue;
+            find(lost ? "loses NaN" : "spreads NaN", "",
+                 text("voxel ", i, " is ", found[i], " in ", h.dtype, ", but ", wanted[i], " by way of float64"),
+                 text(line, "  # beside: vkt convert --dtype float64 before"), name);
+        }
     }
 
     /// What came out of one operation beside what it works out by other means.

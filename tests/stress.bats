@@ -144,6 +144,24 @@ assert any("stage by stage" in f["what"] for f in found), found'
     vkt stress 'clahe --clip-as skimage --bricks 2,2,2 --bins 1000' --volume nan-float64 >found || { cat found >&2; false; }
 }
 
+# Half an hour on two processors.
+@test "nothing is found in what is shipped, on any volume (VKT_LONG=1)" {
+    [ -n "${VKT_LONG:-}" ] || skip "takes many minutes: set VKT_LONG=1"
+    local pipeline
+    for pipeline in 'arith add 3' 'arith mul 0.1' 'arith div 3' 'affine 0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0' clahe \
+        'clahe --bricks 2,2,2 --bins 100' 'convert --dtype float16' 'convert --dtype uint8' 'crop --roi 25%:75%,:,:' distance \
+        fill-holes 'filter bilateral --sigma 1 --range-sigma 20' 'filter box --radius 1' 'filter dog --sigma 1' \
+        'filter gaussian --sigma 1' 'filter gaussian --sigma 4 --tolerance 1%' 'filter gradient' 'filter laplacian' \
+        'filter log --sigma 1' 'filter median --radius 1' 'filter median --radius 2,1,0' 'filter nlmeans --strength 10' \
+        'filter sharpen --sigma 1' 'filter sobel' 'flip x' histogram label 'morphology open --radius 1' \
+        'morphology gradient --shape box --radius 2' 'pad --by 2' 'permute zxy' 'project mean' 'project max' 'project median' \
+        'refine --tolerance 1 | resample --scale 1' 'resample --scale 0.5' 'resample --scale 1.7 --method lanczos3' \
+        'resample --scale 1.3 --method bspline3' 'rotate --axis z --angle 30' 'rotate --axis x --angle 90' \
+        'scale --factor 1.5' scan stats 'threshold --above 50' 'transform "sqrt(v)+x"' watershed; do
+        vkt stress "$pipeline" >found || [ "$(grep -c '^never works' found)" -eq 1 ] || { echo "$pipeline" >&2; cat found >&2; false; }
+    done
+}
+
 @test "volumes that are refused are told with the command that shows it, and are no faults" {
     vkt stress 'crop --roi 3:5,:,:' --volume noise-uint16,flat-x,single --json >found.json
     /usr/bin/python3 -c '
