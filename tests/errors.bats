@@ -145,3 +145,14 @@ END
     fails_with 4 "absent" vkt pipe --tolerance 0.1 'read absent.nrrd | flip y'
     fails_with 2 "at best" vkt pipe --tolerance 0.1 'filter gaussian b_8x7x6_uint8.raw --sigma 1 --tolerance 1% | flip x'
 }
+
+@test "the median of an even number of voxels lies halfway between two, which the error counts" {
+    vkt make noise --dims 5 6 8 --dtype uint8 --high 255 -o even.nrrd
+    vkt project median even.nrrd --axis z | vkt info | grep -qx 'error      within 0.5 of exact'
+    vkt project median even.nrrd --axis x | vkt info | grep -qx 'error      exact'
+    vkt project max even.nrrd --axis z | vkt info | grep -qx 'error      exact'
+    vkt convert even.nrrd --dtype float64 | vkt project median --axis z -o exact.nrrd
+    vkt project median even.nrrd --axis z | vkt convert --dtype float64 | vkt diff - exact.nrrd --tolerance 0.5
+    run vkt diff <(vkt project median even.nrrd --axis z | vkt convert --dtype float64) exact.nrrd --tolerance 0.4
+    [ "$status" -eq 1 ]
+}

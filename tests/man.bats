@@ -90,7 +90,8 @@ for item, row in rows:
     cases = re.findall(r"\b([A-Z]\w+\.\w+)\b", row)
     assert stems or cases or re.search(r"^\[[0-9, -]+\]", row, re.MULTILINE), f"no test: {item}"
     for stem in stems:
-        assert os.path.exists(f"{root}/tests/{stem}.bats"), f"there is no {stem}.bats"
+        there = glob.glob(f"{root}/tests/{stem}.bats") + glob.glob(f"{root}/tests/*/{stem}.bats")
+        assert there, f"there is no {stem}.bats"
     for case in cases:
         assert case in tests, f"there is no {case}"
 usage = " ".join(run("vkt", "render", "--help"))

@@ -137,6 +137,8 @@ assert any("stage by stage" in f["what"] for f in found), found'
         { cat found >&2; false; }
     tail -1 found | grep -q 'on 6 volumes: nothing found'
     vkt stress 'affine 0.9,0.1,0,0,-0.1,0.9,0,0,0,0,1,0' --volume offset-float64,large,flat-z >found || { cat found >&2; false; }
+    # The median of an even number of voxels may be halfway between two.
+    vkt stress 'project median' --volume large,noise-float32 >found || { cat found >&2; false; }
     vkt stress 'flip x | stats' --volume extremes-int8 >found || { cat found >&2; false; }
     vkt stress 'label --connectivity 18 --min-size 3 --by-value' --volume noise-uint8,nan-float32,infinite-float16,mapped,flat-y >found || { cat found >&2; false; }
     vkt stress 'clahe | filter median --radius 1' --volume noise-int64,offset-float32,extremes-uint64,mapped >found || { cat found >&2; false; }

@@ -82,6 +82,9 @@ Plan Project::plan(std::span<Header const> inputs) {
     auto const values = values_of(in);
     bool const picks = kind == Projection::max || kind == Projection::min || kind == Projection::median;
     plan.passing = picks ? ErrorPassing::moved(values) : ErrorPassing::averaged(1, values);
+    // The two middle ones of an even number are averaged; of floats numbers alone count, and who knows how many.
+    if (kind == Projection::median && (in.dims[along] % 2 == 0 || !is_integer(type_)))
+        plan.passing.storing = ErrorPassing::Storing::computes;
     if (kind == Projection::std) // as a function of n values it changes by no more than the largest of their changes
         plan.passing = ErrorPassing::computed(std::sqrt(n / std::max(1.0, n - 1)),
                                               values ? std::optional(ValueInterval{0, values->width()}) : std::nullopt);
