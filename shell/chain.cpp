@@ -17,6 +17,8 @@ namespace {
 /// Geometric operations with knobs interpolate: they may be exact, but for one rounding.
 bool moves_only(Invocation const& stage, Plan const& plan) {
     if (!plan.error.exact() || plan.scans) return false;
+    // The mean of the two middle ones of an even number of voxels is none of them.
+    if (plan.passing.known && plan.passing.storing == ErrorPassing::Storing::computes && !plan.shift) return false;
     return plan.shift || (stage.operation()->shape() == Shape::geometric &&
                           dynamic_cast<Tunable const*>(stage.operation()) == nullptr);
 }
@@ -178,6 +180,7 @@ Volume Chain::run(Volume const& input, Execution const& execution, PictureReques
     drawn_ = volume.header();
     DrawnPictures drawn = picturing()->pictures(volume, request, execution);
     drawing_ = drawn.seconds;
+    drawn_on_gpu_ = drawn.on_gpu;
     return std::move(drawn.levels);
 }
 
@@ -220,6 +223,23 @@ double Chain::cost() const {
     return sum;
 }
 
+std::optional<double> Chain::seconds(Calibration const& calibration, int threads) const {
+    if (picturing() != nullptr) return std::nullopt;
+    double sum = 0;
+    for (std::size_t i = 0; i < plans_.size(); ++i) {
+        Plan const& plan = plans_[i];
+        if (headers_[i].kind != Kind::structured || plan.output.kind != Kind::structured) return std::nullopt;
+        sum += calibration.seconds(stages_[i].verb().name, plan, {headers_[i]}, false, threads);
+    }
+    return sum;
+}
+
+bool Chain::uses_gpu() const {
+    return drawn_on_gpu_ || std::any_of(stages_.begin(), stages_.end(), [](Invocation const& stage) {
+               return stage.operation() != nullptr && stage.operation()->runs_on_gpu();
+           });
+}
+
 std::optional<double> Chain::bound(Volume const& input, Volume const& output, Execution const& execution) {
     if (picturing() != nullptr) return std::nullopt;
     std::optional<std::size_t> computes;
@@ -230,6 +250,7 @@ std::optional<double> Chain::bound(Volume const& input, Volume const& output, Ex
     }
     if (!computes) return 0x1p-52 * std::abs(plans_.back().output.values.slope) * extremes_of(output).magnitude;
     Plan const plan = plans_[*computes];
+    if (plan.error.quantity != std::string_view(ErrorBound{}.quantity)) return std::nullopt; // not about values
     // What a pass before finds out may depend on the type that it looks at: bins, percentiles.
     if (plan.scans || plan.error.kind == ErrorBound::Kind::unknown || plan.error.kind == ErrorBound::Kind::estimate)
         return std::nullopt;

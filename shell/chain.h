@@ -4,6 +4,7 @@
 
 #include "libvkt/core/volume.h"
 #include "libvkt/engine/tunable.h"
+#include "shell/calibration.h"
 #include "shell/invocation.h"
 #include "shell/picturing.h"
 
@@ -60,8 +61,13 @@ public:
 
     /// Multiply-adds of the last run, as planned.
     double cost() const;
+    /// Seconds that the last run computes by what was measured of this machine; none where that tells nothing: of
+    /// pictures and hierarchical volumes.
+    std::optional<double> seconds(Calibration const& calibration, int threads) const;
     /// Seconds that the last run drew pictures.
     double drawing() const { return drawing_; }
+    /// True if the last run could use a GPU where that was asked for.
+    bool uses_gpu() const;
     /// True if the last run clipped values, or met some that are no numbers.
     bool lossy() const { return lossy_; }
     /// How far the last run's output may be from the exact result computed in float64, as physical values: known where
@@ -80,6 +86,7 @@ private:
     std::vector<Header> headers_; ///< of the stages' inputs
     Header drawn_;                ///< of what the picture is made of
     double drawing_ = 0;
+    bool drawn_on_gpu_ = false;
     bool lossy_ = false;
 };
 

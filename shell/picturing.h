@@ -18,7 +18,8 @@ struct DrawnPictures {
     /// Of each picture red, green and blue as three slices: display levels, 0 to 255, not rounded; the background lies
     /// behind.
     Volume levels;
-    double seconds = 0; ///< of drawing all of them, which grows with the pixels; the rest readies the volume
+    double seconds = 0;  ///< of drawing all of them, which grows with the pixels; the rest readies the volume
+    bool on_gpu = false; ///< a GPU drew
 };
 
 class Picturing {

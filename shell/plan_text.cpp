@@ -48,7 +48,7 @@ std::string error_text(ErrorBound const& error) {
     };
     add(error.range, " of the value range");
     add(error.magnitude, " of the largest magnitude");
-    if (terms.empty() || error.absolute > 1e-30) add(error.absolute, " in values");
+    if (terms.empty() || error.absolute > 1e-30) add(error.absolute, text(" in ", error.quantity).c_str());
     return text(error.kind == ErrorBound::Kind::estimate ? "error about " : "error at most ",
                 terms.empty() ? "0" : terms.c_str(),
                 error.in_values ? text(" (", at_least(*error.in_values), " in values)") : std::string());

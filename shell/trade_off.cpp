@@ -8,6 +8,7 @@
 #include "libvkt/engine/tunable.h"
 #include "libvkt/operations/crop.h"
 #include "libvkt/operations/difference.h"
+#include "shell/calibration.h"
 #include "shell/chain.h"
 
 #include <algorithm>
@@ -416,6 +417,12 @@ private:
         point.label = label_of(setting);
         {
             Volume const out = chain.run(volume_, execution, {false, share_}); // the warm run
+            if (point.gpu && !chain.uses_gpu()) {
+                if (!point.given) return; // the processors did it, as without
+                point.gpu = false;
+            }
+            if (calibration_ && !point.gpu) point.predicted = chain.seconds(*calibration_, execution.threads);
+            result_.calibrated = result_.calibrated || point.predicted;
             point.operations = chain.cost();
             point.lossy = chain.lossy();
             point.bound = chain.bound(volume_, out, execution);
@@ -478,6 +485,7 @@ private:
             least = std::min(least, point.max_error);
         }
         auto const given = std::find_if(points.begin(), points.end(), [](auto const& p) { return p.given; });
+        if (result_.calibrated) return;
         for (auto& point : points)
             if (point.operations > 0 && given->operations > 0 && !point.gpu && !given->gpu)
                 point.predicted = given->seconds * (point.operations / given->operations) *
@@ -486,6 +494,7 @@ private:
 
     TradeOffRequest const& request_;
     Execution execution_;
+    std::optional<Calibration> const calibration_ = load_calibration();
     bool draws_ = false;
     bool whole_only_ = false; ///< no part of the volume stands for it
     double share_ = 1;        ///< of the width and height of pictures

@@ -33,9 +33,11 @@ struct TradeOffPoint {
     double max_error = 0, rms_error = 0;
     /// Difference to the same definition (interpolant, …) without rounding and truncation: what the bound is about.
     double own_error = 0;
-    std::optional<double> bound;     ///< as predicted; none where none is known
-    std::optional<double> predicted; ///< seconds: the plan's operations, at the speed of the setting that was given
-    double operations = 0;           ///< multiply-adds of the plan, for all voxels
+    std::optional<double> bound; ///< as predicted; none where none is known
+    /// Seconds: by the calibration of this machine (TradeOff::calibrated), or else the plan's operations at the speed
+    /// of the setting that was given.
+    std::optional<double> predicted;
+    double operations = 0; ///< multiply-adds of the plan, for all voxels
     bool given = false, front = false;
     bool lossy = false; ///< values were clipped or no numbers: the bound is not about these
     bool exceeded() const { return bound && !lossy && own_error > *bound; }
@@ -55,6 +57,7 @@ struct TradeOff {
     std::optional<Check> check; ///< of the reference, against sums by definition
     std::string settings;       ///< "all 14 settings"
     std::string units;
+    bool calibrated = false;           ///< what is predicted is so by `vkt doctor --calibrate`
     std::vector<TradeOffPoint> points; ///< the fastest first
     double scale() const;              ///< voxels of the volume per voxel measured, or pixels
     double range() const { return high - low; }

@@ -87,6 +87,8 @@ std::int64_t TradeOffReport::exceeded() const {
            (found.check && found.check->error > found.check->bound ? 1 : 0);
 }
 
+std::string TradeOffReport::predicted_by() const { return found.calibrated ? "calibration" : "given setting"; }
+
 std::string TradeOffReport::table(bool with_chart) const {
     double const scale = found.scale();
     bool const draws = found.picture.x > 0; // of which no bounds are known
@@ -103,7 +105,8 @@ std::string TradeOffReport::table(bool with_chart) const {
         row.add("front", p.front ? "*" : "");
         row.add("seconds", short_number(p.seconds));
         if (scale > 1) row.add("whole", short_number(p.whole_seconds));
-        row.add("predicted", p.predicted ? short_number(*p.predicted) : std::string("-"));
+        row.add(found.calibrated ? "calibrated" : "predicted",
+                p.predicted ? short_number(*p.predicted) : std::string("-"));
         row.add("max_error", short_number(p.max_error));
         row.add("share", share_of(p.max_error, found.range()));
         row.add("rms_error", short_number(p.rms_error));
@@ -123,8 +126,11 @@ std::string TradeOffReport::table(bool with_chart) const {
         draws ? ""
               : "; own_error: to the same method without\nrounding and truncation, which is what the bound is about",
         ". Seconds: medians of ", draws ? "warm\nrepeats in memory; " : "warm repeats in memory; ",
-        draws ? "predicted: the plan's steps or paths" : "predicted:\nthe plan's operations",
-        " at the speed of what was given, shared ", draws ? "evenly by the\nthreads.\n" : "evenly by the threads.\n");
+        found.calibrated ? "calibrated:\npredicted by what vkt doctor --calibrate measured of this machine.\n"
+        : draws          ? "predicted: the plan's steps or paths at the speed of what was given, shared evenly by the\n"
+                           "threads.\n"
+                         : "predicted:\nthe plan's operations at the speed of what was given, shared evenly by the "
+                           "threads.\n");
     if (std::int64_t const n = exceeded(); n > 0)
         result += text("\n", n, n == 1 ? " error is" : " errors are", " LARGER THAN PREDICTED\n");
     if (choice != nullptr)
@@ -136,14 +142,14 @@ std::string TradeOffReport::table(bool with_chart) const {
 
 std::string TradeOffReport::csv() const {
     std::string result = "seconds,whole_seconds,predicted_seconds,max_error,rms_error,own_error,bound,operations,"
-                         "threads,device,front,given,clipped,repeats,pipeline\n";
+                         "threads,device,front,given,clipped,repeats,predicted_by,pipeline\n";
     for (auto const& p : found.points) {
         std::string line = join(p.stages, " | "), quoted;
         for (char const c : line) quoted += c == '"' ? "\"\"" : std::string(1, c);
         result += text(p.seconds, ",", p.whole_seconds, ",", or_nothing(p.predicted), ",", p.max_error, ",",
                        p.rms_error, ",", p.own_error, ",", or_nothing(p.bound), ",", p.operations, ",", p.threads, ",",
                        p.gpu ? "gpu" : "cpu", ",", p.front ? 1 : 0, ",", p.given ? 1 : 0, ",", p.lossy ? 1 : 0, ",",
-                       p.repeats, ",\"", quoted, "\"\n");
+                       p.repeats, ",", predicted_by(), ",\"", quoted, "\"\n");
     }
     return result;
 }
@@ -166,6 +172,7 @@ std::string TradeOffReport::json() const {
     report.add("dims", found.whole).add("part", to_text(found.part)).add("reference", found.reference);
     report.add("checked_voxels", found.check ? found.check->voxels : std::int64_t{0});
     report.add("check_error", found.check ? found.check->error : unknown);
+    report.add("predicted_by", predicted_by());
     report.add("settings", found.settings).add("range", found.range()).add("units", found.units);
     report.add("points", std::move(rows)).add("exceeded", exceeded());
     report.add("command", choice != nullptr ? command(*choice, volume) : std::string());

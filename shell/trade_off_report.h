@@ -33,6 +33,7 @@ struct TradeOffReport {
 
     /// Settings, and the check of the reference, whose error is larger than was predicted.
     std::int64_t exceeded() const;
+    std::string predicted_by() const; ///< "calibration" or "given setting"
     /// For a terminal that draws, the chart too.
     std::string table(bool with_chart) const;
     std::string csv() const;

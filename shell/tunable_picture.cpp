@@ -91,6 +91,7 @@ DrawnPictures TunablePicture::pictures(Volume const& volume, PictureRequest cons
         render::RenderReport report;
         render::Image const image = renderer.render(settings, &report);
         drawn.seconds += report.render_seconds;
+        drawn.on_gpu = drawn.on_gpu || report.gpu_seconds > 0;
         put_levels(image, background, levels);
         levels += image.pixels.size() / 4 * 3;
     }

@@ -414,3 +414,31 @@ END
     fails_with 2 "decides no voxel" vkt chart 'flip x --threads 2' noise.nrrd
     fails_with 2 "" vkt chart 'filter gausian' noise.nrrd
 }
+
+@test "with a calibration, seconds are predicted by it, and the column says so" {
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.2 --threads 1 >table
+    grep -q ' predicted ' table
+    grep -q 'at the speed of what was given' table
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.2 --threads 1 --json >before.json
+    vkt doctor --calibrate >/dev/null
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.2 --threads 1 >table
+    grep -q ' calibrated ' table
+    run ! grep -q ' predicted ' table
+    grep -q 'vkt doctor --calibrate' table
+    vkt chart 'filter gaussian --sigma 2' noise.nrrd --budget 0.2 --threads 1 --json >after.json
+    vkt chart 'render --size 16' phantom.nrrd --budget 0.1 --keep threads --csv >picture.csv
+    /usr/bin/python3 - <<'END'
+import csv, json
+before, after = (json.load(open(name)) for name in ("before.json", "after.json"))
+assert before["predicted_by"] == "given setting" and after["predicted_by"] == "calibration"
+given, = [p for p in before["points"] if p["given"]]
+assert given["predicted_seconds"] == given["seconds"]
+given, = [p for p in after["points"] if p["given"]]
+assert given["predicted_seconds"] != given["seconds"] and all(p["predicted_seconds"] > 0 for p in after["points"])
+# More multiply-adds by the same method take longer.
+direct = sorted((p["operations"], p["predicted_seconds"]) for p in after["points"] if "--method fir" in p["label"] or p["given"])
+assert [s for _, s in direct] == sorted(s for _, s in direct), direct
+# Nothing was measured of drawing.
+assert {row["predicted_by"] for row in csv.DictReader(open("picture.csv"))} == {"given setting"}
+END
+}

@@ -248,3 +248,19 @@ EOF
         awk "BEGIN { exit !($found >= $times && $bytes / $(stat -c %s tree.vkt) >= $times) }"
     done
 }
+
+@test "--explain says what its error is one of" {
+    vkt make ramp --dims 20 20 20 --dtype float32 -o ramp.nrrd
+    vkt refine ramp.nrrd --tolerance 0.5 -n -o x.vkt 2>plan
+    grep -q 'error at most 0.5 in values,' plan
+    vkt refine ramp.nrrd --tolerance 0.5 --metric gradient -n -o x.vkt 2>plan
+    grep -q 'error at most 0.5 in gradients,' plan
+    vkt refine ramp.nrrd --tolerance 0.5 --metric transfer --transfer '{"points": [[0, 1, 1, 1, 0], [20, 1, 1, 1, 0.5]]}' -n -o x.vkt 2>plan
+    grep -q 'error at most 0.5 in display levels,' plan
+    # A bound on gradients is none on values.
+    vkt chart 'refine --tolerance 0.5 --metric gradient | resample --scale 1' ramp.nrrd --budget 0.1 --keep threads --csv >chart.csv
+    /usr/bin/python3 -c '
+import csv
+rows = list(csv.DictReader(open("chart.csv")))
+assert len(rows) > 1 and all(row["bound"] == "" for row in rows), rows'
+}

@@ -23,7 +23,9 @@ struct ErrorBound {
     Kind kind = Kind::exact;
     double range = 0;
     double magnitude = 0;
-    double absolute = 0;             ///< physical value
+    double absolute = 0; ///< physical value, or what `quantity` says
+    /// What `absolute` is one of, where operations promise something else of their results than values.
+    char const* quantity = "values";
     std::optional<double> in_values; ///< all of it as a physical value, where the input's type limits the values
 
     static ErrorBound none_known() {

@@ -201,6 +201,8 @@ Plan Refine::plan(std::span<Header const> inputs) {
              metric == RefineMetric::value ? std::string() : text(", by ", enum_name(metric)));
     plan.error.kind = ErrorBound::Kind::bound;
     plan.error.absolute = tolerance.value;
+    if (metric == RefineMetric::gradient) plan.error.quantity = "gradients";
+    if (metric == RefineMetric::transfer) plan.error.quantity = "display levels";
     if (metric != RefineMetric::value)
         plan.passing.because = text("its tolerance is one of ", enum_name(metric), "s");
     else if (tolerance.noise)
