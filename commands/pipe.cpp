@@ -22,11 +22,6 @@ std::vector<std::vector<std::string>> stages_of(std::string const& line) {
     return stages;
 }
 
-bool is_about_output(std::string const& option) {
-    auto const names = {"output", "force", "format", "compress", "no-checksum"};
-    return std::find(names.begin(), names.end(), option) != names.end();
-}
-
 /// Options given to the pipeline go to the stages that have them, those about the output to the last one.
 void share(Parameters const& shared, std::vector<Verb>& stages) {
     for (auto const& p : shared.all()) {
@@ -82,8 +77,12 @@ int pipe(std::vector<std::string> const& words) {
                         "only the last stage has an output");
     if (tolerance) {
         bool const tells = common.explain || common.dry_run || common.verbose;
-        for (auto const& choice : divide_budget(stages, *tolerance))
-            if (tells) Log().answer(text("vkt pipe:   ", choice));
+        DividedBudget const divided = divide_budget(stages, *tolerance);
+        for (auto const& choice : divided.choices)
+            if (tells)
+                Log().answer(
+                    text("vkt pipe:   ", stages[choice.stage].verb().name, " --", choice.option, " ", choice.value));
+        if (tells) Log().answer(text("vkt pipe:   ", divided.result));
     }
     return run(stages);
 }

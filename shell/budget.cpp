@@ -20,7 +20,7 @@ namespace {
 /// Lets what begins a pipeline open its files, to look at the first header.
 class FirstLook : public Context {
 public:
-    explicit FirstLook(Invocation const& stage) : common_(stage.common()) {}
+    FirstLook(Invocation const& stage, std::string option) : common_(stage.common()), option_(std::move(option)) {}
     Execution const& execution() const override { return execution_; }
     StageInfo stage_info() const override { return {}; }
     bool json() const override { return false; }
@@ -43,7 +43,7 @@ public:
     std::unique_ptr<Source> open(std::string const& path, ReadOptions const& stated) override {
         if (path == "-")
             throw Error(ErrorKind::usage,
-                        "--tolerance: the pipeline begins with no file, so that nobody knows its type",
+                        text(option_, ": the pipeline begins with no file, so that nobody knows its type"),
                         "write what comes in to a file first, or begin with vkt read FILE");
         ReadOptions options = stated;
         options.trust_paths = options.trust_paths || trust_paths();
@@ -52,10 +52,12 @@ public:
 
 private:
     Common const& common_;
+    std::string option_;
     Execution execution_ = default_execution();
 };
 
 struct SetKnob {
+    std::size_t place; ///< of its stage in the pipeline
     Invocation* stage;
     Knob knob;
 };
@@ -63,9 +65,15 @@ struct SetKnob {
 /// The pipeline's operations, and what the first of them reads.
 class Planner {
 public:
-    explicit Planner(std::deque<Invocation>& stages) {
-        for (auto& stage : stages) {
-            bool const first = &stage == &stages.front();
+    struct Stage {
+        std::size_t place;
+        Invocation* stage;
+    };
+
+    Planner(std::deque<Invocation>& stages, std::string option) : option_(std::move(option)) {
+        for (std::size_t i = 0; i < stages.size(); ++i) {
+            Invocation& stage = stages[i];
+            bool const first = i == 0;
             if (stage.operation() == nullptr) { // read and write, or what reports
                 if (first) input_ = in_stage(stage.label(), [&] { return read(stage); });
                 if (first || &stage == &stages.back()) continue;
@@ -75,7 +83,7 @@ public:
             if (stage.operation()->inputs() > 1 || inputs > 1) refuse(stage);
             if (first && stage.operation()->inputs() == 1)
                 input_ = in_stage(stage.label(), [&] { return read(stage); });
-            operations_.push_back(&stage);
+            operations_.push_back({i, &stage});
         }
     }
 
@@ -83,7 +91,7 @@ public:
     Outcome outcome() {
         double cost = 0;
         Header header = input_;
-        for (Invocation* const stage : operations_) {
+        for (auto const& [place, stage] : operations_) {
             Operation& operation = *stage->operation();
             std::vector<Header> inputs;
             if (operation.inputs() == 1) inputs.push_back(header);
@@ -96,26 +104,29 @@ public:
         return {last_.known() ? last_.at_most : HUGE_VAL, cost};
     }
     VolumeError const& last() const { return last_; }
-    std::vector<Invocation*> const& operations() const { return operations_; }
+    /// True if nobody knows between which values the volume of floats that it begins with lies.
+    bool reads_unlimited() const { return !operations_.empty() && !values_of(input_); }
+    std::vector<Stage> const& operations() const { return operations_; }
 
 private:
-    static Header read(Invocation const& stage) {
-        FirstLook look(stage);
+    Header read(Invocation const& stage) const {
+        FirstLook look(stage, option_);
         auto const source = stage.opener() != nullptr
                                 ? stage.opener()->open(look)
                                 : look.open(stage.inputs().empty() ? "-" : stage.inputs().front(), {});
-        if (!source->next_volume()) throw Error(ErrorKind::data, "--tolerance: the pipeline begins with no volume");
+        if (!source->next_volume()) throw Error(ErrorKind::data, text(option_, ": the pipeline begins with no volume"));
         Header header = source->header();
         mark_as_given(header);
         return header;
     }
-    [[noreturn]] static void refuse(Invocation const& stage) {
-        throw Error(ErrorKind::usage, text("--tolerance: '", stage.verb().name, "' takes more than what comes to it"),
+    [[noreturn]] void refuse(Invocation const& stage) const {
+        throw Error(ErrorKind::usage, text(option_, ": '", stage.verb().name, "' takes more than what comes to it"),
                     "budgets are for stages of one input");
     }
 
+    std::string option_; ///< that asked for it
     Header input_;
-    std::vector<Invocation*> operations_;
+    std::vector<Stage> operations_;
     VolumeError last_;
 };
 
@@ -123,13 +134,13 @@ private:
 std::vector<SetKnob> knobs_of(Planner& planner) {
     std::vector<SetKnob> result;
     planner.outcome(); // knobs are those of the volume last planned
-    for (Invocation* const stage : planner.operations())
+    for (auto const& [place, stage] : planner.operations())
         if (auto const* const tunable = dynamic_cast<Tunable const*>(stage->operation()))
             for (Knob knob : tunable->knobs()) {
                 if (!knob.bounded || knob.option == "dtype" || stage->own_parameters().given(knob.option)) continue;
                 if (knob.option == "method") continue; // what is cheapest for a tolerance is chosen by the operation
                 knob.values.push_back(knob.best);
-                result.push_back({stage, std::move(knob)});
+                result.push_back({place, stage, std::move(knob)});
             }
     return result;
 }
@@ -141,10 +152,10 @@ void set(SetKnob const& knob, std::size_t setting) {
 
 } // namespace
 
-std::vector<std::string> divide_budget(std::deque<Invocation>& stages, double tolerance) {
+DividedBudget divide_budget(std::deque<Invocation>& stages, double tolerance, std::string const& option) {
     if (!(tolerance >= 0) || !std::isfinite(tolerance))
-        throw Error(ErrorKind::usage, text("--tolerance ", tolerance, " is not a finite number >= 0"));
-    Planner planner(stages);
+        throw Error(ErrorKind::usage, text(option, " ", tolerance, " is not a finite number >= 0"));
+    Planner planner(stages, option);
     std::vector<SetKnob> const knobs = knobs_of(planner);
     std::vector<std::size_t> const counts = collect(knobs, [](SetKnob const& set) { return set.knob.values.size(); });
     VolumeError least = VolumeError::lost("");
@@ -158,18 +169,37 @@ std::vector<std::string> divide_budget(std::deque<Invocation>& stages, double to
     auto const chosen = cheapest_within(tolerance, counts, evaluate);
     if (!chosen) {
         if (!least.known())
-            throw Error(ErrorKind::usage, text("--tolerance: the error of the result is ", to_sentence(least, "")));
+            throw Error(ErrorKind::usage, text(option, ": the error of the result is ", to_sentence(least, "")),
+                        planner.reads_unlimited()
+                            ? "vkt stats tells between which values the volume lies: 'arith clamp - LOW HIGH' before "
+                              "the filters makes them known"
+                            : "");
         throw Error(ErrorKind::usage,
-                    text("--tolerance ", tolerance, ": the result can be had ", to_sentence(least, ""), " at best"),
+                    text(option, " ", tolerance, ": the result can be had ", to_sentence(least, ""), " at best"),
                     "integers between stages cost half a step each: begin with vkt convert --dtype float32");
     }
     evaluate(*chosen);
-    std::vector<std::string> lines;
+    DividedBudget divided;
     for (std::size_t k = 0; k < knobs.size(); ++k)
-        lines.push_back(
-            text(knobs[k].stage->verb().name, " --", knobs[k].knob.option, " ", knobs[k].knob.values[(*chosen)[k]]));
-    lines.push_back(text("the result is ", to_sentence(planner.last(), "")));
-    return lines;
+        divided.choices.push_back({knobs[k].place, knobs[k].knob.option, knobs[k].knob.values[(*chosen)[k]]});
+    divided.result = text("the result is ", to_sentence(planner.last(), ""));
+    return divided;
+}
+
+BudgetedLine line_within(History planned, double tolerance) {
+    std::deque<History*> steps;
+    for (History* step = &planned; step != nullptr; step = step->inputs.empty() ? nullptr : &step->inputs.front()) {
+        if (step->command.empty()) // folded, or of no known command
+            throw Error(ErrorKind::usage, "--budget: not all commands of the pipeline are known",
+                        text("a dry run tells of ", static_cast<std::int64_t>(most_history_steps), " at most"));
+        steps.push_front(step);
+    }
+    std::deque<Invocation> stages;
+    for (History* const step : steps) stages.emplace_back(find_verb(step->command)).parse();
+    DividedBudget const divided = divide_budget(stages, tolerance, "--budget");
+    for (auto const& choice : divided.choices)
+        for (auto const& word : {"--" + choice.option, choice.value}) steps[choice.stage]->command.push_back(word);
+    return {history_as_shell(planned), divided.result};
 }
 
 } // namespace vkt::shell

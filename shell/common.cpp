@@ -5,6 +5,7 @@
 #include "libvkt/core/error.h"
 #include "libvkt/formats/request.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 namespace vkt::shell {
@@ -16,6 +17,11 @@ std::string environment(char const* name) {
 }
 
 } // namespace
+
+bool is_about_output(std::string const& option) {
+    auto const names = {"output", "force", "format", "compress", "no-checksum"};
+    return std::find(names.begin(), names.end(), option) != names.end();
+}
 
 void Common::declare(Parameters& p, CommonKind kind) {
     if (kind.volume_output || kind.file_output) {
@@ -38,6 +44,10 @@ void Common::declare(Parameters& p, CommonKind kind) {
     if (kind.report) p.flag("json", json, "report as JSON").not_in_history();
     ExecutionOptions::declare(p);
     p.flag("dry-run", dry_run, "print the plan, move no voxels").short_form('n').not_in_history();
+    if (kind.input)
+        p.option("budget", budget, "E",
+                 "after a dry run: print the pipeline that keeps its error to E, a physical value, and costs least")
+            .not_in_history();
     p.flag("explain", explain, "print method, error bound and cost").not_in_history();
     p.flag("timing", timing, "let the last stage print a table of times (VKT_TIMING=1)").not_in_history();
     p.flag("strict", strict, "fail if voxels are clipped, or not a number where the result has none").not_in_history();

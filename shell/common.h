@@ -18,6 +18,9 @@ template <> struct EnumNames<ipc::Transport> {
 
 namespace vkt::shell {
 
+/// True of options that say where the output goes, and how.
+bool is_about_output(std::string const& option);
+
 /// What kinds of output a command has decides which options it gets.
 struct CommonKind {
     bool volume_output = false; ///< writes volumes: -o, --force, --format, --no-checksum
@@ -35,6 +38,7 @@ struct Common : ExecutionOptions {
     std::string output = "-";
     std::string report_file; ///< where the operation's report goes; empty: nowhere
     std::string format;
+    std::optional<double> budget; ///< of the error of a pipeline that is only planned
     bool help = false, examples = false;
 
     void declare(Parameters& parameters, CommonKind kind);

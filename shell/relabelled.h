@@ -44,7 +44,28 @@ public:
     }
 
 private:
-    void relabel(Header& header) const override { header.dry_run = true; }
+    void relabel(Header& header) const override {
+        if (header.dry_run) return;
+        header.dry_run = true;
+        header.planned.reset();
+    }
+};
+
+/// Adds a step to what headers tell of a dry run, or, without words, forgets that; leaves other headers alone.
+class WithPlannedStep : public Relabelled {
+public:
+    WithPlannedStep(std::unique_ptr<Source> source, std::vector<std::string> words)
+        : Relabelled(std::move(source)), words_(std::move(words)) {}
+
+private:
+    void relabel(Header& header) const override {
+        if (!header.dry_run) return;
+        if (words_.empty()) return header.planned.reset();
+        History step{words_, {}};
+        if (header.planned) step.inputs.push_back(*header.planned);
+        header.planned = step;
+    }
+    std::vector<std::string> words_;
 };
 
 /// Tells of each volume of a source, for --dry-run, --explain and --verbose; of the parts of a whole only with the

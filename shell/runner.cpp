@@ -15,6 +15,7 @@
 #include "libvkt/formats/stream_reader.h"
 #include "libvkt/io/output_file.h"
 #include "libvkt/operations/reference_volume.h"
+#include "shell/budget.h"
 #include "shell/calibration.h"
 #include "shell/named_files.h"
 #include "shell/pictures.h"
@@ -254,6 +255,9 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         if (!stage.common().no_history)
             source = std::make_unique<WithHistory>(std::move(source), stage.history_words());
         if (dry_run_) source = std::make_unique<PlanOnly>(std::move(source));
+        // Of stacks, bricks and the like no line is made again.
+        source = std::make_unique<WithPlannedStep>(
+            std::move(source), stage.inputs().empty() ? stage.history_words() : std::vector<std::string>{});
         if (explains(stage) && share_ == 0)
             source = std::make_unique<Announced>(std::move(source),
                                                  [this, &stage, execution](Header const& h, std::int64_t parts) {
@@ -264,7 +268,9 @@ std::unique_ptr<Source> Runner::build(Invocation& stage, std::unique_ptr<Source>
         auto inputs = open_inputs(stage, std::move(previous));
         look_at_like(stage);
         source = attach(std::move(inputs), *stage.operation(), execution, stage_info(stage));
-        if (dry_run_ && stage.operation()->inputs() == 0) source = std::make_unique<PlanOnly>(std::move(source));
+        if (dry_run_ && stage.operation()->inputs() == 0)
+            source =
+                std::make_unique<WithPlannedStep>(std::make_unique<PlanOnly>(std::move(source)), stage.history_words());
     }
     if (stage.common().wants_timing()) source = std::make_unique<Timed>(std::move(source));
     if (!stage.label().empty()) source = std::make_unique<StageSource>(std::move(source), stage.label());
@@ -302,6 +308,42 @@ int Runner::consume(Invocation& stage, std::unique_ptr<Source> previous) {
     return code;
 }
 
+std::unique_ptr<Source> Runner::only_input(Invocation& stage, std::unique_ptr<Source> previous) {
+    if (stage.inputs().size() != 1 || stage.consumer()->opens_inputs())
+        throw Error(ErrorKind::usage, text("--budget: '", stage.verb().name, "' has several inputs"),
+                    "budgets are for stages of one input");
+    return std::move(open_inputs(stage, std::move(previous)).front());
+}
+
+int Runner::tell_budget(Source& source) {
+    if (!source.next_volume()) throw Error(ErrorKind::data, "--budget: there is no volume");
+    Header const header = source.header();
+    if (!header.dry_run)
+        throw Error(ErrorKind::usage, "--budget is for pipelines that are only planned",
+                    "give -n to the first command; within one process vkt pipe --tolerance divides an error");
+    do source.finish();
+    while (source.next_volume());
+    std::optional<History> planned = header.planned;
+    if (last_.consumer() != nullptr) {
+        StageInfo info;
+        info.words = last_.history_words();
+        info.input_names = last_.inputs();
+        planned = planned_step(info, {header});
+    }
+    if (!planned)
+        throw Error(ErrorKind::usage, "--budget: a stage of the pipeline tells nothing of itself",
+                    "leave out --no-history");
+    for (auto const& p : last_.common_parameters().all()) {
+        if (!p.given || p.positional || !(is_about_output(p.name) || p.name == "json" || p.name == "report")) continue;
+        planned->command.push_back("--" + p.name);
+        for (auto const& word : p.get()) planned->command.push_back(word);
+    }
+    BudgetedLine const line = line_within(*planned, *last_.common().budget);
+    log_.answer(text(last_.stage(), ":   ", line.result, "\n"));
+    print_text(line.line + "\n");
+    return 0;
+}
+
 /// Before anything is waited for: all stages of a pipeline get hold of their GPUs at once.
 void Runner::take_gpus() {
     Common const& c = last_.common();
@@ -332,10 +374,14 @@ int Runner::run() {
         source = build_divided();
         for (auto& stage : stages_) {
             refuse_unread(stage);
-            if (stage.consumer() != nullptr)
+            if (stage.consumer() != nullptr && !last_.common().budget)
                 return in_stage(stage.label(), [&] { return consume(stage, std::move(source)); });
-            if (twins_.empty()) source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
+            if (stage.consumer() != nullptr)
+                source = in_stage(stage.label(), [&] { return only_input(stage, std::move(source)); });
+            else if (twins_.empty())
+                source = in_stage(stage.label(), [&] { return build(stage, std::move(source)); });
         }
+        if (last_.common().budget) return in_stage(last_.label(), [&] { return tell_budget(*source); });
     } catch (std::exception const& e) {
         say_downstream(last_, e.what());
         throw;

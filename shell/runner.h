@@ -94,6 +94,10 @@ private:
     void refuse_unread(Invocation const& stage) const;
     int consume(Invocation& stage, std::unique_ptr<Source> previous);
     int drain(std::unique_ptr<Source> source);
+    /// What a consumer would read. Throws Error{usage} if that is not one volume after the other from one input.
+    std::unique_ptr<Source> only_input(Invocation& stage, std::unique_ptr<Source> previous);
+    /// --budget: prints the pipeline that was planned, with knobs that keep the error of its result within the budget.
+    int tell_budget(Source& source);
     void take_gpus();
     std::unique_ptr<Sink> make_sink();
     void drain_all(Source& source, Sink& sink);

@@ -67,7 +67,7 @@ void Runner::check_output_end() {
     bool const picture =
         last_.consumer() != nullptr && last_.consumer()->writes() && last_.own_parameters().find("output") == nullptr;
     bool const to_terminal = (volumes || picture) && c.output == "-" && !last_.common_parameters().given("output") &&
-                             output_is_terminal() && !dry_run_;
+                             output_is_terminal() && !dry_run_ && !c.budget;
     bool const shows = last_.consumer() != nullptr && last_.consumer()->shows();
     bool const only_shows = shows && !last_.consumer()->writes();
     bool const forced = shows && picture && last_.own_parameters().given("window");

@@ -111,3 +111,58 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024)' "$@"; }
     vkt pipe 'read v.nrrd --timing | flip x | write y.nrrd' 2>table
     grep -q 'KiB .*KiB' table || { cat table >&2; false; }
 }
+
+# On eight bits, so that the range of values is known before any is read.
+@test "--budget divides an error among the stages of a dry run and prints the pipeline, which keeps to it" {
+    vkt make noise --dims 24 20 22 --dtype uint8 --high 255 --no-history -o grey.nrrd
+    for budget in 1 0.3 0.05; do
+        vkt convert grey.nrrd --dtype float32 -n 2>/dev/null | vkt filter gaussian --sigma 2 2>/dev/null |
+            vkt filter gaussian --sigma 3 -o 'smooth it.nrrd' --budget $budget >line 2>plan
+        [ "$(wc -l <line)" -eq 1 ]
+        [ ! -e 'smooth it.nrrd' ]
+        grep -q "^vkt filter:   the result is within 0.* of exact" plan
+        sh line
+        vkt info 'smooth it.nrrd' --json >info
+        /usr/bin/python3 -c '
+import json, sys
+error = json.load(open("info"))["error"]
+assert error["kind"] == "bound" and 0 < error["at_most"] <= float(sys.argv[1]), error' $budget
+        # What vkt pipe chooses.
+        vkt pipe --tolerance $budget 'convert grey.nrrd --dtype float32 | filter gaussian --sigma 2 | filter gaussian --sigma 3' -o one.nrrd
+        vkt history one.nrrd --as-shell >one
+        sed "s/ --output 'smooth it.nrrd'//" line >many
+        diff one many
+        vkt diff one.nrrd 'smooth it.nrrd'
+        rm one.nrrd 'smooth it.nrrd'
+    done
+    [ "$(tr -s ' ' '\n' <line | grep -c -- '^--tolerance')" -eq 2 ]
+}
+
+@test "--budget is about the stages that are planned, and keeps what they say" {
+    # What made the file is no stage; its error counts.
+    vkt make noise --dims 20 20 20 --dtype uint8 --high 255 | vkt convert --dtype float32 |
+        vkt filter gaussian --sigma 1.5 --tolerance 1% -o before.vkt
+    vkt read before.vkt -n 2>/dev/null | vkt filter gaussian --sigma 2 2>/dev/null | vkt stats --json --budget 5 >line 2>/dev/null
+    grep -qE "^vkt read before.vkt \| vkt filter gaussian --sigma 2(,2,2)? --tolerance [^ ]+% \| vkt stats (- )?--json$" line || { cat line >&2; false; }
+    sh line | grep -q '"mean"'
+    fails_with 2 "within" bash -c 'vkt read before.vkt -n 2>/dev/null | vkt stats --budget 1e-9'
+    # A tolerance that is given stays; sources and the end of one process, too.
+    vkt make sphere --dims 16 16 16 --dtype uint8 -n 2>/dev/null | vkt convert --dtype float32 2>/dev/null |
+        vkt filter gaussian --sigma 1 --tolerance 0.5% 2>/dev/null | vkt write s.nrrd --budget 10 >line 2>/dev/null
+    [ "$(cat line)" = "vkt make sphere --dims 16 16 16 --dtype uint8 | vkt convert --dtype float32 | vkt filter gaussian --sigma 1,1,1 --tolerance 0.5% | vkt write - s.nrrd" ] || { cat line >&2; false; }
+    vkt filter gaussian v.nrrd --sigma 2 -n -o x.nrrd --budget 1 >line 2>/dev/null
+    grep -qE "^vkt filter gaussian v.nrrd --sigma 2,2,2 --output x.nrrd --tolerance [^ ]+%$" line || { cat line >&2; false; }
+    sh line
+    vkt info x.nrrd | grep -q 'within'
+}
+
+@test "--budget refuses what is not planned, has several inputs or no known error" {
+    fails_with 2 "give -n to the first command" vkt stats v.nrrd --budget 1
+    fails_with 2 "give -n to the first command" vkt flip x v.nrrd --budget 1
+    fails_with 2 "several inputs" vkt diff v.nrrd v.nrrd -n --budget 1
+    fails_with 2 "takes more than what comes to it" bash -c 'vkt arith sub v.nrrd v.nrrd -n 2>/dev/null | vkt stats --budget 1'
+    fails_with 2 "begins with no file" bash -c 'vkt stack v.nrrd v.nrrd -n 2>/dev/null | vkt flip x 2>/dev/null | vkt stats --budget 1'
+    fails_with 2 "unknown" bash -c 'vkt read v.nrrd -n 2>/dev/null | vkt threshold --above 3 2>/dev/null | vkt transform "v*v" 2>/dev/null | vkt stats --budget 1'
+    fails_with 2 "leave out --no-history" bash -c 'vkt read v.nrrd -n 2>/dev/null | vkt flip x --no-history --budget 1'
+    fails_with 2 "not a finite number" bash -c 'vkt read v.nrrd -n 2>/dev/null | vkt flip x --budget inf'
+}

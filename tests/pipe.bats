@@ -127,3 +127,23 @@ EOF
         awk -v read="$read_mib" 'BEGIN { exit !(read > 14 && read < 1.6 * 14.1) }' || { echo "$turn: $read_mib MiB of 14.1" >&2; false; }
     done
 }
+
+@test "a budget for a volume of floats says how its values become known, and that works" {
+    vkt make noise --dims 16 16 16 --dtype float32 -o f.nrrd
+    fails_with 2 "arith clamp - LOW HIGH" vkt pipe --tolerance 0.1 'read f.nrrd | filter gaussian --sigma 2' -o x.nrrd
+    read -r low high <<<"$(vkt stats f.nrrd --json | /usr/bin/python3 -c '
+import json, sys
+found = json.load(sys.stdin)
+print(found["min"], found["max"])')"
+    vkt pipe --tolerance 0.1 "read f.nrrd | arith clamp - $low $high | filter gaussian --sigma 2" -o x.nrrd
+    vkt info x.nrrd --json | /usr/bin/python3 -c '
+import json, sys
+error = json.load(sys.stdin)["error"]
+assert error["kind"] == "bound" and error["at_most"] <= 0.1, error'
+    vkt arith clamp f.nrrd "$low" "$high" | vkt diff - f.nrrd
+    # Of integers it is something else that is not known.
+    vkt make noise --dims 16 16 16 --dtype uint8 --high 200 -o i.nrrd
+    run --separate-stderr vkt pipe --tolerance 0.1 'read i.nrrd | transform "v*v"' -o y.nrrd
+    [ "$status" -eq 2 ]
+    [[ "$stderr" != *"arith clamp"* ]]
+}

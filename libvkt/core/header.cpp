@@ -181,6 +181,7 @@ void read_optional(Json const& object, Header& header) {
     if (auto const i = object.find("error"); i != object.end()) header.error = volume_error(*i);
     if (auto const i = object.find("history"); i != object.end()) header.history = folded(history(*i, 0));
     header.dry_run = boolean(object, "dry_run");
+    if (auto const i = object.find("planned"); i != object.end()) header.planned = folded(history(*i, 0));
     header.timing = boolean(object, "timing");
 }
 
@@ -286,6 +287,7 @@ Header in_utf8(Header header) {
     header.attributes = std::move(attributes);
     header.error.because = in_utf8(header.error.because);
     if (header.history) to_utf8(*header.history);
+    if (header.planned) to_utf8(*header.planned);
     return header;
 }
 
@@ -315,6 +317,7 @@ std::string to_json(Header const& given) {
     }
     if (!header.error.silent()) result["error"] = to_value(header.error);
     if (header.dry_run) result["dry_run"] = true;
+    if (header.dry_run && header.planned) result["planned"] = to_value(folded(*header.planned));
     if (header.timing) result["timing"] = true;
     if (header.history) result["history"] = to_value(folded(*header.history));
     // One key a line: a person who looks into a stream shall see what it is.

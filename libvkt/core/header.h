@@ -58,11 +58,12 @@ struct Header {
     std::optional<Part> part;
     VolumeError error; ///< of the voxels; operations and the engine see to it that it is never kept by mistake
     std::optional<History> history;
-    std::int64_t brick_count = 0; ///< hierarchical: how many bricks follow
-    std::int64_t cell_count = 0;  ///< hierarchical: how many cells these bricks hold
-    int level_count = 0;          ///< hierarchical: 1 + coarsest level
-    bool dry_run = false;         ///< only the plan travels; no voxels follow
-    bool timing = false;          ///< stages downstream are asked to report their times
+    std::int64_t brick_count = 0;   ///< hierarchical: how many bricks follow
+    std::int64_t cell_count = 0;    ///< hierarchical: how many cells these bricks hold
+    int level_count = 0;            ///< hierarchical: 1 + coarsest level
+    bool dry_run = false;           ///< only the plan travels; no voxels follow
+    std::optional<History> planned; ///< of a dry run: its commands, without what made the files that they read
+    bool timing = false;            ///< stages downstream are asked to report their times
 
     /// Voxels or cells that follow this header, and their bytes.
     std::int64_t voxels() const { return kind == Kind::structured ? dims.x * dims.y * dims.z : cell_count; }

@@ -58,6 +58,12 @@ double bytes_of(Box const& box, Header const& header) {
 
 } // namespace
 
+std::optional<History> planned_step(StageInfo const& info, std::vector<Header> headers) {
+    if (headers.empty() || !headers.front().dry_run || info.words.empty()) return std::nullopt;
+    for (auto& header : headers) header.history = header.planned;
+    return history_step(info, headers);
+}
+
 History history_step(StageInfo const& info, std::vector<Header> const& headers) {
     History step;
     bool any = false;
@@ -190,6 +196,7 @@ void OperationSource::plan_volume() {
         plan_.output.timing = headers.front().timing;
     }
     if (!info_.words.empty()) plan_.output.history = history_step(info_, headers);
+    plan_.output.planned = planned_step(info_, headers);
     settle_error(headers, false);
     if (info_.on_plan) info_.on_plan(plan_, headers);
     expected_end_ = plan_.output.dims.z;

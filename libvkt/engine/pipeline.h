@@ -60,6 +60,8 @@ bool only_planned(Operation& reduction, Measurement& of);
 std::string input_placeholder(std::size_t i, bool explicit_word);
 /// The history step of a stage: its words with the placeholders replaced, and the histories of its inputs.
 History history_step(StageInfo const& info, std::vector<Header> const& inputs);
+/// The same for Header::planned, out of those of the inputs; none unless they are only planned.
+std::optional<History> planned_step(StageInfo const& info, std::vector<Header> inputs);
 
 /// A source that computes `operation` on `inputs`. Inserts spools where the operation scans or jumps and the input
 /// cannot be read again. The operation must outlive the result.
