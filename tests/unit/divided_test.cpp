@@ -140,6 +140,7 @@ std::vector<std::vector<std::vector<std::string>>> pipelines() {
         {{"crop", "--roi", "2:20,:,3:40"}, {"convert", "--dtype", "uint8"}, {"filter box", "--radius", "2"}},
         {{"convert", "--dtype", "uint8"}, {"resample", "--dims", "17,19,61", "--method", "cubic"}},
         {{"convert", "--dtype", "uint8"}, {"crop", "--roi", ":,:,11:35"}},
+        {{"rotate", "--axis", "z", "--angle", "20"}},
         // These cannot be divided, or only their last stages could.
         {{"convert", "--dtype", "uint8"}, {"flip", "z"}},
         {{"scan"}},
@@ -165,6 +166,12 @@ TEST(Divided, MakesWhatOneShareMakes) {
                 expect_equal(one, together(stages, input, count, true), what + ", from a pipe");
             }
         }
+}
+
+TEST(Divided, KeepsWhatArrivesOnceInAFileBeyondItsMemory) {
+    Volume const input = volume_of(DataType::float32, {128, 96, 48}); // 2.25 MiB, of which a quarter of 4 has no room
+    for (std::size_t const i : {std::size_t{1}, std::size_t{3}})
+        expect_equal(alone(pipelines()[i], input), together(pipelines()[i], input, 2, true), text(i));
 }
 
 TEST(Divided, CountsWhatIsLostOnce) {
