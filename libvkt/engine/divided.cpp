@@ -20,7 +20,7 @@ namespace {
 
 /// Slabs of a share, at least: what is read around them is read by two shares, so that few thick ones are best, but
 /// nothing is handed on before the first is done.
-constexpr std::int64_t slabs_of_share = 4;
+constexpr std::int64_t slabs_of_share = 2;
 /// That a share computes before the first is asked for.
 constexpr std::size_t slabs_ahead = 2;
 

@@ -484,7 +484,8 @@ void OperationSource::compute(AnyView out) {
 void OperationSource::run_on_gpu(AnyView out) {
     Index3 const n = plan_.output.dims;
     bool const slabs = out.box.lower.x == 0 && out.box.lower.y == 0 && out.box.upper.x == n.x && out.box.upper.y == n.y;
-    bool const follows = out.box.lower.z == 0 || out.box.lower.z == ahead_box_.upper.z || ahead_box_.contains(out.box);
+    bool const follows =
+        out.box.lower.z == 0 || (out.box.lower.z >= ahead_box_.lower.z && out.box.lower.z <= ahead_box_.upper.z);
     if (!slabs || !follows || inputs_.empty() || descends(box_of(n))) return compute(out);
     for (std::int64_t z = out.box.lower.z; z < out.box.upper.z;) {
         if (z < ahead_box_.lower.z || z >= ahead_box_.upper.z) {

@@ -15,21 +15,6 @@ namespace {
 
 constexpr int paths_at_once = 8; ///< between two looks at the watch
 
-constexpr int bands_of_gpu = 4; ///< so that each of several GPUs has dense and empty parts of a picture
-constexpr int rows_of_block = 16;
-
-/// The rows that one of several GPUs draws, in bands.
-std::vector<Tile> bands_of(Drawing const& drawing, int width, int number, int count) {
-    int const rows = drawing.last_row - drawing.first_row;
-    int height = count == 1 ? rows : (rows + bands_of_gpu * count - 1) / (bands_of_gpu * count);
-    if (count > 1) height = (height + rows_of_block - 1) / rows_of_block * rows_of_block;
-    std::vector<Tile> bands;
-    for (int row = number * height; row < rows; row += count * height)
-        bands.push_back(
-            {0, drawing.first_row + row, width, std::min(drawing.first_row + row + height, drawing.last_row)});
-    return bands;
-}
-
 /// Numbers of the pixels that are summed up on a GPU: those of the host, or zeros.
 class DeviceSums {
 public:
@@ -53,8 +38,8 @@ private:
 /// What one GPU draws of a picture.
 class PartOnGpu {
 public:
-    PartOnGpu(DrawingGpu const& on, std::vector<Tile> bands, Image const& image)
-        : on_(on), bands_(std::move(bands)), row_(4 * static_cast<std::size_t>(image.width)) {
+    PartOnGpu(DrawingGpu const& on, Bands const& bands, Image const& image)
+        : on_(on), bands_(bands), row_(4 * static_cast<std::size_t>(image.width)) {
         device_select(on_.gpu);
         pixels_.reserve(image.pixels.size() * sizeof(float));
         to_ = reinterpret_cast<float*>(pixels_.write(Space::device));
@@ -71,7 +56,7 @@ public:
     /// Begins to draw, which takes its time.
     void launch(SceneView const& scene) {
         device_select(on_.gpu);
-        for (Tile const& band : bands_) on_.launch(scene, band, to_, counts_);
+        on_.launch(scene, bands_, to_, counts_);
     }
     void launch_paths(int done, int samples) {
         SceneView part = on_.scene;
@@ -114,12 +99,17 @@ public:
 
 private:
     template <class F> void for_bands(F const& f) const {
-        for (Tile const& band : bands_)
-            f(static_cast<std::size_t>(band.y0) * row_, static_cast<std::size_t>(band.y1 - band.y0) * row_);
+        if (bands_.step == 1) // all rows are one piece
+            return f(static_cast<std::size_t>(bands_.part.y0) * row_,
+                     static_cast<std::size_t>(bands_.part.y1 - bands_.part.y0) * row_);
+        for (int band = 0; band < bands_.count(); ++band) {
+            int const begin = bands_.row(band), end = std::min(begin + Bands::rows_of_band, bands_.part.y1);
+            f(static_cast<std::size_t>(begin) * row_, static_cast<std::size_t>(end - begin) * row_);
+        }
     }
 
     DrawingGpu const& on_;
-    std::vector<Tile> bands_;
+    Bands bands_;
     std::size_t row_; ///< numbers of a row
     Buffer pixels_, totals_{4 * sizeof(std::uint64_t)};
     float* to_ = nullptr;
@@ -184,10 +174,10 @@ SceneView DeviceCopies::scene(SceneView const& scene, std::shared_ptr<void const
 }
 
 #ifndef VKT_CUDA
-void launch_drawing(SceneView const&, LatticeView const&, Integrator, Tile, float*, std::uint64_t*) {
+void launch_drawing(SceneView const&, LatticeView const&, Integrator, Bands const&, float*, std::uint64_t*) {
     throw_without_cuda();
 }
-void launch_drawing(SceneView const&, TreeView const&, Integrator, Tile, float*, std::uint64_t*) {
+void launch_drawing(SceneView const&, TreeView const&, Integrator, Bands const&, float*, std::uint64_t*) {
     throw_without_cuda();
 }
 #endif
@@ -195,9 +185,11 @@ void launch_drawing(SceneView const&, TreeView const&, Integrator, Tile, float*,
 Quality draw_on_gpus(Drawing const& drawing, std::vector<DrawingGpu> const& gpus, Integrator integrator, bool estimates,
                      Image& image, Counters& total, double& seconds) {
     std::deque<PartOnGpu> parts;
-    for (std::size_t i = 0; i < gpus.size(); ++i)
-        parts.emplace_back(gpus[i], bands_of(drawing, image.width, static_cast<int>(i), static_cast<int>(gpus.size())),
-                           image);
+    // Bands in turn: dense and empty parts of a picture are shared alike.
+    auto const count_of_gpus = static_cast<int>(gpus.size());
+    for (int i = 0; i < count_of_gpus; ++i)
+        parts.emplace_back(gpus[static_cast<std::size_t>(i)],
+                           Bands{{0, drawing.first_row, image.width, drawing.last_row}, i, count_of_gpus}, image);
     Quality quality;
     auto const draw = [&](auto const& launch) {
         auto const start = std::chrono::steady_clock::now();

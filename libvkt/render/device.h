@@ -39,9 +39,25 @@ private:
     std::shared_ptr<Environment const> environment_;
 };
 
-/// A launch for a scene whose arrays, like the volume that it draws, are memory of the current GPU: the pixels of a
-/// part, four floats each, and the four totals to which rays, segments, samples and capped paths are added.
-using Launch = std::function<void(SceneView const& scene, Tile part, float* pixels, std::uint64_t* totals)>;
+/// Rows of a part that are drawn at once: of its bands, which are rows_of_band high, every step-th from `first` on.
+struct Bands {
+    Tile part{};
+    int first = 0, step = 1;
+
+    /// How many there are.
+    VKT_HD int count() const {
+        int const all = (part.y1 - part.y0 + rows_of_band - 1) / rows_of_band;
+        return all > first ? (all - first + step - 1) / step : 0;
+    }
+    /// The first row of one of them.
+    VKT_HD int row(int band) const { return part.y0 + (first + band * step) * rows_of_band; }
+
+    static constexpr int rows_of_band = 16;
+};
+
+/// A launch for a scene whose arrays, like the volume that it draws, are memory of the current GPU: the pixels of
+/// some bands, four floats each, and the four totals to which rays, segments, samples and capped paths are added.
+using Launch = std::function<void(SceneView const& scene, Bands const& bands, float* pixels, std::uint64_t* totals)>;
 
 /// A GPU that draws, the scene with arrays in its memory, and how it is launched there.
 struct DrawingGpu {
@@ -57,9 +73,9 @@ Quality draw_on_gpus(Drawing const& drawing, std::vector<DrawingGpu> const& gpus
                      Image& image, Counters& total, double& seconds);
 
 /// One launch: everything that scene and volume point to is memory of the current GPU.
-void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
-                    std::uint64_t* totals);
-void launch_drawing(SceneView const& scene, TreeView const& tree, Integrator integrator, Tile part, float* pixels,
-                    std::uint64_t* totals);
+void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Bands const& bands,
+                    float* pixels, std::uint64_t* totals);
+void launch_drawing(SceneView const& scene, TreeView const& tree, Integrator integrator, Bands const& bands,
+                    float* pixels, std::uint64_t* totals);
 
 } // namespace vkt::render

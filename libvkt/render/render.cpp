@@ -365,15 +365,15 @@ Image Renderer::draw(RenderSettings const& settings, RenderReport* report, Watch
             if (tree_) {
                 if (!there.tree) there.tree = std::make_unique<DeviceTree>(*tree_);
                 gpus.push_back({gpu, view,
-                                [bricks_there = there.tree->view(bricks, ready->blocks, ready),
-                                 integrator](SceneView const& some, Tile part, float* pixels, std::uint64_t* totals) {
-                                    launch_drawing(some, bricks_there, integrator, part, pixels, totals);
+                                [bricks_there = there.tree->view(bricks, ready->blocks, ready), integrator](
+                                    SceneView const& some, Bands const& bands, float* pixels, std::uint64_t* totals) {
+                                    launch_drawing(some, bricks_there, integrator, bands, pixels, totals);
                                 }});
             } else {
                 gpus.push_back({gpu, view,
-                                [voxels_there = there.scene->lattice(),
-                                 integrator](SceneView const& some, Tile part, float* pixels, std::uint64_t* totals) {
-                                    launch_drawing(some, voxels_there, integrator, part, pixels, totals);
+                                [voxels_there = there.scene->lattice(), integrator](
+                                    SceneView const& some, Bands const& bands, float* pixels, std::uint64_t* totals) {
+                                    launch_drawing(some, voxels_there, integrator, bands, pixels, totals);
                                 }});
             }
         }

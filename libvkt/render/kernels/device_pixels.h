@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "libvkt/render/device.h"
 #include "libvkt/render/kernels/pixels.h"
 
 namespace vkt::render {
@@ -10,18 +11,19 @@ namespace vkt::render {
 namespace {
 
 /// Pixels of a block: rays of a warp stay together in an 8 x 4 patch.
-constexpr int block_x = 8, block_y = 16;
+constexpr int block_x = 8, block_y = Bands::rows_of_band;
 
-/// The blocks that a part takes.
-dim3 blocks_over(Tile part) {
-    return {static_cast<unsigned>((part.x1 - part.x0 + block_x - 1) / block_x),
-            static_cast<unsigned>((part.y1 - part.y0 + block_y - 1) / block_y)};
+/// The blocks that bands take.
+dim3 blocks_over(Bands const& bands) {
+    return {static_cast<unsigned>((bands.part.x1 - bands.part.x0 + block_x - 1) / block_x),
+            static_cast<unsigned>(bands.count())};
 }
 
 /// The pixel of a thread as a tile; nothing if that is none of the part's.
-__device__ __forceinline__ Tile pixel_of_thread(Tile part) {
+__device__ __forceinline__ Tile pixel_of_thread(Bands const& bands) {
+    Tile const& part = bands.part;
     int const x = part.x0 + static_cast<int>(blockIdx.x * block_x + threadIdx.x),
-              y = part.y0 + static_cast<int>(blockIdx.y * block_y + threadIdx.y);
+              y = bands.row(static_cast<int>(blockIdx.y)) + static_cast<int>(threadIdx.y);
     return x < part.x1 && y < part.y1 ? Tile{x, y, x + 1, y + 1} : Tile{0, 0, 0, 0};
 }
 

@@ -16,9 +16,9 @@ namespace {
 
 template <Integrator integrator, class T>
 __global__ void __launch_bounds__(block_x* block_y)
-    pixels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
+    pixels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Bands bands, float* pixels,
                   unsigned long long* totals) {
-    Tile const tile = pixel_of_thread(part);
+    Tile const tile = pixel_of_thread(bands);
     Counters counters;
     if (tile.x0 < tile.x1) {
         if constexpr (integrator == Integrator::scatter)
@@ -37,9 +37,9 @@ __global__ void __launch_bounds__(block_x* block_y)
 
 template <class T>
 __global__ void __launch_bounds__(block_x* block_y, 4)
-    labels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
+    labels_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Bands bands, float* pixels,
                   unsigned long long* totals) {
-    Tile const tile = pixel_of_thread(part);
+    Tile const tile = pixel_of_thread(bands);
     Counters counters;
     if (tile.x0 < tile.x1)
         for_rays(scene, tile, pixels, scene.frame.width,
@@ -52,9 +52,9 @@ constexpr int blocks_of(Usual usual) { return usual == Usual::flat ? 6 : usual =
 
 template <Usual usual, class T>
 __global__ void __launch_bounds__(block_x* block_y, blocks_of(usual))
-    usual_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Tile part, float* pixels,
+    usual_kernel(__grid_constant__ SceneView const scene, LatticeSampler<T> sampler, Bands bands, float* pixels,
                  unsigned long long* totals) {
-    Tile const tile = pixel_of_thread(part);
+    Tile const tile = pixel_of_thread(bands);
     Counters counters;
     if (tile.x0 < tile.x1)
         for_middles(scene, tile, pixels, scene.frame.width, 1, [&](Ray const& ray) {
@@ -67,64 +67,65 @@ __global__ void __launch_bounds__(block_x* block_y, blocks_of(usual))
 }
 
 template <Integrator integrator, class T>
-void launch(SceneView const& scene, LatticeView const& lattice, Tile part, float* pixels, unsigned long long* totals) {
-    if (part.y1 <= part.y0) return;
-    dim3 const grid = blocks_over(part), block(block_x, block_y);
+void launch(SceneView const& scene, LatticeView const& lattice, Bands const& bands, float* pixels,
+            unsigned long long* totals) {
+    if (bands.count() == 0) return;
+    dim3 const grid = blocks_over(bands), block(block_x, block_y);
     LatticeSampler<T> const sampler{static_cast<T const*>(lattice.data), lattice.row, lattice.slice, lattice.compact};
     bool const usual = is_usual(scene);
     if constexpr (integrator == Integrator::march) {
         if (usual && scene.shade.strength > 0)
-            usual_kernel<Usual::shaded, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            usual_kernel<Usual::shaded, T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
         else if (usual)
-            usual_kernel<Usual::flat, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            usual_kernel<Usual::flat, T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
         if (usual) return check_launch("render");
     }
     if constexpr (integrator == Integrator::iso) {
         if (scene.label_count > 0) {
-            labels_kernel<T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            labels_kernel<T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
             return check_launch("render");
         }
         if (usual && has_layers(scene))
-            usual_kernel<Usual::layers, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            usual_kernel<Usual::layers, T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
         else if (usual)
-            usual_kernel<Usual::surface, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+            usual_kernel<Usual::surface, T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
         if (usual) return check_launch("render");
     }
-    pixels_kernel<integrator, T><<<grid, block>>>(scene, sampler, part, pixels, totals);
+    pixels_kernel<integrator, T><<<grid, block>>>(scene, sampler, bands, pixels, totals);
     check_launch("render");
 }
 
 template <Integrator integrator>
-void launch_type(SceneView const& scene, LatticeView const& lattice, Tile part, float* pixels,
+void launch_type(SceneView const& scene, LatticeView const& lattice, Bands const& bands, float* pixels,
                  unsigned long long* totals) {
     switch (lattice.type) {
     case LatticeType::uint8:
-        return launch<integrator, std::uint8_t>(scene, lattice, part, pixels, totals);
+        return launch<integrator, std::uint8_t>(scene, lattice, bands, pixels, totals);
     case LatticeType::uint16:
-        return launch<integrator, std::uint16_t>(scene, lattice, part, pixels, totals);
+        return launch<integrator, std::uint16_t>(scene, lattice, bands, pixels, totals);
     case LatticeType::int16:
-        return launch<integrator, std::int16_t>(scene, lattice, part, pixels, totals);
+        return launch<integrator, std::int16_t>(scene, lattice, bands, pixels, totals);
     case LatticeType::float32:
-        return launch<integrator, float>(scene, lattice, part, pixels, totals);
+        return launch<integrator, float>(scene, lattice, bands, pixels, totals);
     }
 }
 
 } // namespace
 
-void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Tile part, float* pixels,
-                    std::uint64_t* totals) {
+void launch_drawing(SceneView const& scene, LatticeView const& lattice, Integrator integrator, Bands const& bands,
+                    float* pixels, std::uint64_t* totals) {
     auto* const counts = reinterpret_cast<unsigned long long*>(totals);
     switch (integrator) {
     case Integrator::march:
-        return launch_type<Integrator::march>(scene, lattice, part, pixels, counts);
+        return launch_type<Integrator::march>(scene, lattice, bands, pixels, counts);
     case Integrator::exact:
-        return launch_type<Integrator::exact>(scene, lattice, part, pixels, counts);
+        return launch_type<Integrator::exact>(scene, lattice, bands, pixels, counts);
     case Integrator::iso:
-        return launch_type<Integrator::iso>(scene, lattice, part, pixels, counts);
+        return launch_type<Integrator::iso>(scene, lattice, bands, pixels, counts);
     case Integrator::project:
-        return launch_type<Integrator::project>(scene, lattice, part, pixels, counts);
+        return launch_type<Integrator::project>(scene, lattice, bands, pixels, counts);
     case Integrator::scatter:
-        return launch_type<Integrator::scatter>(scene, lattice, part, pixels, counts);
+        return launch_type<Integrator::scatter>(scene, lattice, bands, pixels, counts);
     default:
         throw Error(ErrorKind::failure, "what is beside a picture is not drawn on a GPU");
     }
