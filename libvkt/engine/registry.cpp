@@ -158,6 +158,9 @@ Volume apply(std::vector<std::string> words, std::vector<Volume> const& inputs, 
     {
         int const gpus = prepared.execution.gpus;
         std::vector<Prepared> others;
+        if (gpus > 1) // threads of their own will read them: nothing is moved then
+            for (Volume const& input : inputs)
+                if (input.header().kind == Kind::structured) (void)input.view();
         for (int i = 1; i < gpus; ++i) {
             others.push_back(prepare(words, inputs, options));
             others.back().info.listener = {};
