@@ -330,7 +330,8 @@ __global__ void __launch_bounds__(256)
             sample.store_background(by_z ? out.at(x, row, slice) : out.at(x, slice, row), counts);
         for (std::int64_t slice = first; !far && slice < end; slice += slices_at_once) {
             // The last slice is what LinearSample leaves to Sample, however slices are cut.
-            if (!inner || slice + slices_at_once > end || begin + slice < 0 || begin + slice + slices_at_once >= there) {
+            if (!inner || slice + slices_at_once > end || begin + slice < 0 ||
+                begin + slice + slices_at_once >= there) {
                 for (std::int64_t k = slice; k < end && k < slice + slices_at_once; ++k) one(k);
                 continue;
             }
