@@ -332,3 +332,19 @@ END
     fails_with 2 "arguments that begin with - stand behind --" vkt transform -x r.nrrd
     vkt transform -- -x r.nrrd | vkt diff - <(vkt transform 0-x r.nrrd)
 }
+
+@test "GPUs are numbered, or all of them are named" {
+    vkt make noise --dims 4 4 4 -o a.nrrd
+    run --separate-stderr vkt flip x a.nrrd --device cpu:all
+    [ "$status" -eq 2 ]
+    [[ $stderr == *"--device: 'cpu:all': only GPUs are numbered"*"or gpu:all"* ]]
+    VKT_DEVICE=gpu:many run --separate-stderr vkt flip x a.nrrd
+    [ "$status" -eq 2 ]
+    [[ $stderr == *"VKT_DEVICE: 'many' is not an integer"* ]]
+    # Of a machine without one that is said, whatever was asked for.
+    if vkt doctor --json | grep -q '"GPUs": "none'; then
+        run --separate-stderr vkt flip x a.nrrd --device gpu:all
+        [ "$status" -eq 5 ]
+        [[ $stderr == *GPU* || $stderr == *CUDA* ]]
+    fi
+}
