@@ -42,7 +42,7 @@ for type in uint8 int16 float32; do
         'label' 'filter gaussian --sigma 12'; do
         alike "$vkt pipe 'read in_$type.nrrd | $stages' --device \$DEVICE --no-history --transport pipe"
         alike "$vkt pipe 'read - | $stages' --device \$DEVICE --no-history --transport pipe <in_$type.vkt"
-        alike "cat in_$type.nrrd | $vkt pipe 'read - | $stages' --device \$DEVICE --no-history --transport pipe --memory 80M"
+        alike "cat in_$type.nrrd | $vkt pipe 'read - | $stages' --device \$DEVICE --no-history --transport pipe --memory 96M"
         alike "$vkt pipe 'read in_$type.nrrd | $stages | stats' --device \$DEVICE"
     done
     alike "$vkt filter gaussian in_$type.nrrd --sigma 1.5 --device \$DEVICE --no-history --transport pipe"
